@@ -28,7 +28,7 @@ from fpsboost.evaluation.report.pictures import draw_wheel, in_colour
 from fpsboost.evaluation.report.self_contained import as_heat
 from fpsboost.frame_cache import FrameCache
 from fpsboost.io.vectors.folder import VectorFolder
-from fpsboost.kernels.multi_hypothesis import WINDOW
+from fpsboost.kernels.window_samples import WINDOW
 from fpsboost.motion import nlm
 from fpsboost.motion.components import contrast_components
 from fpsboost.pair import Pair

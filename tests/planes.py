@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.kernels.jit import LANES
-from fpsboost.kernels.plane_pair import PlanePair
+from fpsboost.kernels.planes import PlanePair
 
 
 def plane_pair(image0: NDArray, image1: NDArray, padding: int, most: int | np.uint8) -> PlanePair:

@@ -418,7 +418,7 @@ def smoothed(motions: Array, energies: Array, ties: Array, smoothness: float, sl
     return total
 
 
-def fused(
+def blended(
     planes0: list[Array],
     planes1: list[Array],
     t: float,
@@ -499,7 +499,7 @@ def heaviest(
 ) -> tuple[Array, Array]:
     """The largest weight at each pixel, and where it lies along that motion: x and y in frame 0, and in frame 1.
 
-    Weights are those of `fused`, times how much the pixel's square counts in its window.
+    Weights are those of `blended`, times how much the pixel's square counts in its window.
     """
     height, width = planes0[0].shape
     beyond = 48

@@ -54,7 +54,7 @@ class CollectedVotes(NamedTuple):
     sums: NDArray[Any]
     """Sums over the votes of all candidates, in the order in which they were found, (rows * columns * capacity,
     SUMS_PER_CANDIDATE) float32. As most nodes have few candidates, most of this is never touched."""
-    found: NDArray[Any]
+    total: NDArray[Any]
     """Number of candidates of all nodes, (1,) int64."""
     spacing: int
     """Distance between nodes, pixels; each node lies at the centre of a cell of this size."""
@@ -106,7 +106,7 @@ def collect_candidates(points, sign, t, step, support, tolerance, height, width,
         Updated in place.
     """
     vectors, gradients, accelerations, trust = points
-    count, votes, places, sums, found, spacing = collected
+    count, votes, places, sums, total, spacing = collected
     rows, columns, capacity = votes.shape
     one, half, per_cell = np.float32(1), np.float32(0.5), np.float32(1) / np.float32(spacing)
     middle = half * np.float32(spacing)
@@ -115,7 +115,7 @@ def collect_candidates(points, sign, t, step, support, tolerance, height, width,
         y = np.float32(min(i * step + step // 2, height - 1)) + half  # relative to the frame corner
         for j in range(vectors.shape[1]):
             x = np.float32(min(j * step + step // 2, width - 1)) + half
-            known, ax, ay = accelerations[i, j, 0], accelerations[i, j, 1], accelerations[i, j, 2]
+            certainty, ax, ay = accelerations[i, j, 0], accelerations[i, j, 1], accelerations[i, j, 2]
             landing_x = x + t * vectors[i, j, 0] - curve * ax
             landing_y = y + t * vectors[i, j, 1] - curve * ay
             top = max(math.ceil((landing_y - middle - support) * per_cell), 0)
@@ -149,9 +149,9 @@ def collect_candidates(points, sign, t, step, support, tolerance, height, width,
                     if k == listed:
                         count[row, column] += 1
                         votes[row, column, k] = 0
-                        places[row, column, k] = found[0]
-                        sums[found[0]] = 0
-                        found[0] += 1
+                        places[row, column, k] = total[0]
+                        sums[total[0]] = 0
+                        total[0] += 1
                     votes[row, column, k] += vote
                     its = sums[places[row, column, k]]
                     its[0] += vote * dx
@@ -161,7 +161,7 @@ def collect_candidates(points, sign, t, step, support, tolerance, height, width,
                     its[7] += turned * gradients[i, j, 0, 1]
                     its[8] += turned * gradients[i, j, 1, 0]
                     its[9] += turned * gradients[i, j, 1, 1]
-                    vote *= known
+                    vote *= certainty
                     its[2] += vote
                     its[3] += vote * ax
                     its[4] += vote * ay
@@ -204,20 +204,20 @@ def list_candidates(collected, zero_motion_prior, acceleration_tolerance, min_sh
                 if waiting[other] > waiting[k]:
                     k = other
             its = sums[places[row, column, k]]
-            vote, known = waiting[k], its[2]
+            vote, sure = waiting[k], its[2]
             waiting[k] = 0
             motion = motions[row, column, place]
             motion[0], motion[1] = its[0] / vote, its[1] / vote
             motion[2], motion[3] = 0, 0
             for n in range(4):
                 motion[4 + n] = its[6 + n] / vote
-            if known > 0:
-                ax, ay = its[3] / known, its[4] / known
-                variance = max(its[5] / known - ax * ax - ay * ay, np.float32(0))
+            if sure > 0:
+                ax, ay = its[3] / sure, its[4] / sure
+                variance = max(its[5] / sure - ax * ax - ay * ay, np.float32(0))
                 # the acceleration is unreliable if the votes disagree on it
                 belief = (
-                    known
-                    / (known + UNKNOWN * vote)
+                    sure
+                    / (sure + UNKNOWN * vote)
                     * acceleration_tolerance
                     * acceleration_tolerance
                     / (acceleration_tolerance * acceleration_tolerance + variance)

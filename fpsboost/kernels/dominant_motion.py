@@ -13,43 +13,22 @@ from numpy.typing import NDArray
 
 from fpsboost.kernels.candidates import Candidates
 from fpsboost.kernels.jit import BORROWING, FINITE_JIT, njit
-from fpsboost.kernels.multi_hypothesis import (
-    MIN_WEIGHT_SUM,
+from fpsboost.kernels.pixel_weights import (
     SQUARES_PER_WINDOW,
-    WINDOW,
-    Samples,
     Weighting,
-    decay,
-    is_rigid,
-    locate_window,
-    make_layer,
     make_sums,
     make_work,
-    sample_layer,
-    smallest,
-    sum_patches,
+    pool_pixels,
+    start_node,
     upsample_squares,
-    weigh_squares,
+    weigh_candidate,
 )
-from fpsboost.kernels.window_rows import SQUARES_PER_ROW, pool_row
+from fpsboost.kernels.window_samples import WINDOW, Samples, is_rigid, locate_window, make_layer, sample_layer
 
 
 @njit(**FINITE_JIT)
 def keep_heavier(weight, motion, t, top, left, weights, places):
-    """Write where a window's pixels lie in both frames along a motion, wherever its weight is the largest so far.
-
-    Parameters
-    ----------
-    weight : (AREA,) float32
-    motion : (VALUES_PER_MOTION,) float32
-    t : float32
-    top, left : int
-        First pixel of the window, may be outside of the frame.
-    weights : (height, width) float32
-        The largest weights so far; updated in place.
-    places : (4, height, width) float32
-        Column and row in frame 0, and in frame 1; updated in place.
-    """
+    """Write where a window's pixels lie in both frames along a motion, wherever its weight is the largest so far."""
     height, width = weights.shape
     one, half = np.float32(1), np.float32(0.5)
     curve, centre = t * (one - t) * half, np.float32((WINDOW - 1) * 0.5)
@@ -71,25 +50,14 @@ def keep_heavier(weight, motion, t, top, left, weights, places):
 
 @njit(cache=True, **FINITE_JIT, **BORROWING)
 def compare_candidates(layer, t, candidates, weighting, work, sums, weights, places):
-    """Write where each pixel lies along the candidate with the largest weight; see `find_dominant_motion`.
-
-    Parameters
-    ----------
-    layer : fpsboost.kernels.multi_hypothesis.Layer
-    t, candidates, weighting, weights, places
-        See `find_dominant_motion`.
-    work : fpsboost.kernels.multi_hypothesis.Work
-    sums : fpsboost.kernels.multi_hypothesis.NodeSums
-    """
+    """Write where each pixel lies along the candidate with the largest weight; see `find_dominant_motion`."""
     (height, width), (rows, columns) = weights.shape, candidates.listed.shape
     spacing, before = candidates.spacing, (WINDOW - candidates.spacing) // 2
     for row in range(rows):
         top = row * spacing - before
         for column in range(columns):
             left = column * spacing - before
-            sums.weights[:] = MIN_WEIGHT_SUM
-            sums.similarities[:] = 0
-            sums.most_similar[:] = 0
+            start_node(sums)
             least_weight, least_similar = np.float32(0), np.float32(0)
             for k in range(candidates.listed[row, column]):
                 motion, prior = candidates.motions[row, column, k], candidates.weights[row, column, k]
@@ -100,14 +68,8 @@ def compare_candidates(layer, t, candidates, weighting, work, sums, weights, pla
                 place = locate_window(top, left, motion, t, height, width, work.room.marks)
                 sample_layer(layer, place, motion, work.room)
                 squared = work.squared
-                squared[:] = 0
-                for j in range(SQUARES_PER_ROW):
-                    pool_row(layer.distance, 2 * j * WINDOW, WINDOW, np.float32(0.25), squared, j * SQUARES_PER_ROW)
-                for i in range(SQUARES_PER_WINDOW):
-                    squared[i] = decay(squared[i] * weighting.scale)
-                sum_patches(squared, work.padded, work.half_way, work.similarity)
-                weigh_squares(prior, weighting.sharpness, work.similarity, weighting.patch_shares, work.weight, sums)
-                least_weight, least_similar = smallest(sums.weights, squared), smallest(sums.most_similar, squared)
+                pool_pixels(layer.distance, squared)
+                least_weight, least_similar = weigh_candidate(prior, weighting, work, sums)
                 for i in range(SQUARES_PER_WINDOW):  # not in place: numba loses writes to an element of an attribute
                     squared[i] = work.weight[i] * weighting.window_shape[i]
                 upsample_squares(squared, layer.across, layer.down, work.upsampled)
@@ -127,11 +89,11 @@ def find_dominant_motion(
 
     Parameters
     ----------
-    samples0, samples1 : fpsboost.kernels.multi_hypothesis.Samples
+    samples0, samples1 : fpsboost.kernels.window_samples.Samples
         Planes that are compared.
     t : float32
     candidates : fpsboost.kernels.candidates.Candidates
-    weighting : fpsboost.kernels.multi_hypothesis.Weighting
+    weighting : fpsboost.kernels.pixel_weights.Weighting
     weights : (height, width) float32
         Zero at first; the largest weights.
     places : (4, height, width) float32

@@ -1,7 +1,7 @@
 """Compiler of the kernels, and its options.
 
 The compiler may not change a finite number: sums are not reassociated, so that results do not depend on how a loop is
-vectorised, and nothing is contracted (see `fpsboost.kernels.fma`). Where a sum is taken in parts, or by one
+vectorised, and nothing is contracted (see `fpsboost.kernels.instruction.fma`). Where a sum is taken in parts, or by one
 instruction, the kernel says so itself. No entry points for C are compiled, as nothing calls them. Every kernel runs in
 one thread and releases Python's global interpreter lock, so that pairs of frames can be processed in parallel (see
 `fpsboost.threads`).
@@ -17,11 +17,10 @@ from typing import Any
 import numba
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic, overload
 
 from fpsboost.kernels.compiling import listeners, tell_listeners
 
-__all__ = ["BORROWING", "FINITE_JIT", "JIT", "LANES", "cgutils", "intrinsic", "njit", "overload", "types"]
+__all__ = ["BORROWING", "FINITE_JIT", "JIT", "LANES", "cgutils", "njit", "types"]
 
 JIT: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": False, "no_cfunc_wrapper": True}
 

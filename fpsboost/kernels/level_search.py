@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.kernels.instruction import EIGHT
 from fpsboost.kernels.jit import FINITE_JIT, njit
-from fpsboost.kernels.lanes import EIGHT
-from fpsboost.kernels.plane_pair import opposite
+from fpsboost.kernels.planes import opposite
 from fpsboost.kernels.semi_global import choose_labels
 from fpsboost.kernels.tiles import OffsetLists, Proposals, search_tiles
 

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.kernels.instruction import Index
 from fpsboost.kernels.jit import BORROWING, JIT, njit
-from fpsboost.kernels.tiles import Index
 
 STAYS, STANDS_OUT = 1, 2
 
@@ -25,7 +25,7 @@ class Frames(NamedTuple):
 
 
 @njit(inline="always", **JIT)
-def apart(one, other, as_code):
+def difference(one, other, as_code):
     """Return the absolute difference of two code values in their own type: a vector holds more of them than of int64.
 
     Parameters
@@ -67,10 +67,10 @@ def find_smallest_change(frames, y, left, right, dx, dy, smallest):
             luma = image0[here, begin + i]
             smallest[begin + i] = min(
                 smallest[begin + i],
-                apart(image0[Index(there), source + i], luma, as_code),
-                apart(image1[Index(there), source + i], luma, as_code),
-                apart(before[Index(there), source + i], luma, as_code),
-                apart(after[Index(there), source + i], luma, as_code),
+                difference(image0[Index(there), source + i], luma, as_code),
+                difference(image1[Index(there), source + i], luma, as_code),
+                difference(before[Index(there), source + i], luma, as_code),
+                difference(after[Index(there), source + i], luma, as_code),
             )
 
 
@@ -82,9 +82,9 @@ def mark_static(frames, y, most, row):
     for x in range(Index(row.size)):
         luma = image0[here, x]
         largest = max(
-            apart(image1[here, x], luma, as_code),
-            apart(before[here, x], luma, as_code),
-            apart(after[here, x], luma, as_code),
+            difference(image1[here, x], luma, as_code),
+            difference(before[here, x], luma, as_code),
+            difference(after[here, x], luma, as_code),
         )
         row[x] = np.uint8(STAYS) if largest <= most else np.uint8(0)
 

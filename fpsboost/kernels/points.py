@@ -130,11 +130,11 @@ def find_accelerations(onward, away, layout, y, x, ratio, consistent, changes):
             row, column = y[i] // spacing, x[j] // spacing
             dx, dy = there[row, column, 0], there[row, column, 1]
             far_x, far_y = far_there[row, column, 0], far_there[row, column, 1]
-            apart, inside = forward_backward_vector_error(dx, dy, back, spacing, height, width, y[i], x[j])
-            far_apart, far_inside = forward_backward_vector_error(
+            error, inside = forward_backward_vector_error(dx, dy, back, spacing, height, width, y[i], x[j])
+            far_error, far_inside = forward_backward_vector_error(
                 far_x, far_y, far_back, spacing, height, width, y[i], x[j]
             )
-            if inside and far_inside and apart <= consistent and far_apart <= consistent:
+            if inside and far_inside and error <= consistent and far_error <= consistent:
                 changes[i, j, 0] = 1
                 changes[i, j, 1] = (dx * duration + far_x) * factor
                 changes[i, j, 2] = (dy * duration + far_y) * factor

@@ -1,4 +1,4 @@
-"""The report's two searches for the source pixel of an in-between pixel (section 3)."""
+"""Source pixels of an in-between pixel: the report's two searches (section 3), and splatting as in video coding."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from fpsboost.kernels.jit import JIT, njit
 
+NO_SOURCE = -1
 MAX_FLOAT32 = np.float32(np.finfo(np.float32).max)
 
 
@@ -36,7 +37,7 @@ def landing_error(flow, t, source_y, source_x, y, x):
 
 
 @njit(cache=True, **JIT)
-def search_iteratively(flow, t, iterations, source, found):
+def search_iteratively(flow, t, iterations, source, lands):
     """Search the source pixels by fixed-point iteration (Yang et al. 2011): q <- p - t m(q), until q lands on p.
 
     The iteration starts from q = p.
@@ -51,7 +52,7 @@ def search_iteratively(flow, t, iterations, source, found):
         Maximum number of iterations; without success, the result of the first iteration is used.
     source : (H, W) int32
         Out: ``y * W + x`` of the source pixel.
-    found : (H, W) bool
+    lands : (H, W) bool
         Out: whether the source lands on the target pixel.
     """
     height, width = flow.shape[:2]
@@ -72,7 +73,7 @@ def search_iteratively(flow, t, iterations, source, found):
                     success = True
                     break
             source[y, x] = source_y * width + source_x if success else first
-            found[y, x] = success
+            lands[y, x] = success
 
 
 @njit(cache=True, **JIT)
@@ -112,7 +113,7 @@ def bin_landings(flow, t, starts, members):
 
 
 @njit(cache=True, **JIT)
-def search_nearest_landing(flow, t, search_radius, starts, members, source, found):
+def search_nearest_landing(flow, t, search_radius, starts, members, source, lands):
     """Search all sources within the search radius for the one that lands nearest to the target.
 
     This is the report's brute force, and exact.
@@ -130,7 +131,7 @@ def search_nearest_landing(flow, t, search_radius, starts, members, source, foun
         Maximum distance of a source from the target in x and in y, pixels.
     starts, members
         From `bin_landings`.
-    source, found
+    source, lands
         Out: as in `search_iteratively`.
     """
     height, width = flow.shape[:2]
@@ -164,11 +165,11 @@ def search_nearest_landing(flow, t, search_radius, starts, members, source, foun
                                 winner = pixel
             source[y, x] = winner
             miss_x, miss_y = landing_error(flow, t, winner // width, winner % width, y, x)
-            found[y, x] = abs(miss_x) <= half and abs(miss_y) <= half
+            lands[y, x] = abs(miss_x) <= half and abs(miss_y) <= half
 
 
 @njit(cache=True, **JIT)
-def fetch_both(image0, image1, t, half, source0, found0, source1, found1, out):
+def fetch_both(image0, image1, t, half, source0, lands0, source1, lands1, out):
     """Write the colour of every target: both sources blended in time, or the only source that lands on it.
 
     Parameters
@@ -177,7 +178,7 @@ def fetch_both(image0, image1, t, half, source0, found0, source1, found1, out):
     t : float32
     half : float32
         Rounding offset: 0.5 if the output is an integer type, else 0.
-    source0, found0, source1, found1
+    source0, lands0, source1, lands1
         From the searches in frame 0 and frame 1.
     out : (H, W, C), dtype of the images
     """
@@ -185,9 +186,9 @@ def fetch_both(image0, image1, t, half, source0, found0, source1, found1, out):
     for y in range(height):
         for x in range(width):
             weight = t
-            if found0[y, x] and not found1[y, x]:
+            if lands0[y, x] and not lands1[y, x]:
                 weight = np.float32(0)
-            elif found1[y, x] and not found0[y, x]:
+            elif lands1[y, x] and not lands0[y, x]:
                 weight = np.float32(1)
             y0, x0 = source0[y, x] // width, source0[y, x] % width
             y1, x1 = source1[y, x] // width, source1[y, x] % width
@@ -196,3 +197,49 @@ def fetch_both(image0, image1, t, half, source0, found0, source1, found1, out):
                     image1[y1, x1, c]
                 )
                 out[y, x, c] = out.dtype.type(value + half)
+
+
+@njit(cache=True, **JIT)
+def splat(flow, similarity, least_similarity, t, source0, source1):
+    """Find the most similar pixel that lands on each target at time t, and its position in both frames.
+
+    Where no pixel lands, both positions are the target itself. The kernel runs in one thread, as a pass over the frame
+    is cheap.
+
+    Parameters
+    ----------
+    flow : (H, W, 2) float32
+    similarity : (H, W) float32
+    least_similarity : float32
+        Minimum similarity of a pixel that is splatted.
+    t : float32
+    source0 : (H, W) int32
+        Out: ``y * W + x`` of the pixel in frame 0, the first of several in raster order.
+    source1 : (H, W) int32
+        Out: the pixel of frame 1 to which it moves, clamped to the frame.
+    """
+    height, width = similarity.shape
+    half = np.float32(0.5)
+    source0[:] = NO_SOURCE
+    for y in range(height):
+        for x in range(width):
+            if not similarity[y, x] >= least_similarity:
+                continue
+            place_y = np.floor(np.float32(y) + t * flow[y, x, 1] + half)
+            place_x = np.floor(np.float32(x) + t * flow[y, x, 0] + half)
+            if not (place_y >= 0 and place_y < height and place_x >= 0 and place_x < width):
+                continue
+            target_y, target_x = int(place_y), int(place_x)
+            other = source0[target_y, target_x]
+            if other == NO_SOURCE or similarity[y, x] > similarity[other // width, other % width]:
+                source0[target_y, target_x] = y * width + x
+    for y in range(height):
+        for x in range(width):
+            pixel = source0[y, x]
+            if pixel == NO_SOURCE:
+                source0[y, x] = source1[y, x] = y * width + x
+                continue
+            y0, x0 = pixel // width, pixel % width
+            y1 = nearest_inside(np.float32(y0) + flow[y0, x0, 1], height)
+            x1 = nearest_inside(np.float32(x0) + flow[y0, x0, 0], width)
+            source1[y, x] = y1 * width + x1

@@ -8,29 +8,13 @@ explained either.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
+from fpsboost.kernels.instruction import SIXTEEN, Index
 from fpsboost.kernels.jit import FINITE_JIT, JIT, njit
-from fpsboost.kernels.levels import SIXTEEN, compare_one, compare_sixteen
-from fpsboost.kernels.plane_pair import opposite
+from fpsboost.kernels.planes import flatten, opposite
 from fpsboost.kernels.points import forward_backward_vector_error
-from fpsboost.kernels.tiles import Index
-
-
-class FlatPair(NamedTuple):
-    """Planes of two frames as flat arrays."""
-
-    flat0: NDArray[Any]
-    """Frame 0, (size,) uint8."""
-    flat1: NDArray[Any]
-    """Frame 1, (size,) uint8."""
-    plane: np.uint64
-    """Distance between planes."""
-    stride: int
-    """Distance between rows."""
+from fpsboost.kernels.similarity import compare_one, compare_sixteen
 
 
 @njit(**FINITE_JIT)
@@ -54,7 +38,7 @@ def compare_row(flat, start0, start1, radius, count, max_similarity, share, most
 
 
 @njit(**FINITE_JIT)
-def measure_point_similarity(pair, step, patch_radius, flow, known):
+def measure_point_similarity(pair, step, patch_radius, flow, similarity):
     """Measure the similarity of the small patches at both ends of every point's motion.
 
     Parameters
@@ -66,13 +50,11 @@ def measure_point_similarity(pair, step, patch_radius, flow, known):
     patch_radius : int
         Radius r of the small patch, at most 7 pixels.
     flow : (points down, points across, 2) float32
-    known : (points down, points across) float32 out
+    similarity : (points down, points across) float32 out
         Similarity, 0 to 1.
     """
-    planes0, planes1, padding, height, width, max_similarity = pair
-    _, plane_height, stride = planes0.shape
-    flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
-    plane = Index(plane_height * stride)
+    _, _, padding, height, width, max_similarity = pair
+    flat0, flat1, plane, stride = flatten(pair)
     share = np.float32(1 / (np.int64(max_similarity) * (2 * patch_radius + 1) ** 2))
     for row in range(flow.shape[0]):
         columns = np.empty(SIXTEEN, np.uint16)
@@ -90,11 +72,11 @@ def measure_point_similarity(pair, step, patch_radius, flow, known):
             total = np.int32(0)
             for i in range(2 * patch_radius + 1):
                 total += columns[i]
-            known[row, point] = np.float32(total) * share
+            similarity[row, point] = np.float32(total) * share
 
 
 @njit(**FINITE_JIT)
-def search_residuals(pair, step, max_offset, patch_radius, known, elsewhere, min_similarity, better, flow):
+def search_residuals(pair, step, max_offset, patch_radius, similarity, elsewhere, min_similarity, better, flow):
     """Replace the motion of unexplained points by motion to unexplained positions of the other frame.
 
     Parameters
@@ -103,7 +85,7 @@ def search_residuals(pair, step, max_offset, patch_radius, known, elsewhere, min
         As for `measure_point_similarity`.
     max_offset : int
         Maximum offset along x and y, pixels.
-    known, elsewhere : (points down, points across) float32
+    similarity, elsewhere : (points down, points across) float32
         Similarities by `measure_point_similarity`, for this frame and for the other one.
     min_similarity : float32
         Similarity at which a point counts as explained.
@@ -112,21 +94,19 @@ def search_residuals(pair, step, max_offset, patch_radius, known, elsewhere, min
     flow : (points down, points across, 2) float32
         Updated in place; motion that is found is in whole pixels.
     """
-    planes0, planes1, padding, height, width, max_similarity = pair
-    _, plane_height, stride = planes0.shape
-    flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
-    plane = Index(plane_height * stride)
+    _, _, padding, height, width, max_similarity = pair
+    flat = flatten(pair)
+    stride = flat.stride
     share = np.float32(1 / (np.int64(max_similarity) * (2 * patch_radius + 1) ** 2))
-    flat = FlatPair(flat0, flat1, plane, stride)
-    rows, columns = known.shape
+    rows, columns = similarity.shape
     for row in range(rows):
         total = np.empty(SIXTEEN, np.uint16)
         for point in range(columns):
-            if known[row, point] >= min_similarity:
+            if similarity[row, point] >= min_similarity:
                 continue
             y, x = min(row * step + step // 2, height - 1), min(point * step + step // 2, width - 1)
             start0 = (y + padding) * stride + x + padding
-            most = known[row, point] + better
+            most = similarity[row, point] + better
             top, bottom = max(y - max_offset, 0), min(y + max_offset, height - 1)
             left, right = max(x - max_offset, 0), min(x + max_offset, width - 1)
             for other_row in range(top // step, bottom // step + 1):
@@ -178,25 +158,25 @@ def search_residuals_bidirectional(pair, step, max_offset, patch_radius, min_sim
 
     A position in the other frame counts as unexplained if one of its neighbours is.
     """
-    known = np.empty(flow.shape[:3], np.float32)
-    around = np.empty_like(known)
+    similarity = np.empty(flow.shape[:3], np.float32)
+    around = np.empty_like(similarity)
     for direction in range(2):
-        measure_point_similarity(pair, step, patch_radius, flow[direction], known[direction])
-        find_lowest_neighbours(known[direction], around[direction])
+        measure_point_similarity(pair, step, patch_radius, flow[direction], similarity[direction])
+        find_lowest_neighbours(similarity[direction], around[direction])
         pair = opposite(pair)
     for direction in range(2):
-        here, there = known[direction], around[1 - direction]
+        here, there = similarity[direction], around[1 - direction]
         search_residuals(pair, step, max_offset, patch_radius, here, there, min_similarity, better, flow[direction])
         pair = opposite(pair)
 
 
 @njit(cache=True, **JIT)
-def loosen_ties(looked, before, step, tolerance, weak, ties):
+def loosen_ties(flow, before, step, tolerance, weak, ties):
     """Give points with new motion that the other frame confirms a smaller share of the smoothness.
 
     Parameters
     ----------
-    looked : (2, points down, points across, 2) float32
+    flow : (2, points down, points across, 2) float32
         Motion in both directions after the residual search.
     before : (2, points down, points across, 2) float32
         Motion before it; new motion differs by more than a pixel along x or y.
@@ -210,18 +190,18 @@ def loosen_ties(looked, before, step, tolerance, weak, ties):
     """
     _, rows, columns = ties.shape
     # in units of points: the way back is that of the point nearest to the end of a vector, not of its pixel
-    in_points = np.empty_like(looked)
+    in_points = np.empty_like(flow)
     for direction in range(2):
         for row in range(rows):
             for point in range(columns):
-                in_points[direction, row, point, 0] = looked[direction, row, point, 0] / step
-                in_points[direction, row, point, 1] = looked[direction, row, point, 1] / step
+                in_points[direction, row, point, 0] = flow[direction, row, point, 0] / step
+                in_points[direction, row, point, 1] = flow[direction, row, point, 1] / step
     for direction in range(2):
         there, back = in_points[direction], in_points[1 - direction]
         for row in range(rows):
             for point in range(columns):
-                change_x = abs(looked[direction, row, point, 0] - before[direction, row, point, 0])
-                change_y = abs(looked[direction, row, point, 1] - before[direction, row, point, 1])
+                change_x = abs(flow[direction, row, point, 0] - before[direction, row, point, 0])
+                change_y = abs(flow[direction, row, point, 1] - before[direction, row, point, 1])
                 dx, dy = there[row, point, 0], there[row, point, 1]
                 distance, _ = forward_backward_vector_error(dx, dy, back, 1, rows, columns, row, point)
                 is_trusted = max(change_x, change_y) > 1 and distance * step <= tolerance

@@ -16,10 +16,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.best_offsets import OUTSIDE, hide_outside, keep_best_of_four
+from fpsboost.kernels.instruction import AS_GIVEN, EIGHT, INDEX, INTEGER, PLACE, REAL, Loop, instruction, vector
 from fpsboost.kernels.jit import FINITE_JIT, LANES, njit
-from fpsboost.kernels.lanes import EIGHT
-from fpsboost.kernels.patch_rows import GAP, ROWS_AT_ONCE, slide_boxes, sum_windows_across, sum_windows_down
+from fpsboost.kernels.patch_rows import (
+    GAP,
+    ROWS_AT_ONCE,
+    FramePlanes,
+    OffsetRows,
+    Ring,
+    slide_boxes,
+    sum_windows_across,
+    sum_windows_down,
+)
 
 STRIP_WIDTH = 640
 """Columns per pass: wide enough for a small overhead of the patch margins, narrow enough for the caches."""
@@ -27,6 +35,10 @@ STRIP_WIDTH = 640
 OFFSETS_PER_PASS = 8
 """Neighbouring offsets processed together row by row, a multiple of four: they are one loop, whose start and end cost
 as much as some vectors."""
+
+OUTSIDE = 16
+"""Totals on either side of the candidates that may be compared with them: the rest of a vector, and as the four offsets
+of a comparison do not lead from the same pixels."""
 
 
 class BestOffsets(NamedTuple):
@@ -36,6 +48,78 @@ class BestOffsets(NamedTuple):
     """Summed similarity, int32 (box) or float32 (taps), -1 at the start."""
     ranks: NDArray[Any]
     """Rank of the best offset, int32, 0 at the start."""
+
+
+def keep_best_of_four(totals, at, spacing, ranks, first, best, winners, place, count):
+    """Update `best` and `winners` where one of four totals is larger than `best`, or equal at a lower rank.
+
+    Parameters
+    ----------
+    totals : (values,) int32 or float32
+    at, spacing : int
+        Index of the first total of the first offset, and distance to those of the next; no bounds are
+        checked.
+    ranks : (offsets,) int32
+    first : int
+        Index of the first of four ranks, which increase.
+    best, winners : (values,) int32 or float32, (values,) int32
+        Largest totals so far and their ranks; updated in place.
+    place : int
+        Index of the first.
+    count : int
+        Pixels, at least one; as many more as fill the last vector are compared, too.
+    """
+    for x in range(-(-count // EIGHT) * EIGHT):
+        value, rank = totals[at + x], ranks[first]
+        for which in range(1, 4):
+            if totals[at + which * spacing + x] > value:
+                value, rank = totals[at + which * spacing + x], ranks[first + which]
+        if value > best[place + x] or (value == best[place + x] and rank < winners[place + x]):
+            best[place + x], winners[place + x] = value, rank
+
+
+@instruction(keep_best_of_four, AS_GIVEN, INDEX, INDEX, AS_GIVEN, INDEX, AS_GIVEN, AS_GIVEN, INDEX, INDEX)
+def _build_keep_best(code, totals, at, spacing, ranks, first, best, winners, place, count):
+    builder, is_float = code.builder, totals.element == REAL
+    lanes, whole = vector(totals.element, EIGHT), vector(INTEGER, EIGHT)
+    compare = builder.fcmp_ordered if is_float else builder.icmp_signed
+
+    def larger(one, other):
+        """Return which of two pairs of totals and ranks has the larger total, the first if they are equal."""
+        swap = compare(">", other[0], one[0])
+        return tuple(builder.select(swap, second, first) for first, second in zip(one, other, strict=True))
+
+    rows = [totals.at(start) for start in code.steps(at, spacing, 4)]
+    numbers = [code.broadcast(ranks.load(code.add(first, which), INTEGER), whole) for which in range(4)]
+    best, winners, loop = best.at(place), winners.at(place), Loop(builder)
+    x = loop.carry(PLACE(0))
+    offsets = [(row.load(x, lanes), number) for row, number in zip(rows, numbers, strict=True)]
+    value, rank = larger(larger(*offsets[:2]), larger(*offsets[2:]))
+    previous, winner = best.load(x, lanes), winners.load(x, whole)
+    is_larger, is_equal = compare(">", value, previous), compare("==", value, previous)
+    is_better = builder.or_(is_larger, builder.and_(is_equal, builder.icmp_signed("<", rank, winner)))
+    best.store(builder.select(is_larger, value, previous), x)
+    winners.store(builder.select(is_better, rank, winner), x)
+    loop.end(x, EIGHT, count)
+
+
+def hide_outside(totals, first, last):
+    """Set `OUTSIDE` totals on either side of the candidates to -1, which never wins.
+
+    Parameters
+    ----------
+    totals : (values,) int32 or float32
+    first, last : int
+        Index of the first candidate, and that after the last one; no bounds are checked.
+    """
+    totals[first - OUTSIDE : first] = totals[last : last + OUTSIDE] = -1
+
+
+@instruction(hide_outside, AS_GIVEN, INDEX, INDEX)
+def _build_hide_outside(code, totals, first, last):
+    lost = code.fill(-1, vector(totals.element, OUTSIDE))
+    totals.store(lost, code.add(first, -OUTSIDE))
+    totals.store(lost, last)
 
 
 @njit(forceinline=True, **FINITE_JIT)
@@ -116,7 +200,7 @@ def exhaustive_kernel(  # noqa: C901 (its kernel counts as its own)
         ranks01, ranks10 = np.zeros(OFFSETS_PER_PASS, np.int32), np.zeros(OFFSETS_PER_PASS, np.int32)
         flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
         stride0, stride1 = planes0.shape[2], planes1.shape[2]
-        plane0, plane1 = planes0.shape[1] * stride0, planes1.shape[1] * stride1
+        planes = FramePlanes(flat0, planes0.shape[1] * stride0, flat1, planes1.shape[1] * stride1)
         flat_best01, flat_winners01 = best01.reshape(best01.size), winners01.reshape(winners01.size)
         flat_best10, flat_winners10 = best10.reshape(best10.size), winners10.reshape(winners10.size)
         stride01, stride10 = best01.shape[1], best10.shape[1]
@@ -134,29 +218,24 @@ def exhaustive_kernel(  # noqa: C901 (its kernel counts as its own)
                     if count <= 0 or begin >= end or top >= bottom:
                         continue
                     begin = begin // EIGHT * EIGHT
-                    apart = (end - begin + beyond + LANES - 1) // LANES * LANES
+                    row_length = (end - begin + beyond + LANES - 1) // LANES * LANES
                     # offsets that are missing in the last four never win
                     totals[:] = -1
                     for which in range(count):
-                        dx, start = nearest + step * which, GAP + which * apart
-                        totals[start : start + apart] = -prices[search_radius + dy, search_radius + dx]
+                        dx, start = nearest + step * which, GAP + which * row_length
+                        totals[start : start + row_length] = -prices[search_radius + dy, search_radius + dx]
                         ranks01[which] = ranks[search_radius + dy, search_radius + dx]
                         ranks10[which] = ranks[search_radius - dy, search_radius - dx]
                     for row in range(top, bottom + margin):
                         y, newest = row - margin, GAP + row % slots * room
                         place0 = row * stride0 + left + begin
                         place1 = (row + dy) * stride1 + left + begin + LANES + nearest
+                        rows = OffsetRows(place0, place1, step, count, row_length)
                         if box:
                             oldest = newest if row - top >= size else nothing
-                            slide_boxes(
-                                flat0, place0, plane0, flat1, place1, plane1, step, count, apart, size,
-                                ring, oldest, newest, totals, GAP,
-                            )  # fmt: skip
+                            slide_boxes(planes, rows, size, ring, oldest, newest, totals, GAP)
                         else:
-                            sum_windows_across(
-                                flat0, place0, plane0, flat1, place1, plane1, step, count, apart, size,
-                                weights, ring, newest,
-                            )  # fmt: skip
+                            sum_windows_across(planes, rows, size, weights, ring, newest)
                         ready = (y - top) % at_once + 1
                         if y < top or (ready < at_once and y < bottom - 1):
                             continue
@@ -164,25 +243,24 @@ def exhaustive_kernel(  # noqa: C901 (its kernel counts as its own)
                         if not box:
                             for which in range(count):
                                 price = prices[search_radius + dy, search_radius + nearest + step * which]
-                                start = GAP + which * apart
-                                sum_windows_down(
-                                    ring, start, upper % slots, room, weights, size, price,
-                                    totals, start, totals_room, apart,
-                                )  # fmt: skip
+                                start = GAP + which * row_length
+                                window = Ring(ring, start, upper % slots, room)
+                                sum_windows_down(window, weights, size, price, totals, start, totals_room, row_length)
                         for late in range(ready):
                             for first in range(0, count, 4):
                                 dx, far = nearest + step * first, nearest + step * (first + 3)
-                                origin = late * totals_room + GAP + first * apart + margin - begin
+                                origin = late * totals_room + GAP + first * row_length + margin - begin
                                 # targets outside of the other frame are not candidates
                                 for which in range(4):
                                     start, stop = find_candidates(dx + step * which, left, pixels, width)
-                                    hide_outside(totals, origin + which * apart + start, origin + which * apart + stop)
+                                    at = origin + which * row_length
+                                    hide_outside(totals, at + start, at + stop)
                                 start, stop = find_candidates(dx, left, pixels, width)
                                 if start >= stop:
                                     continue
                                 start = start // EIGHT * EIGHT
                                 keep_best_of_four(
-                                    totals, origin + start, apart, ranks01, first,
+                                    totals, origin + start, row_length, ranks01, first,
                                     flat_best01, flat_winners01, (upper + late) * stride01 + left + start, stop - start,
                                 )  # fmt: skip
                                 # each total is shifted by its offset, so that the four refer to the same target
@@ -190,7 +268,7 @@ def exhaustive_kernel(  # noqa: C901 (its kernel counts as its own)
                                 stop = min(pixels + max(dx, far), width - left)
                                 place10 = (upper + late + dy) * stride10 + left + LANES + start
                                 keep_best_of_four(
-                                    totals, origin - dx + start, apart - step, ranks10, first,
+                                    totals, origin - dx + start, row_length - step, ranks10, first,
                                     flat_best10, flat_winners10, place10, stop - start,
                                 )  # fmt: skip
 

@@ -13,15 +13,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.jit import FINITE_JIT, njit
-from fpsboost.kernels.lanes import extend_paths
-from fpsboost.kernels.tiles import Index
+from fpsboost.kernels.instruction import AS_GIVEN, EIGHT, FLOAT, INDEX, REAL, Index, instruction, vector
+from fpsboost.kernels.jit import FINITE_JIT, cgutils, njit
 
 MISSING_LABEL_COST = np.float32(1e30)
 """Cost of a label that a node does not have."""
 
 PATHS_AT_ONCE = 4
 """Neighbouring paths that are followed together: a processor works on one node of each at the same time."""
+
+_VECTOR = vector(REAL, EIGHT)
 
 
 class Labels(NamedTuple):
@@ -35,6 +36,92 @@ class Labels(NamedTuple):
     """Data costs, float32; `MISSING_LABEL_COST` for labels that a node does not have."""
     ties: NDArray[Any]
     """Share of the smoothness that applies to each node, float32."""
+
+
+def extend_paths(x, y, energy, costs, total, here, before, room, slope, limit):
+    """Extend the cheapest paths to the labels of a node by the labels of the next node.
+
+    Parameters
+    ----------
+    x, y : (size,) float32
+        Motion of all labels, pixels.
+    energy : (size,) float32
+        Cost of each label itself.
+    costs : (size,) float32
+        Cost of the cheapest path to each label, without that of the cheapest of its node; read at `before`, written at
+        `here`.
+    total : (size,) float32
+        To which the costs of the paths to `here` are added.
+    here, before : int
+        Indices of the first label of both nodes; no bounds are checked.
+    room : int
+        Number of labels of a node, a multiple of EIGHT.
+    slope, limit : float32
+        Cost of a change of motion per pixel, and its maximum.
+    """
+    own, others = slice(here, here + room), range(before, before + room)
+    changes = [abs(x[own] - x[other]) + abs(y[own] - y[other]) for other in others]
+    reached = [costs[other] + np.minimum(slope * change, limit) for other, change in zip(others, changes, strict=True)]
+    extended = energy[own] + np.min(reached, axis=0)
+    costs[own] = extended - extended.min()
+    total[own] += extended
+
+
+@instruction(extend_paths, *(AS_GIVEN,) * 5, INDEX, INDEX, INDEX, FLOAT, FLOAT)
+def _build_extend_paths(code, x, y, energy, costs, total, here, before, room, slope, limit):
+    builder, slopes, limits = code.builder, code.broadcast(slope, _VECTOR), code.broadcast(limit, _VECTOR)
+    groups = builder.udiv(room, room.type(EIGHT))
+
+    def smaller(first, second):
+        return builder.select(builder.fcmp_ordered("<", second, first), second, first)
+
+    def lower(variable, value):
+        builder.store(smaller(builder.load(variable), value), variable)
+
+    def along(first, group):
+        return builder.add(first, builder.mul(group, group.type(EIGHT)))
+
+    highest = code.fill(float(np.finfo(np.float32).max), _VECTOR)
+    lowest, cheapest = (cgutils.alloca_once_value(builder, highest) for _ in range(2))
+    builder.store(highest, lowest)
+    with cgutils.for_range(builder, groups) as own:
+        at = along(here, own.index)
+        dx, dy = x.load(at, _VECTOR), y.load(at, _VECTOR)
+        builder.store(highest, cheapest)
+        with cgutils.for_range(builder, groups) as others:
+            for lane in range(EIGHT):
+                other = code.add(along(before, others.index), lane)
+                across, down = (
+                    code.call("fabs", builder.fsub(d, code.broadcast(axis.load(other, REAL), _VECTOR)))
+                    for d, axis in ((dx, x), (dy, y))
+                )
+                price = smaller(limits, builder.fmul(slopes, builder.fadd(across, down)))
+                lower(cheapest, builder.fadd(code.broadcast(costs.load(other, REAL), _VECTOR), price))
+        extended = builder.fadd(energy.load(at, _VECTOR), builder.load(cheapest))
+        lower(lowest, extended)
+        costs.store(extended, at)
+        total.store(builder.fadd(total.load(at, _VECTOR), extended), at)
+    least = builder.load(lowest)
+    for distance in (4, 2, 1):  # afterwards every lane holds the least of all
+        least = smaller(least, code.choose(least, [lane ^ distance for lane in range(EIGHT)]))
+    with cgutils.for_range(builder, groups) as own:
+        at = along(here, own.index)
+        costs.store(builder.fsub(costs.load(at, _VECTOR), least), at)
+
+
+class Paths(NamedTuple):
+    """Parallel paths through the lattice."""
+
+    begin: int
+    """Index of the first node of the first path."""
+    step: int
+    """Distance to the next node of a path."""
+    length: int
+    """Nodes of a path."""
+    aside: int
+    """Distance to the first node of the next path."""
+    parallel: int
+    """Number of paths."""
 
 
 @njit(**FINITE_JIT)
@@ -52,32 +139,19 @@ def align_labels(count, motions, similarity, room, labels):
 
 
 @njit(**FINITE_JIT)
-def add_path_costs(begin, apart, length, aside, parallel, labels, room, smoothness, slope, costs, total):
-    """Add the costs of parallel paths.
+def add_path_costs(paths, labels, room, smoothness, slope, costs, total):
+    """Add the costs of parallel paths to the total; each node has room for so many labels.
 
-    Parameters
-    ----------
-    begin, apart, length : int
-        Index of the first node of the first path, distance to its next node, and number of its nodes.
-    aside, parallel : int
-        Distance to the first node of the next path, and number of paths.
-    labels : Labels
-    room : int
-        Number of labels of a node.
-    smoothness, slope
-        As for `choose_labels`.
-    costs : flat float32
-        Work array, with room for a further node, at which all costs are 0.
-    total : flat float32
-        Updated in place.
+    The work array `costs` has a further node, at which all costs are 0.
     """
+    begin, step, length, aside, parallel = paths
     x, y, energy, ties = labels
     for first in range(0, parallel, PATHS_AT_ONCE):
         for n in range(length):
             for path in range(first, min(first + PATHS_AT_ONCE, parallel)):
-                node = begin + path * aside + n * apart
+                node = begin + path * aside + n * step
                 # no change has a cost at the first node, which has no predecessor
-                before = node - apart if n else ties.size
+                before = node - step if n else ties.size
                 tie = min(ties[Index(node)], ties[Index(before)]) if n else np.float32(0)
                 extend_paths(
                     x, y, energy, costs, total, node * room, before * room, room, tie * slope, tie * smoothness
@@ -117,10 +191,9 @@ def choose_labels(count, motions, similarity, ties, smoothness, slope, costs, fl
     total[:] = 0
     for direction in range(4):
         is_vertical, begin, sign = direction > 1, last * (direction % 2), 1 - 2 * (direction % 2)
-        apart, length, aside, parallel = (columns, rows, 1, columns) if is_vertical else (1, columns, columns, rows)
-        add_path_costs(
-            begin, sign * apart, length, sign * aside, parallel, labels, room, smoothness, slope, path_costs, total
-        )
+        step, length, aside, parallel = (columns, rows, 1, columns) if is_vertical else (1, columns, columns, rows)
+        paths = Paths(begin, sign * step, length, sign * aside, parallel)
+        add_path_costs(paths, labels, room, smoothness, slope, path_costs, total)
     for row in range(Index(rows)):
         for column in range(Index(columns)):
             best = Index(0)

@@ -11,49 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.kernels.instruction import Index
 from fpsboost.kernels.jit import FINITE_JIT, njit
+from fpsboost.kernels.planes import flatten
 from fpsboost.kernels.similarity import similarity
-from fpsboost.kernels.tiles import Index
-
-
-@njit(inline="always", **FINITE_JIT)
-def compare_patches(flat0, flat1, plane, stride, start0, start1, radius, lanes, columns):
-    """Sum the similarities of two patches, given the indices of their first pixels.
-
-    `columns` is a work array of `lanes` values.
-    """
-    columns[:] = 0
-    for _ in range(2 * radius + 1):
-        for i in range(Index(lanes)):
-            columns[i] += similarity(
-                flat0[start0 + i],
-                flat0[start0 + plane + i],
-                flat0[start0 + plane + plane + i],
-                flat1[start1 + i],
-                flat1[start1 + plane + i],
-                flat1[start1 + plane + plane + i],
-            )
-        start0 += stride
-        start1 += stride
-    total = np.int32(0)
-    for i in range(2 * radius + 1):
-        total += columns[i]
-    return total
-
-
-class PlaneLayout(NamedTuple):
-    """Layout of the planes of a frame in a flat array."""
-
-    plane: np.uint64
-    """Distance between planes."""
-    stride: int
-    """Distance between rows."""
-    padding: int
-    """Width of the repeated edges, pixels."""
-    height: int
-    """Rows of the frame."""
-    width: int
-    """Columns of the frame."""
 
 
 class ShortestMotion(NamedTuple):
@@ -68,19 +29,38 @@ class ShortestMotion(NamedTuple):
 
 
 @njit(inline="always", **FINITE_JIT)
-def compare_along(flat0, flat1, layout, y, x, dy, dx, radius, columns):
-    """Return the sum of the similarities of the patches at both ends of a motion; -1 if it leads out of the frame."""
-    plane, stride, padding, height, width = layout
-    there_y, there_x = y + dy, x + dx
-    if there_y < 0 or there_x < 0 or there_y >= height or there_x >= width:
+def compare_along(pair, flat, y, x, dy, dx, radius, columns):
+    """Return the sum of the similarities of the patches at both ends of a motion; -1 if it leads out of the frame.
+
+    `columns` is a work array for the sums of the columns that are compared at once.
+    """
+    flat0, flat1, plane, stride = flat
+    there_y, there_x, padding = y + dy, x + dx, pair.padding
+    if there_y < 0 or there_x < 0 or there_y >= pair.height or there_x >= pair.width:
         return np.int32(-1)
     start0 = Index((y - radius + padding) * stride + x - radius + padding)
     start1 = Index((there_y - radius + padding) * stride + there_x - radius + padding)
-    return compare_patches(flat0, flat1, plane, Index(stride), start0, start1, radius, columns.size, columns)
+    columns[:] = 0
+    for _ in range(2 * radius + 1):
+        for i in range(Index(columns.size)):
+            columns[i] += similarity(
+                flat0[start0 + i],
+                flat0[start0 + plane + i],
+                flat0[start0 + plane + plane + i],
+                flat1[start1 + i],
+                flat1[start1 + plane + i],
+                flat1[start1 + plane + plane + i],
+            )
+        start0 += Index(stride)
+        start1 += Index(stride)
+    total = np.int32(0)
+    for i in range(2 * radius + 1):
+        total += columns[i]
+    return total
 
 
 @njit(cache=True, **FINITE_JIT)
-def find_shortest(pair, step, patch_radius, lanes, support_radius, tolerance, flow, found):
+def find_shortest(pair, step, patch_radius, lanes, support_radius, tolerance, flow, motion):
     """Compare each point's motion with the motions of the points around it, and with zero motion.
 
     Parameters
@@ -99,13 +79,10 @@ def find_shortest(pair, step, patch_radius, lanes, support_radius, tolerance, fl
         Amount by which the similarity of a shorter motion may be lower.
     flow : (points down, points across, 2) float32
         Motion; rounded to whole pixels for the comparison.
-    found : ShortestMotion out
+    motion : ShortestMotion out
     """
-    planes0, planes1, padding, height, width, max_similarity = pair
-    own, best, shortest = found
-    _, plane_height, stride = planes0.shape
-    flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
-    layout = PlaneLayout(Index(plane_height * stride), stride, padding, height, width)
+    _, _, _, height, width, max_similarity = pair
+    (own, best, shortest), flat = motion, flatten(pair)
     share = np.float32(1 / (max_similarity * (2 * patch_radius + 1) ** 2))
     rows, points = flow.shape[:2]
     for row in range(rows):
@@ -113,11 +90,11 @@ def find_shortest(pair, step, patch_radius, lanes, support_radius, tolerance, fl
         for point in range(points):
             y, x = min(row * step + step // 2, height - 1), min(point * step + step // 2, width - 1)
             dy, dx = int(np.rint(flow[row, point, 1])), int(np.rint(flow[row, point, 0]))
-            total = compare_along(flat0, flat1, layout, y, x, dy, dx, patch_radius, columns)
+            total = compare_along(pair, flat, y, x, dy, dx, patch_radius, columns)
             own[row, point] = np.float32(total) * share
             min_similarity = own[row, point] - tolerance
             least = max(abs(flow[row, point, 0]), abs(flow[row, point, 1]))
-            still = compare_along(flat0, flat1, layout, y, x, 0, 0, patch_radius, columns)
+            still = compare_along(pair, flat, y, x, 0, 0, patch_radius, columns)
             most = max(own[row, point], np.float32(still) * share)
             if np.float32(still) * share >= min_similarity:
                 least = np.float32(0)
@@ -129,7 +106,7 @@ def find_shortest(pair, step, patch_radius, lanes, support_radius, tolerance, fl
                     if other_dy == last_dy and other_dx == last_dx:
                         continue  # usually equal to its neighbour
                     last_dy, last_dx = other_dy, other_dx
-                    total = compare_along(flat0, flat1, layout, y, x, other_dy, other_dx, patch_radius, columns)
+                    total = compare_along(pair, flat, y, x, other_dy, other_dx, patch_radius, columns)
                     value = np.float32(total) * share
                     most = max(most, value)
                     if value >= min_similarity:

@@ -1,4 +1,4 @@
-"""Cubic B-spline interpolation: coefficients computed once per frame, four weights per sample.
+"""Cubic B-spline interpolation: coefficients computed once per frame, four weights per sample along each axis.
 
 Samples of an interpolating cubic spline are as sharp as those of a windowed sinc with eight taps, from a kernel of four
 taps; in return, each frame is filtered beforehand (Unser, Aldroubi, Eden 1993, doi:10.1109/78.193220).
@@ -7,11 +7,14 @@ taps; in return, each frame is filtered beforehand (Unser, Aldroubi, Eden 1993, 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fpsboost.kernels.fma import fma
+from fpsboost.kernels.instruction import AS_GIVEN, EIGHT, FLOAT, INDEX, REAL, SIXTEEN, fma, instruction, vector
 from fpsboost.kernels.jit import FINITE_JIT, njit
 
 MARGIN = 40
@@ -64,13 +67,13 @@ def filter_down(weights, rows, y, out):
 
     `rows` are ring buffers of the latest rows of each filter, the first of which holds row y.
     """
-    kept = rows.shape[1]
+    ring_size = rows.shape[1]
     for k in range(weights.size):
         distance = 1 << k
         y -= distance
-        before, here, after = rows[k, (y - distance) % kept], rows[k, y % kept], rows[k, (y + distance) % kept]
-        to = rows[k + 1, y % kept] if k < weights.size - 1 else out
-        filter_row(weights[k], before, here, after, to)
+        before, after = rows[k, (y - distance) % ring_size], rows[k, (y + distance) % ring_size]
+        to = rows[k + 1, y % ring_size] if k < weights.size - 1 else out
+        filter_row(weights[k], before, rows[k, y % ring_size], after, to)
 
 
 @njit(cache=True, **FINITE_JIT)
@@ -148,3 +151,99 @@ def spline_weights(fraction):
         two_thirds - half * g * g * (np.float32(2) - g),
         sixth * f * f * f,
     )
+
+
+def row_filter(length: int) -> Callable[..., None]:
+    """Return a function that applies a four-tap filter to `length` values of a row."""
+    lanes = vector(REAL, length)
+
+    def filter_values(source, begin, step, w0, w1, w2, w3, out, target):
+        """Write ``w0 s[0] + w1 s[1] + w2 s[2] + w3 s[3]`` of `length` values, where ``s[n]`` begins `n` steps on.
+
+        Parameters
+        ----------
+        source : (size,) float32
+        begin, step : int
+            Index of the first value, and distance between taps; no bounds are checked.
+        w0, w1, w2, w3 : float32
+        out : (size,) float32 out
+        target : int
+            Index of the first value.
+        """
+        taps = [source[begin + n * step :][:length] for n in range(4)]
+        out[target : target + length] = w0 * taps[0] + w1 * taps[1] + w2 * taps[2] + w3 * taps[3]
+
+    @instruction(filter_values, AS_GIVEN, INDEX, INDEX, *(FLOAT,) * 4, AS_GIVEN, INDEX)
+    def build(code, source, begin, step, w0, w1, w2, w3, out, target):
+        values = [source.load(place, lanes) for place in code.steps(begin, step, 4)]
+        out.store(code.weighted_sum(values, [code.broadcast(weight, lanes) for weight in (w0, w1, w2, w3)]), target)
+
+    return filter_values
+
+
+filter_eight, filter_sixteen = row_filter(EIGHT), row_filter(SIXTEEN)
+
+
+class Source(NamedTuple):
+    """One of the two frames, as seen from the frame between them."""
+
+    coefficients: NDArray[Any]
+    """Spline coefficients, (C, H + 2 MARGIN, W + 2 MARGIN or more) float32; see `fpsboost.kernels.spline`."""
+    motion: NDArray[Any]
+    """Motion from each pixel of the frame between to this frame, (H, W, 2) float32."""
+    is_visible: NDArray[Any]
+    """Whether this frame shows the surface that the pixel belongs to, (H, W) bool."""
+
+
+@njit(**FINITE_JIT)
+def locate(source, i, j):
+    """Return the first of the 4 x 4 coefficients around the end of a pixel's motion, and their weights in y and x.
+
+    Beyond the frame, edges are repeated.
+    """
+    height, width, _ = source.motion.shape
+    margin, beyond = np.float32(MARGIN), np.float32(-1)
+    y = min(max(np.float32(i) + source.motion[i, j, 1], beyond), np.float32(height)) + margin
+    x = min(max(np.float32(j) + source.motion[i, j, 0], beyond), np.float32(width)) + margin
+    top, left = int(y), int(x)
+    return top - 1, left - 1, spline_weights(y - np.float32(top)), spline_weights(x - np.float32(left))
+
+
+@njit(**FINITE_JIT)
+def sample_spline(plane, place):
+    """Return the value of a plane of coefficients at a position; see `locate`."""
+    top, left, down, across = place
+    value = np.float32(0)
+    for j in range(4):
+        row, part = plane[top + j], np.float32(0)
+        for i in range(4):
+            part = fma(across[i], row[left + i], part)
+        value = fma(down[j], part, value)
+    return value
+
+
+@njit(cache=True, **FINITE_JIT)
+def mix_along(source0, source1, t, mixed, squared):
+    """Mix both frames in time along their motions; a frame that does not show the surface has no weight.
+
+    Parameters
+    ----------
+    source0, source1 : Source
+    t : float32
+        Weight of frame 1 where both are visible, or none is.
+    mixed : (C, H, W) float32 out
+    squared : (H, W) float32 out
+        Squared difference of the two frames, summed over the planes; 0 where one of them is not visible.
+    """
+    channels, height, width = mixed.shape
+    for i, j in np.ndindex(height, width):
+        seen0, seen1 = source0.is_visible[i, j], source1.is_visible[i, j]
+        share = t if seen0 == seen1 else np.float32(seen1)
+        place0, place1 = locate(source0, i, j), locate(source1, i, j)
+        distance = np.float32(0)
+        for c in range(channels):
+            value = sample_spline(source0.coefficients[c], place0)
+            difference = sample_spline(source1.coefficients[c], place1) - value
+            mixed[c, i, j] = fma(share, difference, value)
+            distance = fma(difference, difference, distance)
+        squared[i, j] = distance if seen0 and seen1 else np.float32(0)

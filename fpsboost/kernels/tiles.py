@@ -13,12 +13,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from llvmlite import ir
 from numpy.typing import NDArray
 
-from fpsboost.kernels.jit import FINITE_JIT, LANES, njit
-from fpsboost.kernels.lanes import EIGHT
-from fpsboost.kernels.levels import SIXTEEN, compare_sixteen
-from fpsboost.kernels.offset_lists import NOTHING, NOWHERE, VALUES_PER_ENTRY, insert_eight
+from fpsboost.kernels.instruction import AS_GIVEN, EIGHT, FLOAT, INDEX, REAL, SIXTEEN, Index, instruction, vector
+from fpsboost.kernels.jit import FINITE_JIT, LANES, cgutils, njit
+from fpsboost.kernels.planes import flatten
+from fpsboost.kernels.similarity import compare_sixteen
 
 TILE = 32
 """Side of a tile, pixels."""
@@ -29,8 +30,13 @@ PROPOSAL_MARGIN = 8
 PADDING = TILE + LANES
 """Maximum distance beyond the frame at which a tile may be compared, pixels."""
 
-Index = np.uint64
-"""Type of array indices: unsigned, so that numba need not handle negative indices."""
+VALUES_PER_ENTRY = 3
+"""Number of values per entry: similarity, dx, dy."""
+
+NOTHING, NOWHERE = -2.0, 1e6
+"""Similarity and offset of an empty entry."""
+
+_FLOATS = vector(REAL, EIGHT)
 
 
 class Proposals(NamedTuple):
@@ -67,16 +73,77 @@ class TilePoints(NamedTuple):
     """Number of columns."""
 
 
-@njit(**FINITE_JIT)
-def gather_offsets(proposals, top, left, bottom, right, refine_radius, max_offset, seen, offsets):
-    """List the distinct offsets within `refine_radius`, along x and y together, of any proposal in a window of places.
+def insert_eight(dx, dy, similarities, at, lists, size, capacity):
+    """Insert an offset into the lists of eight points, sorted by decreasing similarity.
 
-    Return the number of offsets. `seen` has (2 max_offset + 1)^2 flags, false at the start and at the end; `offsets`
+    Of neighbouring offsets, only the more similar one is kept.
+
+    Parameters
+    ----------
+    dx, dy : float32
+    similarities : (size,) float32
+        Similarity of the offset at every point.
+    at : int
+        Index of the first of the eight points; no bounds are checked.
+    lists : (capacity * VALUES_PER_ENTRY * size,) float32
+        Ordered by entry, value and point; empty entries last, with NOTHING and NOWHERE. Updated in place.
+    size, capacity : int
+        Number of points, and of entries per list.
+    """
+    for point in range(at, at + EIGHT):
+        inserted = [similarities[point], dx, dy]
+        for entry in range(capacity):
+            places = [(entry * VALUES_PER_ENTRY + number) * size + point for number in range(VALUES_PER_ENTRY)]
+            before = [lists[place] for place in places]
+            if similarities[point] > before[0]:
+                for place, number in zip(places, inserted, strict=True):
+                    lists[place] = number
+                inserted = before
+            if abs(before[1] - dx) <= 1 and abs(before[2] - dy) <= 1:
+                break
+
+
+@instruction(insert_eight, FLOAT, FLOAT, AS_GIVEN, INDEX, AS_GIVEN, INDEX, INDEX)
+def _build_insert_eight(code, dx, dy, similarities, at, lists, size, capacity):
+    builder, one = code.builder, code.fill(1.0, _FLOATS)
+    offset = code.broadcast(dx, _FLOATS), code.broadcast(dy, _FLOATS)
+
+    def is_near(numbers, number):
+        return builder.fcmp_ordered("<=", code.call("fabs", builder.fsub(numbers, number)), one)
+
+    value = similarities.load(at, _FLOATS)
+    entry = builder.mul(size, size.type(VALUES_PER_ENTRY))
+    last = builder.add(at, builder.mul(entry, code.add(capacity, -1)))
+    is_better = builder.bitcast(builder.fcmp_ordered(">", value, lists.load(last, _FLOATS)), ir.IntType(EIGHT))
+    with builder.if_then(builder.icmp_unsigned("!=", is_better, is_better.type(0))):
+        inserted = [cgutils.alloca_once_value(builder, numbers) for numbers in (value, *offset)]
+        is_open = cgutils.alloca_once_value(builder, code.fill(1, vector(ir.IntType(1), EIGHT)))
+        begin = cgutils.alloca_once_value(builder, at)
+        with cgutils.for_range(builder, capacity):
+            index = builder.load(begin)
+            places = code.steps(index, size, VALUES_PER_ENTRY)
+            before = [lists.load(place, _FLOATS) for place in places]
+            goes_on = builder.load(is_open)
+            writes = builder.and_(goes_on, builder.fcmp_ordered(">", value, before[0]))
+            for place, listed, variable in zip(places, before, inserted, strict=True):
+                moved = builder.load(variable)
+                lists.store(builder.select(writes, moved, listed), place)
+                builder.store(builder.select(writes, listed, moved), variable)
+            near = builder.and_(is_near(before[1], offset[0]), is_near(before[2], offset[1]))
+            builder.store(builder.and_(goes_on, builder.not_(near)), is_open)
+            builder.store(builder.add(index, entry), begin)
+
+
+@njit(**FINITE_JIT)
+def gather_offsets(proposals, top, left, bottom, right, refine_radius, max_offset, is_listed, offsets):
+    """List the distinct offsets within `refine_radius` of any proposal in a window of places, and return their number.
+
+    `is_listed` has (2 max_offset + 1)^2 flags, false at the start and at the end; `offsets`
     is a (2, capacity) output.
     """
     count = 1
     offsets[:, 0] = 0  # zero motion is always included
-    seen[max_offset, max_offset] = True
+    is_listed[max_offset, max_offset] = True
     # by distance from the proposal: of equally similar offsets, the first one is kept
     for around in range(refine_radius + 1):
         for y in range(top, bottom):
@@ -85,12 +152,12 @@ def gather_offsets(proposals, top, left, bottom, right, refine_radius, max_offse
                 for oy in range(max(dy - around, -max_offset), min(dy + around, max_offset) + 1):
                     rest = around - abs(oy - dy)
                     for ox in range(max(dx - rest, -max_offset), min(dx + rest, max_offset) + 1):
-                        if not seen[oy + max_offset, ox + max_offset]:
-                            seen[oy + max_offset, ox + max_offset] = True
+                        if not is_listed[oy + max_offset, ox + max_offset]:
+                            is_listed[oy + max_offset, ox + max_offset] = True
                             offsets[0, count], offsets[1, count] = oy, ox
                             count += 1
     for k in range(count):
-        seen[offsets[0, k] + max_offset, offsets[1, k] + max_offset] = False
+        is_listed[offsets[0, k] + max_offset, offsets[1, k] + max_offset] = False
     return count
 
 
@@ -111,10 +178,10 @@ def sum_patches(column, size, step, across, totals):
 
 
 @njit(**FINITE_JIT)
-def write_lists(entries, size, points, expected, kept, lists):
+def write_lists(entries, size, points, expected, similarities, lists):
     """Write the lists of a tile's points to those of the frame, without empty entries.
 
-    The expected motion is added where its similarity in `kept` is not negative; if nothing is listed, zero motion is.
+    The expected motion is added where its similarity is not negative; if nothing is listed, zero motion is.
     """
     listed, similarity, flow = lists
     for p in range(points.down):
@@ -129,8 +196,8 @@ def write_lists(entries, size, points, expected, kept, lists):
                     flow[row, column, entry, 1] = entries[place + 2 * size]
                     count = entry + 1
             listed[row, column] = count
-            if kept[p, q] >= 0:
-                keep_offset(expected[p, q, 0], expected[p, q, 1], kept[p, q], row, column, lists)
+            if similarities[p, q] >= 0:
+                keep_offset(expected[p, q, 0], expected[p, q, 1], similarities[p, q], row, column, lists)
             listed[row, column] = max(listed[row, column], 1)
 
 
@@ -164,14 +231,14 @@ def clear_tile(points, size, entries, lists):
 
 
 @njit(**FINITE_JIT)
-def find_expected(points, step, expected, spacing, likely, kept):
-    """Write the expected motion of each point of a tile to `likely`, and -1 to `kept`."""
+def find_expected(points, step, expected, spacing, likely, similarities):
+    """Write the expected motion of each point of a tile to `likely`, and -1 to `similarities`."""
     for p in range(points.down):
         place_y = min(((points.row + p) * step + step // 2) // spacing, expected.shape[0] - 1)
         for q in range(points.across):
             place_x = min(((points.column + q) * step + step // 2) // spacing, expected.shape[1] - 1)
             likely[p, q, 0], likely[p, q, 1] = expected[place_y, place_x, 0], expected[place_y, place_x, 1]
-            kept[p, q] = -1
+            similarities[p, q] = -1
 
 
 @njit(**FINITE_JIT)
@@ -195,15 +262,13 @@ def search_tiles(pair, proposals, step, refine_radius, max_offset, patch_radius,
         Each has at least one offset. An offset that is more similar than a listed neighbour replaces it, so that most
         are local maxima.
     """
-    planes0, planes1, padding, height, width, max_similarity = pair
+    _, _, padding, height, width, max_similarity = pair
+    flat0, flat1, plane, stride = flatten(pair)
     proposed_motion, expected, spacing = proposals
     size = 2 * patch_radius + 1
     lanes = (TILE + 2 * patch_radius + SIXTEEN - 1) // SIXTEEN * SIXTEEN
     compared = (size + row_step - 1) // row_step  # rows of a patch
     share = np.float32(1 / (np.int64(max_similarity) * size * compared))
-    _, plane_height, stride = planes0.shape
-    flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
-    plane = Index(plane_height * stride)
     places_down, places_across = proposed_motion.shape[:2]
     points_down, points_across = lists.listed.shape
     per_tile = TILE // step
@@ -211,12 +276,12 @@ def search_tiles(pair, proposals, step, refine_radius, max_offset, patch_radius,
     tiles = (height + TILE - 1) // TILE * tiles_across
     places_per_tile = (TILE + 2 * PROPOSAL_MARGIN) // spacing + 2
     capacity = min((2 * max_offset + 1) ** 2, 1 + ((2 * refine_radius + 1) * places_per_tile) ** 2)
-    seen = np.zeros((2 * max_offset + 1, 2 * max_offset + 1), np.bool_)
+    is_listed = np.zeros((2 * max_offset + 1, 2 * max_offset + 1), np.bool_)
     offsets = np.empty((2, capacity), np.int32)
     # cumulative sums of each column from the tile's top, starting with an empty sum
     running = np.zeros((TILE + 2 * patch_radius + 1) * lanes, np.uint16)
     column, totals = np.empty(lanes, np.uint16), np.empty(TILE, np.int32)
-    likely, kept = np.empty((per_tile, per_tile, 2), np.int32), np.empty((per_tile, per_tile), np.float32)
+    likely, similarities = np.empty((per_tile, per_tile, 2), np.int32), np.empty((per_tile, per_tile), np.float32)
     entries_per_list, list_count = lists.similarity.shape[2], max(per_tile * per_tile, EIGHT)
     entries = np.empty(entries_per_list * VALUES_PER_ENTRY * list_count, np.float32)
     values = np.empty(list_count, np.float32)
@@ -236,10 +301,10 @@ def search_tiles(pair, proposals, step, refine_radius, max_offset, patch_radius,
             min(places_across, (right + PROPOSAL_MARGIN - 1) // spacing + 1),
             refine_radius,
             max_offset,
-            seen,
+            is_listed,
             offsets,
         )
-        find_expected(points, step, expected, spacing, likely, kept)
+        find_expected(points, step, expected, spacing, likely, similarities)
         # the last points of a frame may lie beyond its edge
         last_row = max(bottom, top + down * step)
         for k in range(proposed):
@@ -266,7 +331,7 @@ def search_tiles(pair, proposals, step, refine_radius, max_offset, patch_radius,
                     value = np.float32(totals[q]) * share
                     values[p * per_tile + q] = value
                     if dx == likely[p, q, 0] and dy == likely[p, q, 1]:
-                        kept[p, q] = value
+                        similarities[p, q] = value
             for i in range(0, list_count, EIGHT):
                 insert_eight(np.float32(dx), np.float32(dy), values, i, entries, list_count, entries_per_list)
-        write_lists(entries, list_count, points, likely, kept, lists)
+        write_lists(entries, list_count, points, likely, similarities, lists)

@@ -11,11 +11,17 @@ from numpy.typing import NDArray
 
 from fpsboost.colour import compress_highlights
 from fpsboost.image import Image, Pixels, view
-from fpsboost.kernels.contrast import HIGH_PASS_SIZE, CodeLevels, make_room, split_colours, split_planes
 from fpsboost.kernels.jit import LANES
-from fpsboost.kernels.levels import level_scale
-from fpsboost.kernels.memory import aligned_empty
-from fpsboost.kernels.shrink import shrink
+from fpsboost.kernels.planes import (
+    HIGH_PASS_SIZE,
+    CodeLevels,
+    aligned_empty,
+    make_room,
+    shrink,
+    split_colours,
+    split_planes,
+)
+from fpsboost.kernels.similarity import level_scale
 
 Components = NDArray[Any]
 """Components of an image, (H, W, 3) float32."""
@@ -59,7 +65,7 @@ def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> NDArray[An
     Returns
     -------
     (3, H + 2 padding, W + 2 padding or more) uint8
-        Scaled by `fpsboost.kernels.levels.level_scale`, with repeated edges; contiguous.
+        Scaled by `fpsboost.kernels.similarity.level_scale`, with repeated edges; contiguous.
     """
     height, width = image.shape[:2]
     planes = np.empty((3, height + 2 * padding, width + 2 * padding + 2 * LANES), np.uint8)

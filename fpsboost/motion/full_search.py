@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.kernels.jit import LANES
-from fpsboost.kernels.memory import aligned_empty
+from fpsboost.kernels.planes import aligned_empty
 from fpsboost.kernels.search import BestOffsets, exhaustive_kernel, rank_offsets
 from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.motion.components import Components, padded_planes

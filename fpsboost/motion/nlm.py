@@ -1,7 +1,7 @@
 """The default search: patch similarity, coarse to fine.
 
 The coarsest level is searched in full by the report's similarity, and each finer level around the proposals of the
-coarser one in the neighbourhood of a tile, by a linear form of the similarity (`fpsboost.kernels.levels`). The
+coarser one in the neighbourhood of a tile, by a linear form of the similarity (`fpsboost.kernels.similarity`). The
 components are chosen for sensitivity to low contrast.
 
 In flat areas and repeated patterns, many offsets are equally similar. Every point therefore keeps several, and
@@ -30,11 +30,10 @@ from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels, as_array, check_pair, view
 from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, search_level
-from fpsboost.kernels.levels import level_scale, truncation
-from fpsboost.kernels.plane_pair import PlanePair
+from fpsboost.kernels.planes import PlanePair
 from fpsboost.kernels.refine import refine_bidirectional
 from fpsboost.kernels.residual_search import loosen_ties, search_residuals_bidirectional
-from fpsboost.kernels.similarity import colour_scale
+from fpsboost.kernels.similarity import colour_scale, level_scale, truncation
 from fpsboost.kernels.tiles import PADDING
 from fpsboost.motion.components import contrast_components, contrast_planes
 from fpsboost.motion.field import MotionField, spread_points

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.jit import LANES
-from fpsboost.kernels.plane_pair import PlanePair
+from fpsboost.kernels.planes import PlanePair
 from fpsboost.kernels.shortest import ShortestMotion, find_shortest
 from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.motion.components import contrast_components, padded_planes, small_copy

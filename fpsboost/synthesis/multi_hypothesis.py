@@ -26,20 +26,19 @@ from fpsboost.kernels.candidates import (
     no_votes,
 )
 from fpsboost.kernels.dominant_motion import find_dominant_motion
-from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.multi_hypothesis import (
     CONFIDENCE_POWER,
     SPARE,
     Blended,
     SampledImage,
-    Samples,
     ValueRange,
-    Weighting,
     blend_hypotheses,
-    patch_shares,
     window_shape,
 )
+from fpsboost.kernels.pixel_weights import Weighting, patch_shares
+from fpsboost.kernels.planes import aligned_empty
 from fpsboost.kernels.spline import MARGIN, filter_weights, find_coefficients
+from fpsboost.kernels.window_samples import Samples
 from fpsboost.layered import LayeredImage
 from fpsboost.motion.field import MotionField, forward_backward_error, motion_gradients, point_places
 from fpsboost.motion.rendered import RenderedVectors

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
-from fpsboost.kernels.rendered import Source, mix_along
 from fpsboost.kernels.reproject import search_iteratively
+from fpsboost.kernels.spline import Source, mix_along
 from fpsboost.motion.field import MotionField, forward_backward_error
 from fpsboost.motion.rendered import FrameVectors, RenderedVectors, frame_number, output_frame_between
 

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from fpsboost.colour import premultiplied
 from fpsboost.errors import OptionError
 from fpsboost.image import Image, as_image, rounding_offset
-from fpsboost.kernels.reproject import fetch_both
-from fpsboost.kernels.splat import splat
+from fpsboost.kernels.reproject import fetch_both, splat
 from fpsboost.synthesis import FramePair
 
 

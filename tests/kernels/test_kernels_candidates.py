@@ -61,8 +61,8 @@ def collect(
     listed = np.arange(capacity) < room.listed[..., None]
     votes, sums = np.zeros(listed.shape, np.float32), np.zeros((*listed.shape, SUMS_PER_CANDIDATE), np.float32)
     votes[listed], sums[listed] = room.votes[listed], room.sums[room.places[listed]]
-    assert sorted(room.places[listed]) == list(range(*room.found))
-    for untouched in (room.votes[~listed], room.sums[room.found[0] :]):
+    assert sorted(room.places[listed]) == list(range(*room.total))
+    for untouched in (room.votes[~listed], room.sums[room.total[0] :]):
         assert np.isnan(untouched).all()
     return room.listed, votes, sums
 
@@ -186,15 +186,6 @@ def test_motions_within_the_tolerance_are_one():
     np.testing.assert_allclose(votes[0, 0, 0] / votes[0, 0, 1], above / below, rtol=1e-6)
 
 
-@pytest.mark.parametrize(("support", "nodes"), [(16.5, [0, 1]), (24.5, [0, 1, 2]), (40.5, [0, 1, 2, 3])])
-def test_a_motion_counts_where_it_lands_and_around(support, nodes):
-    """A vector from the first cell to the second belongs to all nodes that are near enough."""
-    vectors = np.zeros((1, 5, 2), np.float32)
-    vectors[0, 0, 0] = 30  # from 8.5 to 23.5, half a pixel before the second node
-    count, _, sums = collect([vectors], [0.5], (16, 80), step=16, support=support)
-    assert [node for node in range(5) if (sums[0, node, : count[0, node], 0] > 0).any()] == nodes
-
-
 def test_a_bent_path_lands_beside_a_straight_one():
     """What speeds up is behind the straight path at half of the way, by an eighth of the acceleration."""
     vectors, changes = np.zeros((1, 5, 2), np.float32), np.zeros((1, 5, 3), np.float32)
@@ -219,16 +210,6 @@ def test_objects_that_cross_keep_accelerations_of_their_own():
         assert 0 < known < votes[0, 0, k]
         np.testing.assert_allclose(sums[0, 0, k, 3:5] / known, acceleration, rtol=1e-5)
         np.testing.assert_allclose(sums[0, 0, k, 5] / known, np.square(acceleration).sum(), rtol=1e-5)
-
-
-def test_no_more_candidates_than_there_is_room_for():
-    """What comes first stays and goes on collecting votes; nothing is written beyond."""
-    size = (16, 16)
-    vectors = np.zeros((*size, 2), np.float32)
-    vectors[..., 0] = np.arange(256).reshape(size) // 2 * 2
-    count, votes, sums = collect([vectors], [0.0], size, step=1, capacity=5)
-    assert count[0, 0] == 5
-    np.testing.assert_allclose(sums[0, 0, :, 0] / votes[0, 0], [0, 2, 4, 6, 8], atol=1e-5)
 
 
 def listing(candidates, room, still_votes=0.5, spread=20.0, least_share=0.01, least=0.0):
@@ -302,12 +283,6 @@ def test_accelerations_that_scatter_are_not_believed():
     ]
     np.testing.assert_allclose(np.transpose(bends)[0], np.transpose(bends)[1], rtol=1e-4)
     np.testing.assert_allclose(np.transpose(bends)[0] * (1 + UNKNOWN), [1, 0.5, 0.1, 1 / 401], rtol=1e-3)
-
-
-def test_few_that_know_an_acceleration_are_believed_less_than_many():
-    """Votes that know none count a little for a straight path."""
-    few, many = (listing([candidate(10, 4, 0, known, 6, 0)], 2)[1][0, 2] for known in (0.1, 1))
-    np.testing.assert_allclose([few, many], [3, 6 / 1.1], rtol=1e-4)
 
 
 def test_a_candidate_fades_out_before_it_is_left_out():

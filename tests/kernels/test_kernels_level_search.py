@@ -7,7 +7,7 @@ import pytest
 from planes import plane_pair, points
 from truth import noise
 
-from fpsboost.kernels.lanes import EIGHT
+from fpsboost.kernels.instruction import EIGHT
 from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, search_level
 from fpsboost.kernels.semi_global import choose_labels
 from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals, search_tiles

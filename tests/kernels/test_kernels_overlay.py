@@ -43,26 +43,29 @@ def steady(size, spacing, dx, dy):
     return np.broadcast_to(np.float32([dx, dy]), (-(-size[0] // spacing), -(-size[1] // spacing), 2))
 
 
+def dots():
+    """Four images with a dot that stays."""
+    images = [np.full((12, 20), 100, np.uint8) for _ in range(4)]
+    for image in images:
+        image[5, 9] = 200
+    return images
+
+
 @settings(max_examples=30)
 @given(
     st.integers(1, 30),
     st.integers(1, 30),
     st.sampled_from([1, 4, 7, 32]),
     st.sampled_from([0, 1, 3, 12, 100]),
+    st.sampled_from([1, 257]),
     st.integers(0, 2**32),
 )
-def test_marks_equal_their_slow_twin(height, width, spacing, largest, seed):
-    """Any images and motion, also such as leads out of the frame, and blocks that do not fit into it."""
+def test_marks_equal_their_slow_twin(height, width, spacing, largest, unit, seed):
+    """Images of 8 and 16 bits, any motion, also such as leads out of the frame, and blocks that do not fit into it."""
     images, motion = clip(height, width, seed), block_motion(height, width, spacing, largest, seed)
-    np.testing.assert_array_equal(mark(images, motion, spacing), marked(images, motion, spacing, 1.0, 8, 25))
-
-
-@settings(max_examples=20)
-@given(st.integers(1, 30), st.integers(1, 30), st.sampled_from([1, 7, 32]), st.integers(0, 2**32))
-def test_marks_of_deep_luma_equal_their_slow_twin(height, width, spacing, seed):
-    """Codes of 16 bits, from 0 to the highest."""
-    images = [image.astype(np.uint16) * 257 for image in clip(height, width, seed)]
-    motion, limits = block_motion(height, width, spacing, 12, seed), (1.0, 8 * 257, 25 * 257)
+    if unit > 1:
+        images = [image.astype(np.uint16) * unit for image in images]
+    limits = 1.0, 8 * unit, 25 * unit
     np.testing.assert_array_equal(mark(images, motion, spacing, *limits), marked(images, motion, spacing, *limits))
 
 
@@ -91,9 +94,7 @@ def test_a_dot_before_a_moving_background_stands_out():
 @pytest.mark.parametrize(("level", "mark_there"), [(208, STANDS_OUT), (192, STANDS_OUT), (209, 0), (191, 0)])
 def test_a_dot_must_be_there_in_every_frame(frame, level, mark_there):
     """To eight levels, up or down, in the second, the earlier and the later frame."""
-    images = [np.full((12, 20), 100, np.uint8) for _ in range(4)]
-    for image in images:
-        image[5, 9] = 200
+    images = dots()
     images[frame][5, 9] = level
     assert mark(images, steady((12, 20), 20, 0, 3), 20)[5, 9] == mark_there
 
@@ -103,9 +104,7 @@ def test_a_dot_must_be_there_in_every_frame(frame, level, mark_there):
 @pytest.mark.parametrize(("level", "mark_there"), [(174, STANDS_OUT), (175, STAYS), (225, STAYS), (226, STANDS_OUT)])
 def test_a_dot_does_not_stand_out_where_its_like_is_found(frame, side, level, mark_there):
     """Within 25 levels, in any frame, where its surroundings' motion leads or comes from."""
-    images = [np.full((12, 20), 100, np.uint8) for _ in range(4)]
-    for image in images:
-        image[5, 9] = 200
+    images = dots()
     images[frame][5 + 2 * side, 9] = level
     assert mark(images, steady((12, 20), 20, 0, 2), 20)[5, 9] == mark_there
 
@@ -115,16 +114,12 @@ def test_a_dot_does_not_stand_out_where_its_like_is_found(frame, side, level, ma
 )
 def test_still_surroundings_have_no_marks(motion, still):
     """Below a pixel of motion nothing is looked at, however much it stands out."""
-    images = [np.full((12, 20), 100, np.uint8) for _ in range(4)]
-    for image in images:
-        image[5, 9] = 200
+    images = dots()
     assert (not mark(images, steady((12, 20), 20, *motion), 20).any()) == still
 
 
 def test_motion_out_of_the_frame_says_nothing():
     """Wherever it leads, also far away, pixels only stay."""
-    images = [np.full((12, 20), 100, np.uint8) for _ in range(4)]
-    for image in images:
-        image[5, 9] = 200
+    images = dots()
     for far in ((0, 6), (0, -7), (20, 0), (-10000, 10000), (3e7, 0)):
         assert (mark(images, steady((12, 20), 20, *far), 20) == STAYS).all()

@@ -1,4 +1,4 @@
-"""The report's two searches for a source pixel, and the colours they fetch, against slow twins."""
+"""The report's two searches for a source pixel, splatting, and the colours they fetch, against slow twins."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from truth import affine, frozen, noise, prepared
-from twins import brute_force_search, fetched, iterative_search, landing_cells, miss
+from twins import brute_force_search, fetched, iterative_search, landed, landing_cells, miss
 
 from fpsboost.errors import OptionError
-from fpsboost.kernels.reproject import bin_landings, fetch_both, search_iteratively, search_nearest_landing
+from fpsboost.kernels.reproject import bin_landings, fetch_both, search_iteratively, search_nearest_landing, splat
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.reproject import Reproject
@@ -152,18 +152,6 @@ def test_iterations_begin_a_step_away_from_the_target():
     assert (source[0, 5], found[0, 5]) == (1, True)
 
 
-def test_brute_force_never_lands_further_than_the_iterative_search():
-    """Brute force looks at all sources, so also at the one that the iteration ended with; and it finds more."""
-    random = np.random.default_rng(5)
-    flow = (random.integers(-24, 25, (20, 24, 2)) / 8).astype(np.float32)
-    by_iteration, found_by_iteration = Reproject("iterative").find_sources(flow, 0.5)
-    by_force, found_by_force = Reproject("brute-force").find_sources(flow, 0.5)
-    for y, x in np.argwhere(found_by_iteration):
-        distances = [np.hypot(*miss(flow, 0.5, divmod(int(of[y, x]), 24), (y, x))) for of in (by_force, by_iteration)]
-        assert distances[0] <= distances[1]
-    assert found_by_force.sum() > found_by_iteration.sum()
-
-
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 @pytest.mark.parametrize("channels", [1, 2, 3, 4])
 def test_fetched_colours_equal_the_slow_twin(dtype, channels):
@@ -187,3 +175,36 @@ def test_iterations_below_one_are_refused():
     """There is nothing to fall back on without a first iteration."""
     with pytest.raises(OptionError, match="`iterations`"):
         Reproject(iterations=0)
+
+
+def sources(flow, similarity, least, t):
+    """Call the kernel."""
+    source0, source1 = (np.full(similarity.shape, -99, np.int32) for _ in range(2))
+    splat(flow, similarity, np.float32(least), np.float32(t), source0, source1)
+    return source0, source1
+
+
+@given(flows(), st.integers(0, 2**32), exact_times, st.sampled_from([0.0, 0.25, 0.5, 1.0]))
+def test_splatting_equals_its_slow_twin(flow, seed, t, least):
+    """The most similar that lands on each place, the first of several, and nothing where nothing usable does."""
+    random = np.random.default_rng(seed)
+    similarity = random.integers(0, random.choice([1, 5]), flow.shape[:2]).astype(np.float32) / 4  # many are equal
+    for result, expected in zip(sources(flow, similarity, least, t), landed(flow, similarity, least, t), strict=True):
+        np.testing.assert_array_equal(result, expected)
+
+
+@pytest.mark.parametrize("value", [1e6, -1e30, np.inf, np.nan])
+def test_vast_motion_is_splatted_nowhere(value):
+    """Nor does it lead out of the arrays."""
+    flow, similarity = np.full((6, 8, 2), value, np.float32), np.ones((6, 8), np.float32)
+    for source in sources(flow, similarity, 0, 0.5):
+        np.testing.assert_array_equal(source, np.arange(48).reshape(6, 8))
+
+
+@pytest.mark.parametrize("value", [1e6, -1e6])
+def test_what_leaves_the_frame_ends_at_its_edge(value):
+    """Just after it set off, it is still where it was, and its other end is the nearest that there is."""
+    flow, similarity = np.full((6, 8, 2), value, np.float32), np.ones((6, 8), np.float32)
+    source0, source1 = sources(flow, similarity, 0, 1e-9)
+    np.testing.assert_array_equal(source0, np.arange(48).reshape(6, 8))
+    np.testing.assert_array_equal(source1, 47 if value > 0 else 0)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from twins import smoothed
 
-from fpsboost.kernels.lanes import EIGHT
+from fpsboost.kernels.instruction import EIGHT
 from fpsboost.kernels.semi_global import choose_labels
 
 
@@ -73,17 +73,6 @@ def test_costs_equal_their_slow_twin(rows, columns, most, smoothness, slope):
     expected = smoothed(motions, energies, ties, smoothness, slope)
     for place in np.ndindex(rows, columns):
         np.testing.assert_allclose(found[place], expected[place], atol=1e-5)
-
-
-def test_without_smoothness_every_node_chooses_alone():
-    """The costs are the energies themselves."""
-    random = np.random.default_rng(1)
-    motions, energies = lattice(
-        3, 4, lambda *_: random.normal(size=(3, 2)).tolist(), lambda *_: random.random(3).tolist()
-    )
-    found = smooth(motions, energies, 0, 0)
-    for place in np.ndindex(3, 4):
-        np.testing.assert_allclose(found[place], energies[place], atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -151,14 +140,3 @@ def test_the_mirrored_lattice_has_the_mirrored_costs():
     for place in np.ndindex(3, 5):
         np.testing.assert_allclose(mirrored[place], straight[place], atol=1e-6)
         np.testing.assert_allclose(transposed[place], straight[place], atol=1e-6)
-
-
-def test_the_first_of_equally_cheap_labels_is_chosen():
-    """Among those that a node has, whatever lies behind."""
-    motions, energies = lattice(
-        3,
-        4,
-        lambda row, column: [[k, row] for k in range(1 + column)],
-        lambda row, column: [1.0, 0.5, 0.5, 0.5][: 1 + column],
-    )
-    assert choice(smooth(motions, energies, 0, 0, room=1)) == [[0, 1, 1, 1]] * 3

@@ -30,7 +30,7 @@ from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.kernels.jit import LANES
-from fpsboost.kernels.plane_pair import PlanePair
+from fpsboost.kernels.planes import PlanePair
 from fpsboost.kernels.shortest import ShortestMotion, find_shortest
 from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.method_table import find_method

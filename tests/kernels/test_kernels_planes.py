@@ -1,4 +1,4 @@
-"""Images as padded planes in levels, against slow twins."""
+"""Planes in which frames are compared, and small copies, against slow twins."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ import pytest
 from truth import noise
 from twins import local_mean, split_codes, split_levels, uncompiled, with_repeated_edges
 
-from fpsboost.kernels.contrast import HIGH_PASS_SIZE, CodeLevels, make_room, split_colours, split_planes
-from fpsboost.kernels.levels import WHITE, level_scale
+from fpsboost.kernels.planes import HIGH_PASS_SIZE, CodeLevels, make_room, shrink, split_colours, split_planes
+from fpsboost.kernels.similarity import WHITE, level_scale, truncation
+from fpsboost.motion.components import contrast_components, contrast_planes
 
 PADDING = 3
 MIDDLE = np.float32(128)
@@ -87,3 +88,46 @@ def test_the_high_pass_is_rounded_and_clipped(ground, dot, around, level):
     expected = np.full(23, 128)
     expected[7:16], expected[11] = around, level
     np.testing.assert_array_equal(planes[1, PADDING, PADDING : PADDING + 23], expected)
+
+
+@pytest.mark.parametrize(("v", "most"), [(0.0001, 1), (0.05, 51), (0.09, 92), (0.25, 255), (2.0, 255)])
+def test_the_truncation_is_four_widths(v, most):
+    """In levels, from one on; where four widths are more than white, the levels are scaled down instead."""
+    assert truncation(v) == most
+    assert level_scale(v) == pytest.approx(min(255, 255 / (4 * v)))
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_levels_are_those_of_the_components(dtype):
+    """Half luma, twice the high-pass around the middle, and chroma; beyond the frame as at its edge."""
+    random, padding, v = np.random.default_rng(4), 20, 0.09
+    image = random.random((9, 14, 3)) * 0.3 + 0.3
+    image = image.astype(dtype) if dtype == np.float32 else (image * np.iinfo(dtype).max).astype(dtype)
+    expected = contrast_components(image) * level_scale(v) + [0, 128, 0]
+    levels = contrast_planes(image, padding, v).transpose(1, 2, 0)
+    assert np.abs(levels[padding : padding + 9, padding : padding + 14] - expected.clip(0, WHITE)).max() < 0.51
+    np.testing.assert_array_equal(levels[:padding, padding], np.broadcast_to(levels[padding, padding], (padding, 3)))
+    np.testing.assert_array_equal(levels[padding, -1], levels[padding, padding + 13])
+
+
+def covered(length: int, places: int) -> np.ndarray:
+    """Which share of each pixel of a row belongs to each of fewer places, (places, length)."""
+    edges = np.arange(places + 1) * length / places
+    pixel = np.arange(length)
+    shares = np.minimum(edges[1:, None], pixel + 1) - np.maximum(edges[:-1, None], pixel)
+    return shares.clip(0)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize(
+    ("size", "small"), [((17, 40), (5, 12)), ((6, 8), (6, 8)), ((9, 5), (1, 1)), ((30, 20), (10, 3))]
+)
+@pytest.mark.parametrize("channels", [1, 3])
+def test_a_small_copy_has_the_means_of_its_areas(dtype, size, small, channels):
+    """Of whole pixels and of parts of them."""
+    image = noise(*size, channels, dtype)
+    found = np.empty((*small, channels), np.float32)
+    uncompiled(shrink)(image.reshape(size[0], -1), found)
+    down, across = (covered(length, places) for length, places in zip(size, small, strict=True))
+    expected = np.einsum("vy,ux,yxc->vuc", down, across, image.astype(float)) / (size[0] * size[1] / np.prod(small))
+    np.testing.assert_allclose(found, expected, rtol=1e-4)

@@ -1,15 +1,19 @@
-"""Conversion of images to the padded 8-bit component planes that the searches compare, in a single pass."""
+"""Planes in which the searches compare two frames: padded 8-bit components, and copies of a frame made smaller."""
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
-from fpsboost.kernels.jit import BORROWING, FINITE_JIT, njit
-from fpsboost.kernels.levels import WHITE
-from fpsboost.kernels.tiles import Index
+from fpsboost.kernels.instruction import Index
+from fpsboost.kernels.jit import BORROWING, FINITE_JIT, JIT, njit
+from fpsboost.kernels.similarity import WHITE
+
+CACHE_LINE = 64
+"""Bytes; a vector that straddles two lines costs two accesses."""
 
 HIGH_PASS_SIZE = 9
 """Side of the box whose mean luma is subtracted, pixels."""
@@ -20,6 +24,75 @@ SHARE = 1 / HIGH_PASS_SIZE**2
 RADIUS = HIGH_PASS_SIZE // 2
 KEPT_ROWS = HIGH_PASS_SIZE + 1
 """Rows of luma that a running sum over boxes needs: those of the box, and the one that leaves it."""
+
+
+class PlanePair(NamedTuple):
+    """Component planes of two frames with repeated edges."""
+
+    planes0: NDArray[Any]
+    """Frame 0, (3, H + 2 padding, W + 2 padding or more) uint8 or float32."""
+    planes1: NDArray[Any]
+    """Frame 1, of the same shape."""
+    padding: int
+    """Width of the repeated edges, pixels."""
+    height: int
+    """Rows of the frames, H."""
+    width: int
+    """Columns of the frames, W."""
+    max_similarity: int | np.uint8
+    """Similarity of two equal pixels: `truncation` or `UNIT` of `fpsboost.kernels.similarity`."""
+
+
+class FlatPair(NamedTuple):
+    """Planes of two frames as flat arrays."""
+
+    flat0: NDArray[Any]
+    """Frame 0, (size,) uint8 or float32."""
+    flat1: NDArray[Any]
+    """Frame 1, of the same size."""
+    plane: np.uint64
+    """Distance between planes."""
+    stride: int
+    """Distance between rows."""
+
+
+@njit(**FINITE_JIT)
+def flatten(pair):
+    """Return the planes of a pair as flat arrays."""
+    planes0, planes1 = pair.planes0, pair.planes1
+    _, rows, stride = planes0.shape
+    return FlatPair(planes0.reshape(planes0.size), planes1.reshape(planes1.size), Index(rows * stride), stride)
+
+
+@njit(**FINITE_JIT)
+def opposite(pair):
+    """Return the pair from frame 1 to frame 0."""
+    return PlanePair(pair.planes1, pair.planes0, pair.padding, pair.height, pair.width, pair.max_similarity)
+
+
+def aligned_empty(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+    """Return an array like `numpy.empty`, its last axis rounded up to whole cache lines and its first byte aligned.
+
+    Parameters
+    ----------
+    shape : tuple of int
+    dtype : data type
+
+    Returns
+    -------
+    ndarray
+        Contiguous; the last axis may be longer than requested.
+
+    Examples
+    --------
+    >>> aligned_empty((2, 5), np.float32).shape
+    (2, 16)
+    """
+    itemsize = np.dtype(dtype).itemsize
+    lanes = CACHE_LINE // itemsize
+    rounded = (*shape[:-1], -(-shape[-1] // lanes) * lanes)
+    raw = np.empty(math.prod(rounded) * itemsize + CACHE_LINE, np.uint8)
+    return np.ndarray(rounded, dtype, raw, -raw.ctypes.data % CACHE_LINE)
 
 
 class CodeLevels(NamedTuple):
@@ -65,16 +138,9 @@ def reflected(place, size):
 
 @njit(**FINITE_JIT)
 def write_high_pass(room, y, height, scale, middle, second):
-    """Write row y of the second plane, twice the luma minus its local mean; must be called in order.
+    """Write row y of the second plane, twice the luma minus its local mean, once the room has all rows to y + RADIUS.
 
-    Parameters
-    ----------
-    room : Room
-        With the luma of all rows up to y + RADIUS.
-    y, height : int
-    scale, middle : float32
-        Levels that represent a difference of 1, and the level of zero difference: differences have both signs.
-    second : (W or more,) uint8 out
+    Must be called in order. Differences have both signs: `scale` levels represent 1, and `middle` represents 0.
     """
     rows, sums = room.rows, room.sums
     width = rows.shape[1]
@@ -223,3 +289,34 @@ def make_room(width: int) -> Room:
     return Room(
         np.empty((KEPT_ROWS, width), np.float32), np.empty(width + 2 * RADIUS, np.float64), np.empty(width, np.uint8)
     )
+
+
+@njit(cache=True, **JIT)
+def shrink(rows, small):
+    """Write the mean over the area of each pixel of a reduced image; partly covered pixels count in part.
+
+    Parameters
+    ----------
+    rows : (H, W * C) uint8, uint16 or float32
+        Rows of pixels.
+    small : (h, w, C) float32 out
+        With h and w at least 1 and at most H and W.
+    """
+    height, (down, across, channels) = rows.shape[0], small.shape
+    width = rows.shape[1] // channels
+    area = height / down * (width / across)
+    line = np.empty(rows.shape[1], np.float32)
+    for v in range(down):
+        top, bottom = v * height / down, (v + 1) * height / down
+        line[:] = 0
+        for y in range(int(top), min(math.ceil(bottom), height)):
+            share, row = np.float32(min(bottom, y + 1) - max(top, y)), rows[y]
+            for x in range(line.size):
+                line[x] += share * np.float32(row[x])
+        for u in range(across):
+            left, right = u * width / across, (u + 1) * width / across
+            for c in range(channels):
+                total = 0.0
+                for x in range(int(left), min(math.ceil(right), width)):
+                    total += (min(right, x + 1) - max(left, x)) * line[x * channels + c]
+                small[v, u, c] = total / area
