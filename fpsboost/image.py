@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Self
 
 import cv2
 import numpy as np
@@ -51,28 +51,31 @@ class SplinePlanes(NamedTuple):
     """Bits per sample."""
 
 
-class ImageView(Protocol):
-    """Contract: what the package asks of an image of any kind."""
+class ImageView:
+    """What the package asks of an image of any kind; the view of an array, (H, W, C) uint8, uint16 or float32."""
 
     coding: Coding | None = None
     """Meaning of the code values; None for colours."""
     layers: Sequence[Any] | None = None
     """Further layers, see `fpsboost.layered`; None for an image that is no renderer's."""
 
+    def __init__(self, pixels: Image) -> None:
+        self._pixels = pixels
+
     @property
     def shape(self) -> tuple[int, ...]:
         """Height, width and channels, as of a BGR array."""
-        ...
+        return self.array().shape
 
     @property
     def dtype(self) -> np.dtype[Any]:
         """Type of the samples."""
-        ...
+        return self.array().dtype
 
     @property
     def picture(self) -> Pixels:
         """The image without further layers."""
-        ...
+        return self.array()
 
     @property
     def compared(self) -> Pixels:
@@ -92,21 +95,24 @@ class ImageView(Protocol):
     @property
     def white(self) -> np.float32:
         """Number of levels from black to white."""
-        ...
+        return np.float32(1) if self.dtype == np.float32 else self.value_range[1]
 
     @property
     def value_range(self) -> tuple[np.float32, np.float32]:
         """Lowest and highest value that images of this type hold."""
-        ...
+        if self.dtype == np.float32:
+            return np.finfo(np.float32).min, np.finfo(np.float32).max
+        return np.float32(0), np.float32(np.iinfo(self.dtype).max)
 
     @property
     def gray_weight(self) -> float:
         """Factor on squared differences, summed over channels, that gives one in gray the same scale in all kinds."""
-        ...
+        return max(1.0, 3 / self.shape[2])
 
     def describe(self) -> str:
         """Return size and type as readable text: ``640x360, 3 channels, 8-bit``."""
-        ...
+        height, width, channels = self.shape
+        return f"{width}x{height}, {channels} channel{'s' if channels > 1 else ''}, {type_names[self.dtype]}"
 
     def array(self) -> Image:
         """Return the picture, which must be an array, for functions that cannot work on planes.
@@ -116,7 +122,7 @@ class ImageView(Protocol):
         InputError
             The image is a `YCbCrImage`.
         """
-        ...
+        return self._pixels
 
     def to_bgr(self) -> Image:
         """Return the picture as an array, planes converted to BGR, (H, W, 3) uint8 or uint16."""
@@ -124,11 +130,12 @@ class ImageView(Protocol):
 
     def arrays(self) -> list[NDArray[Any]]:
         """Return all arrays of which the image consists; their first two axes are rows and columns."""
-        ...
+        return [self.array()]
 
     def map(self, function: Callable[..., NDArray[Any]], *others: ImageView) -> Pixels:
         """Return the image with a function applied to each array, or to each with the same array of other images."""
-        ...
+        result = function(self.array(), *(other.array() for other in others))
+        return result.reshape(*result.shape[:2], self.shape[2])
 
     def mix(self, other: ImageView, t: float) -> Pixels:
         """Return the mean of two images of one kind, the other weighted by t."""
@@ -136,7 +143,7 @@ class ImageView(Protocol):
 
     def copy(self) -> Any:
         """Return a copy with pixels of its own."""
-        ...
+        return self.array().copy()
 
     def deep_copy(self) -> Any:
         """Return a copy with pixels and layers of its own."""
@@ -150,151 +157,70 @@ class ImageView(Protocol):
         samples : (H, W, 4) int64
             Whole numbers of `SAMPLE_BITS` bits.
         """
-        ...
+        channels = self.shape[2]  # the last of two or four is alpha
+        return in_type(samples[..., [0, 3] if channels == 2 else slice(channels)], self.dtype)
 
     def blank(self) -> tuple[Pixels, NDArray[Any], NDArray[Any]]:
         """Return an image like this one to be filled, and views of it: (C, H, W), and subsampled chroma (C, h, w)."""
-        ...
+        made = np.empty_like(self.array())
+        return made, made.transpose(2, 0, 1), np.empty((0, 0, 0), self.dtype)
 
     def gray(self) -> Plane:
         """Return luma, (H, W) uint8."""
-        ...
+        if self.dtype == np.uint8 and self.shape[2] == 3:
+            return cv2.cvtColor(self.array(), cv2.COLOR_BGR2GRAY)
+        eight_bit: Plane = np.clip(self._float_gray() * 255 + 0.5, 0, 255).astype(np.uint8)
+        return eight_bit
 
     def float_luma(self) -> Plane:
         """Return luma on the 8-bit scale, (H, W) float32, neither rounded nor clipped."""
-        ...
+        return np.asarray(self._float_gray() * np.float32(255))
 
     def luma_and_chroma(self) -> tuple[Plane, Plane]:
         """Return luma in [0, 1], and the mean of both colour differences, (H, W) float32.
 
         The mean is 0.5 for gray; 0 for images of one channel.
         """
-        ...
-
-    def thumbnail(self, shrink: Callable[[Image], Image]) -> Image:
-        """Return a small copy, gray or BGR, float32 with 1.0 for white; `shrink` makes it of an array, in float32."""
-        ...
-
-    def comparable(self) -> NDArray[Any]:
-        """Return values to compare, (H, W, C) float32: black and white 1 apart, straight alpha premultiplied."""
-        ...
-
-    def channels(self) -> list[Plane]:
-        """Return luma and chroma, or all channels but alpha, in the image's own type."""
-        ...
-
-    def with_channels(self, channels: Sequence[Plane]) -> Pixels:
-        """Return the image with other `channels`, all of its own type; alpha stays."""
-        ...
-
-    def spline_planes(self) -> SplinePlanes:
-        """Return the planes of which splines are made, with straight alpha premultiplied."""
-        ...
-
-
-class ArrayView(ImageView):
-    """View of an array, (H, W, C) uint8, uint16 or float32."""
-
-    def __init__(self, pixels: Image) -> None:
-        self._pixels = pixels
-
-    @property
-    def picture(self) -> Image:
-        """The array itself."""
-        return self._pixels
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        return self.picture.shape
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        return self.picture.dtype
-
-    @property
-    def white(self) -> np.float32:
-        return np.float32(1) if self.dtype == np.float32 else self.value_range[1]
-
-    @property
-    def value_range(self) -> tuple[np.float32, np.float32]:
-        if self.dtype == np.float32:
-            return np.finfo(np.float32).min, np.finfo(np.float32).max
-        return np.float32(0), np.float32(np.iinfo(self.dtype).max)
-
-    @property
-    def gray_weight(self) -> float:
-        return max(1.0, 3 / self.shape[2])
-
-    def describe(self) -> str:
-        height, width, channels = self.shape
-        return f"{width}x{height}, {channels} channel{'s' if channels > 1 else ''}, {type_names[self.dtype]}"
-
-    def array(self) -> Image:
-        return self.picture
-
-    def arrays(self) -> list[NDArray[Any]]:
-        return [self.picture]
-
-    def map(self, function: Callable[..., NDArray[Any]], *others: ImageView) -> Image:
-        result = function(self.picture, *(other.array() for other in others))
-        return result.reshape(*result.shape[:2], self.shape[2])
-
-    def copy(self) -> Any:
-        return self.picture.copy()
-
-    def filled(self, samples: NDArray[np.int64]) -> Any:
-        channels = self.shape[2]  # the last of two or four is alpha
-        return in_type(samples[..., [0, 3] if channels == 2 else slice(channels)], self.dtype)
-
-    def blank(self) -> tuple[Image, NDArray[Any], NDArray[Any]]:
-        made = np.empty_like(self.picture)
-        return made, made.transpose(2, 0, 1), np.empty((0, 0, 0), self.dtype)
-
-    def gray(self) -> Plane:
-        if self.dtype == np.uint8 and self.shape[2] == 3:
-            return cv2.cvtColor(self.picture, cv2.COLOR_BGR2GRAY)
-        eight_bit: Plane = np.clip(self._float_gray() * 255 + 0.5, 0, 255).astype(np.uint8)
-        return eight_bit
-
-    def float_luma(self) -> Plane:
-        return np.asarray(self._float_gray() * np.float32(255))
-
-    def _float_gray(self) -> Plane:
-        colours = colour_components(self.picture)
-        return colours[..., 0] if self.shape[2] < 3 else cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)
-
-    def luma_and_chroma(self) -> tuple[Plane, Plane]:
-        colours = colour_components(self.picture)
+        colours = colour_components(self.array())
         if self.shape[2] < 3:
             return colours[..., 0], colours[..., 1]
         converted = cv2.cvtColor(colours, cv2.COLOR_BGR2YCrCb)
         return converted[..., 0], (converted[..., 1] + converted[..., 2]) * 0.5
 
     def thumbnail(self, shrink: Callable[[Image], Image]) -> Image:
+        """Return a small copy, gray or BGR, float32 with 1.0 for white; `shrink` makes it of an array, in float32."""
         white = 1 if self.dtype == np.float32 else np.iinfo(self.dtype).max
-        return clipped(normalised(shrink(self.picture) * np.float32(1 / white)))
+        return clipped(normalised(shrink(self.array()) * np.float32(1 / white)))
 
     def comparable(self) -> NDArray[Any]:
-        values = premultiplied(self.picture)
+        """Return values to compare, (H, W, C) float32: black and white 1 apart, straight alpha premultiplied."""
+        values = premultiplied(self.array())
         if self.dtype == np.float32:  # damaged files hold numbers whose squares overflow
             return values.clip(-MAX_VALUE, MAX_VALUE)
         return values / self.white
 
     def channels(self) -> list[Plane]:
-        return list(cv2.split(self.picture)[: self.shape[2] - has_alpha(self)])
+        """Return luma and chroma, or all channels but alpha, in the image's own type."""
+        return list(cv2.split(self.array())[: self.shape[2] - has_alpha(self)])
 
-    def with_channels(self, channels: Sequence[Plane]) -> Image:
-        return np.dstack([*channels, self.picture[..., len(channels) :]])
+    def with_channels(self, channels: Sequence[Plane]) -> Pixels:
+        """Return the image with other `channels`, all of its own type; alpha stays."""
+        return np.dstack([*channels, self.array()[..., len(channels) :]])
 
     def spline_planes(self) -> SplinePlanes:
+        """Return the planes of which splines are made, with straight alpha premultiplied."""
         nothing = np.empty((0, 1, 1), self.dtype)
         if self.dtype == np.float32:  # NaN and infinity would spread to their surroundings
-            return SplinePlanes(normalised(self.picture).transpose(2, 0, 1).copy(), nothing, np.float32(1), 16)
-        planes, unit = self.picture.transpose(2, 0, 1).copy(), 1 / self.white
+            return SplinePlanes(normalised(self.array()).transpose(2, 0, 1).copy(), nothing, np.float32(1), 16)
+        planes, unit = self.array().transpose(2, 0, 1).copy(), 1 / self.white
         if has_alpha(self):
             planes, unit = planes * unit, np.float32(1)
             planes[:-1] *= planes[-1]
         return SplinePlanes(planes, nothing, unit, 8 if self.dtype == np.uint8 else 16)
+
+    def _float_gray(self) -> Plane:
+        colours = colour_components(self.array())
+        return colours[..., 0] if self.shape[2] < 3 else cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,17 +254,14 @@ class YCbCrImage(ImageView):
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """Type of the samples."""
         return self.planes[0].dtype
 
     @property
     def picture(self) -> YCbCrImage:
-        """The image itself."""
         return self
 
     @property
     def subsampling(self) -> tuple[int, int]:
-        """Chroma subsampling: rows and columns of pixels per chroma sample."""
         (height, width), (rows, columns) = self.planes[0].shape, self.planes[1].shape
         return (1 if rows == height else 2), (1 if columns == width else 2)
 
@@ -349,7 +272,6 @@ class YCbCrImage(ImageView):
 
     @property
     def luma(self) -> Plane:
-        """The plane of luma."""
         return self.planes[0]
 
     @property
@@ -372,7 +294,6 @@ class YCbCrImage(ImageView):
         raise InputError(f"An image must be an array here, not {self.describe()}; read its video without keeps_planes.")
 
     def to_bgr(self) -> Image:
-        """Return the image as BGR, (H, W, 3) uint8 or uint16."""
         return _bgr_by_opencv(self) if self.coding.bgr_of is None else self.coding.bgr_of(self)
 
     def arrays(self) -> list[NDArray[Any]]:
@@ -384,7 +305,6 @@ class YCbCrImage(ImageView):
         return replace(self, planes=(y, cb, cr))
 
     def copy(self) -> Self:
-        """Return a copy with planes of its own."""
         return self.map(np.copy)
 
     def filled(self, samples: NDArray[np.int64]) -> Self:
@@ -453,7 +373,7 @@ Pixels = Image | YCbCrImage
 
 def view(image: Image | ImageView) -> ImageView:
     """Return the view of an image; those that are no arrays are views already."""
-    return ArrayView(image) if isinstance(image, np.ndarray) else image  # the one place that tells arrays apart
+    return ImageView(image) if isinstance(image, np.ndarray) else image  # the one place that tells arrays apart
 
 
 def describe(image: Image | ImageView) -> str:

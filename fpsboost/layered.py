@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import compared_colours
-from fpsboost.image import ArrayView, Image, Pixels, Plane, in_type
+from fpsboost.image import Image, ImageView, Pixels, Plane, in_type
 
 LayerKind = Literal["linear", "depth", "normals", "nearest"]
 """What the values of a layer are.
@@ -48,7 +48,7 @@ class Layer:
 
 
 @dataclass(frozen=True, eq=False)
-class LayeredImage(ArrayView):
+class LayeredImage(ImageView):
     """Image with further layers.
 
     Parameters
@@ -68,9 +68,7 @@ class LayeredImage(ArrayView):
     colour: Image
     layers: tuple[Layer, ...] = field()
 
-    @property
-    def picture(self) -> Image:
-        """The picture without further layers."""
+    def array(self) -> Image:
         return self.colour
 
     @property

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
-from itertools import chain, islice, pairwise
+from itertools import chain, groupby, islice, pairwise
 from typing import Any, NamedTuple
 
 import cv2
@@ -218,10 +218,12 @@ def interpolate_frames(
         outputs = outputs or OutputRange()
         place = beginning(source)
         clip = _LoopState(source.info, schedule, interpolator, summary, place, needs or Needs(), outputs, stretch)
-        made = _exposed(_output_frames(frames, clip, detector, holds_last_frame, in_order))
+        exposed = _exposed(_output_frames(frames, clip, detector, holds_last_frame, in_order))
         before, start = clip.outputs_before, None if outputs.entry is None else outputs.entry.start
         part = islice(
-            _with_durations(made), outputs.first - before, None if outputs.stop is None else outputs.stop - before
+            _with_durations(exposed, clip),
+            outputs.first - before,
+            None if outputs.stop is None else outputs.stop - before,
         )
         yield stretched(part, stretch, start)
 
@@ -351,6 +353,8 @@ class _LoopState:
     step: float = math.inf
     last: FrameGroup | None = None
     """Previous group of frames."""
+    end: Fraction = Fraction(0)
+    """Time at which the clip ends, when all frames are read."""
 
     def __post_init__(self) -> None:
         entry = self.outputs.entry
@@ -444,8 +448,8 @@ def _output_frames(
     detector: DuplicateDetector | None,
     holds_last_frame: bool,
     in_order: Callable[[Iterable[Callable[[], _Part]]], Iterator[_Part]],
-) -> Generator[_Output, None, Fraction]:
-    """Yield the output frames without durations, or the samples of each; return when the clip ends."""
+) -> Iterator[_Output]:
+    """Yield the output frames without durations, or the samples of each; note when the clip ends."""
     source, summary = clip.presented(frames), clip.summary
     groups = group_singly(source) if detector is None else group_duplicates(source, detector, clip.step)
     scenes = 0
@@ -470,46 +474,34 @@ def _output_frames(
         raise InputError(f"{clip.info.name} holds {count} that can be read, and two are needed to make one in between.")
     last = clip.last[-1]
     end = last.frame.time + (last.frame.duration or 1 / clip.info.rate)
-    meant = clip.schedule.presentation_time(clip.start, end)
-    end = meant if meant > last.frame.time else end
-    for step in clip.schedule.steps(clip.index, clip.start, last.frame.time, end):
+    nominal = clip.schedule.presentation_time(clip.start, end)
+    clip.end = nominal if nominal > last.frame.time else end
+    for step in clip.schedule.steps(clip.index, clip.start, last.frame.time, clip.end):
         if step.t == 0 or holds_last_frame:
             output = _Output(last, step, clip.output_number(step, last), scene=scenes)
             summary.frames_made += output.is_new and output.number in clip.outputs
             yield output.repeated(0 if clip.needs.confidence else None)
-    return end
 
 
-def _exposed(outputs: Generator[_Output, None, Fraction]) -> Generator[Frame, None, Fraction]:
+def _exposed(outputs: Iterator[_Output]) -> Iterator[Frame]:
     """Yield the mean of each output frame's samples that show its scene; frames without samples as they are."""
-    exposures: dict[int, Exposure] = {}
-    current: _Output | None = None
-    number: int | None = None
-    while True:
-        try:
-            output = next(outputs)
-        except StopIteration as stop:
-            end: Fraction = stop.value
-            break
-        assert output.frame is not None, "finished"
-        if output.step.frame_number is None:
-            yield output.frame
-            continue
-        if output.step.frame_number != number:
-            if current is not None:
-                yield _developed(current, exposures)
-            exposures, number, current = {}, output.step.frame_number, None
-        exposures.setdefault(output.scene, Exposure()).add(output.frame.array)
-        current = current if output.step.is_sample else output
-    if current is not None:
-        yield _developed(current, exposures)
-    return end
+    for number, samples in groupby(outputs, lambda output: output.step.frame_number):
+        exposures: dict[int, Exposure] = {}
+        frame, scene = None, 0
+        for output in samples:
+            assert output.frame is not None, "finished"
+            if number is None:
+                yield output.frame
+                continue
+            exposures.setdefault(output.scene, Exposure()).add(output.frame.array)
+            if not output.step.is_sample:
+                frame, scene = output.frame, output.scene
+        if frame is not None:
+            yield _developed(frame, exposures[scene])
 
 
-def _developed(output: _Output, exposures: dict[int, Exposure]) -> Frame:
-    """Return an output frame with the mean of its scene's samples; the frame itself if there are no others."""
-    frame, exposure = output.frame, exposures[output.scene]
-    assert frame is not None, "finished"
+def _developed(frame: Frame, exposure: Exposure) -> Frame:
+    """Return an output frame with the mean of its samples; the frame itself if there are no others."""
     if exposure.count == 1:
         return frame
     return replace(frame, image=exposure.image(), original=None, preceding=frame.original or frame.preceding)
@@ -578,17 +570,12 @@ def _between(
     return ((image, None) for image in images), scene_cut
 
 
-def _with_durations(frames: Generator[Frame, None, Fraction]) -> Iterator[Frame]:
+def _with_durations(frames: Iterator[Frame], clip: _LoopState) -> Iterator[Frame]:
     """Set the duration of every frame to last until the next one, and of the last one until the clip ends."""
     last: Frame | None = None
-    while True:
-        try:
-            frame = next(frames)
-        except StopIteration as stop:
-            end = stop.value
-            break
+    for frame in frames:
         if last is not None:
             yield replace(last, duration=frame.time - last.time)
         last = frame
     if last is not None:
-        yield replace(last, duration=end - last.time)
+        yield replace(last, duration=clip.end - last.time)
