@@ -98,7 +98,7 @@ class AnimationSink:
     def __enter__(self) -> Self:
         with self._explained():
             self._file = self._temporary.open("x+b")
-        self._writer = self._type.writer(self._file, self._plays, self._tick)
+        self._writer = self._type(self._file, self._plays, self._tick)
         return self
 
     def write(self, frame: Frame) -> None:

@@ -10,7 +10,6 @@ import math
 import os
 import struct
 import zlib
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, BinaryIO, cast
 
@@ -43,6 +42,15 @@ class AnimationWriter:
 
     muxer = codec = ""
     loop_option = "loop"
+    tick: Fraction | None = None
+    """Resolution of delays, seconds; None for that of the output."""
+    shortest: Fraction
+    longest: Fraction
+    """Delays that the type can hold, seconds."""
+    largest_side: int
+    most_plays: int
+    is_deep = False
+    """Whether the type holds 16 bits per channel as well as 8."""
 
     def __init__(self, file: BinaryIO, plays: int, tick: Fraction) -> None:
         self._file, self._tick = file, tick
@@ -96,6 +104,8 @@ class GifWriter(AnimationWriter):
     """Writer of GIF: each frame gets the 256 colours that suit it best, and stays unchanged if it has no more."""
 
     muxer = codec = "gif"
+    tick, shortest, longest = Fraction(1, 100), SHORTEST_GIF_DELAY, Fraction(65535, 100)
+    largest_side, most_plays = 65535, 65536
 
     def __init__(self, file: BinaryIO, plays: int, tick: Fraction) -> None:
         super().__init__(file, plays, tick)
@@ -186,6 +196,9 @@ class ApngWriter(AnimationWriter):
 
     muxer = codec = "apng"
     loop_option = "plays"
+    shortest, longest = Fraction(1, MAX_DELAY_TERM), Fraction(MAX_DELAY_TERM)
+    largest_side = most_plays = 2**31 - 1
+    is_deep = True
     _delays = (0, 0)
 
     def encoder_options(self) -> dict[str, str]:
@@ -194,7 +207,9 @@ class ApngWriter(AnimationWriter):
     def picture(self, image: Image) -> av.VideoFrame:
         is_deep, has_alpha = image.dtype == np.uint16, image.shape[2] == 4
         pixel_format = ("rgba64be" if has_alpha else "rgb48be") if is_deep else ("rgba" if has_alpha else "rgb24")
-        return av.VideoFrame.from_ndarray(np.ascontiguousarray(_swapped(image)), format=pixel_format)
+        return av.VideoFrame.from_ndarray(
+            np.ascontiguousarray(image[..., [2, 1, 0, 3][: image.shape[2]]]), format=pixel_format
+        )
 
     def add(self, image: Image, ticks: int) -> None:
         super().add(image, ticks)
@@ -225,6 +240,8 @@ class WebpWriter(AnimationWriter):
     """Writer of WebP, lossless but for colours under full transparency."""
 
     muxer, codec = "webp", "libwebp"
+    tick, shortest, longest = Fraction(1, 1000), Fraction(1, 1000), Fraction(2**24 - 1, 1000)
+    largest_side, most_plays = 16383, 65535
 
     def encoder_options(self) -> dict[str, str]:
         return {"lossless": "1", "compression_level": "1", "quality": "20"}  # a quarter of the default's time
@@ -252,43 +269,5 @@ class WebpWriter(AnimationWriter):
             self._file.seek(place)
 
 
-def _swapped(image: Image) -> Image:
-    """Return BGR(A) as RGB(A)."""
-    return image[..., [2, 1, 0, 3][: image.shape[2]]]
-
-
-@dataclass(frozen=True)
-class AnimationType:
-    """What a type of animation file can hold.
-
-    Attributes
-    ----------
-    writer : type
-    tick : Fraction or None
-        Resolution of delays, seconds; None for that of the output.
-    shortest, longest : Fraction
-        Delays, seconds.
-    largest_side : int
-        Pixels.
-    most_plays : int
-        Largest number of plays.
-    is_deep : bool
-        Whether it holds 16 bits as well as 8.
-    """
-
-    writer: type[AnimationWriter]
-    tick: Fraction | None
-    shortest: Fraction
-    longest: Fraction
-    largest_side: int
-    most_plays: int
-    is_deep: bool = False
-
-
-types = {
-    ".gif": AnimationType(GifWriter, Fraction(1, 100), SHORTEST_GIF_DELAY, Fraction(65535, 100), 65535, 65536),
-    ".apng": AnimationType(
-        ApngWriter, None, Fraction(1, MAX_DELAY_TERM), Fraction(MAX_DELAY_TERM), 2**31 - 1, 2**31 - 1, is_deep=True
-    ),
-    ".webp": AnimationType(WebpWriter, Fraction(1, 1000), Fraction(1, 1000), Fraction(2**24 - 1, 1000), 16383, 65535),
-}
+types: dict[str, type[AnimationWriter]] = {".gif": GifWriter, ".apng": ApngWriter, ".webp": WebpWriter}
+"""Writers by the suffixes of their files."""
