@@ -100,13 +100,7 @@ def identify_files(files: Iterable[Path]) -> str:
 def fingerprint_job(source: DescribedSource, job: Any, *, resume: bool) -> JobFingerprint | None:
     """Return what an output is made of and how; None if the source can be read only once, so that nothing can resume.
 
-    Parameters
-    ----------
-    source : DescribedSource
-    job : dataclass
-        Everything else that shapes the output.
-    resume : bool
-        Resume an earlier run; raises `OptionError` if the source is a pipe.
+    `job` holds everything else that shapes the output; to `resume` from a pipe raises `OptionError`.
     """
     files = source.stream_info.files
     if not files:

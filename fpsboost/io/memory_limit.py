@@ -49,12 +49,7 @@ class MemoryLimit:
     Parameters
     ----------
     bytes : int
-        By default the memory that is available now.
-
-    Raises
-    ------
-    OptionError
-        The value is not above 0.
+        Above 0; by default the memory that is available now.
     """
 
     bytes: int = field(default_factory=available_memory)
@@ -64,17 +59,7 @@ class MemoryLimit:
             raise OptionError(f"`limit` must be above 0, not {self.bytes}.")
 
     def check(self, name: str | os.PathLike[str], width: int, height: int, planes: int = 0) -> None:
-        """Raise `InputError` if frames of this size need more.
-
-        Parameters
-        ----------
-        name : str or path
-            Name of the input, for the message.
-        width, height : int
-            Pixels.
-        planes : int
-            Planes of layers beside the picture.
-        """
+        """Raise `InputError`, which names the input, if frames of this size and number of layers' planes need more."""
         need = _needed(width, height, planes)
         if need > self.bytes:
             layers = f" with {planes} planes of layers" if planes else ""
@@ -107,12 +92,7 @@ class MemoryLimit:
         return max(1, min(most, 1 + further))
 
     def affordable_processes(self, width: int, height: int, most: int, planes: int = 0) -> int:
-        """Return how many processes can each convert a clip of this size with one thread, at least 1.
-
-        Parameters
-        ----------
-        width, height, most, planes
-            See `affordable_threads`.
+        """Return how many processes can each convert a clip of this size with one thread; see `affordable_threads`.
 
         Examples
         --------

@@ -57,13 +57,7 @@ def check_new_folder(path: Path) -> None:
 
 @contextmanager
 def new_folder(path: Path) -> Iterator[Path]:
-    """Yield a hidden folder to write to, which gets its name at the end of the block, or is removed by an exception.
-
-    Raises
-    ------
-    OutputError
-        See `check_new_folder`; it cannot be written, or another run writes it.
-    """
+    """Yield a hidden folder to write to, which gets its name at the end of the block, or is removed by an exception."""
     check_new_folder(path)
     with explained(OutputError, "write to", path, ADVICE):
         staging = StagingDirectory(hidden_place(path.absolute().parent, path.name), "output", str(path), None)
@@ -153,13 +147,7 @@ class StagedFiles:
         self._names.append(name)
 
     def publish(self) -> None:
-        """Give all files their names.
-
-        Raises
-        ------
-        OutputError
-            Files have appeared there meanwhile, or the place cannot be written; nothing has changed then.
-        """
+        """Give all files their names; if files have appeared there meanwhile, raise OutputError and change nothing."""
         if not self._names:
             self._remarks.append(f"No frame was made, so that nothing was written to {self._path}.")
             return

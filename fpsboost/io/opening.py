@@ -83,10 +83,6 @@ def open_source(
     limit : MemoryLimit, optional
         What may be taken; what is available without it.
 
-    Returns
-    -------
-    DescribedSource
-
     Raises
     ------
     InputError
@@ -159,15 +155,7 @@ def stands_for_images(path: str) -> bool:
 
 
 def check_images(path: str, option: str) -> None:
-    """Raise an error unless an input is a folder or a pattern of images, which an option is for.
-
-    Raises
-    ------
-    OptionError
-        It is something else.
-    InputError
-        It does not exist.
-    """
+    """Raise OptionError unless an input is a folder or a pattern of images, which an option is for."""
     if stands_for_images(path):
         return
     if path not in PIPES and not Path(path).exists():

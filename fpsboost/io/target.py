@@ -88,17 +88,9 @@ class Target:
     def requirements(
         self, encoding: Encoding, *, needs_rate: bool, takes_planes: bool, takes_layers: bool
     ) -> TargetRequirements:
-        """Return what the output asks of its source.
+        """Return what the output asks of its source, for a method that takes planes of Y, Cb and Cr, and layers.
 
-        Parameters
-        ----------
-        encoding : Encoding
-        needs_rate : bool
-            Ask for a rate also where the output has none.
-        takes_planes : bool
-            Whether the method can work on planes of Y, Cb and Cr.
-        takes_layers : bool
-            Whether the method can work on images with layers.
+        With `needs_rate`, ask for a rate also where the output has none.
         """
         return TargetRequirements(
             pictures_alone=not self.has_clock,

@@ -130,12 +130,7 @@ class TrimmedSource(ClosesOnExit):
     may_skip : bool
         Seek to the start if the source can; otherwise every frame before it is read and counted.
     stretch : Fraction
-        Stretch for `window`; the frames keep their intervals.
-
-    Attributes
-    ----------
-    window : Window
-        Filled in while frames are read.
+        Stretch for `window`, which is filled in while frames are read; the frames keep their intervals.
 
     Raises
     ------

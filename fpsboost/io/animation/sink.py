@@ -102,13 +102,7 @@ class AnimationSink:
         return self
 
     def write(self, frame: Frame) -> None:
-        """Encode one frame; times must increase.
-
-        Raises
-        ------
-        OutputError
-            The frame does not fit the clip, or the file cannot be written.
-        """
+        """Encode one frame; times must increase."""
         if frame.array.shape[:2] != (self._info.height, self._info.width):
             raise OutputError(
                 f"{self._name} is {self._info.width}x{self._info.height} and cannot take a frame of "

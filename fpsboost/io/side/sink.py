@@ -33,15 +33,7 @@ PICTURE, EXR, FLO = ".png", ".exr", ".flo"
 
 
 class SideSink:
-    """Sink that passes frames on to another one, and writes what is known of them beside.
-
-    Parameters
-    ----------
-    sink : FrameSink
-    confidence : ConfidenceWriter, optional
-    motion : MotionWriter, optional
-    watcher : FrameWatcher, optional
-    """
+    """Sink that passes frames on to another one, writes side outputs, and shows frames to a watcher."""
 
     def __init__(
         self,
@@ -127,22 +119,16 @@ def with_side_outputs(
         Not entered yet.
     side : SideOutputs
     images : NumberedImages or None
-        The images that are read, if the source has images.
+        Images of the source, which lend their names to files of motion.
     overwrite : bool
         Replace existing files.
     watcher : FrameWatcher, optional
         Sees every frame before it is written.
 
-    Returns
-    -------
-    FrameSink
-
     Raises
     ------
     OptionError
         A path names neither a folder nor a pattern of a type that can be written, or no folder of its own.
-    OutputError
-        Files exist there already, or the place cannot be written.
     """
     if not side.given and watcher is None:
         return sink
@@ -168,21 +154,7 @@ def _check_alone(folder: Path, option: str, taken: Sequence[Path]) -> None:
 
 
 class SideWriter:
-    """Writer of files about the frames of a conversion.
-
-    Parameters
-    ----------
-    names : FileNames
-    endings : sequence of str
-        What follows a frame's part of the names.
-    overwrite : bool
-        Replace existing files.
-
-    Raises
-    ------
-    OutputError
-        See `StagedFiles`.
-    """
+    """Writer of files about the frames of a conversion; `endings` follow a frame's part of their names."""
 
     def __init__(self, names: FileNames, endings: Sequence[str], *, overwrite: bool) -> None:
         namings = names.namings(endings)
@@ -313,20 +285,7 @@ class FileNames:
 def names_after_output(path: str, option: str, suffixes: Collection[str], sink: FrameSink) -> FileNames:
     """Name files like the images of an output; by six digits from 1 if it has none.
 
-    Parameters
-    ----------
-    path : str
-        Folder or pattern.
-    option : str
-        Name of its option.
-    suffixes : collection of str
-        Types of files, the first for folders.
-    sink : FrameSink
-
-    Raises
-    ------
-    OptionError
-        The path names neither a folder nor a pattern of these types.
+    `path` is a folder, for the first of the suffixes, or a pattern with any of them.
     """
     numbered = sink if isinstance(sink, ImageSink) else None
     numbering, suffix = _parsed(path, option, suffixes, numbered.numbering if numbered else None)

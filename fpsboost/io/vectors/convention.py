@@ -56,18 +56,7 @@ class VectorConvention:
     pairs: tuple[StoredVectors, ...]
 
     def read(self, channels: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return the vectors to the previous and to the next frame.
-
-        Parameters
-        ----------
-        channels : (H, W, 2 or 4) float32
-            As stored.
-
-        Returns
-        -------
-        backward, forward : (H, W, 2) float32
-            y down.
-        """
+        """Return the vectors to the previous and to the next frame, (H, W, 2) float32, y down, of stored channels."""
         vectors = {
             pair.direction: pair.read(channels[..., 2 * number : 2 * number + 2])
             for number, pair in enumerate(self.pairs)

@@ -92,18 +92,7 @@ def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], 
 
 
 def fit_convention(pairs: Iterable[RenderedPair], usual: VectorConvention) -> VectorFit:
-    """Find the convention under which vectors connect the frames.
-
-    Parameters
-    ----------
-    pairs : iterable of RenderedPair
-    usual : VectorConvention
-        The one that the names of the channels suggest.
-
-    Returns
-    -------
-    VectorFit
-    """
+    """Find the convention under which vectors connect the frames; `usual` is what the names of channels suggest."""
     errors: dict[tuple[int, StoredVectors], float] = {}
     still = 0.0
     meanings = [StoredVectors(*meaning) for meaning in product(get_args(Direction), (1, -1), (1, -1))]

@@ -166,11 +166,7 @@ class VectorFolder:
         return self._place_of(self._vectors, number) is not None
 
     def channels_for(self, number: int, image: Pixels) -> tuple[NDArray[Any], VectorConvention]:
-        """Return the channels of an output frame's vectors as OpenEXR files store them, and their usual convention.
-
-        Returns
-        -------
-        (H, W, 2 or 4) float32, VectorConvention
+        """Return the channels of an output frame's vectors, (H, W, 2 or 4) float32, and their usual convention.
 
         Raises
         ------
@@ -196,13 +192,7 @@ class VectorFolder:
         return self._cached(number)
 
     def for_image(self, number: int, image: Pixels) -> FrameVectors:
-        """Return the vectors of an output frame like `at`, and check that they have the size of an image.
-
-        Raises
-        ------
-        InputError
-            As for `at`, or the vectors are of another size.
-        """
+        """Return the vectors of an output frame like `at`, or raise `InputError` if the image is of another size."""
         vectors = self.at(number)
         self._check_size(vectors.backward, image)
         return vectors
@@ -278,13 +268,7 @@ def _find_vectors(path: Path) -> FileSequence:
 
 
 def _names_in(path: Path, what: str, suffixes: Collection[str]) -> list[str]:
-    """Return the names of the files with these suffixes in a folder; none for a pattern.
-
-    Raises
-    ------
-    InputError
-        The path is neither a folder nor a pattern, or the folder has no such files.
-    """
+    """Return the names of the files with these suffixes in a folder; none for a pattern."""
     if not path.is_dir():
         if find_placeholder(path.name) is not None and path.suffix.lower() == ".exr":
             return []

@@ -270,15 +270,7 @@ class PipeSink:
             self._waiting.cancel()
 
     def write(self, frame: Frame) -> None:
-        """Write one frame, before the line about the stream if it is the first.
-
-        Raises
-        ------
-        OutputError
-            The frame does not fit the clip, or the stream cannot be written.
-        ReaderGoneError
-            Nobody reads any more.
-        """
+        """Write one frame, after the line about the stream if it is the first."""
         if frame.image.shape[:2] != (self._info.height, self._info.width):
             raise OutputError(
                 f"{OUTPUT_NAME} is {self._info.width}x{self._info.height} and cannot take a frame of "
@@ -304,10 +296,7 @@ class PipeSink:
         self._count += 1
 
     def _choose_header(self, image: Pixels) -> str:
-        """Return the first line: the source's pixel format or the nearest; images keep all of their colour and depth.
-
-        Never interlaced, because frames are written as progressive.
-        """
+        """Return the first line: the source's pixel format or the nearest; images keep all their colour and depth."""
         traits = self._traits
         gray, deep = image.shape[2] < 3, image.dtype != np.uint8
         aspect = None
