@@ -36,7 +36,7 @@ class Stage(NamedTuple):
 
 
 STAGES = {
-    "illumination": Stage(INTERPOLATOR, "estimate_illumination"),
+    "illumination": Stage("fpsboost.pair", "estimate_illumination"),
     "cut detection": Stage("fpsboost.analysis.scene_cuts", "CutDetector.match_score"),
     "pyramid": Stage(NLM, "pyramid"),
     "components, coarsest": Stage(NLM, "contrast_components"),

@@ -1,4 +1,4 @@
-"""VapourSynth filter: a clip at a higher frame rate, whose frames are made when the host asks for them, in any order.
+"""VapourSynth filter: a clip at a higher frame rate, whose frames are made on request, in any order.
 
 The host calls a function of Python from one thread at a time for each filter, so that a single filter would leave all
 other threads idle. `interpolate` returns a ``FrameEval`` that gives every output frame a filter of its own (a
@@ -112,10 +112,10 @@ def interpolate(
         _check_clip(clip)
         factor = _factor_of(clip, factor_num, factor_den, fps_num, fps_den)
         interpolator = replace(interpolator, duplicates=None, cuts=interpolator.cuts if sc else None)
-        maker = _FrameMaker(clip, interpolator, factor, finds_cuts=sc)
+        outputs = _OutputFrames(clip, interpolator, factor, finds_cuts=sc)
     count, rate = math.ceil(clip.num_frames * factor), clip.fps * factor
     output = vs.core.std.BlankClip(clip, length=count, fpsnum=rate.numerator, fpsden=rate.denominator, keep=True)
-    return vs.core.std.FrameEval(output, partial(maker.node, output[0]), clip_src=[clip])
+    return vs.core.std.FrameEval(output, partial(outputs.node, output[0]), clip_src=[clip])
 
 
 @contextmanager
@@ -258,18 +258,18 @@ class _Pairs:
         self._rate, self._factor = clip.fps or Fraction(1), factor
         self._layout, self._interpolator, self._finds_cuts = _layout_of(clip.format), interpolator, finds_cuts
         self._lock = Lock()
-        self._known: WeakValueDictionary[int, Pair] = WeakValueDictionary()
+        self._by_number: WeakValueDictionary[int, Pair] = WeakValueDictionary()
         self._images: WeakValueDictionary[int, FrameCache] = WeakValueDictionary()
         self._last: deque[Pair] = deque(maxlen=most)
 
     def pair(self, number: int, frames: Frames) -> Pair:
-        """Return a pair, which is made of two of the frames unless it is known."""
+        """Return a pair, made of two of the frames unless it exists."""
         with self._lock:
-            pair = self._known.get(number)
+            pair = self._by_number.get(number)
             if pair is None:
                 image0, image1 = (self._image(each, frames[each]) for each in (number, number + 1))
                 interpolator = self._interpolator_of(frames[number], frames[number + 1])
-                pair = self._known[number] = interpolator.pair(image0, image1)
+                pair = self._by_number[number] = interpolator.pair(image0, image1)
             if pair in self._last:
                 self._last.remove(pair)
             self._last.append(pair)
@@ -294,8 +294,8 @@ class _Pairs:
         return replace(self._interpolator, cuts=CutDetector(threshold=1) if any(marks) else None)
 
 
-class _FrameMaker:
-    """Maker of the output frames of a clip, each by its number."""
+class _OutputFrames:
+    """Output frames of a clip by their numbers."""
 
     def __init__(self, clip: vs.VideoNode, interpolator: Interpolator, factor: Fraction, *, finds_cuts: bool) -> None:
         self._clip, self._interpolator, self._factor, self._finds_cuts = clip, interpolator, factor, finds_cuts
@@ -316,24 +316,24 @@ class _FrameMaker:
         """Return an output frame, for `ModifyFrame`, which gives the frames of `numbers` as `f`."""
         frames = dict(zip(numbers, f if isinstance(f, list) else [f], strict=True))
         index, t = self._position(number)
-        made = frames[index].copy()
+        output_frame = frames[index].copy()
         with _host_errors():
-            if self._is_made(number):
+            if self._is_between(number):
                 pair, before, after = self._surroundings(index, frames)
                 self._compiled.cached("kernels", partial(_compile, self._interpolator, pair))
                 (image,) = self._interpolator.between(pair, [t], before, after).images
-                for plane, values in enumerate(self._layout.planes(image, made)):
-                    np.asarray(made[plane])[:] = values
-            self._set_scene_changes(number, made, frames)
-        self._set_times(number, made, frames)
-        return made
+                for plane, values in enumerate(self._layout.planes(image, output_frame)):
+                    np.asarray(output_frame[plane])[:] = values
+            self._set_scene_changes(number, output_frame, frames)
+        self._set_times(number, output_frame, frames)
+        return output_frame
 
     def _position(self, number: int) -> tuple[int, Fraction]:
         """Return the source frame at or before an output frame, and t between it and the next one."""
         index, t = divmod(number / self._factor, 1)
         return int(index), t
 
-    def _is_made(self, number: int) -> bool:
+    def _is_between(self, number: int) -> bool:
         """Return whether an output frame lies between two frames; after the last one, that is held."""
         index, t = self._position(number)
         return t > 0 and index < self._last
@@ -341,11 +341,11 @@ class _FrameMaker:
     def _needed(self, number: int) -> range:
         """Return the source frames that an output frame needs."""
         index, _ = self._position(number)
-        pairs = [index] if self._is_made(number) else []
+        pairs = [index] if self._is_between(number) else []
         if self._finds_cuts:
             pairs += [pair for side in self._pairs_beside(number) for pair in side]
         first = min([index, *(pair - 1 for pair in pairs)])
-        last = max([index, *(pair + 2 for pair in pairs), *([] if self._clip.fps else self._shown(number))])
+        last = max([index, *(pair + 2 for pair in pairs), *([] if self._clip.fps else self._shares(number))])
         return range(max(first, 0), min(last, self._last) + 1)
 
     def _surroundings(self, index: int, frames: Frames) -> tuple[Pair, Pair | None, Pair | None]:
@@ -362,23 +362,23 @@ class _FrameMaker:
         first, middle, stop = (min(max(math.ceil(each), 0), self._last) for each in (before, here, after))
         return range(first, middle), range(middle, stop)
 
-    def _set_scene_changes(self, number: int, made: vs.VideoFrame, frames: Frames) -> None:
+    def _set_scene_changes(self, number: int, output_frame: vs.VideoFrame, frames: Frames) -> None:
         """Say whether a scene ends between an output frame and the one before, and the next."""
         names = "_SceneChangePrev", "_SceneChangeNext"
         for name, pairs in zip(names, self._pairs_beside(number), strict=True):
             if self._finds_cuts:
-                found = [self._surroundings(each, frames) for each in pairs]
-                made.props[name] = int(any(pair.is_cut(before, after) for pair, before, after in found))
-            elif name in made.props:
-                del made.props[name]
+                surroundings = [self._surroundings(each, frames) for each in pairs]
+                output_frame.props[name] = int(any(pair.is_cut(before, after) for pair, before, after in surroundings))
+            elif name in output_frame.props:
+                del output_frame.props[name]
 
-    def _shown(self, number: int) -> dict[int, Fraction]:
-        """Return the source frames during which an output frame is shown, and the share of each that it takes."""
+    def _shares(self, number: int) -> dict[int, Fraction]:
+        """Return the share of each source frame during which an output frame is displayed."""
         begin, end = number / self._factor, min((number + 1) / self._factor, Fraction(self._last + 1))
         frames = range(math.floor(begin), math.ceil(end))
         return {each: min(Fraction(each + 1), end) - max(Fraction(each), begin) for each in frames}
 
-    def _set_times(self, number: int, made: vs.VideoFrame, frames: Frames) -> None:
+    def _set_times(self, number: int, output_frame: vs.VideoFrame, frames: Frames) -> None:
         """Set when an output frame is shown, and for how long."""
         index, t = self._position(number)
         if self._clip.fps:
@@ -386,12 +386,12 @@ class _FrameMaker:
             duration = lasts / self._factor
         else:
             lasts = _duration_of(frames[index])
-            shown = self._shown(number)
-            duration = sum((_duration_of(frames[each]) * share for each, share in shown.items()), Fraction(0))
+            shares = self._shares(number)
+            duration = sum((_duration_of(frames[each]) * share for each, share in shares.items()), Fraction(0))
         if duration:
-            made.props["_DurationNum"], made.props["_DurationDen"] = duration.as_integer_ratio()
-        if "_AbsoluteTime" in made.props:
-            made.props["_AbsoluteTime"] += float(t * lasts)
+            output_frame.props["_DurationNum"], output_frame.props["_DurationDen"] = duration.as_integer_ratio()
+        if "_AbsoluteTime" in output_frame.props:
+            output_frame.props["_AbsoluteTime"] += float(t * lasts)
 
 
 def _duration_of(frame: vs.VideoFrame) -> Fraction:
