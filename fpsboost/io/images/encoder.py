@@ -156,6 +156,8 @@ def _encode_by_openimageio(extension: str, image: Image, metadata: ImageMetadata
         if not (file.open(name, spec) and file.write_image(np.ascontiguousarray(image)) and file.close()):
             raise ValueError(file.geterror())
         data = Path(name).read_bytes()
+    if extension == ".dpx":
+        data = data[:36] + bytes(124) + data[160:]  # the name of the file and the time
     return tiff_with_xmp(data, metadata.xmp) if is_tiff and metadata.xmp else data
 
 

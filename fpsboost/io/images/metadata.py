@@ -25,6 +25,9 @@ EXIF_MARK = b"Exif\0\0"
 TIFF_XMP = 700
 _xmp_mark = b"http://ns.adobe.com/xap/1.0/\0"
 _colour_chunks = (b"cICP", b"sRGB", b"gAMA", b"cHRM", b"mDCV", b"cLLI")
+_xmp_packet = re.compile(
+    rb"(<\?xpacket begin[^>]*>\s*)?<x:xmpmeta\b.*?</x:xmpmeta>(\s*<\?xpacket end[^>]*>)?", re.DOTALL
+)
 _per_inch = {"in": 1.0, "inch": 1.0, "cm": 2.54}
 
 
@@ -96,7 +99,7 @@ def metadata_of(path: Path) -> ImageMetadata:
 def _exif_and_xmp(path: Path, pixels: int) -> tuple[bytes, bytes]:
     """Return EXIF and XMP as they are stored, of a TIFF only XMP; none where Pillow does not know the file."""
     if extension_of(path.name) in (".tif", ".tiff"):  # of which Pillow opens few with 16 bits or float
-        found = re.search(rb"<x:xmpmeta\b.*?</x:xmpmeta>", path.read_bytes(), re.DOTALL)
+        found = _xmp_packet.search(path.read_bytes())
         return b"", b"" if found is None else found[0]
     from PIL import Image  # noqa: PLC0415
 

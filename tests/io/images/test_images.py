@@ -20,12 +20,14 @@ from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
 from fpsboost.io.images import sink as images
-from fpsboost.io.images.encoder import ImageFile
+from fpsboost.io.images.encoder import ImageFile, encode_image
 from fpsboost.io.images.files import read_image
+from fpsboost.io.images.metadata import ImageMetadata
 from fpsboost.io.images.sequence import NumberedImages, Numbering
 from fpsboost.io.images.sink import ImageSink
-from fpsboost.io.images.source import ImageSource, is_pattern
+from fpsboost.io.images.source import ImageReading, ImageSource, is_pattern
 from fpsboost.io.output import Output, StreamInfo
+from fpsboost.layered import LayeredImage
 from fpsboost.timing.schedule import OutputTiming
 
 RATE = Fraction(24000, 1001)
@@ -302,6 +304,8 @@ def test_foreign_type(tmp_path: Path) -> None:
 kept = [(suffix, dtype, n) for suffix in (".tif", ".tiff", ".TIF") for dtype in (np.uint8, np.uint16, np.float32)
         for n in (1, 3, 4)]  # fmt: skip
 kept += [(".png", dtype, n) for dtype in (np.uint8, np.uint16) for n in (1, 3, 4)]
+kept += [(suffix, dtype, n) for suffix in (".jxl", ".dpx") for dtype in (np.uint8, np.uint16) for n in (1, 3, 4)]
+kept += [(".tga", np.uint8, 1), (".tga", np.uint8, 3), (".tga", np.uint8, 4)]
 kept += [(".bmp", np.uint8, 1), (".bmp", np.uint8, 3), (".webp", np.uint8, 3), (".webp", np.uint8, 4)]
 
 
@@ -319,6 +323,32 @@ def test_exact_round_trip(tmp_path: Path, suffix: str, dtype: type, channels: in
         assert image.dtype == dtype
         assert image.flags.c_contiguous
         np.testing.assert_array_equal(image, expected)
+
+
+def test_dpx_keeps_its_depth(tmp_path: Path) -> None:
+    """The frames between have 10 bits a value where the originals have, and no time that would change every file."""
+    (tmp_path / "in").mkdir()
+    deep = make_image(3, np.uint16) >> 6
+    image = deep << 6 | deep >> 4  # as 10 bits are read as 16
+    for number in (1, 2):
+        data = encode_image(Path("x.dpx"), image ^ (np.uint16(number - 1) << 6), metadata=ImageMetadata(bits=10))
+        (tmp_path / "in" / f"{number}.dpx").write_bytes(data)
+    source = ImageSource(str(tmp_path / "in"), RATE)
+    write(make_sink(tmp_path / "out", source), image, image)
+    written = (tmp_path / "out" / "1.dpx").read_bytes()
+    assert written == (tmp_path / "in" / "1.dpx").read_bytes()
+    np.testing.assert_array_equal(read_image(tmp_path / "out" / "1.dpx"), image)
+
+
+def test_hdr_is_light(tmp_path: Path) -> None:
+    """It is read as float, as scene-linear as OpenEXR, and written as exactly as it stores colours."""
+    image = np.abs(make_image(3, np.float32)) + np.float32(0.5)
+    for number in (1, 2):
+        (tmp_path / f"{number}.hdr").write_bytes(encode_image(Path("x.hdr"), image))
+    (frame, _) = ImageSource(str(tmp_path), RATE, ImageReading(linear=True))
+    assert isinstance(frame.image, LayeredImage)
+    np.testing.assert_allclose(frame.image.colour, image, rtol=0.01, atol=0.04)
+    assert encode_image(Path("x.hdr"), frame.array) == (tmp_path / "1.hdr").read_bytes()
 
 
 def test_gray_webp(tmp_path: Path) -> None:
