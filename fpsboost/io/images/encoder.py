@@ -41,16 +41,7 @@ _largest_side = {".jpg": 65500, ".jpeg": 65500, ".webp": 16383}
 
 
 def check_size(target: str, extension: str, info: ClipInfo) -> None:
-    """Raise `OutputError` where images of this size are too large for their type of file.
-
-    Parameters
-    ----------
-    target : str
-        What to call the images in the message.
-    extension : str
-        ``.png``.
-    info : ClipInfo
-    """
+    """Raise `OutputError`, which calls the images `target`, where they are too large for their type of file."""
     largest = _largest_side.get(extension)
     if largest is not None and max(info.height, info.width) > largest:
         raise OutputError(
@@ -59,7 +50,7 @@ def check_size(target: str, extension: str, info: ClipInfo) -> None:
 
 
 def check_format(path: Path, image: Image) -> None:
-    """Raise `OutputError` where a type of file cannot hold the image's type, its alpha, or gray."""
+    """Raise `OutputError` where a type of file cannot hold the image's type or its alpha."""
     extension = path.suffix.lower()
     if image.dtype not in types_kept[extension]:
         other = ".tif or .exr" if image.dtype == np.float32 else ".png or .tif"

@@ -48,11 +48,6 @@ class Window(NamedTuple):
         """Rows and columns."""
         return self.bottom - self.top + 1, self.right - self.left + 1
 
-    @property
-    def corners(self) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Two corners, as OpenEXR takes them."""
-        return np.array(self[:2], np.int32), np.array(self[2:], np.int32)
-
 
 @dataclass(frozen=True, eq=False)
 class ExrPart:
@@ -68,8 +63,6 @@ class ExrPart:
         Where there are pixels, and what is to be shown.
     attributes : mapping of str to object
         All that describes pixels and image, as OpenEXR has it.
-    is_linear : frozenset of str
-        Channels with the format's hint for lossy compression.
     """
 
     name: str
@@ -77,7 +70,6 @@ class ExrPart:
     data: Window
     display: Window
     attributes: Mapping[str, Any]
-    is_linear: frozenset[str]
 
     def full_name(self, channel: str) -> str:
         """Return the name of a channel with that of its part before it, unless it begins with that anyway."""
@@ -190,7 +182,6 @@ def _part(name: str, header: Mapping[str, Any], types: Mapping[str, Precision]) 
         data,
         display,
         {key: value for key, value in header.items() if key not in _per_file},
-        frozenset(each.name for each in channels if each.pLinear),
     )
 
 
@@ -234,11 +225,10 @@ def read_channels(
     ----------
     path : Path
     header : ExrHeader
-        What the file says of itself.
+        Of the file.
     names : sequence of str
-        Full names of channels, in any order.
+        Full names of channels.
     limit : MemoryLimit, optional
-        What may be taken; what is available without it.
 
     Returns
     -------
@@ -317,13 +307,11 @@ def encode_exr_like(header: ExrHeader, planes: Mapping[str, NDArray[Any]]) -> by
     written = []
     for part in header.parts:
         channels = {
-            name: OpenEXR.Channel(
-                name, _typed(planes[part.full_name(name)], numpy_types[kind]), 1, 1, name in part.is_linear
-            )
+            name: _typed(planes[part.full_name(name)], numpy_types[kind])
             for name, kind in part.channels.items()
             if part.full_name(name) in planes
         }
-        attributes = {**part.attributes, "dataWindow": part.display.corners}
+        attributes = {**part.attributes, "dataWindow": part.attributes["displayWindow"]}
         if "tiles" in attributes:
             attributes["tiles"] = tiles = OpenEXR.TileDescription()
             tiles.xSize, tiles.ySize = part.attributes["tiles"].xSize, part.attributes["tiles"].ySize

@@ -220,14 +220,8 @@ def find_layer(names: Collection[str], parts: str, preferred: str) -> str | None
     return found[0] if len(found) == 1 else None
 
 
-def picture_channels(path: Path, header: ExrHeader) -> list[str]:
-    """Return the channels of the picture in an OpenEXR file, in the order B, G, R, A or Y, A.
-
-    Raises
-    ------
-    InputError
-        It holds no picture.
-    """
+def _picture_channels(path: Path, header: ExrHeader) -> list[str]:
+    """Return the channels of the picture, in the order B, G, R, A or Y, A; raise `InputError` if there is none."""
     chosen = contents_of(header).picture
     if not chosen:
         raise InputError(
@@ -237,7 +231,7 @@ def picture_channels(path: Path, header: ExrHeader) -> list[str]:
     return chosen
 
 
-def picture_of(channels: Mapping[str, NDArray[Any]]) -> Image:
+def _picture_of(channels: Mapping[str, NDArray[Any]]) -> Image:
     """Return the channels of a picture as an image, (H, W, C) float32; gray with alpha becomes BGRA."""
     planes = [plane.astype(np.float32) for plane in channels.values()]
     if len(planes) == 2:
@@ -248,7 +242,7 @@ def picture_of(channels: Mapping[str, NDArray[Any]]) -> Image:
 def read_picture(path: Path, limit: MemoryLimit | None = None) -> Image:
     """Read the picture of an OpenEXR file alone; see `fpsboost.io.images.files.read_image`."""
     header = read_exr_header(path)
-    return picture_of(read_channels(path, header, picture_channels(path, header), limit))
+    return _picture_of(read_channels(path, header, _picture_channels(path, header), limit))
 
 
 @dataclass(frozen=True)
@@ -324,14 +318,14 @@ class Passes:
             It cannot be read, or has other layers than the first file.
         """
         header = read_exr_header(path)
-        picture = picture_channels(path, header)
+        picture = _picture_channels(path, header)
         self._check_alike(path, header)
         names = [*picture, *(name for layer in self.layers for name in layer.channels)]
         planes = read_channels(path, header, names, limit)
         layers = [
             Layer(layer.name, layer.kind, {name: planes[name] for name in layer.channels}) for layer in self.layers
         ]
-        return LayeredImage(picture_of({name: planes[name] for name in picture}), tuple(layers))
+        return LayeredImage(_picture_of({name: planes[name] for name in picture}), tuple(layers))
 
     def _check_alike(self, path: Path, header: ExrHeader) -> None:
         there = {layer.name: layer for layer in contents_of(header).layers}

@@ -209,18 +209,9 @@ class NumberedImages:
 
 
 def order_names(folder: Path, names: Sequence[str]) -> FileSequence:
-    """Put the files of one sequence in order; names without any number go by the alphabet.
+    """Put the files of one sequence, at least one, in order; names without any number go by the alphabet.
 
-    Parameters
-    ----------
-    folder : Path
-    names : sequence of str
-        At least one.
-
-    Returns
-    -------
-    FileSequence
-        Some numbers may be missing; see `FileSequence.check_complete`.
+    Some numbers may be missing; see `FileSequence.check_complete`.
 
     Raises
     ------
@@ -250,12 +241,7 @@ def order_names(folder: Path, names: Sequence[str]) -> FileSequence:
 
 
 def find_numbered(numbering: Numbering) -> FileSequence:
-    """List the existing files of a naming in the order of their numbers.
-
-    Returns
-    -------
-    FileSequence
-        Some numbers may be missing; see `FileSequence.check_complete`.
+    """List the existing files of a naming in the order of their numbers, of which some may be missing.
 
     Raises
     ------

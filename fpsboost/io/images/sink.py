@@ -58,20 +58,18 @@ class ImageSink:
         path, images, factor, frame_count = output.path, output.stream.images, output.factor, output.expected_frames
         self._path, self._job, self._frame_count = path, output.job, frame_count
         self._overwrite, self._in_place = output.overwrite, output.in_place
-        self._first, self._step, kept = first_number(images, factor)
+        self._first, self._step, is_anew, self._remarks = _numbers_of(output)
         self._next = self._first
         self._originals = {file.name for file in images.files} if images is not None and output.in_place else set[str]()
-        self._encoder = ImageEncoder(path, images, anew=not kept)
+        self._encoder = ImageEncoder(path, images, anew=is_anew)
         self._names: list[str] = []
-        self._frames = 0
-        self._frames_there = 0
-        self._remarks = numbering_remarks(images, factor, kept=kept)
+        self._frames = self._frames_there = 0
         with explained(OutputError, "write to", path, "check the path and the permissions"):
             self._is_folder = Path(path).is_dir() or not is_pattern(path)
             if output.in_place:
                 self._numbering = self._numbering_in_place(images, factor)
             else:
-                self._numbering = choose_numbering(output)
+                self._numbering = _numbering_of(output)
                 if not self._is_folder:
                     self._remark_on_digits(frame_count)
             self._check_place(output.info)
@@ -137,12 +135,8 @@ class ImageSink:
             self._remarks.append(f"{self._path} has too few digits for {frame_count} frames: later names grow longer.")
 
     def _check_place(self, info: ClipInfo) -> None:
-        folder, extension = self._numbering.folder, extension_of(self._numbering.path(1).name)
-        if extension not in IMAGE_SUFFIXES:
-            raise OutputError(
-                f"{self._path} names no type of image that can be written; use one of {', '.join(IMAGE_SUFFIXES)}."
-            )
-        check_size(self._path, extension, info)
+        folder = self._numbering.folder
+        _check_type(self._path, self._numbering, info)
         if folder.exists() and not folder.is_dir():
             raise OutputError(f"{folder} is a file; name a folder, or a pattern in one.")
         needed = folder.parent if self._is_folder else folder
@@ -338,20 +332,12 @@ class ImagePartSink:
 
     def __init__(self, output: Output) -> None:
         assert output.part is not None
-        images = output.stream.images
-        self._path = output.path
-        self._numbering = choose_numbering(output)
-        first, self._step, kept = first_number(images, output.factor)
+        self._numbering = _numbering_of(output)
+        first, self._step, is_anew, self._remarks = _numbers_of(output)
         self._next = first + output.part.first * self._step
-        self._remarks = numbering_remarks(images, output.factor, kept=kept)
-        extension = extension_of(self._numbering.path(1).name)
-        if extension not in IMAGE_SUFFIXES:
-            raise OutputError(
-                f"{output.path} names no type of image that can be written; use one of {', '.join(IMAGE_SUFFIXES)}."
-            )
-        check_size(output.path, extension, output.info)
+        _check_type(output.path, self._numbering, output.info)
         self._folder = PartFolder(output)
-        self._encoder = ImageEncoder(output.path, images, anew=not kept)
+        self._encoder = ImageEncoder(output.path, output.stream.images, anew=is_anew)
         self._names: list[str] = []
         self._frames_there = 0
 
@@ -405,36 +391,35 @@ class ImagePartSink:
         self._names.append(path.name)
 
 
-def first_number(images: NumberedImages | None, factor: Fraction | None) -> tuple[int, int, bool]:
-    """Return the number of the first image that is written, their step, and whether the source's numbers are kept."""
+def _numbers_of(output: Output) -> tuple[int, int, bool, list[str]]:
+    """Return the first number, the step, whether images are numbered otherwise than the source's, and remarks on it."""
+    images, factor = output.stream.images, output.factor
     kept = None if images is None or factor is None else images.numbers_for(factor)
     first, step = kept or (1 if images is None else images.first_number, 1)
-    return first, step, kept is not None
+    remarks = []
+    if images is not None and images.step > 1 and kept is None and factor is not None:
+        remarks.append(
+            f"{factor} times the frames do not fit between numbers that rise by {images.step}: all were numbered anew, "
+            f"one by one; `factor={images.step}` makes just those that are missing."
+        )
+    return first, step, kept is None, remarks
 
 
-def numbering_remarks(images: NumberedImages | None, factor: Fraction | None, *, kept: bool) -> list[str]:
-    """Return remarks on images that are numbered otherwise than their source."""
-    if images is None or images.step == 1 or kept or factor is None:
-        return []
-    return [
-        f"{factor} times the frames do not fit between numbers that rise by {images.step}: all were numbered anew, "
-        f"one by one; `factor={images.step}` makes just those that are missing."
-    ]
+def _check_type(name: str, numbering: Numbering, info: ClipInfo) -> None:
+    """Raise `OutputError` unless the names are those of images that can be written, in this size."""
+    extension = extension_of(numbering.path(1).name)
+    if extension not in IMAGE_SUFFIXES:
+        raise OutputError(f"{name} names no type of image that can be written; use one of {', '.join(IMAGE_SUFFIXES)}.")
+    check_size(name, extension, info)
 
 
-def choose_numbering(output: Output) -> Numbering:
-    """Return how the images of an output are named, which are not written in place.
-
-    Raises
-    ------
-    OptionError
-        A pattern has no place for numbers.
-    """
+def _numbering_of(output: Output) -> Numbering:
+    """Return how the images of an output are named, which are not written in place."""
     path, images = output.path, output.stream.images
     if is_pattern(path) and not Path(path).is_dir():
         return Numbering.parse(path)
-    _, _, kept = first_number(images, output.factor)
-    if kept and images is not None and images.numbering is not None:
+    *_, is_anew, _ = _numbers_of(output)
+    if images is not None and images.numbering is not None and not is_anew:
         return replace(images.numbering, folder=Path(path))
     return _name_in_folder(Path(path), images, output.expected_frames)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 
@@ -12,8 +11,6 @@ import numpy as np
 import OpenEXR
 import pytest
 from conversion_options import output_of
-from hypothesis import example, given
-from hypothesis import strategies as st
 
 from fpsboost.errors import InputError, OutputError
 from fpsboost.frame import Frame
@@ -67,15 +64,6 @@ def test_round_trip(tmp_path, names, half):
     for name, each in channels.items():
         assert again[name].dtype == np.float32
         np.testing.assert_array_equal(again[name], each)
-
-
-def test_written_files_are_compressed_halves_in_scanlines(tmp_path):
-    """ZIP and half where nothing is said, in an ordinary file."""
-    write_exr(tmp_path / "a.exr", {"Y": np.ones((200, 300), np.float32)})
-    with OpenEXR.File(str(tmp_path / "a.exr")) as file:
-        header = file.header()
-        assert (header["compression"], header["type"]) == (OpenEXR.ZIP_COMPRESSION, OpenEXR.scanlineimage)
-    assert (tmp_path / "a.exr").stat().st_size < 3000
 
 
 def test_what_is_no_number_and_what_is_too_much_for_a_half(tmp_path):
@@ -218,18 +206,6 @@ def test_impossible_sizes_are_refused(tmp_path, name, corners, message):
         read_exr(tmp_path / "a.exr")
 
 
-@given(st.integers(0, 420), st.integers(0, 255))
-@example(28, 0)  # a list without channels
-def test_any_other_byte_in_the_header_is_an_image_or_an_error(tmp_path_factory, place, value):
-    """Never another exception than ours."""
-    data = bytearray(encode_exr({"Y": plane(0, 6, 7)}))
-    data[min(place, len(data) - 1)] = value
-    path = tmp_path_factory.getbasetemp() / "spoiled.exr"
-    path.write_bytes(data)
-    with suppress(InputError):
-        assert read_exr(path).keys()
-
-
 # --------------------------------------------------------------------------------------------------------------- layers
 
 
@@ -265,13 +241,6 @@ def test_images_are_in_the_packages_order(tmp_path):
         assert image.dtype == np.float32
         assert image.flags.c_contiguous
         np.testing.assert_array_equal(image, np.dstack([channels[each] for each in order or ["depth"]]))
-
-
-def test_a_layer_of_many_is_the_picture(tmp_path):
-    """Blender's multilayer files: the combined colours, not the passes."""
-    layers = {f"View Layer.{each}": plane(seed) for seed, each in enumerate(("Combined.R", "Combined.G", "Combined.B"))}
-    write_exr(tmp_path / "a.exr", {**layers, "View Layer.Depth.Z": plane(7)})
-    np.testing.assert_array_equal(read_image(tmp_path / "a.exr"), np.dstack([plane(2), plane(1), plane(0)]))
 
 
 def test_a_file_without_a_picture_is_refused(tmp_path):
@@ -320,22 +289,3 @@ def test_float_tiff_becomes_float_exr(tmp_path):
     with sink:
         sink.write(Frame(image, Fraction(0)))
     np.testing.assert_array_equal(read_image(tmp_path / "out" / "1.exr"), image)
-
-
-def test_channels_that_are_left_out_are_remarked(tmp_path):
-    """Depth and other passes do not come along, and that is said once."""
-    for number in (1, 2):
-        write_exr(tmp_path / f"{number}.exr", planes("RGBZ"))
-    (remark,) = ImageSource(str(tmp_path), RATE).remarks
-    assert remark == "1.exr and its like hold other channels (Z), which were left out."
-
-
-def test_a_damaged_image_of_a_sequence_is_named_when_its_turn_comes(tmp_path):
-    """Like every other type of image."""
-    for number in (1, 2):
-        write_exr(tmp_path / f"{number}.exr", planes("RGB"))
-    (tmp_path / "2.exr").write_bytes((tmp_path / "2.exr").read_bytes()[:900])
-    frames = iter(ImageSource(str(tmp_path), RATE))
-    next(frames)
-    with pytest.raises(InputError, match=r"2\.exr is damaged"):
-        next(frames)

@@ -19,7 +19,7 @@ import fpsboost
 from fpsboost.errors import InputError
 from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.exr import read_exr_header
-from fpsboost.io.images.files import png_chunks, upright
+from fpsboost.io.images.files import png_chunks
 from fpsboost.io.images.metadata import ImageMetadata, metadata_of
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.run_options import RunOptions
@@ -111,21 +111,6 @@ def test_xmp_is_kept(tmp_path, suffix):
         assert (file.tag_v2[700] if suffix == ".tif" else file.info["xmp"]) in (XMP, XMP.decode())
 
 
-@pytest.mark.parametrize("compressed", [False, True])
-@pytest.mark.parametrize("place", [0, 1, 2])
-def test_xmp_is_found_among_other_texts(tmp_path, place, compressed):
-    """Whichever of a PNG's texts it is, plain or compressed."""
-    other = chunk(b"iTXt", b"Comment\0\0\0\0\0some words")
-    packed = zlib.compress(XMP) if compressed else XMP
-    texts = [other, other]
-    texts.insert(place, chunk(b"iTXt", b"XML:com.adobe.xmp\0" + bytes([compressed, 0]) + b"en\0\0" + packed))
-    path = tmp_path / "in.png"
-    path.write_bytes(encode_image(path, scene(0)))
-    data, behind_header = path.read_bytes(), 33
-    path.write_bytes(data[:behind_header] + b"".join(texts) + data[behind_header:])
-    assert metadata_of(path).xmp == XMP
-
-
 def test_words_on_colour_of_png(tmp_path):
     """Gamma, primaries, sRGB, coding-independent points and the shape of pixels stand in the made images too."""
     sources = write(tmp_path / "in", ".png")
@@ -190,14 +175,6 @@ def test_orientation(tmp_path, orientation):
     shown = pictures_of(tmp_path / "out.mkv")[0].to_ndarray(format="rgb24")
     assert shown.shape == truth.shape
     assert np.abs(shown.astype(float) - truth).mean() < 4
-
-
-def test_turning_back():
-    """Each orientation is a turn of its own, and 1 is none."""
-    image = scene(0)[:5, :7]
-    turned = [upright(image, orientation).tobytes() for orientation in range(1, 9)]
-    assert turned[0] == image.tobytes()
-    assert len(set(turned)) == 8
 
 
 def test_a_turned_tiff_is_written_anew(tmp_path):

@@ -19,11 +19,10 @@ from hypothesis import strategies as st
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
-from fpsboost.io.images import sink as images
 from fpsboost.io.images.encoder import ImageFile, encode_image
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.metadata import ImageMetadata
-from fpsboost.io.images.sequence import NumberedImages, Numbering
+from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageReading, ImageSource, is_pattern
 from fpsboost.io.output import Output, StreamInfo
@@ -111,21 +110,6 @@ def test_pattern_round_trip(prefix: str, digits: int, number: int) -> None:
     assert by_hash == by_percent
     assert by_hash.number_in(by_hash.path(number).name) == number
     assert len(by_hash.path(number).name) >= len(prefix) + digits + len("_l.png")
-
-
-@given(st.integers(0, 99999), st.integers(1, 200_000), st.integers(1, 6))
-def test_folder_names_sort_by_time(first: int, count: int, digits: int) -> None:
-    """With the digits that a folder gets, the order of names is the order of frames."""
-    source = NumberedImages([Path("in/f.png")], Numbering(Path("in"), "f_", digits, ".png"), [first], 1, first)
-    numbering = images._name_in_folder(Path("out"), source, count)
-    assert numbering.digits >= digits
-    assert len(numbering.path(first).name) == len(numbering.path(first + count - 1).name)
-
-
-def test_parse_without_place() -> None:
-    """A pattern needs a place for the number."""
-    with pytest.raises(OptionError, match="no place for a number"):
-        Numbering.parse("shot.png")
 
 
 # -------------------------------------------------------------------------------------------------------------- reading
@@ -357,13 +341,6 @@ def test_gray_webp(tmp_path: Path) -> None:
     write(sink, make_image(1), make_image(1))
     np.testing.assert_array_equal(read_image(tmp_path / "b_1.webp"), np.repeat(make_image(1), 3, axis=2))
     assert len(sink.remarks) == 1
-
-
-def test_jpeg_quality(tmp_path: Path) -> None:
-    """JPEG keeps a smooth picture within a few steps."""
-    ramp = np.linspace(0, 255, WIDTH).astype(np.uint8)[None, :, None].repeat(HEIGHT, 0).repeat(3, 2)
-    write(make_sink(tmp_path / "a_#.jpg"), ramp)
-    assert np.abs(read_image(tmp_path / "a_1.jpg").astype(int) - ramp).max() <= 4
 
 
 @pytest.mark.parametrize(

@@ -339,14 +339,6 @@ def test_missing_frames_are_made_beside_the_rendered_ones(clip):
     assert content(clip / "shot_0002.exr").keys() == content(clip / "shot_0001.exr").keys()
 
 
-def test_all_layers_are_the_default(clip, tmp_path):
-    """Saying so changes nothing."""
-    convert(clip, tmp_path / "default")
-    convert(clip, tmp_path / "all", passes="all")
-    for path in (tmp_path / "default").iterdir():
-        assert (tmp_path / "all" / path.name).read_bytes() == path.read_bytes()
-
-
 def test_of_several_pictures_the_first_leads_and_that_is_said(tmp_path):
     """Two view layers, each with its combined colours."""
     (tmp_path / "in").mkdir()

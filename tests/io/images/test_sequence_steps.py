@@ -128,13 +128,6 @@ def test_missing_numbers_are_made(step_and_factor, first, count, naming, as_patt
         assert any(f"rise by {step}" in remark for remark in summary.remarks)
 
 
-def test_two_images_are_a_step(tmp_path):
-    """0001 and 0003, doubled, are 0001, 0002 and 0003; nothing is made behind the last."""
-    run(fill(tmp_path / "in", [1, 3]), tmp_path / "out")
-    assert names_in(tmp_path / "out") == ["0001.png", "0002.png", "0003.png"]
-    assert made(tmp_path / "out", "0002.png") == pytest.approx(2, abs=0.3)
-
-
 @pytest.mark.parametrize(
     ("step", "options", "expected", "is_anew"),
     [
@@ -277,13 +270,6 @@ def test_long_gaps_are_no_pauses(tmp_path):
     run(fill(tmp_path / "in", [0, 1, 60, 61]), tmp_path / "out", fill_gaps=True)
     assert len(names_in(tmp_path / "out")) == 62
     assert made(tmp_path / "out", "0030.png") == pytest.approx(30, abs=0.3)
-
-
-def test_gaps_may_be_doubled_too(tmp_path):
-    """A factor counts frames per number, and numbers are then given anew."""
-    summary = run(fill(tmp_path / "in", [1, 2, 5]), tmp_path / "out", fill_gaps=True, factor=2)
-    assert (summary.frames_out, names_in(tmp_path / "out")[-1]) == (9, "0009.png")
-    assert made(tmp_path / "out", "0006.png") == pytest.approx(3.5, abs=0.3)
 
 
 def test_repeated_images_are_not_missing(tmp_path):
