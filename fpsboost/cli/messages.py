@@ -46,14 +46,14 @@ def literal(text: str) -> str:
 
     Examples
     --------
-    >>> print(shown("\x1b[31m.mp4"), shown("a\nb"))
+    >>> print(literal("\x1b[31m.mp4"), literal("a\nb"))
     \x1b[31m.mp4 a\nb
     """
     return escape(_escape_controls(text))
 
 
 def sentence(text: str) -> str:
-    """Return a sentence of the library with flags for the options that it names, escaped like `shown`."""
+    """Return a sentence of the library with flags for the options that it names, escaped like `literal`."""
     return literal(in_flags(text))
 
 
