@@ -210,12 +210,12 @@ class Findings:
         """Yield the pairs between which a conversion would make frames."""
         last: SourceFrame | None = None
         detector, shown = interpolator.duplicates, self.shown(frames)
-        for held in group_singly(shown) if detector is None else group_duplicates(shown, detector):
-            self.duplicates += [repeat.frame.time for repeat in held[1:]]
-            self.moments.append(held[0].frame.time)
+        for group in group_singly(shown) if detector is None else group_duplicates(shown, detector):
+            self.duplicates += [repeat.frame.time for repeat in group[1:]]
+            self.moments.append(group[0].frame.time)
             if last is not None:
-                yield interpolator.pair(last.image, held[0].image)
-            last = held[0]
+                yield interpolator.pair(last.image, group[0].image)
+            last = group[0]
 
 
 def probe(path: str, input_fps: Fraction | None = None, stream: int | None = None) -> Probe:

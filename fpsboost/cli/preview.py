@@ -68,7 +68,7 @@ def preview(
             methods,
             RunOptions(limit=options.limit, threads=options.threads),
             at=options.at,
-            told=lambda task: status.update(literal(task)),
+            on_task=lambda task: status.update(literal(task)),
         )
         result.remarks = [in_flags(remark) for remark in result.remarks]
         status.update("writing the page")

@@ -204,7 +204,7 @@ class Hiding:
             raise InputError("Standard input can be read only once, and every method needs it; name a file.")
         needs_rate = self.decoding.trim.needs_rate
         requirements = TargetRequirements(pictures_alone=True, upright=True, needs_rate=needs_rate, linear=True)
-        found = repeats = 0
+        count = repeats = 0
         with open_source(
             path, requirements=requirements, decoding=replace(self.decoding, input_fps=input_fps)
         ) as whole:
@@ -215,10 +215,10 @@ class Hiding:
                 row.append(truth)
                 repeats += len(truth.repeats)
                 if len(row) == self.skip + 2:
-                    found += 1
+                    count += 1
                     yield _interval(row, clock)
                     row = row[-1:]
-        if not found:
+        if not count:
             beside = (
                 f" beside the {repeats} that repeat another (`duplicates='keep'` takes them too)" if repeats else ""
             )
@@ -250,14 +250,14 @@ class Hiding:
         else:
             pictures = find_pictures(frames, DuplicateDetector())
         for picture in pictures:
-            shown = [(each.frame, _position_of(each)) for each in picture.frames]
+            placed = [(each.frame, _position_of(each)) for each in picture.frames]
             if picture.is_still:
-                first_repeat = len(shown) - picture.repeats
-                for index, (frame, position) in enumerate(shown):
+                first_repeat = len(placed) - picture.repeats
+                for index, (frame, position) in enumerate(placed):
                     yield _Truth(frame, position, (), is_repeat=index >= first_repeat)
             else:
-                frame, position = shown[0]
-                yield _Truth(frame, position, tuple(repeat.number for _, repeat in shown[1:]), is_repeat=False)
+                frame, position = placed[0]
+                yield _Truth(frame, position, tuple(repeat.number for _, repeat in placed[1:]), is_repeat=False)
 
 
 def _clock(info: ClipInfo) -> ByRate:
@@ -265,9 +265,9 @@ def _clock(info: ClipInfo) -> ByRate:
     return ByRate.forgiving(2 * info.rate, info.rate, info.time_base)
 
 
-def _position_of(shown: SourceFrame) -> SourcePosition:
-    assert shown.image.source_position is not None
-    return shown.image.source_position
+def _position_of(frame: SourceFrame) -> SourcePosition:
+    assert frame.image.source_position is not None
+    return frame.image.source_position
 
 
 def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
@@ -322,7 +322,7 @@ class Sample(NamedTuple):
 
 def read_samples(path: str, hiding: Hiding, numbers: Sequence[int], input_fps: Fraction | None = None) -> list[Sample]:
     """Return some of the hidden frames with their surroundings, in the order of `numbers`."""
-    found: dict[int, Sample] = {}
+    samples: dict[int, Sample] = {}
     before: Interval | None = None
     unfinished: list[Sample] = []
     for interval in hiding.intervals(path, input_fps):
@@ -330,9 +330,9 @@ def read_samples(path: str, hiding: Hiding, numbers: Sequence[int], input_fps: F
             sample.window.append(interval)
         window = [interval] if before is None else [before, interval]
         unfinished = [Sample(hidden, [*window]) for hidden in interval.hidden if hidden.number in numbers]
-        found.update((sample.hidden.number, sample) for sample in unfinished)
+        samples.update((sample.hidden.number, sample) for sample in unfinished)
         before = interval
-    return [found[number] for number in numbers]
+    return [samples[number] for number in numbers]
 
 
 def interpolate_some(

@@ -130,8 +130,8 @@ def mean_scores(scores: Sequence[Scores]) -> Scores:
 
 def mean(values: Sequence[float]) -> float:
     """Return the mean of the finite values; NaN if there are none."""
-    known = [value for value in values if np.isfinite(value)]
-    return float(np.mean(known)) if known else float("nan")
+    finite = [value for value in values if np.isfinite(value)]
+    return float(np.mean(finite)) if finite else float("nan")
 
 
 def low_percentile(values: Sequence[float]) -> float:

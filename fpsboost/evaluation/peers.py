@@ -127,8 +127,8 @@ def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerF
 
 def _steps(numbers: Sequence[int | None]) -> list[int]:
     """Return the steps from each number to the next; none where images have no numbers."""
-    known = [number for number in numbers if number is not None]
-    return [after - before for before, after in pairwise(known)]
+    existing = [number for number in numbers if number is not None]
+    return [after - before for before, after in pairwise(existing)]
 
 
 def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Path) -> PeerFrames:
@@ -235,14 +235,16 @@ def _write(folder: Path, number: int, image: Image) -> None:
 
 def _run(name: str, words: Sequence[str], folder: Path) -> str:
     """Run a command to its end, and return the last line that it printed."""
-    with tempfile.TemporaryFile(dir=folder) as said:
+    with tempfile.TemporaryFile(dir=folder) as output:
         try:
-            done = subprocess.run(words, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT, check=False)
+            process = subprocess.run(
+                words, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, check=False
+            )
         except OSError as error:
             raise InputError(f"The peer {name} cannot be run ({error.strerror}: {words[0]}); check `peer`.") from None
-        last_line = _last_line(said)
-    if done.returncode:
-        how = f"exit code {done.returncode}" if done.returncode > 0 else f"signal {-done.returncode}"
+        last_line = _last_line(output)
+    if process.returncode:
+        how = f"exit code {process.returncode}" if process.returncode > 0 else f"signal {-process.returncode}"
         raise InputError(f"The peer {name} failed with {how}: {last_line or 'it said nothing'}")
     return last_line
 

@@ -30,10 +30,10 @@ CONSISTENT = 1.5
 BLOCK = 7
 """Side of the blocks that are looked for, pixels: large enough to average noise, and small against what moves."""
 
-FOUND = DuplicateDetector().noise
+MAX_DIFFERENCE = DuplicateDetector().noise
 """Largest mean difference of a block from the same one in another frame, levels of 8 bits: as in a repeated frame."""
 
-NOISY = 3.0
+NOISE_FACTOR = 3.0
 """Multiple of the median difference over the frame that replaces it in noisy clips, as most pixels are found again."""
 
 AREAS, COMPLEMENTS = ("moving", "occluded", "uncertain"), ("still", "visible", "certain")
@@ -66,16 +66,16 @@ def find_regions(interval: Interval, vectors: VectorFolder | None = None) -> Ite
     InputError
         Vectors are missing, or of another size.
     """
-    shown = interval.prepared()
+    others = interval.prepared()
     for truth in interval.prepared_truths():
-        motions = [_motion(truth, other, vectors) for other in shown]
+        motions = [_motion(truth, other, vectors) for other in others]
         flows = [flow for flow, _ in motions]
-        found = _find(truth, shown, flows)
+        matches = _find(truth, others, flows)
         visible = [_leads_back(*each) for each in motions]
         if vectors is None:
-            visible = [each & is_there for each, is_there in zip(visible, found, strict=True)]
+            visible = [each & is_there for each, is_there in zip(visible, matches, strict=True)]
         moving = np.linalg.norm(flows[1] - flows[0], axis=-1) > MOVES
-        yield Regions(moving, visible[0] != visible[1], ~(found[0] | found[1]))
+        yield Regions(moving, visible[0] != visible[1], ~(matches[0] | matches[1]))
 
 
 def _motion(here: FrameCache, there: FrameCache, vectors: VectorFolder | None) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -86,18 +86,18 @@ def _motion(here: FrameCache, there: FrameCache, vectors: VectorFolder | None) -
     return _rendered_motion(here, there, vectors), _rendered_motion(there, here, vectors)
 
 
-def _find(truth: FrameCache, shown: Sequence[FrameCache], flows: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+def _find(truth: FrameCache, others: Sequence[FrameCache], flows: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
     """Return where the blocks of the true frame are found in each of the shown ones."""
     here = np.asarray(truth.derived(brightness), np.float32)
     differences = []
-    for other, flow in zip(shown, flows, strict=True):
+    for other, flow in zip(others, flows, strict=True):
         there = np.asarray(other.derived(brightness), np.float32)
         moved = cv2.remap(there, *_ends(flow), cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         there_or_here = [cv2.blur(cv2.absdiff(here, each), (BLOCK, BLOCK)) for each in (moved, there)]
         there_or_here[0][~_is_inside(flow)] = np.inf
         differences.append(np.minimum(*there_or_here))
     first, second = differences
-    limit = max(FOUND, NOISY * float(np.median(np.minimum(first, second))))
+    limit = max(MAX_DIFFERENCE, NOISE_FACTOR * float(np.median(np.minimum(first, second))))
     return [first <= limit, second <= limit]
 
 
@@ -105,8 +105,8 @@ def _rendered_motion(here: FrameCache, there: FrameCache, vectors: VectorFolder)
     """Return the motion from one frame to another along the vectors of the first, (H, W, 2) float32."""
     number = frame_number(here.output_position)
     frames = frame_number(there.output_position) - number
-    known = vectors.for_image(number, here.array)
-    flow: NDArray[Any] = (known.forward if frames > 0 else known.backward) * np.float32(abs(frames))
+    rendered = vectors.for_image(number, here.array)
+    flow: NDArray[Any] = (rendered.forward if frames > 0 else rendered.backward) * np.float32(abs(frames))
     return flow
 
 

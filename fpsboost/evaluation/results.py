@@ -117,8 +117,8 @@ class Comparison:
     @property
     def areas(self) -> list[tuple[str, str]]:
         """Areas that are worth showing, each with its complement: both take a share that matters."""
-        known = zip(AREAS, COMPLEMENTS, strict=True)
-        return [pair for pair in known if MIN_SHARE <= self.shares[pair[0]] <= 1 - MIN_SHARE]
+        pairs = zip(AREAS, COMPLEMENTS, strict=True)
+        return [pair for pair in pairs if MIN_SHARE <= self.shares[pair[0]] <= 1 - MIN_SHARE]
 
     @property
     def uneven(self) -> list[int]:

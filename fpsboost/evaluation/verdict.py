@@ -233,11 +233,11 @@ class MeanOverClips(NamedTuple):
 
 def means_over_clips(comparisons: Sequence[Comparison]) -> list[MeanOverClips]:
     """Return the means of every method, in the order of the comparisons."""
-    found = []
+    means = []
     for place, method in enumerate(comparisons[0].methods):
         of_clips = [comparison.means(comparison.methods[place]).psnr for comparison in comparisons]
-        found.append(MeanOverClips(method.name, float(np.mean(of_clips)), of_clips))
-    return found
+        means.append(MeanOverClips(method.name, float(np.mean(of_clips)), of_clips))
+    return means
 
 
 def judge_all(comparisons: Sequence[Comparison]) -> str:

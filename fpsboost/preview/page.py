@@ -41,7 +41,7 @@ class LeastCertain(NamedTuple):
     confidence: float | None
 
 
-def write_page(path: Path, shown: Preview, command: str, *, overwrite: bool = False) -> None:
+def write_page(path: Path, preview: Preview, command: str, *, overwrite: bool = False) -> None:
     """Write a page, which appears whole or not at all; `command` is the command line of the whole conversion.
 
     Raises
@@ -50,7 +50,7 @@ def write_page(path: Path, shown: Preview, command: str, *, overwrite: bool = Fa
         It exists and `overwrite` is not set, or it cannot be written.
     """
     check_page(path, overwrite=overwrite)
-    text = make_page(shown, command)
+    text = make_page(preview, command)
     write_whole(path, text.encode())
 
 
@@ -64,29 +64,29 @@ def check_page(path: Path, *, overwrite: bool) -> None:
         raise OutputError(f"{path} is in no folder that exists; create {path.parent} or name another page.")
 
 
-def make_page(shown: Preview, command: str) -> str:
+def make_page(preview: Preview, command: str) -> str:
     """Return a page as text; see `write_page`."""
     environment = templates_of("fpsboost.preview")
     environment.filters["as_time"] = format_time
     return environment.get_template("preview.html.j2").render(
         command_name="preview",
-        shown=shown,
-        name=Path(shown.info.name).name or shown.info.name,
-        rates=f"{float(shown.info.rate):.5g} to {float(shown.rate):.5g} frames a second",
-        passages=shown.found.shown,
-        least_certain=_least_certain(shown),
-        estimates={name: estimate_sentence(estimate) for name, estimate in shown.estimates.items()},
-        included=included_sentence(shown),
+        preview=preview,
+        name=Path(preview.info.name).name or preview.info.name,
+        rates=f"{float(preview.info.rate):.5g} to {float(preview.rate):.5g} frames a second",
+        passages=preview.selection.passages,
+        least_certain=_least_certain(preview),
+        estimates={name: estimate_sentence(estimate) for name, estimate in preview.estimates.items()},
+        included=included_sentence(preview),
         command=command,
-        played=_player_data(shown),
+        played=_player_data(preview),
     )
 
 
-def _least_certain(shown: Preview) -> list[LeastCertain]:
+def _least_certain(preview: Preview) -> list[LeastCertain]:
     """Return the least certain frame of every passage, of the first method."""
-    method, trials = next(iter(shown.trials.items()))
-    found = []
-    for number, (passage, trial) in enumerate(zip(shown.found.shown, trials, strict=True)):
+    method, trials = next(iter(preview.trials.items()))
+    frames = []
+    for number, (passage, trial) in enumerate(zip(preview.selection.passages, trials, strict=True)):
         least, confidence = trial.least_certain, trial.confidence
         if least is None:
             continue
@@ -94,25 +94,25 @@ def _least_certain(shown: Preview) -> list[LeastCertain]:
         doubt = None if confidence is None else encode(as_heat(1 - confidence))
         mean = None if confidence is None else float(confidence.mean())
         picture = data_uri(trial.after.pictures[least.number], "jpeg")
-        place = sum(_count(shown, each.before.end) for each in shown.found.shown[:number])
-        place += round(least.time * shown.stretch * shown.rate)
-        found.append(LeastCertain(method, time, number, place, picture, doubt, mean))
-    return found
+        place = sum(_count(preview, each.before.end) for each in preview.selection.passages[:number])
+        place += round(least.time * preview.stretch * preview.rate)
+        frames.append(LeastCertain(method, time, number, place, picture, doubt, mean))
+    return frames
 
 
-def _count(shown: Preview, end: Fraction) -> int:
+def _count(preview: Preview, end: Fraction) -> int:
     """Return the number of frames in which the player shows a passage."""
-    return max(1, round(end * shown.stretch * shown.rate))
+    return max(1, round(end * preview.stretch * preview.rate))
 
 
-def _player_data(shown: Preview) -> PlayerData:
+def _player_data(preview: Preview) -> PlayerData:
     """Return the views of all passages at the times of the output's frames."""
-    height, width = shown.found.shown[0].before.image_at(Fraction(0)).shape[:2]
-    names = ["before", *shown.trials] if len(shown.trials) > 1 else ["before", "after"]
-    data = PlayerData(names, width, height, float(shown.rate))
-    for number, (passage, views) in enumerate(zip(shown.found.shown, shown.views(), strict=True)):
-        for place in range(_count(shown, passage.before.end)):
-            time = place / shown.rate / shown.stretch
+    height, width = preview.selection.passages[0].before.image_at(Fraction(0)).shape[:2]
+    names = ["before", *preview.trials] if len(preview.trials) > 1 else ["before", "after"]
+    data = PlayerData(names, width, height, float(preview.rate))
+    for number, (passage, views) in enumerate(zip(preview.selection.passages, preview.views(), strict=True)):
+        for place in range(_count(preview, passage.before.end)):
+            time = place / preview.rate / preview.stretch
             pictures = [view.pictures[view.place_at(time)] for view in views.values()]
             data.frames.append(
                 {
@@ -138,11 +138,11 @@ def estimate_sentence(estimate: Estimate) -> str:
     return f"{span} for {estimate.frames:,} frames: {each}."
 
 
-def included_sentence(shown: Preview) -> str:
+def included_sentence(preview: Preview) -> str:
     """Return what the estimate contains, and how it was measured."""
-    frames = sum(trial.frames for trial in next(iter(shown.trials.values())))
-    details = f" ({shown.details.rstrip('.')})" if shown.details else ""
-    what = f"encoding the video{details}; copying sound is not" if shown.is_video else "writing the images"
+    frames = sum(trial.frames for trial in next(iter(preview.trials.values())))
+    details = f" ({preview.details.rstrip('.')})" if preview.details else ""
+    what = f"encoding the video{details}; copying sound is not" if preview.is_video else "writing the images"
     return (
         f"Measured on {frames} frames of these passages, which have more motion than most. Reading, making frames and "
         f"{what} included. The shorter time is that of cores that are always busy, the longer one as measured."
@@ -162,7 +162,7 @@ def _as_duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
-def write_video(path: str, shown: Preview, *, overwrite: bool = False) -> None:
+def write_video(path: str, preview: Preview, *, overwrite: bool = False) -> None:
     """Write every passage at full and at quarter speed, at the rate of the output, without sound.
 
     Frames of the source are repeated until the next one is due.
@@ -176,18 +176,18 @@ def write_video(path: str, shown: Preview, *, overwrite: bool = False) -> None:
     """
     target = Target.parse(path)
     check_video(target, overwrite=overwrite)
-    parts = [(views, speed) for views in shown.views() for speed in SPEEDS]
-    counts = [round(views["before"].end * shown.stretch / speed * shown.rate) for views, speed in parts]
+    parts = [(views, speed) for views in preview.views() for speed in SPEEDS]
+    counts = [round(views["before"].end * preview.stretch / speed * preview.rate) for views, speed in parts]
     first = _beside(parts[0][0], Fraction(0), "")
-    size = ClipInfo(path, first.shape[0], first.shape[1], shown.rate, 1 / shown.rate, sum(counts))
-    timing = OutputTiming(shown.rate, 1 / shown.rate)
+    size = ClipInfo(path, first.shape[0], first.shape[1], preview.rate, 1 / preview.rate, sum(counts))
+    timing = OutputTiming(preview.rate, 1 / preview.rate)
     number = 0
     with target.open(Output(path, size, timing, expected_frames=sum(counts), overwrite=overwrite)) as sink:
         for (views, speed), count in zip(parts, counts, strict=True):
             label = "" if speed == 1 else f", {speed} of the speed"
             for place in range(count):
-                image = _beside(views, place * speed / shown.rate / shown.stretch, label)
-                sink.write(Frame(image, number / shown.rate, 1 / shown.rate))
+                image = _beside(views, place * speed / preview.rate / preview.stretch, label)
+                sink.write(Frame(image, number / preview.rate, 1 / preview.rate))
                 number += 1
 
 

@@ -80,10 +80,10 @@ class Passage(NamedTuple):
         return self.start + self.before.end
 
 
-class Found(NamedTuple):
+class Selection(NamedTuple):
     """Passages that are shown, in the order of their times; all that were examined; and remarks."""
 
-    shown: list[Passage]
+    passages: list[Passage]
     examined: list[Passage]
     remarks: list[str]
 
@@ -109,7 +109,7 @@ class Found(NamedTuple):
         return sorted({duplicate for passage in self.examined for duplicate in passage.duplicates})
 
 
-def find_passages(job: ConversionJob, run: RunOptions, at: Iterable[Position] = ()) -> Found:
+def find_passages(job: ConversionJob, run: RunOptions, at: Iterable[Position] = ()) -> Selection:
     """Choose the passages with the most motion that no cut divides, or those at given positions, whatever is there.
 
     Raises
@@ -120,26 +120,26 @@ def find_passages(job: ConversionJob, run: RunOptions, at: Iterable[Position] = 
         See `fpsboost.preparation.opened_clip`.
     """
     span, reader = _opened(job, run)
-    given = [position.seconds(span.info.rate) for position in at]
-    for start in given:
+    starts = [position.seconds(span.info.rate) for position in at]
+    for start in starts:
         if span.end is not None and start >= span.end:
             message = (
                 f"`at={float(start):g}` lies behind the end of {span.info.name}, {float(span.end):g} s; name less."
             )
             raise OptionError(message)
-    if given:
-        asked = [reader.examine(span.latest(start), span.lasts) for start in given]
-        return Found(asked, asked, [])
+    if starts:
+        passages = [reader.examine(span.latest(start), span.duration) for start in starts]
+        return Selection(passages, passages, [])
     places, examined, remarks = reader.measure(span.spread(PLACES)), list[Passage](), list[str]()
     if len(places) < ENOUGH_PLACES:
         longest = MAX_READ / span.info.rate
         read_for = longest if span.end is None else min(longest, span.end - span.begin)
-        read, places = reader.read(span.begin, read_for, span.count)
-        examined.append(read)
+        passage, places = reader.read(span.begin, read_for, span.count)
+        examined.append(passage)
         if span.end is None or span.end - span.begin > longest:
-            remarks.append(f"Of {span.info.name}, the first {float(read.before.end):.3g} s alone were looked at.")
-    shown = _with_most_motion(places, span, reader, examined)
-    return Found(sorted(shown or examined[-1:], key=lambda passage: passage.start), examined, remarks)
+            remarks.append(f"Of {span.info.name}, the first {float(passage.before.end):.3g} s alone were looked at.")
+    passages = _with_most_motion(places, span, reader, examined)
+    return Selection(sorted(passages or examined[-1:], key=lambda passage: passage.start), examined, remarks)
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ class _Span:
         Seconds after the clip's first frame; `end` is None if unknown.
     count : int
         Number of frames in a passage.
-    lasts : Fraction
+    duration : Fraction
         Duration of a passage, seconds.
     """
 
@@ -161,11 +161,11 @@ class _Span:
     begin: Fraction
     end: Fraction | None
     count: int
-    lasts: Fraction
+    duration: Fraction
 
     def latest(self, start: Fraction) -> Fraction:
         """Return a time, or an earlier one from which a whole passage is left."""
-        return start if self.end is None else max(self.begin, min(start, self.end - self.lasts))
+        return start if self.end is None else max(self.begin, min(start, self.end - self.duration))
 
     def spread(self, count: int) -> list[Fraction]:
         """Return times at equal distances, from the beginning on; none if the end is not known."""
@@ -189,21 +189,21 @@ def _opened(job: ConversionJob, run: RunOptions) -> tuple[_Span, _Reader]:
 
 def _with_most_motion(places: list[Place], span: _Span, reader: _Reader, examined: list[Passage]) -> list[Passage]:
     """Return the passages with the most motion that overlap no other and hold no cut; all that are read are noted."""
-    chosen = list[Passage]()
+    passages = list[Passage]()
     for place in sorted(places, key=lambda place: -place.motion):
-        if len(chosen) == PASSAGES or len(examined) == 3 * PASSAGES:
+        if len(passages) == PASSAGES or len(examined) == 3 * PASSAGES:
             break
         start = span.latest(max(span.begin, place.start))
-        if any(start < other.end and other.start < start + span.lasts for other in chosen):
+        if any(start < other.end and other.start < start + span.duration for other in passages):
             continue
-        passage = reader.examine(start, span.lasts)
+        passage = reader.examine(start, span.duration)
         examined.append(passage)
         longest = max(pairwise([passage.start, *passage.cuts, passage.end]), key=lambda piece: piece[1] - piece[0])
-        if passage.cuts and longest[1] - longest[0] >= span.lasts / 3:
+        if passage.cuts and longest[1] - longest[0] >= span.duration / 3:
             passage = reader.examine(longest[0], longest[1] - longest[0])
         if not passage.cuts:
-            chosen.append(passage)
-    return chosen
+            passages.append(passage)
+    return passages
 
 
 def of_part(job: ConversionJob, trim: Trim) -> ConversionJob:
@@ -221,11 +221,11 @@ class _Reader:
     is_images: bool
 
     def examine(
-        self, start: Fraction, lasts: Fraction, seen: Callable[[Frame, Fraction], None] | None = None
+        self, start: Fraction, duration: Fraction, seen: Callable[[Frame, Fraction], None] | None = None
     ) -> Passage:
         """Read a part, and find what a conversion would find; its frames are kept unless another function sees them."""
         # images count frames, so that they need no rate; videos can seek to times
-        ends = [Fraction(round(each * self.rate)) if self.is_images else each for each in (start, start + lasts)]
+        ends = [Fraction(round(each * self.rate)) if self.is_images else each for each in (start, start + duration)]
         trim = Trim(*(Position(each, is_frame=self.is_images) for each in ends))
         with opened_clip(of_part(self.job, trim), self.run) as clip:
             image_view = View(clip.whole.stream_info.traits)
@@ -236,18 +236,18 @@ class _Reader:
         of_clip = [[begins + time - first for time in times] for times in (cuts, findings.duplicates)]
         return Passage(begins, trim, image_view, *of_clip)
 
-    def read(self, start: Fraction, lasts: Fraction, count: int) -> tuple[Passage, list[Place]]:
+    def read(self, start: Fraction, duration: Fraction, count: int) -> tuple[Passage, list[Place]]:
         """Read a part, and measure the motion from each of its frames on, in that many."""
         small = list[tuple[Fraction, NDArray[Any]]]()
-        read = self.examine(start, lasts, lambda frame, time: small.append((time, _thumbnail(frame))))
-        motions = [Place(read.start + each.start, each.motion) for each in _motions(small)]
+        passage = self.examine(start, duration, lambda frame, time: small.append((time, _thumbnail(frame))))
+        motions = [Place(passage.start + each.start, each.motion) for each in _motions(small)]
         groups = [motions[number : number + count] for number in range(0, len(motions), max(1, count // 3))]
-        return read, [Place(group[0].start, _mean(group)) for group in groups] or [Place(read.start, 0.0)]
+        return passage, [Place(group[0].start, _mean(group)) for group in groups] or [Place(passage.start, 0.0)]
 
     def measure(self, starts: Iterable[Fraction]) -> list[Place]:
         """Measure motion wherever reading can begin next to some times."""
-        found = (self._measure_at(start) for start in starts)
-        return list({place.start: place for place in found if place is not None}.values())
+        places = (self._measure_at(start) for start in starts)
+        return list({place.start: place for place in places if place is not None}.values())
 
     def _measure_at(self, start: Fraction) -> Place | None:
         with opened_clip(of_part(self.job, Trim()), self.run) as clip:

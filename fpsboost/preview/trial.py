@@ -27,7 +27,7 @@ from fpsboost import (
 from fpsboost.io.target import Target
 from fpsboost.observer import SilentObserver
 from fpsboost.preparation import opened_clip, prepare
-from fpsboost.preview.places import Found, Passage, find_passages, of_part
+from fpsboost.preview.places import Passage, Selection, find_passages, of_part
 from fpsboost.preview.views import View
 from fpsboost.synthesis import FusesHypotheses
 from fpsboost.threads import available_cores
@@ -88,7 +88,7 @@ class Preview:
         Nominal frames per second of the output.
     stretch : Fraction
         Duration of the output as a multiple of the source's.
-    found : Found
+    selection : Selection
     trials : dict of str to list of Trial
         One trial for each passage, by method.
     estimates : dict of str to Estimate
@@ -102,7 +102,7 @@ class Preview:
     info: ClipInfo
     rate: Fraction
     stretch: Fraction
-    found: Found
+    selection: Selection
     trials: dict[str, list[Trial]]
     estimates: dict[str, Estimate]
     is_video: bool
@@ -113,7 +113,7 @@ class Preview:
         """Return the views of every passage by their names, that before the conversion first."""
         return [
             {"before": passage.before, **{name: trials[place].after for name, trials in self.trials.items()}}
-            for place, passage in enumerate(self.found.shown)
+            for place, passage in enumerate(self.selection.passages)
         ]
 
 
@@ -123,7 +123,7 @@ def preview(
     run: RunOptions,
     *,
     at: Iterable[Position] = (),
-    told: Callable[[str], None] = lambda task: None,
+    on_task: Callable[[str], None] = lambda task: None,
 ) -> Preview:
     """Convert some passages of a clip.
 
@@ -136,7 +136,7 @@ def preview(
     run : RunOptions
     at : iterable of Position
         Beginnings of the passages; by default those with the most motion.
-    told : callable
+    on_task : callable
         Function that is called with the name of each task.
 
     Raises
@@ -148,14 +148,14 @@ def preview(
     with opened_clip(job, run) as clip:
         ready = prepare(job, run, clip)
         info, frames = clip.whole.info, ready.output.expected_frames
-    told("looking for motion")
-    found = find_passages(job, run, at)
+    on_task("looking for motion")
+    selection = find_passages(job, run, at)
     trials: dict[str, list[Trial]] = {name: [] for name in methods}
-    remarks, details = dict.fromkeys(found.remarks), ""
+    remarks, details = dict.fromkeys(selection.remarks), ""
     with TemporaryDirectory(prefix="fpsboost-") as folder:
-        for number, passage in enumerate(found.shown):
+        for number, passage in enumerate(selection.passages):
             for name, method in methods.items():
-                told(f"{name}, passage {number + 1} of {len(found.shown)}")
+                on_task(f"{name}, passage {number + 1} of {len(selection.passages)}")
                 output = Path(folder, str(number), str(list(methods).index(name)))
                 output.parent.mkdir(exist_ok=True)
                 trial, summary = _try(replace(job, method=method), run, target, passage, output)
@@ -166,7 +166,7 @@ def preview(
         info,
         ready.output.timing.rate,
         job.rate.stretch,
-        found,
+        selection,
         trials,
         {name: _estimate(frames, each) for name, each in trials.items()},
         target.kind == "video",
@@ -184,11 +184,11 @@ class _Recorder(SilentObserver):
     needs_confidence: bool
     confidences: list[NDArray[Any] | None] = field(default_factory=list)
     own_seconds: float = 0.0
-    begun: tuple[float, float] = (0.0, 0.0)
+    start: tuple[float, float] = (0.0, 0.0)
 
     def ready(self) -> None:
         """See `fpsboost.observer.Observer.ready`."""
-        self.begun = time.perf_counter(), time.process_time()
+        self.start = time.perf_counter(), time.process_time()
 
     def watch(self, frame: Frame) -> None:
         """See `fpsboost.observer.FrameWatcher.watch`."""
@@ -212,9 +212,9 @@ def _try(job: ConversionJob, run: RunOptions, target: Target, passage: Passage, 
         summary = convert_job(replace(part, output=output), replace(run, observer=recorder, watcher=recorder))
     except FpsboostError as error:
         raise type(error)(str(error).replace(output, target.path)) from error
-    cpu = time.process_time() - recorder.begun[1]
+    cpu = time.process_time() - recorder.start[1]
     own = min(recorder.own_seconds / cpu, 0.9)
-    seconds = (time.perf_counter() - recorder.begun[0]) * (1 - own)
+    seconds = (time.perf_counter() - recorder.start[0]) * (1 - own)
     least, confidence = summary.lowest_match, None
     if least is not None:
         least, confidence = replace(least, time=least.time / job.rate.stretch), recorder.confidences[least.number]

@@ -160,10 +160,10 @@ def choose_frames(preview: str, folder: str, quality: float, *, method: str | In
     threads = MemoryLimit().affordable_threads(info.width, info.height, available_cores())
     trials = _Trials(images, replace(interpolator, duplicates=None), 10 ** (-quality / 10))
     with run_in_parallel(threads) as in_order:
-        chosen, largest = _divide(trials, in_order)
-        numbers = {images.numbers[index] for index in chosen}
+        indices, largest = _divide(trials, in_order)
+        numbers = {images.numbers[index] for index in indices}
         if images.step > 1:
-            numbers |= _between_images(trials, chosen, in_order)
+            numbers |= _between_images(trials, indices, in_order)
     lowest = None if largest is None else -10 * math.log10(max(largest, 1e-10))
     choice = FrameChoice(tuple(sorted(numbers)), quality, lowest, images.step > 1)
     with new_folder(Path(folder)) as unfinished:
@@ -210,51 +210,51 @@ def _divide(trials: _Trials, in_order: InOrder) -> tuple[list[int], float | None
     """Return which images of a preview to render, and the largest error of the others."""
     last = len(trials.images.files) - 1
     longest = max(LONGEST // trials.images.step, 1)
-    chosen = sorted({*range(0, last, longest), last})
+    indices = sorted({*range(0, last, longest), last})
     errors: dict[tuple[int, int], float] = {}
-    intervals = list(pairwise(chosen))
+    intervals = list(pairwise(indices))
     while intervals:
         tried = [interval for interval in intervals if interval[1] - interval[0] > 1]
-        found = in_order(partial(trials.error_between, *interval) for interval in tried)
+        results = in_order(partial(trials.error_between, *interval) for interval in tried)
         intervals = []
-        for (first, end), error in zip(tried, found, strict=True):
+        for (first, end), error in zip(tried, results, strict=True):
             errors[first, end] = error
             if error > trials.bound:
                 middle = (first + end) // 2
-                chosen.append(middle)
+                indices.append(middle)
                 intervals += [(first, middle), (middle, end)]
-    kept = _without_needless(trials, sorted(chosen), longest, errors)
-    return kept, max((errors[each] for each in pairwise(kept) if each in errors), default=None)
+    needed = _without_needless(trials, sorted(indices), longest, errors)
+    return needed, max((errors[each] for each in pairwise(needed) if each in errors), default=None)
 
 
 def _without_needless(
-    trials: _Trials, chosen: Sequence[int], longest: int, errors: dict[tuple[int, int], float]
+    trials: _Trials, indices: Sequence[int], longest: int, errors: dict[tuple[int, int], float]
 ) -> list[int]:
     """Leave out images without which those around them suffice: halving divides more often than it must."""
-    kept = [chosen[0]]
-    for index, following in pairwise(chosen[1:]):
-        joined = kept[-1], following
-        if following - kept[-1] <= longest and joined not in errors:
+    needed = [indices[0]]
+    for index, following in pairwise(indices[1:]):
+        joined = needed[-1], following
+        if following - needed[-1] <= longest and joined not in errors:
             errors[joined] = trials.error_between(*joined)
         if errors.get(joined, math.inf) > trials.bound:
-            kept.append(index)
-    return [*kept, chosen[-1]]
+            needed.append(index)
+    return [*needed, indices[-1]]
 
 
-def _between_images(trials: _Trials, chosen: Sequence[int], in_order: InOrder) -> set[int]:
+def _between_images(trials: _Trials, indices: Sequence[int], in_order: InOrder) -> set[int]:
     """Return the numbers to render between images of a preview that are neighbours and both chosen."""
     count, step = len(trials.images.files), trials.images.step
-    known, far = (
+    near, far = (
         dict(zip(inner, in_order(partial(trials.error_of, index, distance) for index in inner), strict=True))
         for distance, inner in ((1, range(1, count - 1)), (2, range(2, count - 2)))
     )
-    ratios = [far[i] / known[i] for i in far if known[i] > 0 and math.isfinite(far[i] / known[i])]
+    ratios = [far[i] / near[i] for i in far if near[i] > 0 and math.isfinite(far[i] / near[i])]
     power = math.log2(max(float(np.median(ratios)), 1.0)) if ratios else 1.0
     added = set[int]()
-    for first, last in pairwise(chosen):
+    for first, last in pairwise(indices):
         if last - first > 1:
             continue
-        errors = [known[i] for i in (first, last) if i in known]
+        errors = [near[i] for i in (first, last) if i in near]
         distance = _largest_distance(max(errors), power, step, trials.bound) if errors else step
         parts = math.ceil(step / distance)
         begin = trials.images.numbers[first]

@@ -105,11 +105,11 @@ def merge_regions(made: str, rendered: str, output: str, options: MergeOptions) 
     check_new_folder(Path(output))
     plan = RerenderPlan.read(Path(options.plan))
     with explained(InputError, "read", made, "check that it exists and that you may read it"):
-        found = find_images(made)
-    if not found.numbers:
+        images = find_images(made)
+    if not images.numbers:
         raise InputError(f"The images of {made} have no numbers in their names, by which a plan goes; number them.")
-    _refuse_inputs(Path(output), [found.files[0].parent, Path(rendered), Path(options.plan)])
-    files = dict(zip(found.numbers, found.files, strict=True))
+    _refuse_inputs(Path(output), [images.files[0].parent, Path(rendered), Path(options.plan)])
+    files = dict(zip(images.numbers, images.files, strict=True))
     planned = {frame.number: frame for frame in plan.frames if frame.regions}
     _check_numbers(made, plan, files)
     places, remarks = _find_rendered(Path(rendered), planned)
@@ -291,11 +291,11 @@ def _find_rendered(folder: Path, planned: Mapping[int, PlannedFrame]) -> tuple[d
             whole[number].append(name)
         else:
             parts[number].setdefault(place, []).append(name)
-    found = {}
+    images = {}
     for number, frame in planned.items():
-        found[number] = _choose(folder, frame, whole[number], parts[number])
+        images[number] = _choose(folder, frame, whole[number], parts[number])
     remark = f"{extra} image{'s' if extra > 1 else ''} of {folder} belong to no planned region and were left out."
-    return found, [remark] * (extra > 0)
+    return images, [remark] * (extra > 0)
 
 
 def _number_and_region(name: str, planned: Mapping[int, PlannedFrame]) -> tuple[int | None, int | None]:

@@ -43,10 +43,10 @@ def parse_budget(text: str, name: str) -> RenderBudget:
     >>> parse_budget("10%", "`budget`"), parse_budget("300s", "`budget`").unit
     (RenderBudget(amount=0.1, unit='share'), 'seconds')
     """
-    found = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*(%|s)\s*", text)
-    if found is None:
+    match = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*(%|s)\s*", text)
+    if match is None:
         raise OptionError(f"{name} must be a share as in 10%, or seconds as in 300s, not {text!r}.")
-    amount, unit = float(found[1]), found[2]
+    amount, unit = float(match[1]), match[2]
     return RenderBudget(amount / 100) if unit == "%" else RenderBudget(amount, "seconds")
 
 
@@ -102,10 +102,10 @@ def parse_quality(text: str, name: str) -> float:
     >>> parse_quality("35dB", "`quality`")
     35.0
     """
-    found = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*(?:dB)?\s*", text, re.IGNORECASE)
-    if found is None:
+    match = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*(?:dB)?\s*", text, re.IGNORECASE)
+    if match is None:
         raise OptionError(f"{name} must be a number of decibels, as in 35, not {text!r}.")
-    return float(found[1])
+    return float(match[1])
 
 
 @dataclass(frozen=True)

@@ -150,11 +150,11 @@ class RerenderPlan:
         path = folder / PLAN_FILE
         data = content_of(path, "name a folder that fpsboost plan has written")
         try:
-            found = json.loads(data)
-            if found["version"] != VERSION:
-                raise InputError(f"{path} is of version {found['version']}, and {VERSION} can be read; plan again.")
-            frames = tuple(_frame(each, found["width"], found["height"]) for each in found["frames"])
-            plan = cls(found["width"], found["height"], found["tile"], frames, found["totals"]["seconds"])
+            values = json.loads(data)
+            if values["version"] != VERSION:
+                raise InputError(f"{path} is of version {values['version']}, and {VERSION} can be read; plan again.")
+            frames = tuple(_frame(each, values["width"], values["height"]) for each in values["frames"])
+            plan = cls(values["width"], values["height"], values["tile"], frames, values["totals"]["seconds"])
         except (ValueError, KeyError, TypeError) as error:
             raise InputError(f"{path} is damaged or no plan; plan again.") from error
         plan._check_masks(folder)

@@ -142,13 +142,13 @@ def simplified(mask: NDArray[Any]) -> NDArray[Any]:
 
     Rectangles of tiles that are near each other are joined while that adds no more than `MAX_ADDED_SHARE`.
     """
-    found = mask.copy()
+    result = mask.copy()
     near = cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8))
     count, labels = cv2.connectedComponents(near, connectivity=8)
     for label in range(1, count):
         for rectangle in _joined(partition(mask & (labels == label))):
-            found[rectangle.part] = True
-    return found
+            result[rectangle.part] = True
+    return result
 
 
 def _joined(rectangles: Iterable[Rectangle]) -> list[Rectangle]:

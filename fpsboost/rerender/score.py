@@ -57,7 +57,7 @@ class ExpectedErrors(NamedTuple):
     """Number of the scene of each frame; one that is interpolated across a cut is a scene of its own."""
 
 
-class _Shown(NamedTuple):
+class _Trio(NamedTuple):
     """Two images, and the hidden one in their middle if there is one."""
 
     pair: Pair
@@ -118,9 +118,9 @@ def expect_errors(
     """
 
     def trials(distance: int, first: int) -> list[Trial]:
-        shown = _shown(frames, interpolator, factor, distance, first)
+        trios = _trios(frames, interpolator, factor, distance, first)
         times = [Fraction(1, 2)] if distance > 1 else [Fraction(step, factor) for step in range(1, factor)]
-        return list(in_order(partial(_try, interpolator, each, times, grid) for each in with_neighbours(shown)))
+        return list(in_order(partial(_try, interpolator, each, times, grid) for each in with_neighbours(trios)))
 
     made = trials(1, 0)
     hidden: list[Trial | None] = [None] * (len(made) + 1)
@@ -135,13 +135,13 @@ def expect_errors(
     )
     cut = np.repeat([trial.scene_cut for trial in made], factor - 1)
     scenes = np.repeat(np.cumsum([trial.scene_cut for trial in made]) * 2, factor - 1) - cut
-    known = [trial for trial in hidden if trial is not None and trial.error is not None]
-    if not known:  # scenes of two images each
+    measured = [trial for trial in hidden if trial is not None and trial.error is not None]
+    if not measured:  # scenes of two images each
         return ExpectedErrors(np.where(cut[:, np.newaxis, np.newaxis], doubts, 0), scenes.tolist())
-    expected = ErrorCurve.fitted(known).at(doubts)
+    expected = ErrorCurve.fitted(measured).at(doubts)
     farther = [trial for trial in trials(4, 0) if trial.error is not None]
     if farther:
-        expected /= ErrorCurve.fitted(farther).bias(known)
+        expected /= ErrorCurve.fitted(farther).bias(measured)
     follows = ~cut & np.isfinite(nearby).all(axis=(1, 2))
     expected[follows] = _geometric_mean(expected[follows], nearby[follows])
     expected[cut] = doubts[cut]
@@ -169,9 +169,9 @@ def _weighted(image: Image) -> NDArray[Any]:
     return values
 
 
-def _shown(
+def _trios(
     frames: Iterable[Frame], interpolator: Interpolator, factor: int, distance: int, first: int
-) -> Iterator[_Shown]:
+) -> Iterator[_Trio]:
     """Yield pairs of images a distance apart, with the truth in their middle."""
     before: FrameCache | None = None
     truth: Image | None = None
@@ -182,46 +182,46 @@ def _shown(
                 truth = comparable(frame.array)
             continue
         position = SourcePosition(index, frame.time)
-        shown = FrameCache(comparable(frame.array), Fraction(index * factor), position)
+        image = FrameCache(comparable(frame.array), Fraction(index * factor), position)
         if before is not None:
-            yield _Shown(interpolator.pair(before, shown), truth)
-        before = shown
+            yield _Trio(interpolator.pair(before, image), truth)
+        before = image
 
 
 def _try(
     interpolator: Interpolator,
-    neighbourhood: tuple[_Shown | None, _Shown, _Shown | None],
+    neighbourhood: tuple[_Trio | None, _Trio, _Trio | None],
     times: Sequence[Fraction],
     grid: TileGrid,
 ) -> Trial:
-    before, shown, after = neighbourhood
-    pair, neighbours = shown.pair, (before and before.pair, after and after.pair)
+    before, trio, after = neighbourhood
+    pair, neighbours = trio.pair, (before and before.pair, after and after.pair)
     images, scene_cut = interpolator.between_with_confidence(pair, times, *neighbours)
     if pair.is_discontinuous(*neighbours):  # the nearer frame is repeated, and as often the other one is right
         apart = grid.means(squared_error(pair.image0.array, pair.image1.array)) / 2
         return Trial(scene_cut=True, doubts=[apart] * len(times), error=None)
     made = list(images)
-    error = None if shown.truth is None else grid.means(squared_error(as_array(made[0].image), shown.truth))
+    error = None if trio.truth is None else grid.means(squared_error(as_array(made[0].image), trio.truth))
     return Trial(scene_cut, [grid.means(1 - each.confidence) for each in made], error)
 
 
 def _tiles_of(trials: Sequence[Trial]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return doubts and errors of all tiles."""
-    known = [trial for trial in trials if trial.error is not None]
-    doubts = np.concatenate([trial.doubts[0].ravel() for trial in known])
-    return doubts, np.concatenate([trial.error.ravel() for trial in known if trial.error is not None])
+    measured = [trial for trial in trials if trial.error is not None]
+    doubts = np.concatenate([trial.doubts[0].ravel() for trial in measured])
+    return doubts, np.concatenate([trial.error.ravel() for trial in measured if trial.error is not None])
 
 
 def _error_nearby(sides: Sequence[Trial | None], t: float, grid: TileGrid) -> Tiles:
     """Return the error at time t between the errors of the images on both sides; NaN where neither is known."""
-    known = [
+    measured = [
         (weight, trial.error)
         for weight, trial in zip((1 - t, t), sides, strict=True)
         if trial is not None and trial.error is not None
     ]
-    if not known:
+    if not measured:
         return np.full(grid.shape, np.nan)
-    return np.asarray(sum(weight * error for weight, error in known) / sum(weight for weight, _ in known))
+    return np.asarray(sum(weight * error for weight, error in measured) / sum(weight for weight, _ in measured))
 
 
 def _geometric_mean(expected: NDArray[Any], nearby: NDArray[Any]) -> NDArray[Any]:

@@ -62,18 +62,18 @@ class Prober:
         with self._lock:
             self.close()
             self._process = process = start_process(["probe", path, "--json"], subprocess.PIPE)
-        text, said = process.communicate()
+        text, messages = process.communicate()
         if process.returncode != 0:
-            raise InputError(said.strip().removeprefix("fpsboost: ") or f"{path} was not read to its end.")
-        found = _as_probe(json.loads(text))
+            raise InputError(messages.strip().removeprefix("fpsboost: ") or f"{path} was not read to its end.")
+        result = _as_probe(json.loads(text))
         return {
-            "facts": {name: value for name, value in facts(found).items() if not name.startswith("--")},
+            "facts": {name: value for name, value in facts(result).items() if not name.startswith("--")},
             "streams": [
                 f"{each.kind}: {' '.join(filter(None, (each.codec, each.details, each.language, each.title)))}"
-                for each in found.streams
+                for each in result.streams
             ],
-            "remarks": [*found.remarks, *found.conversion.remarks],
-            "last": max(0.0, found.duration - 1 / found.rate),
+            "remarks": [*result.remarks, *result.conversion.remarks],
+            "last": max(0.0, result.duration - 1 / result.rate),
         }
 
     def close(self) -> None:
@@ -95,7 +95,7 @@ def _as_probe(data: dict[str, Any]) -> Probe:
 class FrameBetween(NamedTuple):
     """A frame between two of a clip as JPEG, the times of the two in the clip, and whether a scene ends there."""
 
-    made: bytes
+    interpolated: bytes
     blended: bytes
     begin: Fraction
     end: Fraction
@@ -125,5 +125,5 @@ def look_between(job: ConversionJob, time: Fraction) -> FrameBetween:
             image = next(iter(method.between(pair, [0.5], before, after).images))
             view.add(Frame(image, Fraction(0)), Fraction(0))
         is_cut = pair.is_cut(before, after)
-    made, blended = view.pictures
-    return FrameBetween(made, blended, moments[place], moments[place + 1], is_cut)
+    interpolated, blended = view.pictures
+    return FrameBetween(interpolated, blended, moments[place], moments[place + 1], is_cut)

@@ -44,9 +44,9 @@ class Files:
         """Return the folders and clips in a folder, and the folders above it, as plain data."""
         folder = self.inside(text)
         with explained(InputError, "list", str(folder), "check the permissions"):
-            found = sorted(os.scandir(folder), key=lambda each: each.name.casefold())
+            content = sorted(os.scandir(folder), key=lambda each: each.name.casefold())
         entries, images = list[dict[str, Any]](), 0
-        for each in found:
+        for each in content:
             if each.name.startswith("."):
                 continue
             kind, size = _kind(each)

@@ -44,11 +44,11 @@ class Job:
         resumes = self.frame > 0 and Target.parse(self.output).kind in ("video", "images")
         return [*self.words[1:], *["--resume"] * resumes, "--progress", "json"]
 
-    def take(self, told: dict[str, Any]) -> None:
+    def take(self, report: dict[str, Any]) -> None:
         """Take over the progress that a run reports."""
         for name in ("stage", "frame", "frames", "fps"):
-            setattr(self, name, told.get(name, getattr(self, name)))
-        self.remarks += [each for each in told.get("remarks", []) if each not in self.remarks]
+            setattr(self, name, report.get(name, getattr(self, name)))
+        self.remarks += [each for each in report.get("remarks", []) if each not in self.remarks]
 
 
 class Queue:
@@ -161,8 +161,8 @@ class Queue:
         """Take over the progress of a run until it ends; return its messages and its exit code."""
         lines = deque[str](maxlen=20)  # a broken run may say much
         assert process.stderr is not None, "it is a pipe"
-        with process.stderr as told:
-            for line in told:
+        with process.stderr as report:
+            for line in report:
                 try:
                     values = dict(json.loads(line))
                 except (TypeError, ValueError):

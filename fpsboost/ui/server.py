@@ -72,11 +72,11 @@ class Desk:
             raise OptionError("The page has sent no valid time; load it anew.")
         job = choices.job(self.files)
         with self._looking:  # one at a time, so that it takes no more memory than a conversion
-            found = look_between(job, Fraction(time).limit_denominator(10**9))
+            frame = look_between(job, Fraction(time).limit_denominator(10**9))
         return {
-            "images": [data_uri(each, "jpeg") for each in (found.blended, found.made)],
-            "between": f"between {format_time(found.begin)} and {format_time(found.end)}",
-            "is_cut": found.is_cut,
+            "images": [data_uri(each, "jpeg") for each in (frame.blended, frame.interpolated)],
+            "between": f"between {format_time(frame.begin)} and {format_time(frame.end)}",
+            "is_cut": frame.is_cut,
         }
 
     def add(self, data: Json) -> Json:

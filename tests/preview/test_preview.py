@@ -85,13 +85,13 @@ def shown(short):
 def test_passage_in_motion_is_chosen(clip):
     """Of a clip that mostly stands still, the part that moves is shown, though few frames were decoded elsewhere."""
     found = found_in(clip)
-    assert any(7 <= passage.start < 10 for passage in found.shown)
+    assert any(7 <= passage.start < 10 for passage in found.passages)
     assert sum(float(end - start) for start, end in found.parts) < 8
 
 
 def test_passages_do_not_overlap_and_lie_in_the_part_asked_for(short):
     """Each shows other frames; of a short clip all together are the clip."""
-    passages = found_in(short).shown
+    passages = found_in(short).passages
     assert [(passage.start, passage.end) for passage in passages] == [(0, 1), (1, 2)]
 
 
@@ -101,8 +101,8 @@ def test_cut_is_reported_and_divides_no_passage(tmp_path):
     found = found_in(write_video_of(tmp_path / "cut.mp4", pictures, 100))
     cut = Fraction(8, RATE)
     assert found.cuts == [cut]
-    assert found.shown
-    assert not any(passage.start < cut < passage.end for passage in found.shown)
+    assert found.passages
+    assert not any(passage.start < cut < passage.end for passage in found.passages)
 
 
 def test_duplicates_are_reported(tmp_path):
@@ -115,12 +115,12 @@ def test_duplicates_are_reported(tmp_path):
 def test_given_place_is_shown(clip):
     """What is there does not matter, and near the end a passage begins earlier."""
     found = found_in(clip, Position(Fraction(3)), Position(Fraction(191), is_frame=True))
-    assert [passage.start for passage in found.shown] == [3, 15]
+    assert [passage.start for passage in found.passages] == [3, 15]
 
 
 def test_passage_has_the_frames_of_the_whole_conversion(clip, tmp_path):
     """What is shown as before and after, at the same times, is what the clip and its conversion have there."""
-    passage = found_in(clip, Position(Fraction(8))).shown[0]
+    passage = found_in(clip, Position(Fraction(8))).passages[0]
     found = preview(job_of(clip), BLEND, RunOptions(), at=[Position(Fraction(8))])
     after = found.trials["blend"][0].after
     assert after.times == [Fraction(place, 2 * RATE) for place in range(2 * RATE)]
@@ -189,7 +189,7 @@ def test_deep_video_with_full_chroma_rows(tmp_path):
     """4:2:2 in 10 bits is shown with its colours, in their place."""
     path = write_video_of(tmp_path / "deep.mov", [scene(number) for number in range(RATE)], pix_fmt="yuv422p10le")
     found = tried(path, "out.mov")
-    image = found.found.shown[0].before.image_at(Fraction(0)).astype(int)
+    image = found.selection.passages[0].before.image_at(Fraction(0)).astype(int)
     assert np.abs(image - scene(0)).mean() < 8
 
 

@@ -138,9 +138,9 @@ def draw_lines(
     """
     counted = np.array([number not in cuts for number in numbers])
     values = [np.where(counted, np.asarray(each.values, float), np.nan) for each in series]
-    known = [each for each in values if np.isfinite(each).any()]
-    shown = np.concatenate([each[np.isfinite(each)] for each in known])
-    logarithmic = may_be_logarithmic and float(shown.min()) > 0 and _differ_much(known)
+    finite = [each for each in values if np.isfinite(each).any()]
+    all_values = np.concatenate([each[np.isfinite(each)] for each in finite])
+    logarithmic = may_be_logarithmic and float(all_values.min()) > 0 and _differ_much(finite)
     charts = []
     for form in FORMS:
         with _styled(form):
@@ -149,7 +149,7 @@ def draw_lines(
                 _draw_line(axes, each, numbers, line)
             for cut in cuts:
                 axes.axvline(cut, gid=f"cut-{cut}", linewidth=1, linestyle=(0, (2, 3)))
-            _set_limits(axes, numbers, shown, from_zero=from_zero and not logarithmic, logarithmic=logarithmic)
+            _set_limits(axes, numbers, all_values, from_zero=from_zero and not logarithmic, logarithmic=logarithmic)
             axes.set_xlabel("frame")
             axes.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=12 if form.name == "wide" else 6))
             charts.append(_finish(figure, axes, name, form))
@@ -219,10 +219,12 @@ def _draw_line(axes: Axes, series: Series, numbers: Sequence[int], values: NDArr
         line.set_markevery((series.method * step // len(MARKERS) % step, step))  # not all at the same frames
 
 
-def _set_limits(axes: Axes, numbers: Sequence[int], shown: NDArray[Any], *, from_zero: bool, logarithmic: bool) -> None:
+def _set_limits(
+    axes: Axes, numbers: Sequence[int], all_values: NDArray[Any], *, from_zero: bool, logarithmic: bool
+) -> None:
     spare = max(0.5, 0.015 * (numbers[-1] - numbers[0]))
     axes.set_xlim(numbers[0] - spare, numbers[-1] + spare)
-    lowest, highest = float(shown.min()), float(shown.max())
+    lowest, highest = float(all_values.min()), float(all_values.max())
     if logarithmic:
         lowest = max(lowest, highest / WIDEST)
         axes.set_yscale("log")

@@ -55,14 +55,14 @@ class Plot(NamedTuple):
     charts: list[Chart]
 
 
-class Chosen(NamedTuple):
+class Choice(NamedTuple):
     """A frame that is shown, and why."""
 
     number: int
     reasons: list[str]
 
 
-class ShownFrame(NamedTuple):
+class FrameSection(NamedTuple):
     """A frame on the page."""
 
     title: str
@@ -124,12 +124,12 @@ def _name_of(comparison: Comparison) -> str:
 def _clip_values(each: ComparedClip, at: str, clips: int, input_fps: Fraction | None) -> dict[str, Any]:
     """Return the values for the sections about one of several clips; `at` is a suffix of its element names."""
     comparison, contestants = each
-    chosen = choose_frames(comparison)
-    opening = next((one for one in chosen if DIFFERENT in one.reasons), chosen[0]).number
-    shown, motion = _view_frames(comparison, contestants, chosen, input_fps)
+    choices = choose_frames(comparison)
+    opening = next((one for one in choices if DIFFERENT in one.reasons), choices[0]).number
+    sections, motion = _view_frames(comparison, contestants, choices, input_fps)
     count = count_for(comparison, MAX_PIXELS // clips)
-    passages = choose_passages(comparison, count, [one.number for one in chosen])
-    exact = choose_exact(comparison, [*dict.fromkeys([opening, chosen[0].number])], MAX_EXACT_PIXELS // clips)
+    passages = choose_passages(comparison, count, [one.number for one in choices])
+    exact = choose_exact(comparison, [*dict.fromkeys([opening, choices[0].number])], MAX_EXACT_PIXELS // clips)
     played = view_passages(comparison, contestants, passages, input_fps, exact)
     played.opening = opening
     return {
@@ -152,7 +152,7 @@ def _clip_values(each: ComparedClip, at: str, clips: int, input_fps: Fraction | 
         "values": frame_values(comparison),
         "shared_out": shared_out(comparison),
         "tabled": len(comparison.hidden) <= TABLED_FRAMES,
-        "shown": shown,
+        "sections": sections,
         "motion": motion,
         "exact": exact,
         "played": played,
@@ -165,25 +165,25 @@ def _clip_values(each: ComparedClip, at: str, clips: int, input_fps: Fraction | 
 
 
 def _view_frames(
-    comparison: Comparison, contestants: Mapping[str, Contestant], chosen: Sequence[Chosen], input_fps: Fraction | None
-) -> tuple[list[ShownFrame], MotionView | None]:
+    comparison: Comparison, contestants: Mapping[str, Contestant], choices: Sequence[Choice], input_fps: Fraction | None
+) -> tuple[list[FrameSection], MotionView | None]:
     """Return views of the chosen frames, each interpolated when its turn comes, and of the motion at the first."""
     names = [method.name for method in comparison.methods]
-    clip = comparison.clip, comparison.hiding, [each.number for each in chosen]
+    clip = comparison.clip, comparison.hiding, [each.number for each in choices]
     far = {name: interpolate_some(*clip, contestants[name], input_fps) for name in names if contestants[name].looks_far}
-    shown: list[ShownFrame] = []
+    sections: list[FrameSection] = []
     motion: MotionView | None = None
-    for each, sample in zip(chosen, read_samples(*clip, input_fps), strict=True):
+    for each, sample in zip(choices, read_samples(*clip, input_fps), strict=True):
         frames = {
             name: far[name][each.number] if name in far else sample.interpolate(contestants[name]) for name in names
         }
-        shown.append(ShownFrame(_title(each, names[0]), view_frame(sample, frames)))
-        if len(shown) == 1:
+        sections.append(FrameSection(_title(each, names[0]), view_frame(sample, frames)))
+        if len(sections) == 1:
             motion = view_motion(sample, frames, contestants)
-    return shown, motion
+    return sections, motion
 
 
-def choose_frames(comparison: Comparison) -> list[Chosen]:
+def choose_frames(comparison: Comparison) -> list[Choice]:
     """Choose the worst, the median and the best frame of the first method, and the one where methods differ most."""
     first = comparison.methods[0]
     ranked = sorted(comparison.counted(first), key=lambda frame: frame.scores.psnr)
@@ -193,7 +193,7 @@ def choose_frames(comparison: Comparison) -> list[Chosen]:
     if len(comparison.methods) > 1:
         reasons[DIFFERENT] = _most_different(comparison)
     numbers = dict.fromkeys(reasons.values())
-    return [Chosen(number, [why for why, which in reasons.items() if which == number]) for number in numbers]
+    return [Choice(number, [why for why, which in reasons.items() if which == number]) for number in numbers]
 
 
 def _most_different(comparison: Comparison) -> int:
@@ -203,10 +203,10 @@ def _most_different(comparison: Comparison) -> int:
     return max(errors, key=lambda number: median(errors[number]) - min(errors[number]))
 
 
-def _title(chosen: Chosen, first: str) -> str:
-    places = [reason for reason in chosen.reasons if reason != DIFFERENT]
+def _title(choice: Choice, first: str) -> str:
+    places = [reason for reason in choice.reasons if reason != DIFFERENT]
     of_first = [f"{_listed(places)} of {first}"] if places else []
-    return f"Frame {chosen.number}: {_listed(of_first + [each for each in chosen.reasons if each == DIFFERENT])}"
+    return f"Frame {choice.number}: {_listed(of_first + [each for each in choice.reasons if each == DIFFERENT])}"
 
 
 def _listed(words: Sequence[str]) -> str:

@@ -119,9 +119,9 @@ def view_passages(
     frames: dict[tuple[int, int], dict[str, Any]] = {}
 
     def add(number: int, passage: int, image: Image, note: str) -> None:
-        shown = not_too_wide(as_shown(image))
-        picture = as_webp(shown, LOSSLESS if number in exact else QUALITY)
-        loss = round(find_loss(shown, picture), 1) if (passage, number) not in frames else None
+        displayed = not_too_wide(as_shown(image))
+        picture = as_webp(displayed, LOSSLESS if number in exact else QUALITY)
+        loss = round(find_loss(displayed, picture), 1) if (passage, number) not in frames else None
         frame = {"number": number, "passage": passage, "note": note, "images": [], "loss": loss}
         frames.setdefault((passage, number), frame)["images"].append(data.add_picture(data_uri(picture, "webp")))
 

@@ -260,11 +260,11 @@ def find_spots(errors: Sequence[NDArray[Any]]) -> list[Spot]:
     spots = [Spot(int(x), int(y), size, "largest error")]
     several = len(errors) > 1
     # not from the worst: a method that fails everywhere would draw all attention
-    wanted = np.median(means, axis=0) - means.min(axis=0) if several else together
-    rows, columns = np.ogrid[: wanted.shape[0], : wanted.shape[1]]
+    leads = np.median(means, axis=0) - means.min(axis=0) if several else together
+    rows, columns = np.ogrid[: leads.shape[0], : leads.shape[1]]
     beside = (abs(rows - y) >= size) | (abs(columns - x) >= size)
     if beside.any():
-        y, x = np.unravel_index(int(np.where(beside, wanted, -1).argmax()), wanted.shape)
+        y, x = np.unravel_index(int(np.where(beside, leads, -1).argmax()), leads.shape)
         spots.append(Spot(int(x), int(y), size, "methods differ most" if several else "next largest error"))
     return spots
 

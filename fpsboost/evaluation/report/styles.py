@@ -78,12 +78,12 @@ def styles_of(names: Sequence[str]) -> list[Style]:
     >>> styles_of(["nlm", "dis"])[1] == styles_of(["blend", "nearest", "dis"])[2]
     True
     """
-    known = method_names()
+    ours = method_names()
     taken: list[int] = []
     styles = []
     for name in names:
         base, options, _ = name.partition(":")
-        line = DASH_DOTTED if base not in known else DASHED if options else SOLID
+        line = DASH_DOTTED if base not in ours else DASHED if options else SOLID
         place = [*NAMED].index(name) if name in NAMED else _checksum(name) // COLOURS
         free = [mark for mark in range(len(MARKERS)) if mark not in taken] or list(range(len(MARKERS)))
         mark = place % len(MARKERS)

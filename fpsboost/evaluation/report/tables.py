@@ -95,9 +95,9 @@ def _rows(
 
 def _cells(values: Sequence[float], digits: int, high_is_good: bool) -> list[Cell]:
     """Return the cells; what reads the same as the best is the best too, and a lone value is no best."""
-    known = [value for value in values if math.isfinite(value)]
-    digits += _more_digits(known, digits)
-    best = f"{max(known) if high_is_good else min(known):.{digits}f}" if len(known) > 1 else None
+    finite = [value for value in values if math.isfinite(value)]
+    digits += _more_digits(finite, digits)
+    best = f"{max(finite) if high_is_good else min(finite):.{digits}f}" if len(finite) > 1 else None
     texts = [f"{value:.{digits}f}" if math.isfinite(value) else None for value in values]
     return [
         Cell("-", None, False) if text is None else Cell(text, value, text == best)
