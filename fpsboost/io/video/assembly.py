@@ -77,7 +77,7 @@ class Assembly:
         Raises
         ------
         OutputError
-            A chunk was made by an encoder that was set up differently.
+            A chunk comes from an encoder with other settings.
         OSError, av.error.FFmpegError
             The file cannot be written.
         """
@@ -153,7 +153,7 @@ def decoding_times_of(chunks: Sequence[Chunk]) -> Iterator[int]:
     """Yield the decoding time of each packet, in ticks.
 
     With reordering, decoding starts before presentation, so the decoding times of each chunk reach back into the chunk
-    before. Here they continue across chunks as if one encoder had made all of them: the decoding time of a packet is
+    before. Here they continue across chunks as if they came from one encoder: the decoding time of a packet is
     the presentation time of the picture a fixed number of places before it in presentation order. The encoder's own
     decoding times are not used: for fewer pictures than x265 buffers, they are far before the presentation times.
     """

@@ -34,7 +34,7 @@ H264_IDR, H264_SEI = 5, 6
 RECOVERY_POINT = 6
 HEVC_RANDOM_ACCESS = range(16, 22)
 HIDING = ("vp8", "vp9")
-"""Codecs that have packets of which no picture is shown."""
+"""Codecs with packets that only serve as references and are not presented."""
 
 MPEG2_PICTURE, MPEG4_PICTURE = b"\x00\x00\x01\x00", b"\x00\x00\x01\xb6"
 
@@ -121,11 +121,11 @@ class FrameIndex:
 
 
 class UnindexedError(Exception):
-    """A file's packets do not tell the times of its frames; the message says why, as a clause."""
+    """The packets of a file do not give the times of its frames; the message is the reason, as a clause."""
 
 
 def read_index(path: Path, video: int) -> FrameIndex:
-    """List all packets of a video stream and return what they tell of its frames.
+    """List all packets of a video stream and return the index of its frames.
 
     Raises
     ------
@@ -164,7 +164,10 @@ def _read_packets(container: av.container.InputContainer, stream: av.VideoStream
         if is_blank and len(pts) > listed:
             raise UnindexedError(f"it holds more than the {listed} packets that it lists")
         flags.append(
-            (keys[len(pts) - 1] if is_blank else packet.is_keyframe, not packet.is_discard and is_shown(codec, packet))
+            (
+                keys[len(pts) - 1] if is_blank else packet.is_keyframe,
+                not packet.is_discard and is_presented(codec, packet),
+            )
         )
     if damage != Damage():
         raise UnindexedError("parts of it cannot be read")
@@ -176,10 +179,10 @@ def _read_packets(container: av.container.InputContainer, stream: av.VideoStream
 
 
 def _index_of(
-    pts: NDArray[np.int64], dts: Sequence[int | None], is_key: NDArray[np.bool_], is_shown: NDArray[np.bool_]
+    pts: NDArray[np.int64], dts: Sequence[int | None], is_key: NDArray[np.bool_], is_presented: NDArray[np.bool_]
 ) -> FrameIndex:
     """Return the index of packets in the order of the file."""
-    places = np.flatnonzero(is_shown)
+    places = np.flatnonzero(is_presented)
     places = places[np.argsort(pts[places], kind="stable")]
     ticks = pts[places]
     if not len(ticks) or np.any(np.diff(ticks) <= 0):
@@ -194,7 +197,7 @@ def _entry_points(
     ticks: NDArray[np.int64],
     places: NDArray[np.intp],
 ) -> Iterator[EntryPoint]:
-    """Yield the key frames behind which all frames lie that are shown from them on."""
+    """Yield the key frames after which all frames are stored that are presented from them on."""
     earliest = np.minimum.accumulate(places[::-1])[::-1]  # place of the first packet that a frame or a later one needs
     last = -1
     for place in keys.tolist():
@@ -224,7 +227,7 @@ def _begins_hevc(data: bytes, header: bytes | None) -> bool:
 
 
 def _has_intra_picture(data: bytes, start_code: bytes, at: int, shift: int, mask: int, intra: int) -> bool:
-    """Return whether the type of the picture behind a start code, in byte `at` of it, says that it stands alone."""
+    """Return whether the picture behind a start code, with its type in byte `at`, is an intra picture."""
     place = data.find(start_code)
     return 0 <= place < len(data) - at and data[place + at] >> shift & mask == intra
 
@@ -243,8 +246,8 @@ checks: dict[str, Callable[[bytes, bytes | None], bool]] = {
 """For each codec whose key frames end all dependence on earlier packets, the check of one; see `can_begin`."""
 
 
-def is_shown(codec: str, packet: av.Packet[Any]) -> bool:
-    """Return whether a packet of this codec becomes a picture that is shown.
+def is_presented(codec: str, packet: av.Packet[Any]) -> bool:
+    """Return whether a packet of this codec becomes a picture that is presented.
 
     VP8 and VP9 have frames that only serve as references, in packets of their own; H.264 and others have none.
     """
@@ -258,7 +261,7 @@ def is_shown(codec: str, packet: av.Packet[Any]) -> bool:
 
 
 def _vp9_flags(first: int) -> int:
-    """Return, from the first byte of a frame, 4 if it repeats an earlier one, 2 if it is no key frame, 1 if shown."""
+    """Return from the first byte of a frame: 4 if it repeats an earlier one, 2 if no key frame, 1 if presented."""
     is_profile_3 = first & 0x30 == 0x30  # has one bit more before them
     return (first if is_profile_3 else first >> 1) & 7
 
@@ -269,7 +272,7 @@ def _is_h264_entry(unit: bytes) -> bool:
 
 
 def _recovers_at_once(messages: bytes) -> bool:
-    """Return whether an SEI unit says that decoding is right from the picture that it belongs to on."""
+    """Return whether an SEI unit declares a recovery point at its own picture."""
     place = 0
     while place + 2 < len(messages):
         numbers = []

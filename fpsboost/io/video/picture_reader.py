@@ -81,13 +81,13 @@ class PictureReader:
             self.pictures = self._from_here()
             picture = self.pictures.peek()
             if picture is None or picture.pts is None or picture.is_corrupt:
-                continue  # what follows would hang on what came before
+                continue  # what follows would depend on pictures before it
             if first <= self._time_of(picture) <= time:
                 return
         self._reopen()
 
     def frame_times(self) -> Sequence[Fraction] | None:
-        """Return the times of all frames, from the packets; None if these do not tell them."""
+        """Return the times of all frames, from the packets; None if these do not give them."""
         if self.index is None and self._unindexed is None:
             try:
                 self.index = self._checked_index()
@@ -146,7 +146,7 @@ class PictureReader:
     def _seek_to(self, point: EntryPoint, points: list[EntryPoint]) -> EntryPoint | None:
         """Seek to an entry point or, where the container's index leads elsewhere, to another one of some; return it.
 
-        None where nothing can be read there, or what is there hangs on what is before.
+        None where nothing can be read there, or where decoding depends on earlier packets.
         """
         demuxer = self._demuxer
         for time in (point.pts, point.dts):  # indexes count either
@@ -164,7 +164,7 @@ class PictureReader:
     def _decode_up_to(self, number: int, point: EntryPoint, index: FrameIndex) -> bool:
         """Decode from an entry point, where the file is, up to a frame; return whether the pictures are those listed.
 
-        Pictures before the entry point's are left out: they hang on what is before.
+        Pictures before the entry point's are left out, since decoding them depends on earlier packets.
         """
         self.pictures = self._from_here()
         ticks, expected = index.ticks, point.number

@@ -1,7 +1,7 @@
 """PyAV 18.1 and 19 from one code, and what its FFmpeg was built with.
 
 PyAV 19 has rational numbers of its own, which are 0/1 where PyAV 18 has None, and keeps bytes of texts that are not
-UTF-8 as surrogates, which cannot be printed; PyAV 18 raises for them unless it is told to replace them.
+UTF-8 as surrogates, which cannot be printed; PyAV 18 raises for them, or replaces them if asked to.
 """
 
 from __future__ import annotations
