@@ -7,6 +7,7 @@ the matrix that is usual for their size.
 
 from __future__ import annotations
 
+import gc
 import json
 import tempfile
 from fractions import Fraction
@@ -193,7 +194,8 @@ class VmafMeter(_FilterMeter):
         """See `Meter.values`."""
         if self._graph is not None:
             self._graph.end()
-            self._graph = None  # the filter writes its log when it is taken down
+            self._graph = None
+            gc.collect()  # libvmaf writes its log when it is freed; PyAV's filters and their graph hold each other
         values = read_vmaf(self._log.read_text(encoding="utf-8"))
         self._scratch.cleanup()
         return self._counted(values)
