@@ -66,7 +66,7 @@ def test_a_damaged_image_is_one_sentence(tmp_path, fpsboost_, suffix, damage, co
 def test_what_is_read_nevertheless_is_a_note(tmp_path, fpsboost_, monkeypatch):
     """What a library says while it reads a file is said behind the summary, each text once; --quiet leaves it out."""
     read = source.read_image
-    monkeypatch.setattr(source, "read_image", lambda *path: (os.write(2, b"Corrupt data\n"), read(*path))[1])
+    monkeypatch.setattr(source, "read_image", lambda *path, **options: (os.write(2, b"Corrupt data\n"), read(*path))[1])
     (tmp_path / "in").mkdir()
     for number in (1, 2, 3):
         (tmp_path / "in" / f"{number}.jpg").write_bytes(encoded(".jpg"))

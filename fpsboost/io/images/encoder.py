@@ -224,7 +224,7 @@ class ImageEncoder:
         elif isinstance(frame.preceding, ImageFile) and frame.preceding.path != self._followed:
             self._follow(frame.preceding.path)
         lost = lost_metadata(extension_of(path.name), self._metadata, frame.array.shape[2])
-        self._remark([f"{self._path} cannot hold the {each} of its source; left out." for each in lost])
+        self._remark([f"{self._path} cannot hold the {item} of its source; left out." for item in lost])
         if self._exr is not None and extension_of(path.name) == ".exr":
             self._remark_on_layers(self._exr)
             return encode_like(self._exr, frame.image)
@@ -263,7 +263,7 @@ class ImageEncoder:
 
     def _remark_on_layers(self, header: ExrHeader) -> None:
         """Remark, once, what the frames between do not have of the originals."""
-        lost = [f"The originals {each}." for each in losses_like(header)]
+        lost = [f"The originals {loss}." for loss in losses_like(header)]
         interpolated = {name for layer in self._layers for name in layer.channels}
         if any(not interpolated.issuperset(layer.channels) for layer in contents_of(header).layers):
             lost.append("The originals passed with all their layers, of which the frames between have fewer.")

@@ -93,7 +93,7 @@ class ExrHeader:
         """Part and stored name of every channel, by its full name."""
         return {part.full_name(name): (part, name) for part in self.parts for name in part.channels}
 
-    @property
+    @cached_property
     def channels(self) -> dict[str, Precision]:
         """Type of each channel, by its full name, in the order of the file."""
         return {name: part.channels[own] for name, (part, own) in self.places.items()}
@@ -178,7 +178,7 @@ def _part(name: str, header: Mapping[str, Any], types: Mapping[str, Precision]) 
         raise ValueError("a window without pixels")
     return ExrPart(
         name,
-        {each.name: types[each.name] for each in channels},
+        {channel.name: types[channel.name] for channel in channels},
         data,
         display,
         {key: value for key, value in header.items() if key not in _per_file},
@@ -319,7 +319,7 @@ def encode_exr_like(header: ExrHeader, planes: Mapping[str, NDArray[Any]]) -> by
             written.append((attributes, channels, part.name))
     if len(header.parts) == 1:
         return _encoded(OpenEXR.File(*written[0][:2]))
-    return _encoded(OpenEXR.File([OpenEXR.Part(*each) for each in written]))
+    return _encoded(OpenEXR.File([OpenEXR.Part(*part) for part in written]))
 
 
 def _typed(plane: NDArray[Any], kind: type[np.generic]) -> NDArray[Any]:

@@ -77,7 +77,7 @@ def content_of(path: Path, advice: str = "check that it exists and that you may 
         return path.read_bytes()
 
 
-def read_image(path: Path, limit: MemoryLimit | None = None) -> Image:
+def read_image(path: Path, limit: MemoryLimit | None = None, *, upright: bool = False) -> Image:
     """Read one image as it is stored.
 
     Parameters
@@ -85,6 +85,8 @@ def read_image(path: Path, limit: MemoryLimit | None = None) -> Image:
     path : Path
     limit : MemoryLimit, optional
         What may be taken; what is available without it.
+    upright : bool
+        Turn it as its EXIF orientation says. A TIFF is turned anyway.
 
     Returns
     -------
@@ -111,12 +113,14 @@ def read_image(path: Path, limit: MemoryLimit | None = None) -> Image:
         if stored is None or file.geterror():  # a JPEG that ends early has pixels, of which the last are gray
             raise damaged(path)
         photometric, orientation = _tiff_tags(spec)
+        if upright:
+            orientation = spec.get_int_attribute("Orientation", 1)
     image: NDArray[Any] = stored[..., [0, 0, 0, 1]] if channels == 2 else stored
     if channels > 2:
         image = cv2.cvtColor(image, _orders[channels])
     if photometric == _white_is_0 and image.dtype == np.uint16:  # the library turns 8 bits, but not 16
         image = np.uint16(0xFFFF) - image
-    return upright(image, orientation)
+    return _turned(image, orientation)
 
 
 def _tiff_tags(spec: Any) -> tuple[int | None, int]:
@@ -125,7 +129,7 @@ def _tiff_tags(spec: Any) -> tuple[int | None, int]:
     return photometric, 1 if photometric is None else spec.get_int_attribute("Orientation", 1)
 
 
-def upright(image: Image, orientation: int) -> Image:
+def _turned(image: Image, orientation: int) -> Image:
     """Turn an image as EXIF's orientation, 1 to 8, says."""
     if orientation in (2, 4, 5, 7):
         image = image[:, ::-1]

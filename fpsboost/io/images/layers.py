@@ -64,13 +64,13 @@ class LayerNames:
     name : str
         Empty for colours without a layer's name.
     kind : LayerKind
-    channels : tuple of str
-        Full names, in the order of the file.
+    channels : mapping of str to Precision
+        Full names in the order of the file, and their types.
     """
 
     name: str
     kind: LayerKind
-    channels: tuple[str, ...]
+    channels: Mapping[str, Precision]
 
     def is_called(self, name: str) -> bool:
         """Return whether a user may mean this layer: by its name, also without that of its view layer or part."""
@@ -83,7 +83,7 @@ class LayerNames:
 
     def channel(self, letter: str) -> str | None:
         """Return the channel whose name ends in a letter."""
-        return next((each for each in self.channels if _letter_of(each) == letter), None)
+        return next((name for name in self.channels if _letter_of(name) == letter), None)
 
 
 @dataclass(frozen=True)
@@ -115,9 +115,12 @@ def contents_of(header: ExrHeader) -> ExrContents:
     of several parts without such a word, the first.
     """
     layers = _layers_of(header)
-    found, picture = _find_picture(layers, has_parts=len(header.parts) > 1)
-    rest = [replace(each, channels=tuple(name for name in each.channels if name not in picture)) for each in layers]
-    return ExrContents(picture, found, [layer for layer in rest if layer.channels], _views(header))
+    pictures, picture = _find_picture(layers, has_parts=len(header.parts) > 1)
+    rest = [
+        replace(layer, channels={name: kind for name, kind in layer.channels.items() if name not in picture})
+        for layer in layers
+    ]
+    return ExrContents(picture, pictures, [layer for layer in rest if layer.channels], _views(header))
 
 
 def kind_of(name: str, precisions: Sequence[Precision]) -> LayerKind:
@@ -141,34 +144,30 @@ def _layers_of(header: ExrHeader) -> list[LayerNames]:
     groups: dict[str, list[str]] = {}
     for name in header.channels:
         groups.setdefault(name.rpartition(".")[0], []).append(name)
-    found: dict[str, list[str]] = {}
+    layers: dict[str, dict[str, Precision]] = {}
     for prefix, names in groups.items():
         letters = {_letter_of(name) for name in names}
         own = "RGBA" if {"R", "G", "B"} <= letters else "YA" if "Y" in letters and "X" not in letters else ""
         if prefix and not own:
-            found.setdefault(prefix, []).extend(names)
+            layers.setdefault(prefix, {}).update((name, header.channels[name]) for name in names)
             continue
         vectors = "" if own or not {"X", "Y"} <= letters else "XYZW"
         for name in names:
             layer = prefix if _letter_of(name) in own else vectors if _letter_of(name) in vectors else name
-            found.setdefault(layer, []).append(name)
-    precisions = header.channels
-    return [
-        LayerNames(name, kind_of(name, [precisions[each] for each in names]), tuple(names))
-        for name, names in found.items()
-    ]
+            layers.setdefault(layer, {})[name] = header.channels[name]
+    return [LayerNames(name, kind_of(name, list(channels.values())), channels) for name, channels in layers.items()]
 
 
 def _find_picture(layers: Sequence[LayerNames], *, has_parts: bool) -> tuple[list[str], list[str]]:
     """Return the layers that may be the picture, and the channels of the first."""
     for colours in ("BGR", "Y"):
-        whole = [layer for layer in layers if all(layer.channel(each) for each in colours)]
+        whole = [layer for layer in layers if all(layer.channel(letter) for letter in colours)]
         called = [layer for layer in whole if not layer.name]
         called = called or [layer for layer in whole if _word_of(layer.name) in PICTURES]
         called = called or (whole[:1] if has_parts or len(whole) == 1 else [])
         if called:
-            found = [called[0].channel(each) for each in f"{colours}A"]
-            return [layer.name for layer in called], [name for name in found if name is not None]
+            picture = [called[0].channel(letter) for letter in f"{colours}A"]
+            return [layer.name for layer in called], [name for name in picture if name is not None]
     channels = [name for layer in layers for name in layer.channels]
     return ([layers[0].name], channels) if len(channels) == 1 else ([], [])
 
@@ -215,9 +214,8 @@ def find_layer(names: Collection[str], parts: str, preferred: str) -> str | None
     whole = sorted(prefix for prefix in prefixes if all(prefix + part in names for part in parts))
     if "" in whole:
         return ""
-    named = [prefix for prefix in whole if prefix.split(".")[-2] == preferred]
-    found = named or whole
-    return found[0] if len(found) == 1 else None
+    choices = [prefix for prefix in whole if prefix.split(".")[-2] == preferred] or whole
+    return choices[0] if len(choices) == 1 else None
 
 
 def _picture_channels(path: Path, header: ExrHeader) -> list[str]:
@@ -254,8 +252,6 @@ class Passes:
     first : Path
         The file that all others must be like.
     layers : tuple of LayerNames
-    precisions : tuple of Precision
-        Of the layers' channels, one after the other.
     are_all : bool
         Whether no file may have more.
     pictures : tuple of str
@@ -268,7 +264,6 @@ class Passes:
 
     first: Path
     layers: tuple[LayerNames, ...]
-    precisions: tuple[Precision, ...]
     are_all: bool
     pictures: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
@@ -302,7 +297,6 @@ class Passes:
         return cls(
             path,
             layers,
-            _precisions(header, layers),
             names == ALL,
             tuple(contents.pictures),
             tuple(name for name in header.channels if name not in taken),
@@ -329,23 +323,18 @@ class Passes:
 
     def _check_alike(self, path: Path, header: ExrHeader) -> None:
         there = {layer.name: layer for layer in contents_of(header).layers}
-        missing = [layer.name for layer in self.layers if layer.name not in there]
-        other = [layer.name for layer in self.layers if there.get(layer.name, layer).channels != layer.channels]
-        more = [name for name in there if name not in {layer.name for layer in self.layers}] if self.are_all else []
         advice = "render all frames with the same passes, or give `passes='beauty'`."
-        if missing:
-            raise InputError(f"{path} has no layer {missing[0]}, which {self.first} has; {advice}")
-        if other:
-            raise InputError(f"{path} has other channels in the layer {other[0]} than {self.first}; {advice}")
-        if more:
-            raise InputError(f"{path} has a layer {more[0]}, which {self.first} has not; {advice}")
-        found = _precisions(header, self.layers)
-        if found != self.precisions:
-            names = [name for layer in self.layers for name in layer.channels]
-            place = next(i for i, pair in enumerate(zip(found, self.precisions, strict=True)) if pair[0] != pair[1])
-            raise InputError(
-                f"{path} has {names[place]} as {found[place]}, and {self.first} as {self.precisions[place]}; {advice}"
-            )
+        for layer in self.layers:
+            if layer.name not in there:
+                raise InputError(f"{path} has no layer {layer.name}, which {self.first} has; {advice}")
+            channels = there.pop(layer.name).channels
+            if list(channels) != list(layer.channels):
+                raise InputError(f"{path} has other channels in the layer {layer.name} than {self.first}; {advice}")
+            for name, kind in layer.channels.items():
+                if channels[name] != kind:
+                    raise InputError(f"{path} has {name} as {channels[name]}, and {self.first} as {kind}; {advice}")
+        if self.are_all and there:
+            raise InputError(f"{path} has a layer {next(iter(there))}, which {self.first} has not; {advice}")
 
 
 def encode_like(header: ExrHeader, image: FrameImage) -> bytes:
@@ -381,15 +370,11 @@ def _named(path: Path, contents: ExrContents, names: str) -> list[LayerNames]:
     if names in (ALL, BEAUTY):
         return contents.layers if names == ALL else []
     wanted = list[str]()
-    for name in (each.strip() for each in names.split(",")):
-        found = [layer.name for layer in contents.layers if layer.is_called(name)]
+    for name in (word.strip() for word in names.split(",")):
+        layers = [layer.name for layer in contents.layers if layer.is_called(name)]
         is_picture = any(picture in (name,) or picture.endswith(f".{name}") for picture in contents.pictures[:1])
-        if not found and not is_picture and name != BEAUTY:
-            known = ", ".join(layer.name for layer in contents.layers) or "none"
-            raise InputError(f"{path} has no layer {name!r} beside its picture; choose from those it has: {known}.")
-        wanted += found
+        if not layers and not is_picture and name != BEAUTY:
+            choices = ", ".join(layer.name for layer in contents.layers) or "none"
+            raise InputError(f"{path} has no layer {name!r} beside its picture; choose from those it has: {choices}.")
+        wanted += layers
     return [layer for layer in contents.layers if layer.name in wanted]
-
-
-def _precisions(header: ExrHeader, layers: tuple[LayerNames, ...]) -> tuple[Precision, ...]:
-    return tuple(header.channels[name] for layer in layers for name in layer.channels)

@@ -99,8 +99,8 @@ def metadata_of(path: Path) -> ImageMetadata:
 def _exif_and_xmp(path: Path, pixels: int) -> tuple[bytes, bytes]:
     """Return EXIF and XMP as they are stored, of a TIFF only XMP; none where Pillow does not know the file."""
     if extension_of(path.name) in (".tif", ".tiff"):  # of which Pillow opens few with 16 bits or float
-        found = _xmp_packet.search(path.read_bytes())
-        return b"", b"" if found is None else found[0]
+        packet = _xmp_packet.search(path.read_bytes())
+        return b"", b"" if packet is None else packet[0]
     from PIL import Image  # noqa: PLC0415
 
     if Image.MAX_IMAGE_PIXELS is not None and pixels > Image.MAX_IMAGE_PIXELS:  # of which it would warn

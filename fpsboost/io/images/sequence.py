@@ -23,8 +23,8 @@ from fpsboost.io.images.layers import LayerNames
 
 def find_placeholder(name: str) -> re.Match[str] | None:
     """Find the last placeholder, so that ``shot #2_####.png`` works; ``%`` takes precedence over ``#``."""
-    found = list(re.finditer("%(?:0[0-9]+)?d", name)) or list(re.finditer("#+", name))
-    return found[-1] if found else None
+    places = list(re.finditer("%(?:0[0-9]+)?d", name)) or list(re.finditer("#+", name))
+    return places[-1] if places else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,10 +84,10 @@ class Numbering:
     def number_in(self, name: str, *, any_padding: bool = False) -> int | None:
         """Read the number out of a file name; None where the name is not of this naming."""
         sign = "-?" if self.signed else ""
-        found = re.fullmatch(f"{re.escape(self.prefix)}({sign}[0-9]+){re.escape(self.suffix)}", name)
-        if found is None or not (any_padding or self.path(int(found[1])).name == name):
+        match = re.fullmatch(f"{re.escape(self.prefix)}({sign}[0-9]+){re.escape(self.suffix)}", name)
+        if match is None or not (any_padding or self.path(int(match[1])).name == name):
             return None
-        return int(found[1])
+        return int(match[1])
 
     def find(self, *, any_padding: bool = False) -> list[tuple[int, Path]]:
         """List the existing images of this naming with their numbers, in the order of the numbers.
@@ -250,14 +250,14 @@ def find_numbered(numbering: Numbering) -> FileSequence:
     OSError
         The folder cannot be read.
     """
-    found = numbering.find()
-    if not found:
+    files = numbering.find()
+    if not files:
         raise InputError(f"No image is named like {numbering.folder / numbering.pattern}; check the pattern.")
-    return _signed(numbering) or _in_order(numbering, found)
+    return _signed(numbering) or _in_order(numbering, files)
 
 
-def _in_order(numbering: Numbering, found: Sequence[tuple[int, Path]]) -> FileSequence:
-    return FileSequence([path for _, path in found], numbering, [number for number, _ in found])
+def _in_order(numbering: Numbering, files: Sequence[tuple[int, Path]]) -> FileSequence:
+    return FileSequence([path for _, path in files], numbering, [number for number, _ in files])
 
 
 def _across_zero(folder: Path, groups: dict[tuple[str, str], list[str]]) -> FileSequence | None:
@@ -267,8 +267,8 @@ def _across_zero(folder: Path, groups: dict[tuple[str, str], list[str]]) -> File
     (prefix, suffix), other = sorted(groups, key=lambda key: len(key[0]))
     digits = min(len(number) for numbers in groups.values() for number in numbers)
     is_minus = other == (f"{prefix}-", suffix)
-    found = _signed(Numbering(folder, prefix, digits, suffix)) if is_minus else None
-    return found if found and len(found.files) == sum(map(len, groups.values())) else None
+    sequence = _signed(Numbering(folder, prefix, digits, suffix)) if is_minus else None
+    return sequence if sequence and len(sequence.files) == sum(map(len, groups.values())) else None
 
 
 def _signed(numbering: Numbering) -> FileSequence | None:
@@ -277,9 +277,13 @@ def _signed(numbering: Numbering) -> FileSequence | None:
     A dash that separates a name from its number then is none.
     """
     signed = replace(numbering, signed=True)
-    found = _in_order(signed, signed.find())
-    is_one = bool(found.numbers) and found.numbers[0] < 0 <= found.numbers[-1] and not found.missing(found.step)
-    return found if is_one else None
+    sequence = _in_order(signed, signed.find())
+    is_one = (
+        bool(sequence.numbers)
+        and sequence.numbers[0] < 0 <= sequence.numbers[-1]
+        and not sequence.missing(sequence.step)
+    )
+    return sequence if is_one else None
 
 
 def list_files(folder: Path) -> list[str]:

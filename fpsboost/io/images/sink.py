@@ -220,8 +220,8 @@ class ImageSink:
         """Return frames that an earlier run has finished, from the first up to the first that is missing."""
         if self._moving.exists():
             return int(json.loads(self._moving.read_bytes())["frames"])
-        made = set(os.listdir(self._unfinished.staged))
-        there = made | self._originals if made else made
+        staged = set(os.listdir(self._unfinished.staged))
+        there = staged | self._originals if staged else staged
         count = 0
         while self._numbering.path(self._next + count * self._step).name in there:
             count += 1

@@ -23,9 +23,8 @@ from fpsboost.frame_cache import SourcePosition
 from fpsboost.image import Image, describe
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.images.encoder import ImageFile
-from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, read_image, storage_of, upright
+from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, read_image, storage_of
 from fpsboost.io.images.layers import ALL, BEAUTY, Passes
-from fpsboost.io.images.metadata import metadata_of
 from fpsboost.io.images.sequence import (
     FileSequence,
     NumberedImages,
@@ -116,18 +115,18 @@ class ImageSource(ClosesOnExit):
             raise OptionError(f"The frame rate of images must be above 0, not {rate}.")
         self._reading, self._limit = reading or ImageReading(), limit or MemoryLimit()
         with explained(InputError, "read", path, "check that it exists and that you may read it"):
-            found = find_images(path)
+            sequence = find_images(path)
             if self._reading.in_place:
-                found = _without_moved(found)
+                sequence = _without_moved(sequence)
         fills_gaps = self._reading.fill_gaps
         if fills_gaps:
-            _check_gaps(path, found)
+            _check_gaps(path, sequence)
         else:
-            found.check_complete(
-                found.step, "add it, or convert with `fill_gaps`, which makes just those that are missing"
+            sequence.check_complete(
+                sequence.step, "add it, or convert with `fill_gaps`, which makes just those that are missing"
             )
-        numbers, first = list(found.numbers), found.files[0]
-        self._places = [number - numbers[0] for number in numbers] if fills_gaps else range(len(found.files))
+        numbers, first = list(sequence.numbers), sequence.files[0]
+        self._places = [number - numbers[0] for number in numbers] if fills_gaps else range(len(sequence.files))
         self._begins = Fraction(0)
         self._first = 0
         if extension_of(first.name) not in IMAGE_SUFFIXES:
@@ -140,10 +139,10 @@ class ImageSource(ClosesOnExit):
             )
         image = self._read(first)
         self.images = NumberedImages(
-            found.files,
-            found.numbering,
+            sequence.files,
+            sequence.numbering,
             numbers,
-            1 if fills_gaps else found.step,
+            1 if fills_gaps else sequence.step,
             numbers[0] if numbers else 1,
             fills_gaps=fills_gaps,
             needs_float=image.dtype == np.float32 if self._passes is None else self._passes.needs_float,
@@ -152,7 +151,7 @@ class ImageSource(ClosesOnExit):
         self._holds_more = storage_of(first).has_more
         height, width = image.shape[:2]
         self._limit.check(path, width, height, self.images.planes)
-        self.info = ClipInfo(path, height, width, rate, 1 / rate, len(found.files), self._duration(rate))
+        self.info = ClipInfo(path, height, width, rate, 1 / rate, len(sequence.files), self._duration(rate))
 
     def _duration(self, rate: Fraction) -> Fraction | None:
         """Return the duration in seconds, where the number of images does not say it."""
@@ -234,12 +233,12 @@ class ImageSource(ClosesOnExit):
     def _read(self, path: Path) -> Image | LayeredImage:
         if self._passes is not None and self._passes.layers:
             return self._passes.read(path, self._limit)
-        image = read_image(path, self._limit)
+        image = read_image(path, self._limit, upright=self._reading.upright)
         if self._is_linear and self._reading.view == "srgb":
             return displayed_colours(image)
         if self._is_linear and self._reading.linear:
             return LayeredImage(image, ())
-        return upright(image, metadata_of(path).orientation) if self._reading.upright else image
+        return image
 
     def keep(self, first: int, last: int | None) -> None:
         """See `fpsboost.io.trim.Sliceable.keep`; places count numbers where gaps are filled.
@@ -273,11 +272,11 @@ def _passes_of(path: Path, names: str) -> Passes | None:
     return None
 
 
-def _check_gaps(path: str, found: FileSequence) -> None:
+def _check_gaps(path: str, sequence: FileSequence) -> None:
     """Raise an error unless the images have numbers, between which not too many are missing."""
-    if not found.numbers:
+    if not sequence.numbers:
         raise OptionError(f"`fill_gaps` goes by numbers, and the images of {path} have none; leave it out.")
-    for (file, number), (next_file, following) in pairwise(zip(found.files, found.numbers, strict=True)):
+    for (file, number), (next_file, following) in pairwise(zip(sequence.files, sequence.numbers, strict=True)):
         if following - number > MAX_GAP:
             raise InputError(
                 f"{following - number - 1} images are missing between {file} and {next_file.name}, and `fill_gaps` "
@@ -285,14 +284,14 @@ def _check_gaps(path: str, found: FileSequence) -> None:
             )
 
 
-def _without_moved(found: FileSequence) -> FileSequence:
+def _without_moved(sequence: FileSequence) -> FileSequence:
     """Return the images without those that an interrupted run in place has begun to move among them."""
-    if found.numbering is None:
-        return found
-    moving = hidden_place(found.numbering.folder, found.numbering.pattern) / MOVING
+    if sequence.numbering is None:
+        return sequence
+    moving = hidden_place(sequence.numbering.folder, sequence.numbering.pattern) / MOVING
     moved = set(json.loads(moving.read_bytes())["names"]) if moving.exists() else set()
-    kept = [each for each in zip(found.files, found.numbers, strict=True) if each[0].name not in moved]
-    return FileSequence([file for file, _ in kept], found.numbering, [number for _, number in kept])
+    kept = [each for each in zip(sequence.files, sequence.numbers, strict=True) if each[0].name not in moved]
+    return FileSequence([file for file, _ in kept], sequence.numbering, [number for _, number in kept])
 
 
 def is_pattern(path: str) -> bool:
@@ -346,10 +345,10 @@ def find_numbers(path: str) -> range | None:
     """
     if not Path(path).is_dir() and (Path(path).is_file() or not is_pattern(path)):
         return None
-    found = find_images(path)
-    if not found.numbers or found.missing(found.step):
+    sequence = find_images(path)
+    if not sequence.numbers or sequence.missing(sequence.step):
         return None
-    return range(found.numbers[0], found.numbers[-1] + 1, found.step)
+    return range(sequence.numbers[0], sequence.numbers[-1] + 1, sequence.step)
 
 
 def scan_folder(folder: Path) -> FileSequence:
