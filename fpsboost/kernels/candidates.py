@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.jit import BORROWING, JIT, njit
+from fpsboost.kernels.jit import JIT, njit
 
 SUMS_PER_CANDIDATE = 10
 """Number of sums per candidate: dx, dy; of votes whose acceleration is known, votes, ax, ay, ax^2 + ay^2; and the
@@ -82,7 +82,7 @@ def no_votes(nodes: tuple[int, int], capacity: int, spacing: int) -> CollectedVo
     return CollectedVotes(np.zeros(nodes, np.int32), votes, places, sums, np.zeros(1, np.int64), spacing)
 
 
-@njit(cache=True, **JIT, **BORROWING)
+@njit(cache=True, **JIT)
 def collect_candidates(points, sign, t, step, support, tolerance, height, width, collected):
     """Add the motion of one frame to the candidates of the nodes.
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.kernels.candidates import Candidates
-from fpsboost.kernels.jit import BORROWING, FINITE_JIT, njit
+from fpsboost.kernels.jit import FINITE_JIT, njit
 from fpsboost.kernels.pixel_weights import (
     SQUARES_PER_WINDOW,
     Weighting,
@@ -48,7 +48,7 @@ def keep_heavier(weight, motion, t, top, left, weights, places):
             places[3, y, x] = places[1, y, x] + dy
 
 
-@njit(cache=True, **FINITE_JIT, **BORROWING)
+@njit(cache=True, **FINITE_JIT)
 def compare_candidates(layer, t, candidates, weighting, work, sums, weights, places):
     """Write where each pixel lies along the candidate with the largest weight; see `find_dominant_motion`."""
     (height, width), (rows, columns) = weights.shape, candidates.listed.shape

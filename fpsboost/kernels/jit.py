@@ -20,7 +20,7 @@ from numba.core import cgutils
 
 from fpsboost.kernels.compiling import listeners, tell_listeners
 
-__all__ = ["BORROWING", "FINITE_JIT", "JIT", "LANES", "cgutils", "njit", "types"]
+__all__ = ["FINITE_JIT", "JIT", "LANES", "cgutils", "njit", "types"]
 
 JIT: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": False, "no_cfunc_wrapper": True}
 
@@ -28,12 +28,6 @@ FINITE_JIT: dict[str, Any] = {**JIT, "fastmath": {"nsz", "nnan", "ninf"}}
 """For inner loops whose values are known to be finite: minimum and maximum become single instructions.
 
 What a NaN or an infinity would become is not defined then, nor is the sign of a zero.
-"""
-
-BORROWING: dict[str, Any] = {"_nrt": False}
-"""For kernels that make no arrays, nor does what they call: references to the arrays of their callers are not counted.
-
-Counting is most of the code of a kernel that passes many arrays on, before it is found to be superfluous.
 """
 
 LANES = 16

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fpsboost.kernels.candidates import Candidates
 from fpsboost.kernels.instruction import SIXTEEN, Index, fma
-from fpsboost.kernels.jit import BORROWING, FINITE_JIT, LANES, njit
+from fpsboost.kernels.jit import FINITE_JIT, LANES, njit
 from fpsboost.kernels.pixel_weights import (
     SQUARES_PER_WINDOW,
     Weighting,
@@ -123,7 +123,7 @@ def blend_hypotheses(
     blend_nodes(full, further, t, candidates, weighting, value_range, make_work(), make_sums(), blended)
 
 
-@njit(cache=True, **FINITE_JIT, **BORROWING)
+@njit(cache=True, **FINITE_JIT)
 def blend_nodes(full, further, t, candidates, weighting, value_range, work, sums, blended):
     """Write the in-between frame, one row of nodes at a time; see `blend_hypotheses`."""
     (channels, height, width), (rows, columns) = blended.image.shape, candidates.listed.shape

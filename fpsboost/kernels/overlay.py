@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.kernels.instruction import Index
-from fpsboost.kernels.jit import BORROWING, JIT, njit
+from fpsboost.kernels.jit import JIT, njit
 
 STAYS, STANDS_OUT = 1, 2
 
@@ -89,7 +89,7 @@ def mark_static(frames, y, most, row):
         row[x] = np.uint8(STAYS) if largest <= most else np.uint8(0)
 
 
-@njit(cache=True, **JIT, **BORROWING)
+@njit(cache=True, **JIT)
 def mark_overlay(frames, motion, spacing, shortest, same, different, smallest, marks, any_stands_out):
     """Find the pixels that stay the same although their surroundings move.
 

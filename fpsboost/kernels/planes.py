@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from fpsboost.kernels.instruction import Index
-from fpsboost.kernels.jit import BORROWING, FINITE_JIT, JIT, njit
+from fpsboost.kernels.jit import FINITE_JIT, JIT, njit
 from fpsboost.kernels.similarity import WHITE
 
 CACHE_LINE = 64
@@ -241,7 +241,7 @@ def split_colours(image, normalise, scale, middle, padding, room, planes):
     repeat_edges(height, width, padding, planes)
 
 
-@njit(cache=True, **FINITE_JIT, **BORROWING)
+@njit(cache=True, **FINITE_JIT)
 def split_planes(y_plane, cb_plane, cr_plane, code_levels, scale, middle, padding, room, planes):
     """Do the same as `split_colours` for an image in planes of luma and chroma.
 

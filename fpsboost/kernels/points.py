@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.jit import BORROWING, FINITE_JIT, JIT, njit
+from fpsboost.kernels.jit import FINITE_JIT, JIT, njit
 
 
 @njit(inline="always", **FINITE_JIT)
@@ -21,7 +21,7 @@ def minmod(before, after):
     return max(min(before, after), nothing) + min(max(before, after), nothing)
 
 
-@njit(cache=True, **FINITE_JIT, **BORROWING)
+@njit(cache=True, **FINITE_JIT)
 def find_gradients(vectors, spacing, gradients):
     """Write the gradients of vectors along both axes, using the minmod limiter; 0 at the ends of an axis.
 
@@ -58,7 +58,7 @@ def forward_backward_vector_error(dx, dy, back, spacing, height, width, y, x):
     return np.float32(math.sqrt(apart_x * apart_x + apart_y * apart_y)), inside
 
 
-@njit(cache=True, **JIT, **BORROWING)
+@njit(cache=True, **JIT)
 def measure_forward_backward_errors(vectors, y, x, back, spacing, height, width, distance):
     """Measure the forward-backward error of vectors.
 
@@ -100,7 +100,7 @@ class FieldLayout(NamedTuple):
     """Columns of the frame."""
 
 
-@njit(cache=True, **JIT, **BORROWING)
+@njit(cache=True, **JIT)
 def find_accelerations(onward, away, layout, y, x, ratio, consistent, changes):
     """Estimate the acceleration at the frame that two neighbouring pairs share.
 
