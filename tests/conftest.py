@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import numba
 import numpy as np
 import pytest
 from command_line import COLOUR_VARIABLES, Command, Result
@@ -21,7 +20,6 @@ from video_truth import scene
 
 from fpsboost.cli import app, progress
 from fpsboost.io.images.exr import write_exr
-from fpsboost.kernels import block
 
 collect_ignore = ["blender_round_trip.py"]  # runs in Blender
 
@@ -37,19 +35,6 @@ settings.load_profile("fpsboost")
 
 Snapshot = dict[str, bytes | None]
 SaveImages = Callable[..., list[NDArray[Any]]]
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Delete compiled kernels that are older than any source of kernels.
-
-    numba compares a kernel with the file that it is in, and not with the files of what it calls.
-    """
-    if numba.config.DISABLE_JIT or hasattr(config, "workerinput"):  # one process for all
-        return
-    newest = max(source.stat().st_mtime for source in Path(block.__file__).parent.glob("*.py"))
-    for index in Path(block.match_blocks.dispatcher.stats.cache_path).glob("*.nbi"):
-        if index.stat().st_mtime < newest:
-            index.unlink(missing_ok=True)
 
 
 def pytest_collection_finish() -> None:

@@ -10,7 +10,9 @@ one thread and releases Python's global interpreter lock, so that pairs of frame
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import update_wrapper
+from contextlib import suppress
+from functools import cache, cached_property, update_wrapper
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -40,17 +42,23 @@ Function = Callable[..., Any]
 class Kernel:
     """Function to call from Python, compiled for every combination of types and kept in numba's cache.
 
-    Listeners are called before its first compilation. If the cache has it, but for other types or from other sources,
-    they are called after the compilation, as numba does not say beforehand what its cache lacks.
+    Listeners are called before its first compilation. If the cache has it for other types alone, they are called after
+    the compilation, as numba does not say beforehand what its cache lacks.
     """
 
     def __init__(self, function: Function, options: dict[str, Any]) -> None:
         update_wrapper(self, function)
-        self.py_func = function
+        self.py_func, self._options = function, options
+
+    @cached_property
+    def dispatcher(self) -> Any:
+        """What numba makes of the function."""
         try:
-            self.dispatcher = numba.njit(cache=True, **options)(function)
+            made = numba.njit(cache=True, **self._options)(self.py_func)
         except RuntimeError:  # no folder can be written; every process compiles
-            self.dispatcher = numba.njit(**options)(function)
+            return numba.njit(**self._options)(self.py_func)
+        delete_outdated(Path(made.stats.cache_path))
+        return made
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the kernel; the first call for some types compiles it or loads it from the cache."""
@@ -73,6 +81,23 @@ class Kernel:
     def _compiled(self) -> int:
         """Return for how many combinations of types this process has compiled the kernel."""
         return sum(self.dispatcher.stats.cache_misses.values())
+
+
+@cache
+def delete_outdated(folder: Path) -> None:
+    """Delete kernels that were compiled from other sources than these.
+
+    numba looks at the file of a kernel alone, not at those of the functions that it calls, and cannot read what it has
+    kept if a class among the arguments has moved.
+    """
+    states = [(path.name, path.stat()) for path in sorted(Path(__file__).parent.glob("*.py"))]
+    sources = repr([(name, state.st_mtime_ns, state.st_size) for name, state in states])
+    mark = folder / f"{sha256(sources.encode()).hexdigest()[:16]}.sources"
+    with suppress(OSError):  # a cache that can only be read
+        if not mark.exists():
+            for outdated in [*folder.glob("*.nb[ic]"), *folder.glob("*.sources")]:
+                outdated.unlink(missing_ok=True)
+            mark.touch()
 
 
 def njit(*, cache: bool = False, **options: Any) -> Callable[[Function], Any]:

@@ -16,7 +16,7 @@ import pytest
 from fpsboost import methods
 from fpsboost.interpolator import _rehearse_synthesis
 from fpsboost.kernels.compiling import compiled_aside, tell_listeners, told_of_compiling
-from fpsboost.kernels.jit import JIT, Kernel
+from fpsboost.kernels.jit import JIT, Kernel, delete_outdated
 
 compiles = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 
@@ -42,6 +42,20 @@ def test_listeners_hear_of_what_the_cache_lacks(tmp_path, monkeypatch):
     assert [run(kernel, each) for each in ("f4", "f4", "i4", "i4")] == [1, 1, 2, 2]
     again = Kernel(double, JIT)
     assert [run(again, each) for each in ("f4", "i4", "f8")] == [2, 2, 3]
+
+
+@compiles
+def test_kernels_of_other_sources_are_deleted(tmp_path):
+    """Once, when sources have changed; what is compiled from these stays."""
+    old, new = tmp_path / "kernel.old-1.py311.nbi", tmp_path / "kernel.new-1.py311.nbi"
+    old.touch()
+    (tmp_path / "0123.sources").touch()
+    delete_outdated(tmp_path)
+    assert [path.suffix for path in tmp_path.iterdir()] == [".sources"]
+    new.touch()
+    delete_outdated.__wrapped__(tmp_path)
+    assert new.exists()
+    delete_outdated(tmp_path / "missing")
 
 
 @compiles
