@@ -46,112 +46,75 @@ UNSPECIFIED = 2
 
 @dataclass(frozen=True)
 class Look:
-    """Format and colour tags of a video.
-
-    Attributes
-    ----------
-    pixel_format : str
-        FFmpeg's name.
-    pixel_aspect : str
-        Width of a pixel over its height.
-    rotation : float
-        Degrees clockwise for display.
-    matrix, primaries, transfer : str or None
-        Colour tags, None if unspecified.
-    full_range : bool
-        Black is 0 rather than 16 (in 8 bits).
-    """
+    """Format and colour tags of a video."""
 
     pixel_format: str
+    """FFmpeg's name."""
     pixel_aspect: str
+    """Width of a pixel over its height."""
     rotation: float
+    """Degrees clockwise for display."""
     matrix: str | None
     primaries: str | None
     transfer: str | None
+    """Colour tags, None if unspecified."""
     full_range: bool
+    """Black is 0 rather than 16 (in 8 bits)."""
 
 
 @dataclass(frozen=True)
 class Conversion:
-    """Result that a conversion with the default options would have.
-
-    Attributes
-    ----------
-    frames : int
-        Number of frames written.
-    rate : float
-        Nominal frames per second of the output.
-    refused : str or None
-        Reason why a conversion to an .mp4 would be refused; None if it would not.
-    remarks : list of str
-        Remarks on what would be lost.
-    """
+    """Result that a conversion with the default options would have."""
 
     frames: int
+    """Number of frames written."""
     rate: float
+    """Nominal frames per second of the output."""
     refused: str | None
+    """Reason why a conversion to an .mp4 would be refused; None if it would not."""
     remarks: list[str]
+    """Remarks on what would be lost."""
 
 
 @dataclass(frozen=True)
 class Probe:
-    """Properties of a clip that was read once from its first frame to its last.
-
-    Attributes
-    ----------
-    name : str
-        As the user gave it.
-    width, height : int
-        Pixels, as stored.
-    look : Look or None
-        Format and colour tags of video; None otherwise.
-    streams : list of StreamFacts
-        Streams of a video file; empty otherwise.
-    rate, exact_rate : float, str
-        Nominal frames per second.
-    varies : bool
-        Whether the intervals between frames differ by more than a clock's rounding.
-    shortest, median, longest : float
-        Intervals between frames, seconds.
-    start, duration : float
-        Seconds.
-    number_step : int or None
-        Step between the numbers of images; None without numbers.
-    frames : int
-        Number of frames that could be read.
-    declared_frames : int or None
-        Number of frames that the header declares; None if it does not.
-    duplicates : int
-        Number of duplicate frames, stills not counted.
-    cuts : list of float
-        Times of the first frames of new scenes.
-    interlaced : int
-        Number of frames flagged as interlaced.
-    remarks : list of str
-        Remarks of the source on damage, and on what is guessed or left out.
-    conversion : Conversion
-    """
+    """Properties of a clip that was read once from its first frame to its last."""
 
     name: str
+    """As the user gave it."""
     width: int
     height: int
+    """Pixels, as stored."""
     look: Look | None
+    """Format and colour tags of video; None otherwise."""
     streams: list[StreamFacts]
+    """Streams of a video file; empty otherwise."""
     rate: float
     exact_rate: str
+    """Nominal frames per second."""
     varies: bool
+    """Whether the intervals between frames differ by more than a clock's rounding."""
     shortest: float
     median: float
     longest: float
+    """Intervals between frames, seconds."""
     start: float
     duration: float
+    """Seconds."""
     number_step: int | None
+    """Step between the numbers of images; None without numbers."""
     frames: int
+    """Number of frames that could be read."""
     declared_frames: int | None
+    """Number of frames that the header declares; None if it does not."""
     duplicates: int
+    """Number of duplicate frames, stills not counted."""
     cuts: list[float]
+    """Times of the first frames of new scenes."""
     interlaced: int
+    """Number of frames flagged as interlaced."""
     remarks: list[str]
+    """Remarks of the source on damage, and on what is guessed or left out."""
     conversion: Conversion
 
     def as_json(self) -> dict[str, Any]:
@@ -161,30 +124,20 @@ class Probe:
 
 @dataclass
 class Findings:
-    """Facts collected while frames are read.
-
-    Attributes
-    ----------
-    seen : callable
-        Function that is given every frame, and its time after the first one, seconds.
-    times : list of Fraction
-        Times of all frames, seconds.
-    end : Fraction
-        End of the last of them.
-    interlaced : int
-        Number of frames flagged as interlaced.
-    duplicates : list of Fraction
-        Times of the duplicate frames, stills not counted.
-    moments : list of Fraction
-        Times of the frames that are no duplicates.
-    """
+    """Facts collected while frames are read."""
 
     seen: Callable[[Frame, Fraction], None] = lambda frame, time: None
+    """Function that is given every frame, and its time after the first one, seconds."""
     times: list[Fraction] = field(default_factory=list)
+    """Times of all frames, seconds."""
     end: Fraction = Fraction(0)
+    """End of the last of them."""
     interlaced: int = 0
+    """Number of frames flagged as interlaced."""
     duplicates: list[Fraction] = field(default_factory=list)
+    """Times of the duplicate frames, stills not counted."""
     moments: list[Fraction] = field(default_factory=list)
+    """Times of the frames that are no duplicates."""
 
     def cuts(self, frames: FrameSource, interpolator: Interpolator) -> list[Fraction]:
         """Read frames and return the times of those that begin a scene."""

@@ -51,18 +51,12 @@ class InterpolatedFrame(NamedTuple):
 
 
 class Contestant(Protocol):
-    """Contract: a method that interpolates the hidden frames of a clip, in order.
-
-    Attributes
-    ----------
-    looks_far : bool
-        Whether a frame depends on more of the clip than its own interval, the one before and the one after.
-    any_time : bool
-        Whether frames are interpolated at their own times, and not in equal steps only.
-    """
+    """Contract: a method that interpolates the hidden frames of a clip, in order."""
 
     looks_far: ClassVar[bool]
+    """Whether a frame depends on more of the clip than its own interval, the one before and the one after."""
     any_time: ClassVar[bool]
+    """Whether frames are interpolated at their own times, and not in equal steps only."""
 
     def interpolate(
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None

@@ -39,30 +39,20 @@ class Meter(Protocol):
 
 @dataclass(frozen=True)
 class Metric:
-    """A metric, of which a method has the mean over its frames.
-
-    Attributes
-    ----------
-    title, unit : str
-        Heading in tables.
-    digits : int
-        Decimals in tables.
-    high_is_good : bool
-    start : callable
-        Function that returns a meter for a method, given the clip's frames per second.
-    meaning : str
-        Sentence for a reader of the tables.
-    missing : callable
-        Function that returns what must be installed to measure it, or None.
-    """
+    """A metric, of which a method has the mean over its frames."""
 
     title: str
     unit: str
+    """Heading in tables."""
     digits: int
+    """Decimals in tables."""
     high_is_good: bool
     start: Callable[[Fraction], Meter]
+    """Function that returns a meter for a method, given the clip's frames per second."""
     meaning: str
+    """Sentence for a reader of the tables."""
     missing: Callable[[], str | None]
+    """Function that returns what must be installed to measure it, or None."""
 
 
 class FlipMeter:

@@ -30,24 +30,16 @@ LOW_PERCENT = 5
 
 @dataclass(frozen=True)
 class Scores:
-    """Scores of an interpolated frame against the true one.
-
-    Attributes
-    ----------
-    mse : float
-        Mean squared error, levels of 255 squared.
-    psnr : float
-        Peak signal-to-noise ratio, dB; at most 120.
-    ssim : float
-        Structural similarity (Wang et al. 2004, doi:10.1109/TIP.2003.819861), mean over the channels.
-    mae : float
-        Mean absolute error, levels of 255: what the Middlebury tables call interpolation error.
-    """
+    """Scores of an interpolated frame against the true one."""
 
     mse: float
+    """Mean squared error, levels of 255 squared."""
     psnr: float
+    """Peak signal-to-noise ratio, dB; at most 120."""
     ssim: float
+    """Structural similarity (Wang et al. 2004, doi:10.1109/TIP.2003.819861), mean over the channels."""
     mae: float
+    """Mean absolute error, levels of 255: what the Middlebury tables call interpolation error."""
 
 
 def score(truth: Image, image: Image) -> Scores:

@@ -22,32 +22,22 @@ MAX_NAMED = 8
 
 @dataclass(frozen=True)
 class FrameResult:
-    """Scores of one frame of a method.
-
-    Attributes
-    ----------
-    number : int
-        Number of the frame in the clip, counted from 0.
-    scores : Scores
-    seconds, cpu_seconds : float
-        Elapsed and CPU time, seconds.
-    inside, outside : dict of str to float
-        Mean absolute error in and out of each area of `fpsboost.evaluation.regions.AREAS`, levels of 255; NaN where an
-        area is empty.
-    search_radius : int or None
-        Search radius of the motion, pixels; None if the method has none.
-    metrics : dict of str to float
-        Further metrics by name; see `fpsboost.evaluation.further_metrics`.
-    """
+    """Scores of one frame of a method."""
 
     number: int
+    """Number of the frame in the clip, counted from 0."""
     scores: Scores
     seconds: float
     cpu_seconds: float
+    """Elapsed and CPU time, seconds."""
     inside: dict[str, float]
     outside: dict[str, float]
+    """Mean absolute error in and out of each area of `fpsboost.evaluation.regions.AREAS`, levels of 255; NaN where an
+    area is empty."""
     search_radius: int | None = None
+    """Search radius of the motion, pixels; None if the method has none."""
     metrics: dict[str, float] = field(default_factory=dict)
+    """Further metrics by name; see `fpsboost.evaluation.further_metrics`."""
 
 
 @dataclass(frozen=True)
@@ -61,58 +51,39 @@ class MethodResult:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Everything that a report says, and nothing else.
-
-    Attributes
-    ----------
-    clip : str
-        Path as the user gave it.
-    kind : str
-        Size and type of the frames: ``640x360, 3 channels, 8-bit``.
-    hiding : Hiding
-    hidden : list of int
-        Numbers of the hidden frames.
-    cuts : list of int
-        Hidden frames across a scene cut, which no method can know: no mean counts them.
-    shares : dict of str to float
-        Mean share of the frame that each area takes.
-    methods : list of MethodResult
-    skipped : dict of str to str
-        Methods that could not be run, and why.
-    made_with : dict of str to str
-        Versions and machine.
-    rendered, others, cut_options : tuple of str
-        Options for a renderer's vectors, other tools' frames and scene cuts, as words of the command line.
-    times : list of float
-        Place in time of each hidden frame between the two shown ones, 0 to 1.
-    repeats : list of int
-        Numbers of frames that repeat the one before: neither shown nor a truth, unless in a still.
-    doubtful : list of int
-        Hidden frames whose true pictures nobody knows, most often beside repeats; see
-        `fpsboost.evaluation.hidden_frames.Hiding`. No mean counts them.
-    clip_frames : int
-        Number of frames from the first shown one to the last.
-    metrics : tuple of str
-        Names of further metrics, of `fpsboost.evaluation.further_metrics.metrics`.
-    """
+    """Everything that a report says, and nothing else."""
 
     clip: str
+    """Path as the user gave it."""
     kind: str
+    """Size and type of the frames: ``640x360, 3 channels, 8-bit``."""
     hiding: Hiding
     hidden: list[int]
+    """Numbers of the hidden frames."""
     cuts: list[int]
+    """Hidden frames across a scene cut, which no method can know: no mean counts them."""
     shares: dict[str, float]
+    """Mean share of the frame that each area takes."""
     methods: list[MethodResult]
     skipped: dict[str, str]
+    """Methods that could not be run, and why."""
     made_with: dict[str, str] = field(default_factory=dict)
+    """Versions and machine."""
     rendered: tuple[str, ...] = ()
     others: tuple[str, ...] = ()
     cut_options: tuple[str, ...] = ()
+    """Options for a renderer's vectors, other tools' frames and scene cuts, as words of the command line."""
     times: list[float] = field(default_factory=list)
+    """Place in time of each hidden frame between the two shown ones, 0 to 1."""
     repeats: list[int] = field(default_factory=list)
+    """Numbers of frames that repeat the one before: neither shown nor a truth, unless in a still."""
     doubtful: list[int] = field(default_factory=list)
+    """Hidden frames whose true pictures nobody knows, most often beside repeats; see
+    `fpsboost.evaluation.hidden_frames.Hiding`. No mean counts them."""
     clip_frames: int = 0
+    """Number of frames from the first shown one to the last."""
     metrics: tuple[str, ...] = ()
+    """Names of further metrics, of `fpsboost.evaluation.further_metrics.metrics`."""
 
     @property
     def areas(self) -> list[tuple[str, str]]:

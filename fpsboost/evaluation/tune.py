@@ -52,46 +52,30 @@ FORMATS = (".svg", ".png", ".pdf")
 
 @dataclass(frozen=True)
 class Trial:
-    """Result of one setting.
-
-    Attributes
-    ----------
-    options : dict of str to value
-    mse : float
-        Mean squared error over the frames, levels of 255 squared.
-    cpu_seconds : float
-        CPU time per frame, seconds.
-    """
+    """Result of one setting."""
 
     options: dict[str, Any]
     mse: float
+    """Mean squared error over the frames, levels of 255 squared."""
     cpu_seconds: float
+    """CPU time per frame, seconds."""
 
 
 @dataclass(frozen=True)
 class Tuning:
-    """Trials on a clip.
-
-    Attributes
-    ----------
-    clip, method : str
-    frames : list of int
-        Numbers of the frames that were interpolated, counted from 0.
-    sweeps : dict of str to list of Trial
-        Trials by the option that was swept: ``search_radius``, where the method has one; ``patch_radius``, with each
-        window where it has several; ``v``.
-    best : Trial
-        Recommended options, and their result.
-    default : Trial
-        Result of the default method, untuned, on the same frames.
-    """
+    """Trials on a clip."""
 
     clip: str
     method: str
     frames: list[int]
+    """Numbers of the frames that were interpolated, counted from 0."""
     sweeps: dict[str, list[Trial]]
+    """Trials by the option that was swept: ``search_radius``, where the method has one; ``patch_radius``, with each
+    window where it has several; ``v``."""
     best: Trial
+    """Recommended options, and their result."""
     default: Trial
+    """Result of the default method, untuned, on the same frames."""
 
 
 def tune(

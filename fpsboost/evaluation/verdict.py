@@ -24,21 +24,14 @@ NEGLIGIBLE_DIFFERENCE = 0.3
 
 @dataclass(frozen=True)
 class Difference:
-    """Lead of the best method over another, over the frames that count.
-
-    Attributes
-    ----------
-    method : str
-        Name of the other method.
-    mean : float
-        Mean of the differences of PSNR, dB.
-    standard_error : float or None
-        Standard error of that mean, dB; None for one frame.
-    """
+    """Lead of the best method over another, over the frames that count."""
 
     method: str
+    """Name of the other method."""
     mean: float
+    """Mean of the differences of PSNR, dB."""
     standard_error: float | None
+    """Standard error of that mean, dB; None for one frame."""
 
     @property
     def is_level(self) -> bool:
@@ -48,40 +41,27 @@ class Difference:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Outcome of a comparison.
-
-    Attributes
-    ----------
-    best : str
-        Method with the highest mean PSNR.
-    psnr : float
-        Its mean PSNR, dB.
-    frames : int
-        Number of frames that count.
-    ahead : list of Difference
-        Leads of the best over each of the others, the nearest first.
-    level : list of str
-        Methods that are level with the best.
-    cheapest : str
-        Method with the least CPU time of those within `NEGLIGIBLE_DIFFERENCE` of the best, itself included.
-    cpu_seconds : dict of str to float
-        Time to multiply the frames of the whole range by `factor`, by method; NaN if unknown.
-    clip_frames, factor : int
-        Number of frames in the range, and of output frames for each: one more than were hidden at once.
-    sentences : list of str
-        All that in words: who is ahead, at what price, and what to take.
-    """
+    """Outcome of a comparison."""
 
     best: str
+    """Method with the highest mean PSNR."""
     psnr: float
+    """Its mean PSNR, dB."""
     frames: int
+    """Number of frames that count."""
     ahead: list[Difference]
+    """Leads of the best over each of the others, the nearest first."""
     level: list[str]
+    """Methods that are level with the best."""
     cheapest: str
+    """Method with the least CPU time of those within `NEGLIGIBLE_DIFFERENCE` of the best, itself included."""
     cpu_seconds: dict[str, float]
+    """Time to multiply the frames of the whole range by `factor`, by method; NaN if unknown."""
     clip_frames: int
     factor: int
+    """Number of frames in the range, and of output frames for each: one more than were hidden at once."""
     sentences: list[str]
+    """All that in words: who is ahead, at what price, and what to take."""
 
     @property
     def text(self) -> str:

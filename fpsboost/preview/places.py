@@ -54,25 +54,17 @@ class Place(NamedTuple):
 
 
 class Passage(NamedTuple):
-    """Part of a clip that was read.
-
-    Attributes
-    ----------
-    start : Fraction
-        Seconds after the clip's first frame.
-    trim : Trim
-        The part as an option.
-    before : View
-        Frames of the source.
-    cuts, duplicates : list of Fraction
-        Times of the frames that begin a scene, and of those that show the same as the one before; seconds in the clip.
-    """
+    """Part of a clip that was read."""
 
     start: Fraction
+    """Seconds after the clip's first frame."""
     trim: Trim
+    """The part as an option."""
     before: View
+    """Frames of the source."""
     cuts: list[Fraction]
     duplicates: list[Fraction]
+    """Times of frames that begin a scene, and of those that show the same as the one before; seconds in the clip."""
 
     @property
     def end(self) -> Fraction:
@@ -144,24 +136,16 @@ def find_passages(job: ConversionJob, run: RunOptions, at: Iterable[Position] = 
 
 @dataclass(frozen=True)
 class _Span:
-    """The part of a clip in which passages are chosen.
-
-    Attributes
-    ----------
-    info : ClipInfo
-    begin, end : Fraction
-        Seconds after the clip's first frame; `end` is None if unknown.
-    count : int
-        Number of frames in a passage.
-    duration : Fraction
-        Duration of a passage, seconds.
-    """
+    """The part of a clip in which passages are chosen."""
 
     info: ClipInfo
     begin: Fraction
     end: Fraction | None
+    """Seconds after the clip's first frame; `end` is None if unknown."""
     count: int
+    """Number of frames in a passage."""
     duration: Fraction
+    """Duration of a passage, seconds."""
 
     def latest(self, start: Fraction) -> Fraction:
         """Return a time, or an earlier one from which a whole passage is left."""

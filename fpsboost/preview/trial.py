@@ -34,79 +34,50 @@ from fpsboost.threads import available_cores
 
 
 class Trial(NamedTuple):
-    """A passage converted by a method.
-
-    Attributes
-    ----------
-    after : View
-    least_certain : LowestMatch or None
-        See `fpsboost.Summary.lowest_match`, with the time in the passage on the source's clock.
-    confidence : (H, W, 1) float32 or None
-        Confidence of that frame's pixels; None if the method has none of its own.
-    frames : int
-        Number of frames written.
-    seconds, cpu_seconds : float
-        Elapsed and CPU time, the pictures for the page not counted.
-    """
+    """A passage converted by a method."""
 
     after: View
     least_certain: LowestMatch | None
+    """See `fpsboost.Summary.lowest_match`, with the time in the passage on the source's clock."""
     confidence: NDArray[Any] | None
+    """Confidence of that frame's pixels, (H, W, 1) float32; None if the method has none of its own."""
     frames: int
+    """Number of frames written."""
     seconds: float
     cpu_seconds: float
+    """Elapsed and CPU time, the pictures for the page not counted."""
 
 
 class Estimate(NamedTuple):
-    """Expected cost of the whole conversion on this machine.
-
-    Attributes
-    ----------
-    frames : int or None
-        Number of frames to be written; None if the header of the source does not say.
-    least, most : float
-        Seconds per frame: if all cores were always busy, and as measured.
-    cpu : float
-        CPU seconds per frame.
-    """
+    """Expected cost of the whole conversion on this machine."""
 
     frames: int | None
+    """Number of frames to be written; None if the header of the source does not say."""
     least: float
     most: float
+    """Seconds per frame: if all cores were always busy, and as measured."""
     cpu: float
+    """CPU seconds per frame."""
 
 
 @dataclass
 class Preview:
-    """Passages of a clip before and after a conversion.
-
-    Attributes
-    ----------
-    info : ClipInfo
-        Information on the whole clip.
-    rate : Fraction
-        Nominal frames per second of the output.
-    stretch : Fraction
-        Duration of the output as a multiple of the source's.
-    selection : Selection
-    trials : dict of str to list of Trial
-        One trial for each passage, by method.
-    estimates : dict of str to Estimate
-    is_video : bool
-        Whether the conversion, and so the estimate, encodes video.
-    details : str
-        Encoder and its options.
-    remarks : list of str
-    """
+    """Passages of a clip before and after a conversion."""
 
     info: ClipInfo
+    """Information on the whole clip."""
     rate: Fraction
+    """Nominal frames per second of the output."""
     stretch: Fraction
+    """Duration of the output as a multiple of the source's."""
     selection: Selection
     trials: dict[str, list[Trial]]
+    """One trial for each passage, by method."""
     estimates: dict[str, Estimate]
     is_video: bool
+    """Whether the conversion, and so the estimate, encodes video."""
     details: str
+    """Encoder and its options."""
     remarks: list[str]
 
     def views(self) -> list[dict[str, View]]:

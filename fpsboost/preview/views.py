@@ -26,24 +26,16 @@ QUALITY = 85
 
 @dataclass
 class View:
-    """Frames of a passage as encoded pictures.
-
-    Attributes
-    ----------
-    traits : VideoTraits or None
-        Pixel shape and rotation of video.
-    times : list of Fraction
-        Seconds after the passage's first frame, on the source's clock.
-    pictures : list of bytes
-        Pictures as JPEG.
-    end : Fraction
-        End of the last frame, seconds.
-    """
+    """Frames of a passage as encoded pictures."""
 
     traits: VideoTraits | None = None
+    """Pixel shape and rotation of video."""
     times: list[Fraction] = field(default_factory=list)
+    """Seconds after the passage's first frame, on the source's clock."""
     pictures: list[bytes] = field(default_factory=list)
+    """Pictures as JPEG."""
     end: Fraction = Fraction(0)
+    """End of the last frame, seconds."""
 
     def add(self, frame: Frame, time: Fraction) -> None:
         """Add the next frame."""

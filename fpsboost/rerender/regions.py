@@ -59,19 +59,13 @@ class Rectangle(NamedTuple):
 
 @dataclass(frozen=True)
 class TileGrid:
-    """Tiles of frames of one size, from the upper left; those at the right and at the bottom may be smaller.
-
-    Attributes
-    ----------
-    height, width : int
-        Size of a frame, pixels.
-    tile : int
-        Side of a tile, pixels.
-    """
+    """Tiles of frames of one size, from the upper left; those at the right and at the bottom may be smaller."""
 
     height: int
     width: int
+    """Size of a frame, pixels."""
     tile: int
+    """Side of a tile, pixels."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -173,21 +167,14 @@ def _joined(rectangles: Iterable[Rectangle]) -> list[Rectangle]:
 
 @dataclass(frozen=True)
 class RenderCost:
-    """Cost of rendering, in any unit.
-
-    Attributes
-    ----------
-    pixel : float
-        Cost of one pixel.
-    frame : float
-        Cost of every frame of which anything is rendered, beside its pixels.
-    budget : float
-        Maximum of all.
-    """
+    """Cost of rendering, in any unit."""
 
     pixel: float
+    """Cost of one pixel."""
     frame: float
+    """Cost of every frame of which anything is rendered, beside its pixels."""
     budget: float
+    """Maximum of all."""
 
     def of(self, areas: NDArray[Any]) -> NDArray[Any]:
         """Return the cost of frames of which so many pixels are rendered, (F,) float64."""

@@ -66,16 +66,11 @@ class _Trio(NamedTuple):
 
 @dataclass(frozen=True)
 class ErrorCurve:
-    """Squared error that comes with a doubt, which never falls as the doubt rises (isotonic regression).
-
-    Attributes
-    ----------
-    doubts, errors : (N,) float64
-        Points of the curve, between which it is straight; constant beyond them.
-    """
+    """Squared error that comes with a doubt, which never falls as the doubt rises (isotonic regression)."""
 
     doubts: NDArray[Any]
     errors: NDArray[Any]
+    """Points of the curve, between which it is straight; constant beyond them; (N,) float64."""
 
     @classmethod
     def fitted(cls, trials: Sequence[Trial]) -> Self:

@@ -34,23 +34,15 @@ MAX_DRAWN_ERROR = 64
 
 @dataclass(frozen=True)
 class Picture:
-    """One encoded picture.
-
-    Attributes
-    ----------
-    name : str
-        Name of the method, or ``truth``.
-    method : int or None
-        Place among the methods; None for the truth.
-    uri : str
-    mae : float or None
-        Mean absolute error of a crop, levels of 255.
-    """
+    """One encoded picture."""
 
     name: str
+    """Name of the method, or ``truth``."""
     method: int | None
+    """Place among the methods; None for the truth."""
     uri: str
     mae: float | None = None
+    """Mean absolute error of a crop, levels of 255."""
 
 
 class Spot(NamedTuple):
@@ -81,56 +73,37 @@ class FrameView:
 
 @dataclass(frozen=True)
 class MotionPicture:
-    """Motion from one shown frame to the next, as one method estimates it.
-
-    Attributes
-    ----------
-    picture : Picture
-        Direction as hue, length as saturation.
-    arrows, tips : str
-        SVG paths, in pixels of the frame: shafts, and where they point to.
-    longest : float
-        Length of the longest vector, pixels.
-    """
+    """Motion from one shown frame to the next, as one method estimates it."""
 
     picture: Picture
+    """Direction as hue, length as saturation."""
     arrows: str
     tips: str
+    """SVG paths, in pixels of the frame: shafts, and where they point to."""
     longest: float
+    """Length of the longest vector, pixels."""
 
 
 @dataclass(frozen=True)
 class MotionView:
-    """Motion between two shown frames as the methods estimate it, and their doubts.
-
-    Attributes
-    ----------
-    number : int
-        Number of the hidden frame.
-    between : tuple of int
-        Numbers of the shown frames.
-    width, height : int
-    shown, wheel : str
-        The earlier shown frame, and the legend of colours, encoded.
-    edge : float
-        Motion at the wheel's edge, pixels.
-    stretch : float
-        Length of an arrow as a multiple of the motion.
-    fields : list of MotionPicture
-    doubts : list of tuple of Picture
-        Doubt and true error of each method that knows its doubt.
-    """
+    """Motion between two shown frames as the methods estimate it, and their doubts."""
 
     number: int
+    """Number of the hidden frame."""
     between: tuple[int, int]
+    """Numbers of the shown frames."""
     width: int
     height: int
     shown: str
     wheel: str
+    """The earlier shown frame, and the legend of colours, encoded."""
     edge: float
+    """Motion at the wheel's edge, pixels."""
     stretch: float
+    """Length of an arrow as a multiple of the motion."""
     fields: list[MotionPicture]
     doubts: list[tuple[Picture, Picture]]
+    """Doubt and true error of each method that knows its doubt."""
 
 
 def view_frame(sample: Sample, frames: Mapping[str, Image]) -> FrameView:
