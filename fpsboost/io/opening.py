@@ -99,11 +99,9 @@ def open_source(
         raise OptionError(f"`input_fps` must be 0.001 to 100000, not {input_fps}.")
     with explained(InputError, "read", path, "check the name and the permissions"):
         is_images = stands_for_images(path)
-        if fill_gaps and not is_images:
-            check_images(path, "`fill_gaps`")
-        for option, is_given in (("`passes`", decoding.passes is not None), ("`view`", decoding.view != "none")):
-            if is_given and not is_images:
-                check_images(path, option)
+        given = {"`fill_gaps`": fill_gaps, "`passes`": decoding.passes is not None, "`view`": decoding.view != "none"}
+        for option in (option for option, is_given in given.items() if is_given):
+            check_images(path, option)
         if path in PIPES:
             _check_decoding(decoding, "standard input", "let the program before the pipe do that")
             _check_has_own_rate(input_fps, "standard input")

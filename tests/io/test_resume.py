@@ -291,12 +291,6 @@ def test_cuts_and_duplicates_are_counted_the_same(tmp_path):
 # --------------------------------------------------------------------------------------------------- what is left of it
 
 
-def test_less_than_a_chunk_leaves_nothing(tmp_path, clip):
-    """Before the first chunk is finished there is nothing to go on with."""
-    assert stop(clip, tmp_path / "out.mp4", 5) == ""
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_all_may_be_there(tmp_path, clip, whole, monkeypatch):
     """A run that is stopped while its file is put together goes on with that alone."""
     monkeypatch.setattr("fpsboost.io.video.assembly.Assembly.finish", lambda *_: 1 / 0)
@@ -306,14 +300,6 @@ def test_all_may_be_there(tmp_path, clip, whole, monkeypatch):
     monkeypatch.undo()
     assert run(clip, tmp_path / "out.mp4", resume=True).completed_frames == 50
     assert contents(tmp_path / "out.mp4") == contents(whole)
-
-
-def test_stopped_again_and_again(tmp_path, clip, whole):
-    """Each run adds its chunks."""
-    for after in (15, 25, 36, 48):
-        stop(clip, tmp_path / "out.mp4", after, resume=True)
-    run(clip, tmp_path / "out.mp4", resume=True)
-    assert (tmp_path / "out.mp4").read_bytes() == whole.read_bytes()
 
 
 @pytest.mark.parametrize("damage", ["torn", "flipped", "empty", "missing"])

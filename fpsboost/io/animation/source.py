@@ -20,6 +20,7 @@ from fpsboost.image import Image
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import StreamInfo
+from fpsboost.io.video.pyav import as_fraction
 
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage  # whoever reads no animation does not wait for Pillow
@@ -169,7 +170,7 @@ class AnimationSource(ClosesOnExit):
         if self._format == "GIF":
             with av.open(self._file, "r", format="gif") as container:
                 for picture in container.decode(video=0):
-                    delay = picture.duration * Fraction(picture.time_base or 0)
+                    delay = picture.duration * (as_fraction(picture.time_base) or Fraction(0))
                     image = np.ascontiguousarray(picture.to_ndarray(format="bgra"))
                     yield image, delay if delay >= SHORTEST_GIF_DELAY else DEFAULT_DELAY
             return
