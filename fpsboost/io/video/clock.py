@@ -20,7 +20,7 @@ import av.stream
 
 from fpsboost.io.video.demuxer import Demuxer, clock_may_jump, read_packets
 from fpsboost.io.video.pyav import as_fraction
-from fpsboost.io.video.remarks import Damage
+from fpsboost.io.video.remarks import Damage, counted
 from fpsboost.timing.schedule import is_implausible
 
 T = TypeVar("T")
@@ -269,8 +269,8 @@ class VideoClock:
                 return end - time
         return duration
 
-    def promise(self, end: Fraction) -> tuple[Fraction, Fraction]:
-        """Return when the video ends by the header and when it has ended, `end`, both from the same clock."""
+    def early_end_remarks(self, name: str, end: Fraction, count: int, listed: int | None) -> list[str]:
+        """Return the remark that a file ends before its header says, at `end` after `count` of `listed` frames."""
         container, stream = self.file.container, self.file.stream
         promised, reached = Fraction(0), Fraction(0)
         if stream.duration is not None:
@@ -281,7 +281,13 @@ class VideoClock:
             whole = Fraction(container.duration, 1_000_000)
             if whole - self.file.furthest > promised - reached:
                 promised, reached = whole, self.file.furthest
-        return promised, reached
+        if promised - reached <= max(5 / self.rate, promised / 20):
+            return []
+        of_all = "" if listed is None else f" of {listed}"
+        return [
+            f"{name} ends after {float(reached):.1f} s of the {float(promised):.1f} s its header promises; "
+            f"{counted(count, 'frame')}{of_all} could be read."
+        ]
 
     @property
     def _says_duration(self) -> bool:

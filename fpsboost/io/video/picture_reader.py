@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from itertools import islice
 
@@ -36,6 +36,8 @@ CHECKED_PICTURES = 2 * MAX_REORDERED
 class PictureReader:
     """Pictures of a video stream, which begin at the first one until another place is asked for.
 
+    `from_here` returns the pictures from where the file is, with nothing counted yet.
+
     Attributes
     ----------
     pictures : Pictures
@@ -46,23 +48,13 @@ class PictureReader:
         Number of the first frame that comes, and of frames to leave out, since decoding could not begin later.
     """
 
-    def __init__(
-        self,
-        demuxer: Demuxer,
-        clock: VideoClock,
-        file: VideoFile,
-        *,
-        deinterlace: bool,
-        keeps_alpha: bool,
-        remarks: list[str],
-    ) -> None:
-        self._demuxer, self._clock, self._file = demuxer, clock, file
-        self._deinterlace, self._keeps_alpha, self._remarks = deinterlace, keeps_alpha, remarks
+    def __init__(self, demuxer: Demuxer, clock: VideoClock, file: VideoFile, from_here: Callable[[], Pictures]) -> None:
+        self._demuxer, self._clock, self._file, self._from_here = demuxer, clock, file, from_here
         self._is_indexed = demuxer.container.format.name.startswith(INDEXED)
         self._unindexed: str | None = None
         self.index: FrameIndex | None = None
         self.first = self.dropped = 0
-        self.pictures = self._from_here()
+        self.pictures = from_here()
 
     def first_time(self) -> Fraction:
         """Return the time of the first picture, seconds."""
@@ -72,7 +64,13 @@ class PictureReader:
     def skip_to(self, time: Fraction) -> None:
         """Go to the key frame before a time, where the container's index is to be trusted."""
         first, picture = self.first_time(), self.pictures.peek()
-        if time <= first or not self._is_indexed or self._deinterlace or picture is None or picture.pts is None:
+        if (
+            time <= first
+            or not self._is_indexed
+            or picture is None
+            or picture.pts is None
+            or self.pictures.deinterlaced
+        ):
             return
         for earlier in STEPS_BACK:  # some indexes count decoding times, which come before those of presentation
             place = max(first, time - earlier) + self._clock.start
@@ -100,8 +98,8 @@ class PictureReader:
         with open_video(self._file.path, self._file.name) as file:
             return sum(1 for _ in read_packets(file, {self._file.stream_index}, Damage()))
 
-    def begin_at(self, number: int) -> None:
-        """Decode from a key frame before a frame, or else from the beginning, and remark on the latter."""
+    def begin_at(self, number: int) -> str | None:
+        """Decode from a key frame before a frame, or else from the beginning; return why, if that is far before."""
         reason = self._unindexed
         if self.index is not None:
             points = self.index.entry_points_before(number)
@@ -109,13 +107,12 @@ class PictureReader:
                 reached = self._seek_to(point, points)
                 if reached is not None and self._decode_up_to(number, reached, self.index):
                     self.first = number
-                    return
+                    return None
             is_short = bool(points) and points[0].number == 0
             reason = None if is_short else "decoding cannot begin at the key frames before"
         self._reopen()
         self.dropped = number
-        if reason is not None:
-            self._remarks.append(f"{self._file.name} was read from its beginning, because {reason}.")
+        return reason
 
     def compare_with_index(self, number: int, time: Fraction | None) -> None:
         """Raise `InputError` if a frame, or that there is none, is not what `frame_times` has promised."""
@@ -133,7 +130,7 @@ class PictureReader:
         """Return the index of the frames, of which the first ones have been compared with their pictures."""
         if not self._is_indexed:
             raise UnindexedError("its container has no index of frames")
-        if self._deinterlace:
+        if self.pictures.deinterlaced:
             raise UnindexedError("its packets tell nothing of fields")
         index = read_index(self._file.path, self._file.stream_index)
         times = [picture.pts for picture in islice(self.pictures, CHECKED_PICTURES)]
@@ -178,18 +175,6 @@ class PictureReader:
                 return True
             expected += 1
         return False
-
-    def _from_here(self) -> Pictures:
-        """Return the pictures from where the file is, with nothing counted yet."""
-        return Pictures(
-            self._demuxer,
-            self._file.name,
-            tick=self._clock.tick,
-            interval=1 / self._clock.rate,
-            deinterlace=self._deinterlace,
-            keeps_alpha=self._keeps_alpha,
-            remarks=self._remarks,
-        )
 
     def _reopen(self) -> None:
         """Begin again at the very first frame."""

@@ -48,6 +48,8 @@ class Pictures(Iterator[av.VideoFrame]):
     ----------
     damage : Damage
         What could not be read or decoded so far.
+    deinterlaced : bool
+        Whether fields became pictures.
     """
 
     def __init__(
@@ -62,7 +64,7 @@ class Pictures(Iterator[av.VideoFrame]):
         remarks: list[str],
     ) -> None:
         self.damage = Damage()
-        self._file, self._name, self._tick, self._deinterlace = file, name, tick, deinterlace
+        self._file, self._name, self._tick, self.deinterlaced = file, name, tick, deinterlace
         self._keeps_alpha, self._remarks = keeps_alpha, remarks
         self._usual_ticks = float(interval / tick)
         self._count = self._interlaced_count = 0
@@ -102,7 +104,7 @@ class Pictures(Iterator[av.VideoFrame]):
     def interlacing_remarks(self) -> list[str]:
         """Return the remarks on interlaced pictures that stayed whole, and on progressive ones that were halved."""
         interlaced, count = self._interlaced_count, self._count
-        if not self._deinterlace:
+        if not self.deinterlaced:
             which = "" if interlaced == count else f" in {interlaced} of {counted(count, 'frame')}"
             return [interlaced_remark(self._name, which, "pass `deinterlace=True`")] if interlaced else []
         if interlaced == count:
@@ -300,24 +302,50 @@ def _kind(picture: av.VideoFrame) -> tuple[int, int, str, int, int]:
 
 
 class FormatUnifier:
-    """Converter of every picture to size, pixel format and colour coding of the first one, with counts for remarks."""
+    """Converter of every picture to size, pixel format and colour coding of the first one, with counts for remarks.
 
-    def __init__(self, width: int, height: int, traits: VideoTraits) -> None:
-        self._width, self._height, self._traits = width, height, traits
+    With `stops`, a change of size or pixel format is an error.
+    """
+
+    def __init__(self, name: str, first: av.VideoFrame, traits: VideoTraits, stops: bool) -> None:
+        self._name, self._traits, self._stops = name, traits, stops
+        self._width, self._height = first.width, first.height
         self._coding = av.VideoFormat(traits.pixel_format).is_rgb, traits.color_space, traits.full_range
         self._reformatter = VideoReformatter()
         self._reshaped = self._recoded = 0
-        self.first_change: str | None = None
+        self._first_change: str | None = None
         """First change of size or pixel format: ``from 64x48 yuv420p to 96x64 yuv420p at frame 12``."""
 
-    def unified(self, picture: av.VideoFrame, index: int) -> av.VideoFrame:
-        """Scale and convert picture number `index`, counted from 0; return it unchanged if it matches the first one.
+    @property
+    def stopped_by(self) -> str | None:
+        """Sentence about the first change of size or pixel format."""
+        if self._first_change is None:
+            return None
+        return (
+            f"{self._name} changes {self._first_change}; convert it with `size_change='scale'` to make all frames like "
+            "the first, or cut it there and convert the parts one by one."
+        )
+
+    def unified(self, picture: av.VideoFrame, number: int) -> av.VideoFrame:
+        """Scale and convert a picture; return it unchanged if it matches the first one.
 
         Raises
         ------
-        ValueError
-            The colour matrix of the picture is not supported.
+        InputError
+            It cannot be converted, or must not differ.
         """
+        try:
+            unified = self._like_first(picture, number)
+        except (av.error.FFmpegError, ValueError):
+            raise InputError(
+                f"{self._name} changes to {picture.format.name} at frame {number}, which cannot be converted; cut it "
+                "there and convert the parts one by one."
+            ) from None
+        if self._stops and self.stopped_by is not None:
+            raise InputError(self.stopped_by)
+        return unified
+
+    def _like_first(self, picture: av.VideoFrame, number: int) -> av.VideoFrame:
         traits = self._traits
         before = f"{self._width}x{self._height} {traits.pixel_format}"
         now = f"{picture.width}x{picture.height} {picture.format.name}"
@@ -326,7 +354,7 @@ class FormatUnifier:
             return picture
         if now != before:
             self._reshaped += 1
-            self.first_change = self.first_change or f"from {before} to {now} at frame {index}"
+            self._first_change = self._first_change or f"from {before} to {now} at frame {number}"
         else:
             self._recoded += 1
         source = self._recoded_like_first(picture) if is_recoded else picture
@@ -337,11 +365,11 @@ class FormatUnifier:
         alike.color_primaries, alike.color_trc = traits.color_primaries, traits.color_transfer
         return alike
 
-    def remarks(self, name: str) -> list[str]:
+    def remarks(self) -> list[str]:
         """Return the remarks on the converted pictures."""
-        remarks = []
+        name, remarks = self._name, []
         if self._reshaped:
-            remarks.append(f"{name} changes {self.first_change}; {_were(self._reshaped)} made like the first.")
+            remarks.append(f"{name} changes {self._first_change}; {_were(self._reshaped)} made like the first.")
         if self._recoded:
             remarks.append(
                 f"{name} changes its colour matrix or range; {_were(self._recoded)} converted to the first's."

@@ -10,6 +10,7 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 import av
@@ -35,7 +36,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.demuxer import Demuxer, left_out_remarks, open_video
 from fpsboost.io.video.frame_index import FrameIndex
 from fpsboost.io.video.picture_reader import PictureReader
-from fpsboost.io.video.pictures import FormatUnifier, is_on_its_side, turned_upright
+from fpsboost.io.video.pictures import FormatUnifier, Pictures, is_on_its_side, turned_upright
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import counted, lost_alpha_remark, lost_companions_remark, lost_shape_remark
 from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
@@ -104,14 +105,17 @@ class VideoSource(ClosesOnExit):
         self._unifier: FormatUnifier | None = None
         self._traits: VideoTraits | None = None
         self._started = False
-        self._reader = PictureReader(
+        from_here = partial(
+            Pictures,
             self._demuxer,
-            self._clock,
-            self.file,
+            self._name,
+            tick=self._clock.tick,
+            interval=1 / self._clock.rate,
             deinterlace=self._decoding.deinterlace,
             keeps_alpha=keeps_alpha,
             remarks=self._remarks,
         )
+        self._reader = PictureReader(self._demuxer, self._clock, self.file, from_here)
         if for_images:
             self._prepare_for_images()
 
@@ -169,12 +173,7 @@ class VideoSource(ClosesOnExit):
     @property
     def stopped_by(self) -> str | None:
         """Sentence about the first change of size, at which reading stops if so configured."""
-        if self._unifier is None or self._unifier.first_change is None:
-            return None
-        return (
-            f"{self._name} changes {self._unifier.first_change}; convert it with `size_change='scale'` to make all "
-            "frames like the first, or cut it there and convert the parts one by one."
-        )
+        return None if self._unifier is None else self._unifier.stopped_by
 
     @property
     def traits(self) -> VideoTraits:
@@ -195,7 +194,7 @@ class VideoSource(ClosesOnExit):
             if has_alpha(picture.format.name) and not self._keeps_alpha:
                 self._remarks.append(lost_alpha_remark(self._name))
             self._traits = read_traits(picture, self._demuxer.stream, self._reformatter, self._name)
-            self._unifier = FormatUnifier(picture.width, picture.height, self._traits)
+            self._unifier = FormatUnifier(self._name, picture, self._traits, self._decoding.size_change == "stop")
         return self._traits
 
     def __iter__(self) -> Iterator[Frame]:
@@ -212,10 +211,14 @@ class VideoSource(ClosesOnExit):
         """Yield the frames; only the last one's duration comes from the header."""
         matrix = self.traits.display_matrix
         coding = coding_of(self.traits) if self._keeps_planes else None
+        unifier = self._unifier
+        assert unifier is not None  # there since the traits were read
         reader, clock, damage = self._reader, self._clock, self._reader.pictures.damage
         count, end = reader.first, None
         try:
-            for picture, time, is_last in in_rising_order(self._timed(), 1 / clock.rate, clock.time_base, damage):
+            for picture, time, is_last in in_rising_order(
+                self._timed(unifier), 1 / clock.rate, clock.time_base, damage
+            ):
                 reader.compare_with_index(count, time)
                 count += 1
                 if count <= reader.dropped:
@@ -235,31 +238,18 @@ class VideoSource(ClosesOnExit):
                 raise InputError(f"{self._name} has ended before frame {reader.dropped}; begin at an earlier one.")
         finally:  # also where not all of the clip was asked for
             self._remarks += reader.pictures.interlacing_remarks()
-            self._remarks += [] if self._unifier is None else self._unifier.remarks(self._name)
+            self._remarks += unifier.remarks()
             self._remarks += damage.remarks(self._name, count)
-        self._compare_with_header(end, count)
+        self._remarks += clock.early_end_remarks(self._name, end, count, self._info.frame_count)
 
-    def _timed(self) -> Iterator[tuple[av.VideoFrame, Fraction]]:
+    def _timed(self, unifier: FormatUnifier) -> Iterator[tuple[av.VideoFrame, Fraction]]:
         """Yield the pictures, all alike, with the times that the file gives them."""
         end: Fraction | None = None
         for number, decoded in enumerate(self._reader.pictures, self._reader.first):
-            picture = self._unified(decoded, number)
+            picture = unifier.unified(decoded, number)
             time = self._clock.time_of(picture, end, self._reader.pictures.damage)
             end = time + self._clock.duration_of(picture)
             yield picture, time
-
-    def _unified(self, picture: av.VideoFrame, number: int) -> av.VideoFrame:
-        assert self._unifier is not None  # there since the traits were read
-        try:
-            unified = self._unifier.unified(picture, number)
-        except (av.error.FFmpegError, ValueError):
-            raise InputError(
-                f"{self._name} changes to {picture.format.name} at frame {number}, which cannot be converted; cut it "
-                "there and convert the parts one by one."
-            ) from None
-        if self._decoding.size_change == "stop" and self.stopped_by is not None:
-            raise InputError(self.stopped_by)
-        return unified
 
     def _convert(self, picture: av.VideoFrame) -> Image:
         try:
@@ -270,16 +260,6 @@ class VideoSource(ClosesOnExit):
                 f"{self._name} has the pixel format {picture.format.name}, which cannot be converted to BGR; "
                 "convert it to yuv444p16le first."
             ) from None
-
-    def _compare_with_header(self, end: Fraction, count: int) -> None:
-        """Remark that the file ends before its header says so."""
-        promised, reached = self._clock.promise(end)
-        of_all = "" if self._info.frame_count is None else f" of {self._info.frame_count}"
-        if promised - reached > max(5 / self._clock.rate, promised / 20):
-            self._remarks.append(
-                f"{self._name} ends after {float(reached):.1f} s of the {float(promised):.1f} s its header promises; "
-                f"{counted(count, 'frame')}{of_all} could be read."
-            )
 
     def first_time(self) -> Fraction:
         """Time of the clip's first frame, seconds; decodes it. Before the first frame is read."""
@@ -313,5 +293,6 @@ class VideoSource(ClosesOnExit):
         times = self.frame_times()
         if times is not None and number >= len(times):
             raise InputError(f"{self._name} has {counted(len(times), 'frame')}, and none has the number {number}.")
-        if number:
-            self._reader.begin_at(number)
+        reason = self._reader.begin_at(number) if number else None
+        if reason is not None:
+            self._remarks.append(f"{self._name} was read from its beginning, because {reason}.")
