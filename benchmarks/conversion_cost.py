@@ -13,13 +13,13 @@ import sys
 import time
 from pathlib import Path
 
+from fpsboost.contracts import SilentObserver
 from fpsboost.conversion import convert
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import ClipInfo
 from fpsboost.heap import limit_free_memory
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import methods
-from fpsboost.observer import SilentObserver
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import one_opencv_thread
 

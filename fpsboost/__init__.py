@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from fpsboost.analysis.duplicates import DuplicateDetector
     from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
     from fpsboost.colour import Coding
-    from fpsboost.contracts import FrameSink, FrameSource
+    from fpsboost.contracts import FrameSink, FrameSource, FrameWatcher, LowestMatch, Observer, SourceMoment, Summary
     from fpsboost.conversion import convert, convert_job, stream
     from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError, SceneCutWarning
     from fpsboost.frame import ClipInfo, Frame, PairMotion
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from fpsboost.layered import Layer, LayeredImage
     from fpsboost.method_table import interpolate, interpolate_with_confidence, methods
     from fpsboost.motion import MotionEstimator
-    from fpsboost.observer import FrameWatcher, LowestMatch, Observer, SourceMoment, Summary
     from fpsboost.parts.join import join
     from fpsboost.preparation import ConversionJob
     from fpsboost.rerender.frame_choice import FrameChoice, choose_frames
@@ -132,18 +131,18 @@ _homes = {
     "FrameIntervals": "timing.rate",
     "FrameSink": "contracts",
     "FrameSource": "contracts",
-    "FrameWatcher": "observer",
+    "FrameWatcher": "contracts",
     "InputError": "errors",
     "InterpolatedImage": "synthesis",
     "Interpolator": "interpolator",
     "Layer": "layered",
     "LayeredImage": "layered",
-    "LowestMatch": "observer",
+    "LowestMatch": "contracts",
     "MemoryLimit": "io.memory_limit",
     "MergeOptions": "rerender.options",
     "MergeSummary": "rerender.merging",
     "MotionEstimator": "motion",
-    "Observer": "observer",
+    "Observer": "contracts",
     "OptionError": "errors",
     "OutputError": "errors",
     "OutputRange": "streaming",
@@ -160,8 +159,8 @@ _homes = {
     "SceneCutWarning": "errors",
     "Schedule": "timing.schedule",
     "SideOutputs": "io.side.options",
-    "SourceMoment": "observer",
-    "Summary": "observer",
+    "SourceMoment": "contracts",
+    "Summary": "contracts",
     "Synthesizer": "synthesis",
     "Trim": "timing.position",
     "YCbCrImage": "image",

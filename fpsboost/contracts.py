@@ -1,10 +1,14 @@
-"""Contracts of the loop with what it reads from and writes to; `fpsboost.io` has those that implement them."""
+"""Contracts of the loop: sources, sinks and observers; and the summary of a conversion."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
+
+from fpsboost.timing.rate import FrameIntervals
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame import ClipInfo, Frame
@@ -91,3 +95,131 @@ class Cancellable(Protocol):
     def cancel(self) -> None:
         """Stop waiting: a call in another thread ends with an exception."""
         ...
+
+
+@dataclass(frozen=True)
+class SourceMoment:
+    """Frame of the source: its number, counted from 0, and its presentation time, seconds."""
+
+    number: int
+    time: Fraction
+
+
+@dataclass(frozen=True)
+class LowestMatch:
+    """Frame of the output that was made of the two frames that match least, across no scene cut.
+
+    Attributes
+    ----------
+    match_score : float
+        See `fpsboost.pair.Pair.detected_match_score`.
+    number : int
+        Number of the frame, counted from 0.
+    time : Fraction
+        Its presentation time, seconds after the output's first frame.
+    """
+
+    match_score: float
+    number: int
+    time: Fraction
+
+
+@dataclass
+class Summary:
+    """Counts and remarks of a conversion.
+
+    Attributes
+    ----------
+    frames_in, frames_out : int
+        Frames read and written.
+    frames_made : int
+        Frames written that are not from the source: interpolated, or repeated across a cut.
+    scene_cuts : int
+        Pairs in which a scene ends; they were not interpolated across.
+    duplicates : int
+        Duplicate frames that were interpolated across.
+    completed_frames : int
+        Frames of `frames_out` that an earlier run had finished.
+    seconds : float
+        Wall time of the loop, without compiling.
+    remarks : list of str
+        Sentences about everything that was lost or guessed.
+    details : str
+        How the target was written, for verbose output; empty if there was no choice.
+    utilisation : str
+        How busy cores or workers were, as a sentence, for verbose output; empty if it was not measured.
+    frame_intervals : FrameIntervals
+        Intervals between the frames of the source.
+    search_radii : set of int
+        Search radii that were chosen for pairs of frames, pixels; empty if the method has none.
+    lowest_match : LowestMatch or None
+        Where the result is least certain; None if nothing was made between two frames of a scene.
+    boundaries : dict of int to SourceMoment
+        The frame of the source at or before the first output frame of a part of a conversion, and before the first one
+        after it, by the numbers of these output frames.
+    """
+
+    frames_in: int = 0
+    frames_out: int = 0
+    frames_made: int = 0
+    scene_cuts: int = 0
+    duplicates: int = 0
+    completed_frames: int = 0
+    seconds: float = 0.0
+    remarks: list[str] = field(default_factory=list)
+    details: str = ""
+    utilisation: str = ""
+    frame_intervals: FrameIntervals = field(default_factory=FrameIntervals)
+    search_radii: set[int] = field(default_factory=set)
+    lowest_match: LowestMatch | None = None
+    boundaries: dict[int, SourceMoment] = field(default_factory=dict)
+
+    def note_match(self, match: LowestMatch | None) -> None:
+        """Keep a match if it is the lowest so far; must be called in the order of the frames."""
+        if match is not None and (self.lowest_match is None or match.match_score < self.lowest_match.match_score):
+            self.lowest_match = match
+
+
+class Observer(Protocol):
+    """Contract: is informed of the progress of a conversion."""
+
+    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
+        """Handle the opening of source and target; `expected_frames` follow if the source's header is right."""
+        ...
+
+    def ready(self) -> None:
+        """Handle that kernels are compiled, or loaded from the cache; the first frame comes next."""
+        ...
+
+    def wrote(self, summary: Summary) -> None:
+        """Handle another frame that was passed on to the target."""
+        ...
+
+
+class FrameWatcher(Protocol):
+    """Contract: sees the frames of an output as they are written.
+
+    Attributes
+    ----------
+    needs_confidence : bool
+        Whether frames that are made are to have their confidence.
+    """
+
+    needs_confidence: bool
+
+    def watch(self, frame: Frame) -> None:
+        """Take notice of the next frame, whose image must not be changed."""
+        ...
+
+
+class SilentObserver:
+    """Observer that does nothing."""
+
+    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
+        """See `Observer.opened`."""
+
+    def ready(self) -> None:
+        """See `Observer.ready`."""
+
+    def wrote(self, summary: Summary) -> None:
+        """See `Observer.wrote`."""

@@ -9,7 +9,7 @@ from fractions import Fraction
 
 import cv2
 
-from fpsboost.contracts import FrameSource
+from fpsboost.contracts import FrameSource, SilentObserver, Summary
 from fpsboost.errors import OptionError
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
@@ -22,7 +22,6 @@ from fpsboost.io.video.capture import ArraySource, captured, rate_of
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
-from fpsboost.observer import SilentObserver, Summary
 from fpsboost.parts.plan import plan_part, share_index
 from fpsboost.preparation import ConversionJob, closing_remarks, exposed, opened_clip, prepare
 from fpsboost.run_options import RunOptions

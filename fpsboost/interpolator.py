@@ -26,9 +26,8 @@ from fpsboost.image import SAMPLE_BITS, Image, as_array, view
 from fpsboost.kernels.compiling import compiled_aside, uncollected
 from fpsboost.layered import FrameImage
 from fpsboost.motion import MotionEstimator
-from fpsboost.motion.field import MotionField, ZeroMotion
+from fpsboost.motion.field import MotionField, Neighbour, ZeroMotion
 from fpsboost.motion.rendered import RenderedVectors, UsesVectors
-from fpsboost.motion.trajectory import Neighbour
 from fpsboost.pair import Layered, Pair, as_bgr
 from fpsboost.synthesis import FramePair, FusesHypotheses, InterpolatedImage, Synthesizer
 from fpsboost.synthesis.agreement import measure_agreement

@@ -26,8 +26,7 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.motion.rendered import UsesVectors
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import FrameIntervals, OutputRate
-from fpsboost.timing.schedule import Schedule, count_frames
-from fpsboost.timing.shutter import ExposureSchedule
+from fpsboost.timing.schedule import ExposureSchedule, Schedule, count_frames
 
 
 @dataclass(frozen=True)

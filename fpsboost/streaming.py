@@ -21,13 +21,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.analysis.duplicates import DuplicateDetector, FrameGroup, SourceFrame, group_duplicates, group_singly
-from fpsboost.contracts import Cancellable, FrameSink, FrameSource, HasBeginning, TakesSideData
+from fpsboost.contracts import (
+    Cancellable,
+    FrameSink,
+    FrameSource,
+    HasBeginning,
+    LowestMatch,
+    Observer,
+    SilentObserver,
+    SourceMoment,
+    Summary,
+    TakesSideData,
+)
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import ClipInfo, Frame, PairMotion
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.layered import FrameImage
-from fpsboost.observer import LowestMatch, Observer, SilentObserver, SourceMoment, Summary
 from fpsboost.pair import Pair
 from fpsboost.synthesis.exposure import Exposure
 from fpsboost.threads import available_cores, nothing, read_ahead, run_in_parallel, write_behind
@@ -114,8 +124,8 @@ def run_conversion(
         Entered already. One with the attributes ``needs_confidence`` and ``needs_motion`` gets frames with what it
         needs; see `fpsboost.Frame`.
     schedule : Schedule
-        Determines the output times. Of an `fpsboost.timing.shutter.ExposureSchedule`, every output frame is the mean of
-        several that are made around its time, in one scene; images must be arrays.
+        Determines the output times. Of an `ExposureSchedule`, every output frame is the mean of several that are made
+        around its time, in one scene; images must be arrays.
     observer : Observer, optional
         Informed of the progress.
     stretch : Fraction

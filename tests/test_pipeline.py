@@ -21,6 +21,7 @@ from conversion_options import grouped
 from truth import accelerating, prepared
 from video_truth import packets_of, pictures_of, samples_of, write_clip
 
+from fpsboost.contracts import Summary
 from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
@@ -29,7 +30,6 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import methods
 from fpsboost.motion.field import ZeroMotion
-from fpsboost.observer import Summary
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 from truth import affine, noise, prepared
 
+from fpsboost.contracts import SilentObserver
 from fpsboost.conversion import convert
 from fpsboost.frame_cache import FrameCache, Results
 from fpsboost.method_table import methods
-from fpsboost.observer import SilentObserver
 from fpsboost.run_options import RunOptions
 
 PER_FRAME = [

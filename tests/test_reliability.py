@@ -18,9 +18,9 @@ from command_line import Result, environment
 from video_truth import pictures_of, write_clip
 
 import fpsboost
+from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.errors import FpsboostError, InputError, OutputError
 from fpsboost.io.opening import open_source
-from fpsboost.observer import SilentObserver, Summary
 from fpsboost.run_options import RunOptions
 
 CHEAP = ("--method", "nearest", "--no-cuts")

@@ -132,8 +132,7 @@ class CutOptions:
         InputError
             The file of cuts cannot be read.
         """
-        from fpsboost.analysis.cut_list import read_cuts  # noqa: PLC0415
-        from fpsboost.analysis.scene_cuts import CutDetector  # noqa: PLC0415
+        from fpsboost.analysis.scene_cuts import CutDetector, read_cuts  # noqa: PLC0415
 
         names = [name for name in self.given if name != "--at-cuts"]
         if len(names) > 1:

@@ -19,9 +19,9 @@ from fpsboost.timing.position import format_time
 from fpsboost.version import __version__
 
 if TYPE_CHECKING:
+    from fpsboost.contracts import Summary
     from fpsboost.frame import ClipInfo
     from fpsboost.interpolator import Interpolator
-    from fpsboost.observer import Summary
 
 
 class FramesPerSecondColumn(ProgressColumn):
@@ -152,18 +152,18 @@ class JsonReporter:
         self._listening.close()
 
     def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
-        """See `fpsboost.observer.Observer.opened`."""
+        """See `fpsboost.contracts.Observer.opened`."""
         self._expected = expected_frames
         self._listening.enter_context(told_of_compiling(self._say_compiling))
         self._print("opened")
 
     def ready(self) -> None:
-        """See `fpsboost.observer.Observer.ready`."""
+        """See `fpsboost.contracts.Observer.ready`."""
         collect_from_here_on()
         self._print("ready")
 
     def wrote(self, summary: Summary) -> None:
-        """See `fpsboost.observer.Observer.wrote`."""
+        """See `fpsboost.contracts.Observer.wrote`."""
         self._frames = summary.frames_out
         self._print("converting", fps=_speed(summary))
 

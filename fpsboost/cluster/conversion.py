@@ -13,10 +13,10 @@ from pathlib import Path
 from fpsboost import ClipInfo, ConversionJob, FpsboostError, OptionError, OutputError, Part, RunOptions, Summary, join
 from fpsboost.cluster.scheduler import Executor, run_parts
 from fpsboost.cluster.worker import LOCK_INTERVAL, PartTask
+from fpsboost.contracts import SilentObserver
 from fpsboost.errors import CompleteAlreadyError, InUseError, explained
 from fpsboost.io.fingerprint import JobFingerprint
 from fpsboost.io.part import part_folder, remove_if_empty
-from fpsboost.observer import SilentObserver
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_difference
 from fpsboost.parts.plan import PlannedPart, plan_parts, share_index
 from fpsboost.preparation import opened_clip, prepare

@@ -23,9 +23,9 @@ from distributed import Worker, get_worker
 from distributed.core import Status
 
 from fpsboost import ConversionJob, FpsboostError, InputError, MemoryLimit, Part, RunOptions, Summary, convert_job
+from fpsboost.contracts import SilentObserver
 from fpsboost.errors import ClusterError, CompleteAlreadyError, InUseError
 from fpsboost.io.part import part_folder
-from fpsboost.observer import SilentObserver
 from fpsboost.parts.manifest import facts_of, first_difference, program_facts
 from fpsboost.preparation import opened_clip, prepare
 from fpsboost.streaming import one_opencv_thread

@@ -8,6 +8,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+from fpsboost.contracts import Observer, SilentObserver, Summary
 from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.image import Pixels
 from fpsboost.io.images.sink import ImageSink
@@ -18,7 +19,6 @@ from fpsboost.io.video.chunks import Chunk, complete_chunk
 from fpsboost.io.video.encoder import traits_of_image
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.method_table import find_method
-from fpsboost.observer import Observer, SilentObserver, Summary
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, first_difference, input_identity, stored
 from fpsboost.preparation import ConversionJob, OpenedClip, closing_remarks, opened_clip, prepare
 from fpsboost.run_options import RunOptions

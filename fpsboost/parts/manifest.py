@@ -12,6 +12,7 @@ from typing import Any, Self, get_args, get_origin, get_type_hints
 
 import cv2
 
+from fpsboost.contracts import LowestMatch, SourceMoment
 from fpsboost.errors import InputError, explained
 from fpsboost.io.fingerprint import fingerprint_options, identify_files
 from fpsboost.io.part import Part
@@ -20,7 +21,6 @@ from fpsboost.io.trim import Window
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pyav import pyav_version
-from fpsboost.observer import LowestMatch, SourceMoment
 from fpsboost.parts.self_test import digest_of, self_test
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, opened_clip
 from fpsboost.run_options import RunOptions
@@ -61,7 +61,7 @@ class Manifest:
     frames_read : int
         Number of source frames from the clip's first one to the last one that was read.
     scene_cuts, duplicates, lowest_match
-        See `fpsboost.observer.Summary`.
+        See `fpsboost.contracts.Summary`.
     begins, ends : SourceMoment or None
         Frames of the source at or before the first output frame of the part, and of the next one.
     counts_frames : bool

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from fpsboost.analysis.scene_cuts import counts_frames
-from fpsboost.contracts import FrameSource
+from fpsboost.contracts import FrameSource, Summary
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
 from fpsboost.io import RandomAccess, SharesIndex
@@ -26,7 +26,6 @@ from fpsboost.io.part import INDEX_NAME, MAX_PARTS, Part, part_files, part_folde
 from fpsboost.io.staging import write_safely
 from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.io.video.frame_index import EntryPoint, FrameIndex
-from fpsboost.observer import Summary
 from fpsboost.parts.entry import find_entry
 from fpsboost.parts.manifest import Manifest, facts_of, input_identity, stored
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, exposed, opened_clip

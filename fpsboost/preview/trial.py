@@ -24,8 +24,8 @@ from fpsboost import (
     Summary,
     convert_job,
 )
+from fpsboost.contracts import SilentObserver
 from fpsboost.io.target import Target
-from fpsboost.observer import SilentObserver
 from fpsboost.preparation import opened_clip, prepare
 from fpsboost.preview.places import Passage, Selection, find_passages, of_part
 from fpsboost.preview.views import View
@@ -158,11 +158,11 @@ class _Recorder(SilentObserver):
     start: tuple[float, float] = (0.0, 0.0)
 
     def ready(self) -> None:
-        """See `fpsboost.observer.Observer.ready`."""
+        """See `fpsboost.contracts.Observer.ready`."""
         self.start = time.perf_counter(), time.process_time()
 
     def watch(self, frame: Frame) -> None:
-        """See `fpsboost.observer.FrameWatcher.watch`."""
+        """See `fpsboost.contracts.FrameWatcher.watch`."""
         begin = time.thread_time()
         self.view.add(frame, frame.time / self.stretch)
         self.view.end = (frame.time + frame.duration) / self.stretch

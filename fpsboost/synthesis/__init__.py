@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels
 from fpsboost.layered import FrameImage
-from fpsboost.motion.field import MotionField
-from fpsboost.motion.trajectory import Neighbour
+from fpsboost.motion.field import MotionField, Neighbour
 
 
 @dataclass(frozen=True)

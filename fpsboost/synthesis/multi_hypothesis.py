@@ -40,9 +40,16 @@ from fpsboost.kernels.planes import aligned_empty
 from fpsboost.kernels.spline import MARGIN, filter_weights, find_coefficients
 from fpsboost.kernels.window_samples import Samples
 from fpsboost.layered import LayeredImage
-from fpsboost.motion.field import MotionField, forward_backward_error, motion_gradients, point_places
+from fpsboost.motion.field import (
+    ONE_SIDED_WEIGHT,
+    TWO_SIDED_WEIGHT,
+    MotionField,
+    accelerations_at_points,
+    forward_backward_error,
+    motion_gradients,
+    point_places,
+)
 from fpsboost.motion.rendered import RenderedVectors
-from fpsboost.motion.trajectory import ONE_SIDED_WEIGHT, TWO_SIDED_WEIGHT, accelerations_at_points
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.layers import Mixed, Planes, Sources, find_sources, mix_layers
 from fpsboost.synthesis.rendered_hypothesis import SurfaceMotion, find_surface_motion

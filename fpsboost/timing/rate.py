@@ -10,18 +10,19 @@ from typing import TYPE_CHECKING, Literal, get_args
 from fpsboost.errors import InputError, OptionError, check_choice
 from fpsboost.options import option
 from fpsboost.timing.schedule import (
+    DEFAULT_SAMPLES,
     MAX_FILLED,
     MAX_RATE,
     ByFactor,
     ByRate,
     OutputTiming,
     Schedule,
+    Shutter,
     is_implausible,
     parse_number,
     parse_rate,
     representable,
 )
-from fpsboost.timing.shutter import DEFAULT_SAMPLES, Shutter
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame import ClipInfo, Frame

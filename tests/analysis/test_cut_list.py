@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from video_truth import write_clip
 
-from fpsboost.analysis.cut_list import CutList, read_cuts
+from fpsboost.analysis.scene_cuts import CutList, read_cuts
 from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame_cache import FrameCache, SourcePosition

@@ -19,6 +19,7 @@ from test_pipeline import FakeSink, FakeSource
 from truth import affine, frozen, noise, prepared
 
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_pictures, group_duplicates
+from fpsboost.contracts import Summary
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
@@ -26,7 +27,6 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.io.opening import open_source
 from fpsboost.method_table import methods
 from fpsboost.motion.rendered import RenderedMotion
-from fpsboost.observer import Summary
 from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.scene_assisted import SceneAssisted

@@ -20,6 +20,7 @@ from video_truth import packets_of, write_clip
 from fpsboost.cluster import convert, scheduler
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.cluster.scheduler import MAX_FAILURES, MAX_LOST_WORKERS, Done, Failed, Progress, Report, run_parts
+from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.conversion import convert_job
 from fpsboost.errors import (
     ClusterError,
@@ -33,7 +34,6 @@ from fpsboost.errors import (
 from fpsboost.io.part import Part, part_folder
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
-from fpsboost.observer import SilentObserver, Summary
 from fpsboost.parts.plan import PlannedPart
 from fpsboost.preparation import ConversionJob
 from fpsboost.run_options import RunOptions

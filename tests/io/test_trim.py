@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from video_truth import packets_of, pictures_of, samples_of, spoil_packets, stream_of, write_clip
 
+from fpsboost.contracts import Summary
 from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
 from fpsboost.interpolator import Interpolator
@@ -22,7 +23,6 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
 from fpsboost.motion.field import ZeroMotion
-from fpsboost.observer import Summary
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.position import Position, Trim, parse_position
 

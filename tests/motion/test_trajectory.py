@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from truth import accelerating, prepared
 
-from fpsboost.motion.field import MotionField
+from fpsboost.motion.field import MotionField, accelerations_at_points
 from fpsboost.motion.nlm import CoarseToFine
-from fpsboost.motion.trajectory import accelerations_at_points
 
 SIZE = (96, 128)
 SPACING = 8

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from vector_truth import save_vectors
 from video_truth import packets_of, scene, write_clip
 
+from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.conversion import convert
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
 from fpsboost.io.images.exr import write_exr
@@ -28,7 +29,6 @@ from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
-from fpsboost.observer import SilentObserver, Summary
 from fpsboost.parts.join import join
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, as_json, from_json
 from fpsboost.run_options import RunOptions

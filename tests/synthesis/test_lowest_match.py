@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from truth import noise, waves
 
+from fpsboost.contracts import LowestMatch, Summary
 from fpsboost.conversion import convert
 from fpsboost.io.part import Part
 from fpsboost.io.video.capture import ArraySource
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
-from fpsboost.observer import LowestMatch, Summary
 from fpsboost.parts.join import join
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import interpolate_frames
@@ -86,7 +86,7 @@ def test_a_scene_cut_is_not_uncertain():
 @pytest.mark.parametrize("cuts", [None, "listed"])
 def test_it_is_found_whoever_decides_about_cuts(cuts, tmp_path):
     """Also where cuts are not looked for."""
-    from fpsboost.analysis.cut_list import read_cuts  # noqa: PLC0415
+    from fpsboost.analysis.scene_cuts import read_cuts  # noqa: PLC0415
 
     (tmp_path / "cuts.txt").write_text("100f\n")
     policy = None if cuts is None else read_cuts(str(tmp_path / "cuts.txt"))

@@ -18,6 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from video_truth import pictures_of, scene, write_clip
 
+from fpsboost.contracts import Summary
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo, Frame
@@ -25,7 +26,6 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
 from fpsboost.motion.field import ZeroMotion
-from fpsboost.observer import Summary
 from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.rate import OutputRate

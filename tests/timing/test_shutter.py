@@ -26,8 +26,7 @@ from fpsboost.streaming import OutputRange, run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.exposure import Exposure
 from fpsboost.timing.rate import OutputRate
-from fpsboost.timing.schedule import ByFactor, ByRate
-from fpsboost.timing.shutter import ExposureSchedule, Shutter
+from fpsboost.timing.schedule import ByFactor, ByRate, ExposureSchedule, Shutter
 
 SIZE = 48, 96
 BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None, compensate_illumination=False, duplicates=None)

@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.contracts import Cancellable, FrameSink
+from fpsboost.contracts import Cancellable, FrameSink, FrameWatcher
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame, PairMotion
 from fpsboost.io.images.encoder import encode_image
@@ -27,7 +27,6 @@ from fpsboost.io.new_output import StagedFiles
 from fpsboost.io.side.options import SideOutputs
 from fpsboost.io.vectors.flow import encode_flow, flow_picture
 from fpsboost.io.vectors.folder import BACKWARD, FORWARD
-from fpsboost.observer import FrameWatcher
 
 PICTURE, EXR, FLO = ".png", ".exr", ".flo"
 

@@ -20,6 +20,7 @@ from vector_truth import constant, save_depth, save_flows, save_vectors
 
 from fpsboost import convert, methods
 from fpsboost.cli.compare import match_vectors
+from fpsboost.contracts import Summary
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
 from fpsboost.io.images import sink as numbered
 from fpsboost.io.images.files import read_image
@@ -27,7 +28,6 @@ from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.images.source import ImageSource, find_numbers
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
-from fpsboost.observer import Summary
 from fpsboost.probing import probe
 from fpsboost.timing.position import Trim, parse_position
 from fpsboost.timing.rate import OutputRate

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from video_truth import write_clip
 
+from fpsboost.contracts import Summary
 from fpsboost.conversion import convert
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoder import with_hdr
@@ -20,7 +21,6 @@ from fpsboost.io.video.traits import (
     parse_light_level,
     parse_mastering_display,
 )
-from fpsboost.observer import Summary
 
 DISPLAY = MasteringDisplay(
     red=(Fraction(34, 50), Fraction(16, 50)),

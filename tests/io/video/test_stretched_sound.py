@@ -14,10 +14,10 @@ from conversion_options import grouped
 from numpy.typing import NDArray
 from video_truth import add_pictures, mux_in_order, packets_of, pictures_of, spoil_packets, write_clip
 
+from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.observer import SilentObserver, Summary
 from fpsboost.timing.position import Position, Trim
 from fpsboost.timing.rate import OutputRate
 
