@@ -17,8 +17,8 @@ from fpsboost.contracts import SilentObserver
 from fpsboost.conversion import convert
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import ClipInfo
-from fpsboost.heap import limit_free_memory
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.memory import limit_free_memory
 from fpsboost.method_table import methods
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import one_opencv_thread

@@ -20,11 +20,11 @@ from fpsboost.cli.progress import print_object, reporter_of
 from fpsboost.cli.signature import GROUPS, PathName, default_text, with_flags
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
-from fpsboost.heap import limit_free_memory
 from fpsboost.interruption import stop_on
 from fpsboost.io.part import part_folder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.memory import limit_free_memory
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import OutputRate
 from fpsboost.version import __version__

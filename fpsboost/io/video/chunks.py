@@ -22,7 +22,6 @@ from av.packet import PacketSideData, PktSideDataT
 
 from fpsboost.errors import OutputError
 from fpsboost.frame import Frame
-from fpsboost.heap import return_free_memory
 from fpsboost.image import Image, describe
 from fpsboost.io.output import Output
 from fpsboost.io.staging import rename_safely
@@ -30,6 +29,7 @@ from fpsboost.io.video.encoder import VideoEncoder
 from fpsboost.io.video.encoding import choose_encoder, depth_of
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.io.video.ycc import has_alpha
+from fpsboost.memory import return_free_memory
 
 CHUNK_FRAMES = 240
 """Frames per chunk: near the default maximum keyframe interval of x264 and x265, so chunks do not enlarge the file."""
