@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OutputError, explained
-from fpsboost.io.images.library import image_library
+from fpsboost.io.images.library import image_library, name_for_libraries
 from fpsboost.io.memory_limit import MemoryLimit
 
 Precision = Literal["uint", "half", "float"]
@@ -121,11 +121,11 @@ def read_exr_header(path: Path) -> ExrHeader:
     """
     import OpenEXR  # noqa: PLC0415  # only who has such files waits for it
 
-    with explained(InputError, "read", path, "check that it exists and that you may read it"):
-        path.open("rb").close()
     try:
-        types = _types_of(path)
-        with OpenEXR.File(str(path), separate_channels=True, header_only=True, num_threads=0) as file:
+        with name_for_libraries(path) as name:
+            types = _types_of(path, name)
+            file = OpenEXR.File(name, separate_channels=True, header_only=True, num_threads=0)
+        with file:
             headers = [dict(file.header(number)) for number in range(len(file.parts))]  # emptied at its end
         if not headers or len(headers) != len(types):
             raise ValueError("parts that cannot be read")
@@ -145,10 +145,10 @@ def damaged(path: Path) -> InputError:
     return InputError(f"{path} is damaged or no OpenEXR file; replace it.")
 
 
-def _types_of(path: Path) -> list[dict[str, Precision]]:
+def _types_of(path: Path, name: str) -> list[dict[str, Precision]]:
     """Return the types of the channels of each part, by the stored names."""
     library = image_library()
-    file = library.ImageInput.open(str(path))
+    file = library.ImageInput.open(name)
     if file is None:
         reason = library.geterror()
         if "ubsampled" in reason:
@@ -241,7 +241,9 @@ def read_channels(
     for window in (header.display, *(part.data for part in header.parts)):
         limit.check(path, *reversed(window.size))
     try:
-        with OpenEXR.File(str(path), separate_channels=True, num_threads=0) as file:
+        with name_for_libraries(path) as source:
+            file = OpenEXR.File(source, separate_channels=True, num_threads=0)
+        with file:
             if len(file.parts) != len(header.parts):
                 raise ValueError("a part that cannot be decoded")
             stored = [file.channels(number) for number in range(len(header.parts))]

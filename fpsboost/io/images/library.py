@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,22 @@ def image_library() -> Any:
 
 
 @contextmanager
+def name_for_libraries(path: Path) -> Iterator[str]:
+    """Yield a name of a file that the libraries take while the block lasts: Linux has names that are no UTF-8.
+
+    Raises
+    ------
+    InputError
+        It cannot be read.
+    """
+    with explained(InputError, "read", path, "check that it exists and that you may read it"):
+        file = path.open("rb")
+    with file:
+        is_text = str(path).encode(errors="replace") == os.fsencode(path)
+        yield str(path) if is_text else f"/proc/self/fd/{file.fileno()}"
+
+
+@contextmanager
 def opened(path: Path) -> Iterator[tuple[Any, Any]]:
     """Open an image while the block lasts, its alpha as it is stored; yield the file and what its header says.
 
@@ -27,19 +44,18 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
     InputError
         It cannot be read, or is damaged.
     """
-    with explained(InputError, "read", path, "check that it exists and that you may read it"):
-        path.open("rb").close()
     library = image_library()
     hints = library.ImageSpec()
     hints.attribute("oiio:UnassociatedAlpha", 1)
-    file = library.ImageInput.open(str(path), hints)
-    if file is None:
-        library.geterror()  # which is kept until it is read
-        raise damaged(path)
-    try:
-        yield file, file.spec()
-    finally:
-        file.close()
+    with name_for_libraries(path) as name:
+        file = library.ImageInput.open(name, hints)
+        if file is None:
+            library.geterror()  # which is kept until it is read
+            raise damaged(path)
+        try:
+            yield file, file.spec()
+        finally:
+            file.close()
 
 
 def damaged(path: Path) -> InputError:
