@@ -61,14 +61,7 @@ class Contestant(Protocol):
     def interpolate(
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
-        """Yield all hidden frames, or those whose numbers are wanted.
-
-        Parameters
-        ----------
-        intervals : iterable of Interval
-            Intervals of the clip, in order and without gaps.
-        wanted : container of int, optional
-        """
+        """Yield all hidden frames of the intervals, which have no gaps, in order, or those whose numbers are wanted."""
         ...
 
     def describe(self) -> str:
@@ -126,13 +119,7 @@ class InterpolatorContestant:
 
 @dataclass(frozen=True)
 class Minterpolate:
-    """FFmpeg's motion-compensated filter in a process of its own, with 8 bits a colour, which is all it takes.
-
-    Parameters
-    ----------
-    options : str
-        Options of the filter.
-    """
+    """FFmpeg's motion-compensated filter in a process of its own, with 8 bits a colour, which is all it takes."""
 
     options: str = "mi_mode=mci:mc_mode=aobmc:me_mode=bidir:vsbmc=1:scd=none"
 
@@ -173,13 +160,7 @@ class Minterpolate:
     def interpolate(
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
-        """See `Contestant.interpolate`; the time is that of the whole command, divided evenly.
-
-        Raises
-        ------
-        InputError
-            ffmpeg fails, or returns fewer frames than are hidden.
-        """
+        """See `Contestant.interpolate`; the time is that of the whole command, divided evenly."""
         arriving = iter(intervals)
         first = next(arriving, None)
         if first is None:

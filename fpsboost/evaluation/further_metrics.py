@@ -120,17 +120,7 @@ metrics: dict[str, Metric] = {
 
 
 def choose_metrics(texts: Sequence[str]) -> tuple[str, ...]:
-    """Read the names of metrics, with commas between them.
-
-    Parameters
-    ----------
-    texts : sequence of str
-        One for each time that the option was given.
-
-    Returns
-    -------
-    tuple of str
-        Names of `metrics`, each once, without those that every comparison has.
+    """Read names of metrics with commas between them; return those of `metrics`, each once.
 
     Raises
     ------
@@ -153,15 +143,7 @@ def choose_metrics(texts: Sequence[str]) -> tuple[str, ...]:
 
 
 class Meters:
-    """Meters of one method, fed with the output in its order.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Names of `metrics`.
-    rate : Fraction
-        Frames per second of the clip.
-    """
+    """Meters of one method by the names of its metrics, fed with the output in its order."""
 
     def __init__(self, names: Sequence[str], rate: Fraction) -> None:
         self._meters = {name: metrics[name].start(rate) for name in names}

@@ -184,14 +184,7 @@ class Hiding:
         }
 
     def intervals(self, path: str, input_fps: Fraction | None = None) -> Iterator[Interval]:
-        """Read a clip; a rest at its end that fills no interval is left out.
-
-        Parameters
-        ----------
-        path : str
-            A video, a folder or a pattern of images.
-        input_fps : Fraction, optional
-            Frames per second of images.
+        """Read a clip, images at `input_fps`; a rest at its end that fills no interval is left out.
 
         Raises
         ------

@@ -80,15 +80,7 @@ class PeerFrames:
 
 
 def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerFrames:
-    """Match the images of a folder to the hidden frames, as the docstring of this module says.
-
-    Parameters
-    ----------
-    name : str
-        Name of the tool, for messages.
-    folder : Path
-    intervals : iterable of Interval
-        All intervals of the clip.
+    """Match the images of a folder to all hidden frames of a clip, as the docstring of this module says.
 
     Raises
     ------
@@ -203,14 +195,8 @@ def _filled(word: str, values: Mapping[str, str]) -> str:
 def _write_shown(intervals: Iterable[Interval], folder: Path) -> tuple[list[tuple[int, int]], int, int, float]:
     """Write the shown frames.
 
-    Returns
-    -------
-    places : list of (int, int)
-        Numbers of the hidden frames in the clip, and their places among the frames that are expected.
-    count, factor : int
-        Number of shown frames, and of expected ones for each of them.
-    rate : float
-        Shown frames per second.
+    Returns the numbers of the hidden frames with their places among the frames that are expected, the number of shown
+    frames, that of expected ones for each of them, and the shown frames per second.
     """
     rows: list[tuple[int, int, float]] = []
     factor, count, duration = 1, 0, 0.0
@@ -280,15 +266,10 @@ def list_images(folder: Path) -> list[NumberedImage]:
 
 
 def read_like(path: Path, like: Image) -> Image:
-    """Return an image in the type and with the channels of the clip's frames.
+    """Return an image in the type and with the channels of the clip's frames; raise InputError if its size is another.
 
     Depths are scaled; missing alpha is opaque and alpha that the clip lacks is left out; gray becomes colour, and
     colour the gray of its luma.
-
-    Raises
-    ------
-    InputError
-        It cannot be read, or is of another size.
     """
     image = read_image(path)
     if image.shape[:2] != like.shape[:2]:

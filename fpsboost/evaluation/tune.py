@@ -176,12 +176,7 @@ def patches(known: Container[str]) -> list[dict[str, Any]]:
 def sweep_around(usual: int, attempt: Callable[[int], Trial | None]) -> list[Trial]:
     """Try search radii below and above one, in either direction as far as it pays, and return the trials in order.
 
-    Parameters
-    ----------
-    usual : int
-        Radius to begin with, pixels.
-    attempt : callable
-        Function that tries a radius, and returns None if the method refuses it.
+    `attempt` returns None for a radius that the method refuses.
     """
     trials: dict[int, Trial] = {}
 

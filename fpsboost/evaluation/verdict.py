@@ -145,7 +145,7 @@ def _say(verdict: Verdict, means: dict[str, float]) -> list[str]:
     elif verdict.level:
         apart = ", ".join(_apart(each) for each in verdict.ahead if each.is_level)
         sentences.append(
-            f"{_listed([verdict.best, *verdict.level])} are level: {verdict.best} reaches {verdict.psnr:.1f} dB over "
+            f"{listed([verdict.best, *verdict.level])} are level: {verdict.best} reaches {verdict.psnr:.1f} dB over "
             f"{_count(verdict.frames)}, and no lead is more than two standard errors ({apart})."
         )
     else:
@@ -181,8 +181,9 @@ def _count(frames: int) -> str:
     return f"{frames} frame{'' if frames == 1 else 's'}"
 
 
-def _listed(words: Sequence[str]) -> str:
-    return f"{', '.join(words[:-1])} and {words[-1]}"
+def listed(words: Sequence[str]) -> str:
+    """Return words as a list of a sentence: ``a, b and c``."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def say_seconds(seconds: float) -> str:

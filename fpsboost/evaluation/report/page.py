@@ -35,7 +35,7 @@ from fpsboost.evaluation.report.self_contained import templates_of
 from fpsboost.evaluation.report.styles import styles_of
 from fpsboost.evaluation.report.tables import COLUMNS, area_rows, further_rows, mean_rows, overall_rows
 from fpsboost.evaluation.results import ComparedClip, Comparison
-from fpsboost.evaluation.verdict import judge, judge_all
+from fpsboost.evaluation.verdict import judge, judge_all, listed
 from fpsboost.io.new_output import new_folder, write_whole
 
 PAGE = "index.html"
@@ -71,13 +71,6 @@ class FrameSection(NamedTuple):
 
 def write_report(folder: Path, clips: Sequence[ComparedClip], *, input_fps: Fraction | None = None) -> Path:
     """Write the page of comparisons by the same methods into a new folder, and return its path.
-
-    Parameters
-    ----------
-    folder : Path
-    clips : sequence of ComparedClip
-    input_fps : Fraction, optional
-        Frames per second of images, as in the comparisons.
 
     Raises
     ------
@@ -205,12 +198,8 @@ def _most_different(comparison: Comparison) -> int:
 
 def _title(choice: Choice, first: str) -> str:
     places = [reason for reason in choice.reasons if reason != DIFFERENT]
-    of_first = [f"{_listed(places)} of {first}"] if places else []
-    return f"Frame {choice.number}: {_listed(of_first + [each for each in choice.reasons if each == DIFFERENT])}"
-
-
-def _listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+    of_first = [f"{listed(places)} of {first}"] if places else []
+    return f"Frame {choice.number}: {listed(of_first + [each for each in choice.reasons if each == DIFFERENT])}"
 
 
 def describe_hidden(comparison: Comparison) -> str:

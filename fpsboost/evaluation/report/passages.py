@@ -31,18 +31,8 @@ QUALITY = 72
 def choose_passages(comparison: Comparison, count: int, also: Sequence[int] = ()) -> list[list[int]]:
     """Choose hidden frames that are worth playing: where methods differ most, and where the first one errs most.
 
-    Parameters
-    ----------
-    comparison : Comparison
-    count : int
-        Number of hidden frames in the two passages together.
-    also : sequence of int
-        Numbers of further hidden frames, which become passages of their own unless they lie in one.
-
-    Returns
-    -------
-    list of list of int
-        Numbers of the hidden frames of each passage; passages in the order of the clip.
+    The two passages have `count` frames together; the frames in `also` become passages of their own unless they lie in
+    one. Passages are in the order of the clip.
     """
     hidden = comparison.hidden
     if count >= len(hidden):
@@ -98,20 +88,9 @@ def view_passages(
     input_fps: Fraction | None = None,
     exact: Collection[int] = (),
 ) -> PlayerData:
-    """Interpolate the frames of passages once more and encode them.
+    """Interpolate the frames of passages, lists of hidden frames, once more and encode them; `exact` ones without loss.
 
     The views are the truth and all methods; frames that were shown to the methods have one picture.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    contestants : mapping of str to Contestant
-    passages : sequence of sequence of int
-        See `choose_passages`.
-    input_fps : Fraction, optional
-        Frames per second of images, as in the comparison.
-    exact : collection of int
-        Numbers of the hidden frames that are kept without loss; see `choose_exact`.
     """
     passage_of = {number: place for place, passage in enumerate(passages) for number in passage}
     last = max(passage_of)

@@ -269,15 +269,9 @@ def _stretch(edge: float, spacing: int) -> float:
 
 
 def draw_arrows(flow: NDArray[Any], spacing: int, stretch: float) -> tuple[str, str]:
-    """Return motion as SVG paths, in pixels: shafts from where a pixel is, and a point where it goes.
+    """Return motion of (H, W, 2) as SVG paths, in pixels: shafts from where a pixel is, and a point where it goes.
 
-    Parameters
-    ----------
-    flow : (H, W, 2)
-    spacing : int
-        Pixels between arrows.
-    stretch : float
-        Length of an arrow as a multiple of the motion.
+    There is an arrow every `spacing` pixels, `stretch` times as long as the motion.
     """
     shafts, tips = [], []
     for row, vectors in enumerate(flow[np.ix_(*point_places(flow.shape, spacing))]):
