@@ -581,6 +581,7 @@ def serving(films, state):
 def opened(chromium, address, **options):
     """The page, which must not complain while the block lasts."""
     page = chromium.new_page(**options)
+    page.set_default_timeout(100_000)  # kernels may be compiled meanwhile
     complaints: list[str] = []
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
@@ -619,6 +620,7 @@ def test_page_says_what_is_wrong(chromium, films, tmp_path):
     """A path and a value that are wrong are answered beside them, and the page can go on."""
     with serving(films, tmp_path / "queue.json") as address:
         page = chromium.new_page()
+        page.set_default_timeout(100_000)
         page.goto(address)
         page.get_by_role("button", name="clip.mp4").wait_for()
         page.locator("#path").fill(str(films / "nothing.mp4"))
