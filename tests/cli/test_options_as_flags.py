@@ -20,7 +20,7 @@ NOT_ON_THE_COMMAND_LINE = {"trim", "side", "observer", "watcher"}
 """Groups of options of their own, and an object."""
 
 
-WRITES_COMMANDS = {"hiding.py", "report.py"}
+WRITES_COMMANDS = {"evaluation/hidden_frames.py", "evaluation/report/page.py"}
 """Files with words of the command line, for the line that a report page shows to be typed."""
 
 
@@ -68,7 +68,8 @@ def test_messages_name_flags(sentence, shown):
 def library_texts():
     """Yield the texts of the library outside docstrings, with their files; integrations name options of their hosts."""
     for path in sorted(PACKAGE.rglob("*.py")):
-        if path.relative_to(PACKAGE).parts[0] in ("cli", "integrations", "ui") or path.name in WRITES_COMMANDS:
+        place = path.relative_to(PACKAGE)
+        if place.parts[0] in ("cli", "integrations", "ui") or place.as_posix() in WRITES_COMMANDS:
             continue
         tree = ast.parse(path.read_text(encoding="utf-8"))
         docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}

@@ -31,7 +31,7 @@ class SideOutputs:
     """
 
     confidence: str | None = option(
-        None, "Confidence of interpolated frames, PNG; c_####.exr for EXR.", metavar="DIR", group="Side outputs"
+        None, "Confidence of made frames, PNG; c_####.exr for EXR.", metavar="DIR", group="Side outputs"
     )
     save_motion: str | None = option(
         None, "Motion of source frames, .flo; m_####.exr for EXR.", metavar="DIR", group="Side outputs"
