@@ -99,6 +99,7 @@ def _programs() -> Iterator[Finding]:
 
 
 def _codecs() -> Iterator[Finding]:
+    from fpsboost.io.animation.writers import types  # noqa: PLC0415
     from fpsboost.io.video.encoded_sound import sound_encoders  # noqa: PLC0415
     from fpsboost.io.video.encoding import encoders  # noqa: PLC0415
     from fpsboost.io.video.pyav import ffmpeg_version, missing_codecs  # noqa: PLC0415
@@ -107,6 +108,7 @@ def _codecs() -> Iterator[Finding]:
     kinds: dict[str, tuple[list[str], Literal["r", "w"]]] = {
         "video encoders": ([each.name for each in encoders.values()], "w"),
         "sound encoders": (list(sound_encoders.values()), "w"),
+        "animation encoders": ([writer.codec for writer in types.values()], "w"),
         "decoders": (list(DECODERS), "r"),
     }
     for kind, (names, mode) in kinds.items():

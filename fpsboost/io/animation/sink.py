@@ -19,6 +19,7 @@ from fpsboost.image import Image, describe
 from fpsboost.io.animation.writers import AnimationWriter, types
 from fpsboost.io.new_output import check_writable
 from fpsboost.io.output import Output
+from fpsboost.io.video.pyav import missing_codecs
 from fpsboost.io.video.ycc import straight_16_bit
 
 ANIMATION_SUFFIXES = tuple(types)
@@ -70,6 +71,10 @@ class AnimationSink:
         if max(width, height) > largest:
             raise OutputError(
                 f"{self._name} cannot hold {width}x{height} pixels, {suffix} ends at {largest}; use .apng."
+            )
+        if missing_codecs([self._type.codec], "w"):
+            raise OutputError(
+                f"{self._name} needs the encoder {self._type.codec}, which this FFmpeg lacks; install PyAV's wheel."
             )
         fastest = 1 / self._type.shortest
         if rate > fastest:

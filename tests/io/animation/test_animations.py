@@ -123,6 +123,7 @@ def test_few_and_many_colours_in_turns(tmp_path):
         images.append(image if index % 2 else image // 64 * 64)
     write(tmp_path / "out.gif", images)
     for image, seen in zip(images, read_animation(tmp_path / "out.gif"), strict=True):
+        assert (seen.image[..., 3] == 255).all()
         assert np.abs(seen.image[..., :3].astype(float) - image).mean() < 4
         assert np.unique(image.reshape(-1, 3), axis=0).shape[0] > 256 or np.array_equal(seen.image[..., :3], image)
 
