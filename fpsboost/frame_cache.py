@@ -26,27 +26,27 @@ class Results:
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._known: dict[Hashable, Any] = {}
+        self._stored: dict[Hashable, Any] = {}
         self._computing: dict[Hashable, Lock] = {}  # held by the thread that computes a result
 
     def cached(self, key: Hashable, compute: Callable[[], Result]) -> Result:
         """Return the result of `compute`, computed when the key is first asked for."""
-        known: Result = self._known.get(key, self)
-        if known is not self:
-            return known
+        stored: Result = self._stored.get(key, self)
+        if stored is not self:
+            return stored
         with self._lock:
-            known = self._known.get(key, self)
-            if known is not self:
-                return known
+            stored = self._stored.get(key, self)
+            if stored is not self:
+                return stored
             turn = self._computing.setdefault(key, Lock())
         with turn:
-            known = self._known.get(key, self)
-            if known is not self:  # another thread has computed it meanwhile
-                return known
+            stored = self._stored.get(key, self)
+            if stored is not self:  # another thread has computed it meanwhile
+                return stored
             result = compute()
             with self._lock:
                 if self._computing.get(key) is turn:  # not discarded meanwhile
-                    self._known[key] = result
+                    self._stored[key] = result
                     del self._computing[key]
         return result
 
@@ -63,14 +63,14 @@ class Results:
                 self._discard(key)
 
     def _keys(self) -> set[Hashable]:
-        return self._known.keys() | self._computing.keys()
+        return self._stored.keys() | self._computing.keys()
 
     def _discard(self, key: Hashable) -> None:
-        self._known.pop(key, None)
+        self._stored.pop(key, None)
         self._computing.pop(key, None)
 
     def __contains__(self, key: Hashable) -> bool:
-        return key in self._known
+        return key in self._stored
 
 
 class FrameCache:

@@ -162,8 +162,8 @@ class ImageView:
 
     def blank(self) -> tuple[Pixels, NDArray[Any], NDArray[Any]]:
         """Return an image like this one to be filled, and views of it: (C, H, W), and subsampled chroma (C, h, w)."""
-        made = np.empty_like(self.array())
-        return made, made.transpose(2, 0, 1), np.empty((0, 0, 0), self.dtype)
+        blank = np.empty_like(self.array())
+        return blank, blank.transpose(2, 0, 1), np.empty((0, 0, 0), self.dtype)
 
     def gray(self) -> Plane:
         """Return luma, (H, W) uint8."""

@@ -166,9 +166,9 @@ def read_options(interpolator: Interpolator, method: str, texts: Mapping[str, st
     for text, value in texts.items():
         name = text.replace("-", "_")
         if name not in types:
-            known = ", ".join(sorted(each.replace("_", "-") for each in types))
+            names = ", ".join(sorted(each.replace("_", "-") for each in types))
             raise OptionError(
-                f"The method {method!r} has no option {text!r}; " + (f"it has {known}." if known else "it has none.")
+                f"The method {method!r} has no option {text!r}; " + (f"it has {names}." if names else "it has none.")
             )
         options[name] = _read_value(text, value, types[name])
     return options
@@ -298,8 +298,8 @@ def interpolate_with_confidence(
         raise OptionError(f"A confidence is for times between two frames, above 0 and below 1, not at {t}.")
     image0, image1 = (FrameCache(image) for image in _with_channels(frame0, frame1))
     interpolator = replace(interpolator, cuts=None)
-    (made,) = interpolator.between_with_confidence(interpolator.pair(image0, image1), [t]).images
-    return InterpolatedImage(as_array(made.image).reshape(frame0.shape), made.confidence)
+    (interpolated,) = interpolator.between_with_confidence(interpolator.pair(image0, image1), [t]).images
+    return InterpolatedImage(as_array(interpolated.image).reshape(frame0.shape), interpolated.confidence)
 
 
 def _with_channels(frame0: Image, frame1: Image) -> tuple[Image, Image]:

@@ -155,8 +155,8 @@ FrameGroup = tuple[SourceFrame, ...]
 
 def group_singly(frames: Iterable[SourceFrame]) -> Iterator[FrameGroup]:
     """Yield every frame as a group of its own."""
-    for shown in frames:
-        yield (shown,)
+    for source in frames:
+        yield (source,)
 
 
 def group_duplicates(

@@ -357,15 +357,15 @@ def _find_missing_noise(comparisons: Sequence[Comparison], t: float, least: floa
         Lowest deviation that is added, and highest variance.
     """
     window = np.outer(*2 * (np.hanning(BLOCK_SIZE + 2)[1:-1].astype(np.float32),))
-    known = [(each, share) for each, share in zip(comparisons, (1 - t, t), strict=True) if each.missing]
-    if not known:
+    usable = [(each, share) for each, share in zip(comparisons, (1 - t, t), strict=True) if each.missing]
+    if not usable:
         return None
-    measured = [level for each, _ in known for level, _ in each.missing]
+    measured = [level for each, _ in usable for level, _ in each.missing]
     low, high = min(measured), max(measured)
     smallest = LEVELS * float(np.finfo(np.float32).eps) * max(abs(high), 1.0)  # steps that float32 tells apart
     intensities = np.linspace(low, max(high, low + smallest), LEVELS, dtype=np.float32)
     spectrum, curves = np.zeros(window.shape, np.float32), []
-    for each, share in known:
+    for each, share in usable:
         levels, variances = np.array(each.missing).T
         curves.append(np.interp(intensities, levels, np.minimum(variances, most)).astype(np.float32))
         there, here = (

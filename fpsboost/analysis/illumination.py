@@ -94,7 +94,7 @@ def estimate_illumination(image0: FrameCache, image1: FrameCache) -> Illuminatio
     exact = _fit_along_motion(small0, small1, _search(small0, illumination.undo(small1)))
     in_lights, illumination = max(
         ((_measure_similarity(small0, small1, each), each) for each in (illumination, exact)),
-        key=lambda known: sum(known[0]),
+        key=lambda candidate: sum(candidate[0]),
     )
     before = _search(small0, small1).similarity.mean()
     believed = min(in_lights) > max(MIN_SCORE, before - MIN_SCORE_GAIN) and sum(in_lights) / 2 > before + MIN_SCORE_GAIN

@@ -124,7 +124,7 @@ def mix_layers(
     colour = np.stack(mixed[: len(colours[0])], axis=-1)
     linear_made = iter(mixed[len(colours[0]) :])
     sources = find_sources() if any(layer.kind in ("depth", "nearest") for layer in layered[0].layers) else None
-    made = []
+    output = []
     for layer0, layer1 in _pairs(layered):
         planes = [(layer0.planes[name], layer1.planes[name]) for name in layer0.planes]
         values: Planes = []
@@ -135,8 +135,8 @@ def mix_layers(
         elif sources is not None:
             choose = sources.depth if layer0.kind == "depth" else sources.nearest
             values = [choose(*each) for each in planes]
-        made.append(_like(layer0, values))
-    return LayeredImage(colour, tuple(made))
+        output.append(_like(layer0, values))
+    return LayeredImage(colour, tuple(output))
 
 
 def _pairs(layered: tuple[LayeredImage, LayeredImage]) -> Iterator[tuple[Layer, Layer]]:
@@ -169,12 +169,12 @@ def _mix_linear(pairs: Sequence[tuple[NDArray[Any], NDArray[Any]]], mix: Callabl
                 span = sharp[beyond] - smooth[beyond]
                 allowed = np.divide(limit - smooth[beyond], span, out=np.zeros_like(span), where=span != 0)
                 share[beyond] = np.minimum(share[beyond], allowed.clip(0, 1))
-    made = list[NDArray[Any]]()
+    output = list[NDArray[Any]]()
     for mixed in results:
         for sharp, smooth in zip(*mixed, strict=True):
             values = smooth + share * (sharp - smooth)
-            made.append(values.clip(*ranges[len(made)]))  # only what rounding adds
-    return made
+            output.append(values.clip(*ranges[len(output)]))  # only what rounding adds
+    return output
 
 
 def _mix_normals(pairs: Sequence[tuple[NDArray[Any], NDArray[Any]]], mix: Callable[[Planes, Planes], Mixed]) -> Planes:

@@ -169,7 +169,7 @@ class MultiHypothesis:
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
         """Generate one image for every time; see `fpsboost.synthesis.Synthesizer.synthesize`."""
         if self.vectors is not None:
-            yield from (as_array(made.image) for made in self.fuse(frame_pair, times))
+            yield from (as_array(output.image) for output in self.fuse(frame_pair, times))
             return
         nobody_asks = np.empty((0, 0), np.float32)
         for candidates, t in self._listed(frame_pair, times):
@@ -179,16 +179,16 @@ class MultiHypothesis:
         """Generate the images of `synthesize` with the confidence of every pixel."""
         for candidates, t in self._listed(frame_pair, times):
             confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
-            made = InterpolatedImage(self._fused(frame_pair, candidates, t, confidence), confidence)
-            yield made if self.vectors is None else self._with_surfaces(made, frame_pair, t, self.vectors)
+            output = InterpolatedImage(self._fused(frame_pair, candidates, t, confidence), confidence)
+            yield output if self.vectors is None else self._with_surfaces(output, frame_pair, t, self.vectors)
 
     def _with_surfaces(
-        self, made: InterpolatedImage, frame_pair: FramePair, t: float, vectors: RenderedVectors
+        self, output: InterpolatedImage, frame_pair: FramePair, t: float, vectors: RenderedVectors
     ) -> InterpolatedImage:
         """Mix the image with the one along the renderer's motion, each weighted by the agreement of the frames."""
         image0, image1 = frame_pair.image0, frame_pair.image1
-        surfaces = self._find_surfaces(made.confidence, frame_pair, t, vectors)
-        colours = premultiplied(as_array(made.image))
+        surfaces = self._find_surfaces(output.confidence, frame_pair, t, vectors)
+        colours = premultiplied(as_array(output.image))
         along = (surfaces.mixed * view(image0.pixels).white).clip(*_value_range(frame_pair))
         colours += surfaces.share[..., np.newaxis] * (along.transpose(1, 2, 0) - colours)
         return InterpolatedImage(as_image(colours, image0.array, image1.array, t), surfaces.confidence)
@@ -237,7 +237,7 @@ class MultiHypothesis:
         mixed = []
         for sampled0, sampled1 in (samples, [_values_as_coefficients(each) for each in samples]):
             _, pixels, _ = view(frame_pair.image0.pixels).blank()
-            made = np.empty((len(planes0), height, width), np.float32)
+            output = np.empty((len(planes0), height, width), np.float32)
             blend_hypotheses(
                 SampledImage(picture0, sampled0),
                 SampledImage(picture1, sampled1),
@@ -246,12 +246,12 @@ class MultiHypothesis:
                 candidates,
                 self._weighting(frame_pair.image0.pixels),
                 ValueRange(np.float32(1), np.float32(0), numbers.min, numbers.max, False),
-                Blended(pixels, made, nobody_asks),
+                Blended(pixels, output, nobody_asks),
             )
             if surfaces is not None:
                 along, _ = surfaces.motion.mix(sampled0.coefficients, sampled1.coefficients)
-                made += surfaces.share * (along - made)
-            mixed.append(made)
+                output += surfaces.share * (along - output)
+            mixed.append(output)
         return Mixed(*mixed)
 
     def _find_sources(
@@ -297,7 +297,7 @@ class MultiHypothesis:
     def _fused(self, frame_pair: FramePair, candidates: Candidates, t: float, confidence: NDArray[Any]) -> Pixels:
         image0, image1 = frame_pair.image0.pixels, frame_pair.image1.pixels
         sampled0, sampled1 = (image.cached(_samples) for image in (frame_pair.image0, frame_pair.image1))
-        made, pixels, chroma = view(image0).blank()
+        output, pixels, chroma = view(image0).blank()
         straight_alpha = has_alpha(image0) and image0.dtype != np.float32
         blend_hypotheses(
             sampled0,
@@ -310,8 +310,8 @@ class MultiHypothesis:
             Blended(pixels, chroma, confidence),
         )
         if straight_alpha:
-            colour_unseen(as_array(made), as_array(image0), as_array(image1), t)
-        return made
+            colour_unseen(as_array(output), as_array(image0), as_array(image1), t)
+        return output
 
     def _candidates(self, votes_of_both: tuple[Votes, Votes], size: tuple[int, int], t: float) -> Candidates:
         """Return the candidates around each node at time t."""

@@ -98,10 +98,10 @@ class Splat:
         """Generate images with the linear motion of frame 0 only; see `fpsboost.synthesis.Synthesizer.synthesize`."""
         image0, image1 = frame_pair.image0.array, frame_pair.image1.array
         flow, similarity = frame_pair.field01.flow, frame_pair.field01.similarity
-        known = np.ones(similarity.shape, np.bool_)  # so that colours are always blended
+        valid = np.ones(similarity.shape, np.bool_)  # so that colours are always blended
         for t in times:
             source0, source1 = np.empty(similarity.shape, np.int32), np.empty(similarity.shape, np.int32)
             splat(flow, similarity, np.float32(self.least_similarity), np.float32(t), source0, source1)
             out = np.empty_like(image0)
-            fetch_both(image0, image1, np.float32(t), rounding_offset(image0), source0, known, source1, known, out)
+            fetch_both(image0, image1, np.float32(t), rounding_offset(image0), source0, valid, source1, valid, out)
             yield out
