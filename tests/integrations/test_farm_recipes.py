@@ -6,6 +6,7 @@ import re
 import shlex
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -53,3 +54,12 @@ def test_every_recipe_makes_parts_and_joins_them():
     """For one machine, ssh, SLURM and PBS, as at the head of the page; Kubernetes joins by a list of words."""
     assert sum(call.startswith("join ") for call in commands()) == 5
     assert sum("--chunk" in call for call in commands()) == 6
+
+
+def test_the_table_of_predictions_is_that_of_the_script():
+    """Every row, so that the page can be made again."""
+    script = PAGE.parents[1] / "benchmarks" / "scale.py"
+    printed = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True).stdout
+    rows = [line for line in printed.splitlines() if line.startswith("|")]
+    assert len(rows) == 5
+    assert "\n".join(rows) in PAGE.read_text(encoding="utf-8")
