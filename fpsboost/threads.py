@@ -39,17 +39,8 @@ def available_cores() -> int:
 def read_ahead(items: Iterable[T], depth: int, cancel: Callable[[], None] = nothing) -> Generator[Iterator[T]]:
     """Run an iterable in a thread, up to `depth` items ahead of the caller, including the one that is being fetched.
 
-    Parameters
-    ----------
-    items : iterable
-    depth : int
-    cancel : callable
-        Called when the block is left by an exception, so that an iterable that waits for another program stops.
-
-    Yields
-    ------
-    iterator
-        The items, in order; raises what the iterable raised.
+    Yields an iterator over the items, which raises what the iterable raised. `cancel` is called when the block is left
+    by an exception, so that an iterable that waits for another program stops.
     """
     queue: Queue[T | End] = Queue()
     room = Semaphore(depth)
@@ -118,21 +109,11 @@ def _put(queue: Queue[T | End], item: T | End, stopped: Event) -> None:
 def run_in_parallel(
     threads: int, cancel: Callable[[], None] = nothing
 ) -> Generator[Callable[[Iterable[Callable[[], T]]], Iterator[T]]]:
-    """Run jobs in threads, a few at a time.
+    """Run jobs in threads, a few at a time; with one thread in the caller's own, each when its result is asked for.
 
-    Parameters
-    ----------
-    threads : int
-        1 runs every job in the caller's own thread, when its result is asked for.
-    cancel : callable
-        Called when the block is left by an exception, so that an iterable of jobs that waits for another program stops.
-
-    Yields
-    ------
-    callable
-        Takes an iterable of jobs, which is advanced in a thread of its own when there is room for the next job: one
-        more than there are threads are running or wait to be fetched. Yields their results in order, each as soon as
-        it is available; raises what a job or the iterable raised.
+    Yields a function that takes an iterable of jobs, which is advanced in a thread of its own when there is room for
+    the next job: one more than there are threads are running or wait to be fetched. It yields their results in order,
+    each as soon as it is available, and raises what a job or the iterable raised. `cancel` as in `read_ahead`.
     """
     if threads == 1:
         yield lambda jobs: (job() for job in jobs)
@@ -156,18 +137,8 @@ def write_behind(
 ) -> Generator[Callable[[T], None]]:
     """Call a function in a thread, up to `depth` items behind the caller.
 
-    Parameters
-    ----------
-    write : callable
-    depth : int
-    cancel : callable
-        Called when the block is left by an exception, so that a `write` that waits for another program stops.
-
-    Yields
-    ------
-    callable
-        Takes one item; raises what `write` raised on an earlier one. Leaving the block waits for the remaining items,
-        or drops them if the block is left by an exception.
+    Yields a function that takes one item and raises what `write` raised on an earlier one. Leaving the block waits for
+    the remaining items, or drops them if the block is left by an exception; `cancel` as in `read_ahead`.
     """
     queue: Queue[T | End] = Queue(depth)
     stopped = Event()

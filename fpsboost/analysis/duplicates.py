@@ -164,17 +164,8 @@ def group_duplicates(
 ) -> Iterator[FrameGroup]:
     """Group duplicate frames; those of a still, and those at the end of the clip, form groups of one.
 
-    Parameters
-    ----------
-    frames : iterable of SourceFrame
-    detector : DuplicateDetector
-    step : float
-        Difference of the first of them from the picture before it; infinite at the start of a clip.
-
-    Yields
-    ------
-    tuple of SourceFrame
-        All frames, in order. At most as many are read ahead as a held picture may have.
+    `step` is the difference of the first frame from the picture before it. At most as many frames are read ahead as a
+    held picture may have.
     """
     for picture in find_pictures(frames, detector, step):
         yield from group_singly(picture.frames) if picture.is_still else [picture.frames]
@@ -192,16 +183,7 @@ def find_synchronised(
     - if the earlier one begins a group, too: then it is the difference of the two;
     - if the difference of the two exceeds `difference_limit`, for it is smaller by the noise at most.
 
-    Parameters
-    ----------
-    frames : iterable of SourceFrame
-        Consecutive frames.
-    detector : DuplicateDetector
-
-    Yields
-    ------
-    (SourceFrame, float)
-        The frame, and the `step` for `group_duplicates` to begin with it.
+    Yields each frame with the `step` for `group_duplicates` to begin with it.
     """
     apart = 2 * detector.noise + ROUNDING
     begins_before = False
@@ -226,22 +208,10 @@ class Picture(NamedTuple):
 def find_pictures(
     frames: Iterable[SourceFrame], detector: DuplicateDetector, step: float = math.inf
 ) -> Iterator[Picture]:
-    """Find the frames that show the same picture.
+    """Find the frames that show the same picture; `step` as in `group_duplicates`, which reads as many ahead.
 
     Frames are compared with the first one of the picture and not with the previous one, so that a slow fade or pan is
     not taken for a held picture.
-
-    Parameters
-    ----------
-    frames : iterable of SourceFrame
-    detector : DuplicateDetector
-    step : float
-        See `group_duplicates`.
-
-    Yields
-    ------
-    Picture
-        All frames, in order. At most as many are read ahead as a held picture may have.
     """
     arriving = iter(frames)
     waiting: deque[SourceFrame] = deque()
@@ -274,18 +244,7 @@ def _find_run(
     arriving: Iterator[SourceFrame],
     detector: DuplicateDetector,
 ) -> _Run:
-    """Find how many frames show the same picture as `first`.
-
-    Parameters
-    ----------
-    first : SourceFrame
-    step : float
-        Difference of `first` from the previous picture.
-    waiting : deque of SourceFrame
-        Frames read ahead; those that are read here are appended.
-    arriving : iterator of SourceFrame
-    detector : DuplicateDetector
-    """
+    """Find how many frames show the same picture as `first`; frames that are read ahead are appended to `waiting`."""
     differences: list[float] = []
     while True:
         count = len(differences) + 1

@@ -113,14 +113,7 @@ class PairGrain:
 
 
 def measure_grain(image0: Pixels, image1: Pixels, field01: MotionField, field10: MotionField) -> PairGrain:
-    """Find the flat blocks of two frames and the noise in them.
-
-    Parameters
-    ----------
-    image0, image1 : (H, W, C) uint8, uint16 or float32, or YCbCrImage
-    field01, field10 : MotionField
-        Motion between them.
-    """
+    """Find the flat blocks of two frames, and the noise in them, by the motion between them."""
     planes0, planes1 = _planes(image0), _planes(image1)
     blocks = [
         (_find_flat_blocks(plane0, plane1, field01), _find_flat_blocks(plane1, plane0, field10))
@@ -132,21 +125,7 @@ def measure_grain(image0: Pixels, image1: Pixels, field01: MotionField, field10:
 def match_grain(image: Pixels, grain: PairGrain, t: float, seed: Sequence[int]) -> Pixels:
     """Return an in-between frame with as much noise as the two frames have.
 
-    Parameters
-    ----------
-    image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
-        The in-between frame.
-    grain : PairGrain
-        Grain of the two frames.
-    t : float
-        Time of the frame between the two, in (0, 1).
-    seed : sequence of int
-        Determines the noise.
-
-    Returns
-    -------
-    (H, W, C) uint8, uint16 or float32, or YCbCrImage
-        Unchanged where the two frames have no noise, or where black or white is clipped.
+    Unchanged where these have no noise, or where black or white is clipped. `seed` determines the noise.
     """
     planes, random = _planes(image), np.random.default_rng(seed)
     white = [random.standard_normal(plane.samples.shape, np.float32) for plane in planes]
@@ -280,10 +259,7 @@ def _coherence(blocks: NDArray[Any]) -> NDArray[Any]:
 def _mixing(planes: list[Plane], blocks: list[tuple[FlatBlocks, FlatBlocks]]) -> NDArray[Any]:
     """Return factors that give independent noise of all planes the correlation that it has in frame 0.
 
-    Returns
-    -------
-    (planes, planes) float32
-        Empty if planes differ in size, as subsampled chroma does, or no block is flat.
+    (planes, planes) float32; empty if planes differ in size, as subsampled chroma does, or no block is flat.
     """
     corners = np.concatenate([each.corners for each, _ in blocks])
     if len({plane.samples.shape for plane in planes}) > 1 or not len(corners):
@@ -347,14 +323,7 @@ def _compare(plane: Plane, flat: FlatBlocks, distance: float) -> Comparison:
 def _find_missing_noise(comparisons: Sequence[Comparison], t: float, least: float, most: float) -> MissingNoise | None:
     """Combine the comparisons of both frames; None if no more than the deviation `least` is missing anywhere.
 
-    Parameters
-    ----------
-    comparisons : sequence of Comparison
-        With frame 0 and with frame 1.
-    t : float
-        Time of the in-between frame.
-    least, most : float
-        Lowest deviation that is added, and highest variance.
+    `most` is the highest variance that is added.
     """
     window = np.outer(*2 * (np.hanning(BLOCK_SIZE + 2)[1:-1].astype(np.float32),))
     usable = [(each, share) for each, share in zip(comparisons, (1 - t, t), strict=True) if each.missing]

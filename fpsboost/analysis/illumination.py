@@ -74,13 +74,7 @@ class IlluminationModel:
 
 
 def estimate_illumination(image0: FrameCache, image1: FrameCache) -> IlluminationModel | None:
-    """Estimate the illumination change between two frames; None if there is none.
-
-    Parameters
-    ----------
-    image0, image1 : FrameCache
-        Two frames of one size and type. With alpha, the illumination counts as constant.
-    """
+    """Estimate the illumination change between two frames; None if there is none, and of images with alpha."""
     if has_alpha(image0.pixels):
         return None
     small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))

@@ -43,20 +43,9 @@ DILATION_RADIUS = 3
 def find_overlay(
     image0: FrameCache, image1: FrameCache, before: FrameCache, after: FrameCache, field01: MotionField
 ) -> NDArray[Any] | None:
-    """Find the pixels of a pair that are static in front of moving surroundings.
+    """Find the pixels of a pair that are static in front of moving surroundings, (H, W) bool; None if there are none.
 
-    Parameters
-    ----------
-    image0, image1 : FrameCache
-        The pair.
-    before, after : FrameCache
-        The frames before and after the pair, or the pair's own if there are none.
-    field01 : MotionField
-        Motion of the pair.
-
-    Returns
-    -------
-    (H, W) bool, or None if there are none
+    `before` and `after` are the frames around the pair, or the pair's own if there are none.
     """
     luma = Frames(*(_luma(image) for image in (image0, image1, before, after)))
     white = 255 if view(image0.pixels).luma is None else float(view(image0.pixels).white)

@@ -310,20 +310,10 @@ class CutList:
 
 
 def read_cuts(path: str | os.PathLike[str]) -> CutList:
-    """Read a list of cuts from a file.
+    """Read a list of cuts from a file; raises `InputError` if it cannot be read, `OptionError` for a wrong line.
 
-    Parameters
-    ----------
-    path : str or path
-        A text file with one position per line, as `parse_position` reads it, and comments after ``#``; or the list of
-        scenes that PySceneDetect writes as CSV.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read.
-    OptionError
-        A line is not a position in a clip.
+    It has one position per line, as `parse_position` reads it, and comments after ``#``, or is the list of scenes that
+    PySceneDetect writes as CSV.
     """
     name = os.fspath(path)
     with explained(InputError, "read", name, "check `cuts`"):

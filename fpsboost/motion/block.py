@@ -104,12 +104,9 @@ class BlockMatching:
 
 
 def colour_values(image: Image) -> NDArray[Any]:
-    """Return the colours as comparable numbers, multiplied by alpha if there is alpha; see `white_of`.
+    """Return the colours as comparable numbers, (H, W, 1 or 3), multiplied by alpha if there is any; see `white_of`.
 
-    Returns
-    -------
-    (H, W, 1) or (H, W, 3), contiguous, uint8, uint16 or float32
-        A new array, since kernels are compiled once more for arrays that must not be written to.
+    Always a new array, since kernels are compiled once more for arrays that must not be written to.
     """
     values = normalised(image) if image.dtype == np.float32 else image
     if not has_alpha(image):
@@ -134,14 +131,7 @@ def white_of(image: Image) -> float:
 
 
 def search_plan(pattern: Pattern, search_range: int) -> SearchPlan:
-    """Return the offsets that a pattern compares, relative to the best position so far.
-
-    Parameters
-    ----------
-    pattern : {'full', 'three-step', 'diamond'}
-    search_range : int
-        Maximum offset along x and y, pixels.
-    """
+    """Return the offsets that a pattern compares, relative to the best position so far."""
     if pattern == "full":
         # nearest first: a good match found early allows most later sums to be stopped early
         turns = [_nearest_first(search_range)]

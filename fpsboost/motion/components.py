@@ -36,15 +36,10 @@ def gray(image: Pixels) -> NDArray[Any]:
 
 
 def contrast_components(image: Pixels) -> Components:
-    """Return half luma, doubled high-pass luma and mean chroma, which are sensitive to low contrast.
+    """Return half luma, doubled high-pass luma and mean chroma, (H, W, 3) float32.
 
-    They are also robust to slow brightness changes.
-
-    The report's plain colours are insensitive to low contrast at v = 0.25; these components are not.
-
-    Returns
-    -------
-    (H, W, 3) float32
+    They are sensitive to low contrast, as the report's plain colours at v = 0.25 are not, and robust to slow brightness
+    changes.
     """
     luma, chroma = view(image).luma_and_chroma()
     high_pass = (luma - cv2.boxFilter(luma, -1, (HIGH_PASS_SIZE, HIGH_PASS_SIZE))) * 2
@@ -54,18 +49,8 @@ def contrast_components(image: Pixels) -> Components:
 def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> NDArray[Any]:
     """Return the `contrast_components` in bytes for the kernels, computed in a single pass.
 
-    Parameters
-    ----------
-    image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
-    padding : int
-        Pixels on every side; the right side is padded by a few vectors more.
-    bandwidth : float
-        Bandwidth of the similarity.
-
-    Returns
-    -------
-    (3, H + 2 padding, W + 2 padding or more) uint8
-        Scaled by `fpsboost.kernels.similarity.level_scale`, with repeated edges; contiguous.
+    (3, H + 2 padding, W + 2 padding + 2 LANES) uint8, scaled by `fpsboost.kernels.similarity.level_scale` for a
+    bandwidth, with repeated edges.
     """
     height, width = image.shape[:2]
     planes = np.empty((3, height + 2 * padding, width + 2 * padding + 2 * LANES), np.uint8)
@@ -83,18 +68,7 @@ def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> NDArray[An
 
 
 def small_copy(image: Pixels, longer_side: int) -> NDArray[Any]:
-    """Return a thumbnail in gray or BGR, float32 with 1.0 for white.
-
-    Parameters
-    ----------
-    image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
-    longer_side : int
-        Longer side of the thumbnail, pixels.
-
-    Returns
-    -------
-    (h, w, C) float32
-    """
+    """Return a thumbnail with this longer side, (h, w, C) float32 in gray or BGR, with 1.0 for white."""
     height, width = image.shape[:2]
     scale = longer_side / max(height, width)
     size = max(1, round(width * scale)), max(1, round(height * scale))
@@ -115,22 +89,7 @@ def _shrunk(size: tuple[int, int], image: Image) -> NDArray[Any]:
 def padded_planes(
     components: Components, padding: int, extra_left: int, extra_right: int, scale: float
 ) -> NDArray[Any]:
-    """Return planes with repeated edges, as required by the search kernels.
-
-    Parameters
-    ----------
-    components : (H, W, 3) float32
-    padding : int
-        Pixels on every side.
-    extra_left, extra_right : int
-        Additional columns.
-    scale : float
-        Factor on every value.
-
-    Returns
-    -------
-    (3, H + 2 padding, W + 2 padding + extra_left + extra_right or more) float32, contiguous
-    """
+    """Return scaled planes with repeated edges for the search kernels, (3, H + 2 padding, W + 2 padding + extra)."""
     height, width = components.shape[:2]
     left = padding + extra_left
     planes = aligned_empty((3, height + 2 * padding, left + width + padding + extra_right), np.float32)

@@ -62,12 +62,7 @@ class MotionField:
         return self._at_pixels(self.similarities)
 
     def at_points(self, spacing: int) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return the vectors and similarities at points `spacing` apart; see `point_places`.
-
-        Returns
-        -------
-        (rows, columns, 2), (rows, columns) float32
-        """
+        """Return the vectors and similarities at points `spacing` apart; see `point_places`."""
         vectors, similarities = (
             resample_points(each, self.shape, self.spacing, spacing) for each in (self.vectors, self.similarities)
         )
@@ -95,10 +90,7 @@ def spread_points(values: NDArray[Any], size: tuple[int, ...], spacing: int) -> 
 
 @lru_cache(maxsize=64)  # the same for every frame of a clip
 def point_places(size: tuple[int, ...], spacing: int) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the rows and columns of points `spacing` apart, the first at spacing / 2, the last within the frame.
-
-    They cannot be written to.
-    """
+    """Return the rows and columns of points `spacing` apart, from spacing / 2 to within the frame; read-only."""
     height, width = size[:2]
     y, x = (np.minimum(np.arange(0, length, spacing) + spacing // 2, length - 1) for length in (height, width))
     for places in (y, x):
@@ -107,21 +99,10 @@ def point_places(size: tuple[int, ...], spacing: int) -> tuple[NDArray[Any], NDA
 
 
 def forward_backward_error(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[Any], back: MotionField) -> NDArray[Any]:
-    """Return the forward-backward error of vectors.
+    """Return the distance between the start of each vector and the end of the way there and back, pixels.
 
-    Parameters
-    ----------
-    vectors : (rows, columns, 2) float32
-        Motion of the pixels in rows `y` and columns `x`.
-    y : (rows,) int
-    x : (columns,) int
-    back : MotionField
-        Motion of the other frame; its edges are repeated.
-
-    Returns
-    -------
-    (rows, columns) float32
-        Distance between the start of a vector and the end of the way there and back, pixels.
+    The vectors, (rows, columns, 2) float32, are the motion of the pixels in rows `y` and columns `x`; `back` is that of
+    the other frame, whose edges are repeated.
     """
     distance = np.empty(vectors.shape[:2], np.float32)
     measure_forward_backward_errors(vectors, y, x, back.vectors, back.spacing, *back.shape, distance)
@@ -133,17 +114,7 @@ def motion_gradients(vectors: NDArray[Any], spacing: int) -> NDArray[Any]:
 
     A gradient is the smaller of the differences from the neighbours on both sides if they have the same sign, else 0
     (minmod limiter; Roe 1986, doi:10.1146/annurev.fl.18.010186.002005): at the edge of an object, one of them is large.
-
-    Parameters
-    ----------
-    vectors : (rows, columns, 2) float32
-    spacing : int
-        Distance between points, pixels.
-
-    Returns
-    -------
-    (rows, columns, 2, 2) float32
-        Gradients of dx and dy along x, then along y; pixels per pixel.
+    (rows, columns, 2, 2) float32: of dx and dy along x, then along y, pixels per pixel.
     """
     gradients = np.empty((*vectors.shape, 2), np.float32)
     find_gradients(vectors, np.float32(spacing), gradients)
@@ -194,21 +165,9 @@ def accelerations_at_points(
 ) -> NDArray[Any]:
     """Estimate the acceleration at the frame that two neighbouring pairs share, at points `spacing` apart.
 
-    Parameters
-    ----------
-    onward : tuple of MotionField
-        Motion from the shared frame to the other frame of the pair, and back.
-    away : tuple of MotionField or None
-        The same to the other frame of the neighbouring pair, and back; None if there is no such pair.
-    ratio : float
-        Duration of the neighbouring pair divided by that of the pair.
-    spacing : int
-        Distance between points, pixels; see `fpsboost.motion.field.point_places`.
-
-    Returns
-    -------
-    (rows, columns, 3) float32
-        1 where the vectors in both directions are valid, and the acceleration in pixels per interval squared; else 0.
+    `onward` is the motion from the shared frame to the other frame of the pair, and back; `away` the same for the
+    neighbouring pair, which lasts `ratio` times as long. Returns (rows, columns, 3) float32: 1 where the vectors in
+    both directions are valid, and the acceleration in pixels per interval squared; else 0.
     """
     y, x = point_places(onward[0].shape, spacing)
     changes = np.zeros((y.size, x.size, 3), np.float32)

@@ -45,22 +45,10 @@ def search_fused(
     bandwidth: float,
     penalty: float = 0.0,
 ) -> tuple[MotionField, MotionField]:
-    """Search every offset with one fused kernel for both directions.
+    """Search every offset of (H, W, 3) float32 images with one fused kernel for both directions.
 
-    Parameters
-    ----------
-    colours0, colours1 : (H, W, 3) float32
-    search_radius, patch_radius, window
-        As in `ExhaustiveSearch`.
-    bandwidth : float
-        Bandwidth of the similarity, `ExhaustiveSearch.v`.
-    penalty : float
-        Cost of a pixel of motion, in x and in y, in units of similarity; 0 in the report.
-
-    Returns
-    -------
-    field01, field10 : MotionField
-        Motion in both directions; the similarities are those of the best offsets, minus their penalties.
+    `penalty` is the cost of a pixel of motion, in x and in y, in units of similarity; 0 in the report. The similarities
+    are those of the best offsets, minus their penalties.
     """
     height, width = colours0.shape[:2]
     taps = None if window == "box" else window_taps(window, patch_radius)
@@ -99,10 +87,7 @@ def _prices(search_radius: int, per_pixel: float, dtype: type[np.number[Any]]) -
 def search_by_passes(
     colours0: Components, colours1: Components, search_radius: int, patch_radius: int, window: Window, bandwidth: float
 ) -> tuple[MotionField, MotionField]:
-    """Search every offset as the report states it: full-image passes per offset, one direction after the other.
-
-    Parameters and returns are those of `search_fused`.
-    """
+    """Search every offset as the report states it: full-image passes per offset, one direction after the other."""
     padded0, padded1 = (
         cv2.copyMakeBorder(colours, *(patch_radius,) * 4, cv2.BORDER_REPLICATE) for colours in (colours0, colours1)
     )

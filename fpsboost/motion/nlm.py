@@ -256,9 +256,7 @@ def pyramid(image: Pixels, coarsest_side: int) -> list[FrameCache]:
 
 
 def halved(image: Pixels) -> Pixels:
-    """Return the image at half its size, rounded up.
-
-    Chroma planes of an image in planes are unchanged if they have that size already.
+    """Return the image at half its size, rounded up; chroma planes that have that size already are unchanged.
 
     The image is low-pass filtered first to avoid aliasing, as aliased patterns have another motion (Burt and Adelson
     1983, doi:10.1109/TCOM.1983.1095851).

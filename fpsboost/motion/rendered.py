@@ -100,12 +100,8 @@ class RenderedMotion:
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Return the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`.
 
-        Raises
-        ------
-        OptionError
-            The images are not output frames.
-        InputError
-            The images have no vectors, or vectors of another size.
+        Raises `OptionError` if the images are not output frames, and `InputError` if they have no vectors of their
+        size.
         """
         check_pair(image0.array, image1.array)
         number0, number1 = frame_number(image0.output_position), frame_number(image1.output_position)
@@ -117,26 +113,14 @@ class RenderedMotion:
 
 
 def frame_number(place: Fraction | None) -> int:
-    """Return the number of the output frame at a position.
-
-    Raises
-    ------
-    OptionError
-        The position is not that of an output frame.
-    """
+    """Return the number of the output frame at a position; raises `OptionError` if there is none."""
     if place is None or place.denominator != 1:
         raise not_an_output_frame()
     return int(place)
 
 
 def output_frame_between(place0: Fraction | None, place1: Fraction | None, t: float) -> int:
-    """Return the number of the output frame at time t between two positions.
-
-    Raises
-    ------
-    OptionError
-        A position is not known, or there is no output frame at that time.
-    """
+    """Return the number of the output frame at time t between two positions; raises `OptionError` if there is none."""
     if place0 is None or place1 is None:
         raise not_an_output_frame()
     place = place0 + Fraction(t) * (place1 - place0)

@@ -90,24 +90,10 @@ in a patch of the report's size, and cannot be distinguished from chance."""
 
 
 def choose_search_radius(image0: FrameCache, image1: FrameCache, vectors: RenderedVectors | None = None) -> int:
-    """Choose the report's search radius for two frames (section 4.1).
+    """Choose the report's search radius in x and in y for two frames, pixels (section 4.1).
 
-    Parameters
-    ----------
-    image0, image1 : FrameCache
-        Two frames of one size and type.
-    vectors : RenderedVectors, optional
-        The renderer's motion; estimated if not given.
-
-    Returns
-    -------
-    int
-        Radius in x and in y, pixels: the largest motion plus 20 %, and at least 1/32 of the frame's longer side.
-
-    Raises
-    ------
-    OptionError, InputError
-        As `fpsboost.motion.rendered.RenderedMotion.estimate`.
+    It is the largest motion, the renderer's or an estimate, plus 20 %, and at least 1/32 of the frame's longer side.
+    Raises what `fpsboost.motion.rendered.RenderedMotion.estimate` raises.
 
     Examples
     --------
@@ -129,18 +115,7 @@ def choose_search_radius(image0: FrameCache, image1: FrameCache, vectors: Render
 
 
 def expected_motion(image0: FrameCache, image1: FrameCache) -> float:
-    """Estimate the largest motion of two frames from its reliable part.
-
-    Parameters
-    ----------
-    image0, image1 : FrameCache
-        Two frames of one size and type.
-
-    Returns
-    -------
-    float
-        Larger component, pixels of the frames: a lower bound; see `UNDERESTIMATION_FACTOR`.
-    """
+    """Estimate the largest motion of two frames along x or y, pixels: a lower bound; see `UNDERESTIMATION_FACTOR`."""
     scale: float = max(1.0, max(image0.pixels.shape[:2]) / MAX_LONGER_SIDE)
     if scale > 1:
         image0, image1 = (FrameCache(image.cached(small_copy, MAX_LONGER_SIDE)) for image in (image0, image1))

@@ -33,18 +33,7 @@ def measure_agreement(frame_pair: FramePair, t: float) -> NDArray[Any]:
 
     In each direction, the motion through every pixel is found by the fixed-point search of Yang et al. 2011, and the
     patches at both of its ends are compared. The lower agreement counts: what is mixed along both motions is right only
-    where both are.
-
-    Parameters
-    ----------
-    frame_pair : FramePair
-    t : float
-        In (0, 1).
-
-    Returns
-    -------
-    (H, W) float32
-        In [0, 1].
+    where both are. (H, W) float32 in [0, 1].
     """
     onward = find_motion(frame_pair.field01, t)
     back = find_motion(frame_pair.field10, 1 - t)
@@ -57,19 +46,7 @@ def measure_agreement(frame_pair: FramePair, t: float) -> NDArray[Any]:
 
 
 def find_motion(field: MotionField, t: float) -> NDArray[Any]:
-    """Return the motion of the points of a frame that are at each pixel after a share of their way.
-
-    Parameters
-    ----------
-    field : MotionField
-        Motion of the frame.
-    t : float
-        Share of the way.
-
-    Returns
-    -------
-    (H, W, 2) float32
-    """
+    """Return the motion of the points of a frame that are at each pixel after a share t of their way, (H, W, 2)."""
     flow = field.flow
     motion = flow
     if not flow.any():
@@ -82,18 +59,9 @@ def find_motion(field: MotionField, t: float) -> NDArray[Any]:
 def measure_agreement_along(
     image0: FrameCache, image1: FrameCache, motion0: NDArray[Any], motion1: NDArray[Any]
 ) -> NDArray[Any]:
-    """Return the agreement of two frames at the ends of the motion from each in-between pixel to either of them.
+    """Return the agreement of two frames along the motion from each in-between pixel to either of them.
 
-    Parameters
-    ----------
-    image0, image1 : FrameCache
-    motion0, motion1 : (H, W, 2) float32
-        From each in-between pixel to frame 0, and to frame 1.
-
-    Returns
-    -------
-    (H, W) float32
-        In [0, 1].
+    The motion is (H, W, 2) float32, the agreement (H, W) float32 in [0, 1].
     """
     first, second = (
         sample(image.cached(_comparable), motion, cv2.INTER_CUBIC) if motion.any() else image.cached(_comparable)
@@ -114,19 +82,7 @@ def measure_agreement_along(
 
 
 def sample(values: NDArray[Any], motion: NDArray[Any], interpolation: int) -> NDArray[Any]:
-    """Return the values at the end of the motion from each pixel, with repeated edges.
-
-    Parameters
-    ----------
-    values : (H, W, C) float32
-    motion : (H, W, 2) float32
-    interpolation : int
-        OpenCV's number of a filter.
-
-    Returns
-    -------
-    (H, W, C) float32
-    """
+    """Return the values at the end of the motion from each pixel, with repeated edges, by one of OpenCV's filters."""
     height, width = motion.shape[:2]
     y, x = np.arange(height, dtype=np.float32)[:, np.newaxis], np.arange(width, dtype=np.float32)
     sampled = cv2.remap(values, x + motion[..., 0], y + motion[..., 1], interpolation, borderMode=cv2.BORDER_REPLICATE)

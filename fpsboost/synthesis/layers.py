@@ -40,14 +40,8 @@ class MixesLayers(Protocol):
     ) -> Iterator[LayeredImage]:
         """Generate one image with all layers for every time; see `fpsboost.synthesis.Synthesizer.synthesize`.
 
-        Parameters
-        ----------
-        frame_pair : FramePair
-            The frames that motion was found on, and that weights are found on: perhaps under equal illumination.
-        layered : (LayeredImage, LayeredImage)
-            The frames as they are, with the same layers.
-        times : sequence of float
-            Each in (0, 1).
+        `frame_pair` has the frames that motion and weights are found on, perhaps under equal illumination; `layered`
+        the frames as they are, with the same layers.
         """
         ...
 
@@ -102,16 +96,10 @@ def mix_layers(
     mix: Callable[[Planes, Planes], Mixed],
     find_sources: Callable[[], Sources],
 ) -> LayeredImage:
-    """Return an in-between frame with all layers.
+    """Return an in-between frame with all layers of two frames, which have the same.
 
-    Parameters
-    ----------
-    layered : (LayeredImage, LayeredImage)
-        Two frames with the same layers.
-    mix : callable
-        Mixes planes of both frames, (H, W) float32 each, at most PLANES_AT_ONCE at a time.
-    find_sources : callable
-        Finds the frame that has each pixel; called only if a layer needs it.
+    `mix` takes (H, W) float32 planes of both frames, at most PLANES_AT_ONCE at a time; `find_sources` is called only if
+    a layer needs it.
     """
     colours = [list(np.moveaxis(normalised(each.colour), -1, 0)) for each in layered]
     linear = [
@@ -198,15 +186,8 @@ def find_sources(places: NDArray[Any], flows: tuple[NDArray[Any], NDArray[Any]],
 
     A frame has it if the pixel's place is inside of it, and if what is there moves along: what is hidden in a frame has
     something else in its place, which moves differently. Where both frames have it, it is that nearer in time.
-
-    Parameters
-    ----------
-    places : (4, H, W) float32
-        Column and row in frame 0, and in frame 1.
-    flows : two of (H, W, 2) float32
-        Motion of the pixels of frame 0 to frame 1, and back.
-    t : float
-        Time of the in-between frame, 0 to 1.
+    `places`, (4, H, W) float32, are column and row in frame 0, and in frame 1; `flows` the motion of the pixels of each
+    frame.
     """
     height, width = places.shape[1:]
     motion, apart, found = places[2:] - places[:2], [], []

@@ -40,18 +40,10 @@ class SurfaceMotion(NamedTuple):
     """Time of the in-between frame, 0 to 1."""
 
     def mix(self, coefficients0: NDArray[Any], coefficients1: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Mix planes of both frames along the motion.
+        """Mix planes of both frames along the motion, given their spline coefficients; see `fpsboost.kernels.spline`.
 
-        Parameters
-        ----------
-        coefficients0, coefficients1 : (C, rows, columns) float32
-            Spline coefficients of the frames; see `fpsboost.kernels.spline`.
-
-        Returns
-        -------
-        mixed : (C, H, W) float32
-        squared : (H, W) float32
-            Squared difference of the frames, summed over the planes; 0 where one of them does not show the surface.
+        Returns the mixed planes, (C, H, W) float32, and the squared difference of the frames, summed over the planes,
+        (H, W) float32, 0 where one of them does not show the surface.
         """
         height, width = self.to_frame0[1].shape
         mixed = np.empty((coefficients0.shape[0], height, width), np.float32)
@@ -61,19 +53,9 @@ class SurfaceMotion(NamedTuple):
         return mixed, squared
 
     def similarity(self, squared: NDArray[Any], scale: float) -> NDArray[Any]:
-        """Return how well the frames agree around each pixel.
+        """Return how well the frames agree around each pixel, 0 to 1, and 0 where neither frame shows the surface.
 
-        Parameters
-        ----------
-        squared : (H, W) float32
-            As `mix` returns it.
-        scale : float
-            Factor on it.
-
-        Returns
-        -------
-        (H, W) float32
-            In [0, 1]; 0 where neither frame shows the surface.
+        `squared` is that of `mix`, and `scale` a factor on it.
         """
         alike = np.exp(cv2.blur(squared, (2, 2)) * np.float32(-scale))
         similarity: NDArray[Any] = cv2.blur(alike, (PATCH_SIZE, PATCH_SIZE))
@@ -87,21 +69,8 @@ def find_surface_motion(image0: FrameCache, image1: FrameCache, t: float, vector
     The in-between frame's own vectors lead from each of its pixels to both frames. Without them, each pixel is searched
     in both frames among those that their vectors lead to it (Yang et al. 2011, image-based; see `Reproject`).
 
-    Parameters
-    ----------
-    image0, image1 : FrameCache
-        The two frames, which are output frames.
-    t : float
-        Time between them, that of an output frame.
-    vectors : RenderedVectors
-        Of both frames, and of the in-between frame if it was rendered too.
-
-    Raises
-    ------
-    OptionError
-        The three are not output frames.
-    InputError
-        One of the two frames has no vectors, or vectors are of another size.
+    Raises `OptionError` if the three are not output frames, and `InputError` if one of the two has no vectors, or
+    vectors are of another size.
     """
     number = output_frame_between(image0.output_position, image1.output_position, t)
     found = []
@@ -118,12 +87,7 @@ def find_surface_motion(image0: FrameCache, image1: FrameCache, t: float, vector
 def _seen_from(here: FrameVectors, there: FrameVectors, distance: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the motion of the in-between frame's pixels to another frame, and which of them that frame shows.
 
-    Parameters
-    ----------
-    here, there : FrameVectors
-        Those of the in-between and of the other frame.
-    distance : int
-        Number of vectors to the other frame; negative if it is the earlier one.
+    `distance` is the number of vectors to the other frame; negative if it is the earlier one.
     """
     motion, back = _displacement(here, distance), _displacement(there, -distance)
     height, width = motion.shape[:2]

@@ -63,21 +63,10 @@ class Reproject:
             yield out
 
     def find_sources(self, flow: NDArray[Any], t: float) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Find the source of every target pixel in one frame.
+        """Find the source of every target pixel in one frame, which is t intervals away, given its motion.
 
-        Parameters
-        ----------
-        flow : (H, W, 2) float32
-            Motion of that frame.
-        t : float
-            Distance in time from that frame to the target, in intervals.
-
-        Returns
-        -------
-        source : (H, W) int32
-            ``y * W + x`` of the source pixel.
-        found : (H, W) bool
-            Whether the source lands within half a pixel of the target.
+        Returns ``y * W + x`` of the source pixel, (H, W) int32, and whether it lands within half a pixel of the target,
+        (H, W) bool.
         """
         height, width = flow.shape[:2]
         source, found = np.empty((height, width), np.int32), np.empty((height, width), np.bool_)

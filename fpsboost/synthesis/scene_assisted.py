@@ -68,16 +68,10 @@ class SceneAssisted:
         return Blend()
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
-        """Generate images from the renderer's vectors; see `fpsboost.synthesis.Synthesizer.synthesize`.
+        """Generate images from the renderer's vectors, not from estimated motion; see `Synthesizer.synthesize`.
 
-        Estimated motion is ignored.
-
-        Raises
-        ------
-        OptionError
-            An in-between frame is not an output frame; or one of the two frames is not, and depth is compared.
-        InputError
-            The in-between frame has no vectors, or vectors of another size.
+        Raises `OptionError` if an in-between frame is not an output frame, or one of the two frames is not and depth is
+        compared, and `InputError` if the in-between frame has no vectors, or vectors of another size.
         """
         for t in times:
             yield self._image_at(frame_pair, t)
