@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar, Literal
 
 import cv2
@@ -11,7 +13,7 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Pixels, check_pair
+from fpsboost.image import check_pair
 from fpsboost.motion.components import gray
 from fpsboost.motion.field import MotionField
 
@@ -42,12 +44,8 @@ class Dis:
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
-        gray0, gray1 = _gray_pair(image0, image1)
         flow = cv2.DISOpticalFlow.create(DIS_PRESETS[self.preset])
-        flow01, flow10 = (
-            flow.calc(a, b, np.zeros((*a.shape, 2), np.float32)) for a, b in ((gray0, gray1), (gray1, gray0))
-        )
-        return _field(_unpadded(flow01, image0.pixels)), _field(_unpadded(flow10, image0.pixels))
+        return _estimate_both(flow.calc, image0, image1)
 
 
 @dataclass(frozen=True)
@@ -82,16 +80,8 @@ class Farneback:
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
-        gray0, gray1 = _gray_pair(image0, image1)
-        flow01, flow10 = (self._flow(a, b) for a, b in ((gray0, gray1), (gray1, gray0)))
-        return _field(_unpadded(flow01, image0.pixels)), _field(_unpadded(flow10, image0.pixels))
-
-    def _flow(self, gray0: NDArray[Any], gray1: NDArray[Any]) -> NDArray[Any]:
-        start = np.zeros((*gray0.shape, 2), np.float32)
-        return cv2.calcOpticalFlowFarneback(
-            gray0,
-            gray1,
-            start,
+        flow = partial(
+            cv2.calcOpticalFlowFarneback,
             pyr_scale=0.5,
             levels=self.levels,
             winsize=self.window_size,
@@ -100,6 +90,7 @@ class Farneback:
             poly_sigma=1.1,
             flags=cv2.OPTFLOW_FARNEBACK_GAUSSIAN,
         )
+        return _estimate_both(flow, image0, image1)
 
 
 @dataclass(frozen=True)
@@ -145,7 +136,6 @@ class TvL1:
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
-        gray0, gray1 = _gray_pair(image0, image1)
         flow = cv2.optflow.DualTVL1OpticalFlow.create(
             nscales=self.levels,
             warps=self.warps,
@@ -154,28 +144,24 @@ class TvL1:
             outerIterations=self.outer_iterations,
             scaleStep=self.scale_step,
         )
-        flow01, flow10 = (
-            flow.calc(a, b, np.zeros((*a.shape, 2), np.float32)) for a, b in ((gray0, gray1), (gray1, gray0))
-        )
-        return _field(_unpadded(flow01, image0.pixels)), _field(_unpadded(flow10, image0.pixels))
+        return _estimate_both(flow.calc, image0, image1)
 
 
-def _gray_pair(image0: FrameCache, image1: FrameCache) -> tuple[NDArray[Any], NDArray[Any]]:
+def _estimate_both(
+    flow: Callable[[NDArray[Any], NDArray[Any], NDArray[Any]], NDArray[Any]], image0: FrameCache, image1: FrameCache
+) -> tuple[MotionField, MotionField]:
+    """Return the motion in both directions by a function of OpenCV that takes gray images and an initial flow."""
     check_pair(image0.pixels, image1.pixels)
-    first, second = (_padded_gray(image) for image in (image0, image1))
-    return first, second
-
-
-def _padded_gray(image: FrameCache) -> NDArray[Any]:
-    eight_bit = image.cached(gray)
-    height, width = eight_bit.shape
+    height, width = image0.pixels.shape[:2]
     below, right = max(0, MIN_SIDE - height), max(0, MIN_SIDE - width)
-    return cv2.copyMakeBorder(eight_bit, 0, below, 0, right, cv2.BORDER_REPLICATE)
-
-
-def _unpadded(flow: NDArray[Any], image: Pixels) -> NDArray[Any]:
-    return np.ascontiguousarray(flow[: image.shape[0], : image.shape[1]], np.float32)
-
-
-def _field(flow: NDArray[Any]) -> MotionField:
-    return MotionField(flow, np.ones(flow.shape[:2], np.float32))
+    gray0, gray1 = (
+        cv2.copyMakeBorder(image.cached(gray), 0, below, 0, right, cv2.BORDER_REPLICATE) for image in (image0, image1)
+    )
+    field01, field10 = (
+        MotionField(
+            np.ascontiguousarray(flow(a, b, np.zeros((*a.shape, 2), np.float32))[:height, :width], np.float32),
+            np.ones((height, width), np.float32),
+        )
+        for a, b in ((gray0, gray1), (gray1, gray0))
+    )
+    return field01, field10
