@@ -7,6 +7,7 @@ of pixels. Frames go out at once, so a pipe is the one target that does not appe
 from __future__ import annotations
 
 import os
+import re
 import select
 import stat
 import sys
@@ -28,6 +29,7 @@ from fpsboost.image import Pixels, describe
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import Output, StreamInfo
+from fpsboost.io.video.clock import ASSUMED_RATE, assumed_rate_remark
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import interlaced_remark, lost_companions_remark, lost_shape_remark
 from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
@@ -121,7 +123,8 @@ class PipeSource(ClosesOnExit):
         if self._first is None:
             raise InputError(f"{INPUT_NAME} holds no whole frame; check the program that writes it.")
         self._reformatter = VideoReformatter()
-        rate = as_fraction(video.average_rate) or Fraction(25)
+        self._check_rate()
+        rate = as_fraction(video.average_rate) or ASSUMED_RATE
         self.info = ClipInfo(INPUT_NAME, video.height, video.width, rate, 1 / rate, None)
         traits = read_traits(self._first, video, self._reformatter, INPUT_NAME)
         self.stream_info = StreamInfo(traits=traits)
@@ -130,6 +133,16 @@ class PipeSource(ClosesOnExit):
             self.remarks.append(interlaced_remark(INPUT_NAME))
         if for_images and traits.sample_aspect_ratio not in (None, 1):
             self.remarks.append(lost_shape_remark(INPUT_NAME, traits.sample_aspect_ratio))
+
+    def _check_rate(self) -> None:
+        """Check the rate in the first line: FFmpeg takes 25 for one that is missing, 0:0 or no ratio."""
+        match = re.match(rb"[^\n]* F([^ \n]+)", self._file.start)
+        ratio = re.fullmatch(rb"([0-9]+):([0-9]+)", match[1]) if match else None
+        if match and not ratio:
+            said = match[1].decode("ascii", "replace")
+            raise InputError(f"{INPUT_NAME} has the ratio {said!r} in its first line; write it like 30000:1001.")
+        if not ratio or 0 in (int(ratio[1]), int(ratio[2])):
+            self.remarks.append(assumed_rate_remark(INPUT_NAME))
 
     def __iter__(self) -> Iterator[Frame]:
         if self._started:
@@ -181,7 +194,7 @@ class CountingReader:
     """
 
     def __init__(self, stream: Any) -> None:
-        self._stream, self.count = stream, 0
+        self._stream, self.count, self.start = stream, 0, b""
         self._error: BaseException | None = None
 
     def read(self, size: int) -> bytes:
@@ -190,6 +203,8 @@ class CountingReader:
         except BaseException as error:
             self._error, data = error, b""
         self.count += len(data)
+        if b"\n" not in self.start:
+            self.start += data
         return data
 
     def check(self) -> None:

@@ -171,6 +171,7 @@ def test_headers_as_programs_write_them(words, rate, aspect, full_range, pixel_f
         (b"YUV4MPEG2 W0 H48 F25:1\n", "is no YUV4MPEG2 stream"),
         (b"YUV4MPEG2 W32768 H32768 F25:1\n", "is no YUV4MPEG2 stream"),
         (b"YUV4MPEG2 W64 H48 F25:1 C999\n", "is no YUV4MPEG2 stream"),
+        (stream_of(1, rate="30"), "has the ratio '30' in its first line; write it like 30000:1001."),
         (b"YUV4MPEG2 W64 H48 F25:1\nFRAME\nabc", "holds no whole frame"),
     ],
 )
@@ -178,6 +179,15 @@ def test_streams_that_are_none(data, sentence):
     """Each is refused with its sentence before any frame is read."""
     with pytest.raises(InputError, match=re.escape(sentence)):
         PipeSource(BytesIO(data))
+
+
+@pytest.mark.parametrize("rate", [" F0:0", " F25:0", ""])
+def test_a_missing_rate_is_assumed_with_a_remark(rate):
+    """Without a rate, 25 frames per second are assumed, as for other videos, and the user is told."""
+    data = stream_of(2, rate="1:1").replace(b" F1:1", rate.encode(), 1)
+    with PipeSource(BytesIO(data)) as source:
+        assert source.info.rate == 25
+    assert source.remarks == ["standard input does not say its frame rate; 25 frames per second assumed."]
 
 
 # --------------------------------------------------------------------------------------------------------------- frames
