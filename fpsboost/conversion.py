@@ -149,7 +149,8 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
                     threads=threads,
                     outputs=replace(OutputRange() if part is None else part.outputs, skip=there),
                 )
-            summary.utilisation = _utilisation(time.process_time() - busy_before, time.perf_counter() - begin)
+            busy = (time.process_time() - busy_before) / max(time.perf_counter() - begin, 1e-9)
+            summary.utilisation = f"On average {busy:.1f} of {available_cores()} cores were busy."
             if part is not None:
                 part.summary = summary
     # some are known only after the sink has finished the output
@@ -214,15 +215,9 @@ def stream(
     requirements = TargetRequirements(linear=interpolator.takes_layers)
     with _as_source(source, _fraction(input_fps), requirements, needs_rate=fps is not None) as opened:
         schedule = rate.schedule(opened.info)
-        making = interpolate_frames(
-            opened,
-            interpolator,
-            schedule,
-            Summary(),
-            holds_last_frame=True,
-            threads=threads,
-        )
-        with making as frames:
+        with interpolate_frames(
+            opened, interpolator, schedule, Summary(), holds_last_frame=True, threads=threads
+        ) as frames:
             for frame in frames:
                 yield frame.array
 
@@ -246,19 +241,8 @@ def _as_source(
     return ArraySource(images, rate or ASSUMED_IMAGE_RATE)
 
 
-def _utilisation(busy_seconds: float, seconds: float) -> str:
-    """Return a sentence on how busy the cores were."""
-    return f"On average {busy_seconds / max(seconds, 1e-9):.1f} of {available_cores()} cores were busy."
-
-
 def _resolve_rate(factor: Fraction | int | None, rate: OutputRate | None) -> OutputRate:
-    """Return the rate with the factor in it.
-
-    Raises
-    ------
-    OptionError
-        Both say a factor.
-    """
+    """Return the rate with the factor in it; raise `OptionError` if both say one."""
     if factor is None:
         return rate or OutputRate()
     if rate is None:

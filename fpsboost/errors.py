@@ -82,18 +82,7 @@ def check_choice(option: str, value: str, choices: Collection[str]) -> None:
 
 @contextmanager
 def explained(kind: type[FpsboostError], task: str, path: str | Path, advice: str) -> Iterator[None]:
-    """Turn an OSError raised in the block into a sentence about a path.
-
-    Parameters
-    ----------
-    kind : type of FpsboostError
-        Exception to raise instead.
-    task : str
-        Action that failed: ``read``, ``write to``.
-    path : str or Path
-    advice : str
-        Advice to the user.
-    """
+    """Turn an OSError raised in the block into a sentence: cannot `task` (such as ``read``) the path; `advice`."""
     try:
         yield
     except OSError as error:

@@ -68,17 +68,7 @@ class ConversionJob:
 
 @dataclass
 class OpenedClip:
-    """Source of a conversion.
-
-    Attributes
-    ----------
-    whole : DescribedSource
-        The whole clip.
-    source : FrameSource
-        The part of it that is converted.
-    window : Window or None
-        That part, for what accompanies the frames; None for all.
-    """
+    """Source of a conversion: the whole clip, the part that is converted, and its window; None for all."""
 
     whole: DescribedSource
     source: FrameSource
@@ -87,13 +77,7 @@ class OpenedClip:
 
 @contextmanager
 def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
-    """Open the source of a job while the block lasts.
-
-    Raises
-    ------
-    OptionError, InputError
-        See `fpsboost.io.opening.open_source`; or the method cannot make the source's layers.
-    """
+    """Open the source of a job while the block lasts; see `fpsboost.io.opening.open_source`."""
     rate, interpolator, target = job.rate, job.method, job.target(run)
     requirements = target.requirements(
         job.encoding,
@@ -116,20 +100,7 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
 
 @dataclass
 class Preparation:
-    """What is known of a conversion before its first frame.
-
-    Attributes
-    ----------
-    target : Target
-    interpolator : Interpolator
-        The method, for this clip.
-    base_schedule : Schedule
-        Schedule of the output frames.
-    output : Output
-        The output, for its sink.
-    remarks : list of str
-        What is lost.
-    """
+    """What is known of a conversion before its first frame; the interpolator is the method, for this clip."""
 
     target: Target
     interpolator: Interpolator
@@ -139,13 +110,7 @@ class Preparation:
 
 
 def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparation:
-    """Work out the frames and the output of a job.
-
-    Raises
-    ------
-    OptionError, InputError
-        An option does not suit the clip.
-    """
+    """Work out the frames and the output of a job; raise `OptionError` or `InputError` if they do not fit the clip."""
     target, rate, interpolator = job.target(run), job.rate, job.method
     info, stream = clip.source.info, clip.whole.stream_info
     encoding, lost = _adapt_audio(job.encoding, stream, rate)
@@ -173,16 +138,7 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
 
 
 def closing_remarks(job: ConversionJob, clip: OpenedClip, ready: Preparation, intervals: FrameIntervals) -> list[str]:
-    """Return what is to be said of the whole conversion when it is done.
-
-    Parameters
-    ----------
-    job : ConversionJob
-    clip : OpenedClip
-    ready : Preparation
-    intervals : FrameIntervals
-        Intervals of the source, complete to its end.
-    """
+    """Return the remarks on the whole conversion when it is done; `intervals` are complete to the source's end."""
     images, info = clip.whole.stream_info.images, clip.source.info
     remarks = [*ready.remarks, *job.rate.remarks(info, ready.base_schedule, intervals)]
     if images is not None and images.step > 1 and ready.target.has_rate:

@@ -21,15 +21,7 @@ IDENTIFYING_BYTES = 1 << 16
 
 @dataclass(frozen=True)
 class JobFingerprint:
-    """Inputs and options of an output, by which a later run can tell whether it would write the same.
-
-    Parameters
-    ----------
-    facts : mapping of str to str
-        Everything that determines the output; see `fingerprint_options`.
-    resume : bool
-        Resume an earlier run of the same job.
-    """
+    """Inputs and options of an output, by which a later run can tell whether it would write the same."""
 
     facts: Mapping[str, str]
     resume: bool = False
@@ -48,14 +40,7 @@ class ReadsFiles(Protocol):
 def fingerprint_options(state_of: Callable[[Iterable[Path]], str] | None = None, /, **values: Any) -> dict[str, str]:
     """Return the options of a job as text: the fields of dataclasses one by one, everything else by `str`.
 
-    Options that read files contribute the state of the files, too.
-
-    Parameters
-    ----------
-    state_of : callable, optional
-        Function that returns the state of files; `fingerprint_files` by default.
-    **values : object
-        Options by their names.
+    Options that read files contribute the state of the files, too, by `fingerprint_files` or another function.
 
     Examples
     --------

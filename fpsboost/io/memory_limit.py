@@ -69,16 +69,7 @@ class MemoryLimit:
             )
 
     def affordable_threads(self, width: int, height: int, most: int, planes: int = 0) -> int:
-        """Return how many pairs of frames of this size can be processed in parallel, at least 1.
-
-        Parameters
-        ----------
-        width, height : int
-            Pixels.
-        most : int
-            Maximum of the result.
-        planes : int
-            Planes of layers beside the picture.
+        """Return how many pairs of frames of this size can be processed in parallel, from 1 to `most`.
 
         Examples
         --------
@@ -108,11 +99,6 @@ def _needed(width: int, height: int, planes: int) -> int:
 
 def parse_memory(text: str, option: str = "`limit`") -> MemoryLimit:
     """Parse a size of memory as people write it; messages name it by `option`.
-
-    Raises
-    ------
-    OptionError
-        The text is not a size.
 
     Examples
     --------

@@ -76,24 +76,9 @@ def new_folder(path: Path) -> Iterator[Path]:
 class StagedFiles:
     """Files that are written in a hidden folder and get their names at the end, all of them or none.
 
-    Parameters
-    ----------
-    path : str
-        Folder or pattern, as the user gave it, for messages.
-    folder : Path
-        Folder of the files, created if it does not exist.
-    namings : sequence of Numbering
-        How the files are named. Existing files of these names are replaced with `overwrite`, those that are not
-        written again too, and anything else in the folder stays.
-    overwrite : bool
-        Replace existing files.
-    alone : bool
-        Refuse a folder that holds any file, and not only those of such names, unless `overwrite` is given.
-
-    Raises
-    ------
-    OutputError
-        The place cannot be written, or files exist there already.
+    The folder is created if it does not exist. Existing files that are named by one of `namings` are replaced with
+    `overwrite`, those that are not written again too; anything else in the folder stays. `alone` refuses a folder that
+    holds any file, unless `overwrite` is given. `path` is the folder or pattern in messages.
     """
 
     def __init__(self, path: str, folder: Path, namings: Sequence[Numbering], *, overwrite: bool, alone: bool) -> None:

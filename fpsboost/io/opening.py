@@ -29,34 +29,22 @@ MIN_IMAGE_RATE, MAX_IMAGE_RATE = Fraction(1, 1000), Fraction(100_000)
 
 @dataclass(frozen=True)
 class TargetRequirements:
-    """What a target asks of its source.
-
-    Parameters
-    ----------
-    pictures_alone : bool
-        It holds pictures and nothing else: no sound, and no tag that turns them, so that videos come upright.
-    upright : bool
-        It cannot say an image's EXIF orientation, so that images come upright.
-    alpha : bool
-        It can hold alpha.
-    needs_rate : bool
-        Images must say how fast they play.
-    planes : bool
-        Pictures of Y, Cb and Cr may stay as they are.
-    layers : bool
-        It can hold layers beside the picture.
-    linear : bool
-        The method mixes scene-linear colours with weights that it finds on another scale, so that they come as
-        `LayeredImage`.
-    """
+    """What a target asks of its source."""
 
     pictures_alone: bool = False
+    """It holds pictures and nothing else: no sound, and no tag that turns them, so that videos come upright."""
     upright: bool = False
+    """It cannot say an image's EXIF orientation, so that images come upright."""
     alpha: bool = False
+    """It can hold alpha."""
     needs_rate: bool = False
+    """Images must say how fast they play."""
     planes: bool = False
+    """Pictures of Y, Cb and Cr may stay as they are."""
     layers: bool = False
+    """It can hold layers beside the picture."""
     linear: bool = False
+    """Scene-linear colours come as `LayeredImage`, because the method finds weights for them on another scale."""
 
 
 def open_source(
@@ -68,28 +56,10 @@ def open_source(
     in_place: bool = False,
     limit: MemoryLimit | None = None,
 ) -> DescribedSource:
-    """Open a clip for reading.
+    """Open a clip for reading: a video file, an animation, a folder or pattern of images, or ``-`` for YUV4MPEG2.
 
-    Parameters
-    ----------
-    path : str
-        A video file, an animation, a folder of images, a pattern of images, or ``-`` for YUV4MPEG2 from standard input.
-    requirements : TargetRequirements, optional
-        What the target asks of it.
-    decoding : DecodeOptions, optional
-        How a video file is read.
-    fill_gaps, in_place : bool
-        Of numbered images; see `fpsboost.io.images.source.ImageReading`.
-    limit : MemoryLimit, optional
-        What may be taken; what is available without it.
-
-    Raises
-    ------
-    InputError
-        Missing, unreadable, or too large.
-    OptionError
-        `input_fps` is missing for images, or given for a video; `decoding` says what only video files know, or
-        `fill_gaps` what only images have.
+    `fill_gaps` and `in_place` are for numbered images; see `fpsboost.io.images.source.ImageReading`. Raises
+    `InputError` for what is missing, unreadable or too large, and `OptionError` for options that do not suit it.
     """
     if not path:
         raise InputError("The name of the input is empty; name a video, a folder or a pattern of images.")

@@ -52,11 +52,6 @@ class Part:
 def parse_part(text: str, option: str = "`chunk`") -> Part:
     """Parse the number of a part and how many there are; messages name it by `option`.
 
-    Raises
-    ------
-    OptionError
-        The text is not of the form K/N, or there is no such part.
-
     Examples
     --------
     >>> parse_part("3/8")
@@ -81,21 +76,9 @@ def part_folder(output: str, part: Part) -> Path:
 
 
 class PartFolder:
-    """Folder in which a part of an output is written.
+    """Folder in which a part of an output is written; `files` is the hidden folder for its files.
 
-    Attributes
-    ----------
-    files : Path
-        Hidden folder for the files of the part.
-    name : str
-        Name of the part in messages.
-
-    Raises
-    ------
-    CompleteAlreadyError
-        The part is there, and the job is to be resumed.
-    OutputError
-        The part is there, and may not be replaced, or its folder cannot be made.
+    Raises `CompleteAlreadyError` if the part is there and the job is to be resumed.
     """
 
     def __init__(self, output: Output) -> None:

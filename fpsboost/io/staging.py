@@ -46,17 +46,10 @@ def hidden_place(folder: Path, name: str) -> Path:
 
 
 class StagingDirectory:
-    """Hidden folder in which an output is written.
+    """Hidden folder in which an output, called `name` in messages, is written.
 
-    Parameters
-    ----------
-    folder : Path
-    staged : str
-        Name, in the folder, of the file or folder that gets the output's name at the end.
-    name : str
-        Name of the output in messages.
-    job : JobFingerprint or None
-        None if no later run can resume; then nothing is kept.
+    `staged` is the name, in the folder, of the file or folder that gets the output's name at the end. Without a job no
+    later run can resume, and nothing is kept.
     """
 
     def __init__(self, folder: Path, staged: str, name: str, job: JobFingerprint | None) -> None:
@@ -83,10 +76,7 @@ class StagingDirectory:
     def open(self) -> None:
         """Lock the folder for this run; keep its content if the job resumes it, otherwise remove it.
 
-        Raises
-        ------
-        OutputError
-            Another run writes there, or the job differs from the one that the folder belongs to.
+        Raises `OutputError` if another run writes there, or the job differs from the one that the folder belongs to.
         """
         try:
             self._acquire()
@@ -115,16 +105,8 @@ class StagingDirectory:
     def leave(self, error: BaseException | None, frames: int, expected: int | None, *, stays: bool = False) -> None:
         """Release the folder; if the run was interrupted and another can resume it, keep it and note that on the error.
 
-        After an error in an input or option nothing is kept: its correction makes another job.
-
-        Parameters
-        ----------
-        error : BaseException or None
-            Exception that ends the run.
-        frames, expected : int, int or None
-            Number of finished frames, and of all.
-        stays : bool
-            Keep the folder in any case.
+        `frames` of the `expected` are finished. After an error in an input or option nothing is kept, unless the folder
+        `stays` in any case: its correction makes another job.
         """
         is_cut_short = error is not None and not isinstance(error, InputError | OptionError)
         keep = is_cut_short and frames > 0 and self.can_be_resumed
@@ -226,13 +208,7 @@ class StagingDirectory:
 
 
 def discard_unfinished(output: str) -> None:
-    """Remove what a stopped run has left of a video or a folder of images.
-
-    Raises
-    ------
-    OutputError
-        Another run writes there, or it cannot be removed.
-    """
+    """Remove what a stopped run has left of a video or a folder of images, unless another run writes there."""
     path = Path(output)
     for place in (hidden_place(path.parent, path.name), hidden_place(path, IN_EXISTING_FOLDER)):
         if (place / MANIFEST).is_file():

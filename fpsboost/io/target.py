@@ -25,13 +25,7 @@ Kind = Literal["video", "pipe", "animation", "images"]
 
 @dataclass(frozen=True)
 class Target:
-    """What a path stands for as an output.
-
-    Attributes
-    ----------
-    path : str
-    kind : {'video', 'pipe', 'animation', 'images'}
-    """
+    """What a path stands for as an output."""
 
     path: str
     kind: Kind
@@ -123,15 +117,7 @@ class Target:
             raise OptionError(f"`chunk` is for videos and images, and {self.path} will be an animation; leave it out.")
 
     def open(self, output: Output) -> FrameSink:
-        """Prepare the output for writing; it appears when the sink is left without an error.
-
-        Raises
-        ------
-        OptionError
-            An option does not apply to the output.
-        OutputError
-            It exists, or cannot be written, or cannot hold the source's streams.
-        """
+        """Prepare the output for writing; it appears when the sink is left without an error."""
         if output.job is not None and output.job.resume:
             self.check_resume()
         if output.part is not None:

@@ -25,30 +25,20 @@ TIME_TOLERANCE = Fraction(1, 1000)
 
 @dataclass
 class Window:
-    """Part of a clip that becomes the output, on the clip's own clock, seconds.
-
-    Attributes
-    ----------
-    begin : Fraction
-        Time that becomes 0: of the first frame of the part. Until that has been read, the time by the options.
-    end : Fraction or None
-        End of the part; None if that is the clip's own end, or a frame that has not been read yet.
-    planned_end : Fraction or None
-        End of the part by the options and the nominal rate; None for the clip's end.
-    origin : Fraction
-        Time of the clip's first frame.
-    skipped : int
-        Number of frames before the part that were read, or that reading it has left out by their times.
-    stretch : Fraction
-        Duration in the output as a multiple of that in the clip.
-    """
+    """Part of a clip that becomes the output, on the clip's own clock, seconds."""
 
     begin: Fraction
+    """Time that becomes 0: of the first frame of the part. Until that has been read, the time by the options."""
     end: Fraction | None
+    """End of the part; None if that is the clip's own end, or a frame that has not been read yet."""
     planned_end: Fraction | None
+    """End of the part by the options and the nominal rate; None for the clip's end."""
     origin: Fraction = Fraction(0)
+    """Time of the clip's first frame."""
     skipped: int = 0
+    """Number of frames before the part that were read, or that reading it has left out by their times."""
     stretch: Fraction = Fraction(1)
+    """Duration in the output as a multiple of that in the clip."""
 
     def frames_before(self, rate: Fraction) -> int:
         """Return how many frames of this rate lie before the part."""
@@ -120,22 +110,11 @@ class TimesOfPart(Sequence[Fraction]):
 
 
 class TrimmedSource(ClosesOnExit):
-    """Source of the frames that lie in a part of another source; the first one has time 0.
+    """Source of the frames that lie in a part of another source, not read yet; the first one has time 0.
 
-    Parameters
-    ----------
-    source : FrameSource
-        The whole clip, not read yet.
-    trim : Trim
-    may_skip : bool
-        Seek to the start if the source can; otherwise every frame before it is read and counted.
-    stretch : Fraction
-        Stretch for `window`, which is filled in while frames are read; the frames keep their intervals.
-
-    Raises
-    ------
-    InputError
-        While iterating: the clip ends before the part begins.
+    With `may_skip`, it seeks to the start if the source can; otherwise every frame before it is read and counted.
+    `window` is filled in while frames are read, with `stretch`; the frames keep their intervals. Iterating raises
+    `InputError` if the clip ends before the part begins.
     """
 
     def __init__(
@@ -197,13 +176,7 @@ class TrimmedSource(ClosesOnExit):
             self._source.take_index(index)
 
     def begin_at(self, number: int) -> None:
-        """See `fpsboost.io.RandomAccess.begin_at`; fills `window` as far as the times of frames tell it.
-
-        Raises
-        ------
-        InputError
-            There is no such frame.
-        """
+        """See `fpsboost.io.RandomAccess.begin_at`; fills `window` as far as the times of frames tell it."""
         times = self._source.frame_times() if isinstance(self._source, RandomAccess) else None
         if times is None or not isinstance(self._source, RandomAccess):
             self._dropped = number

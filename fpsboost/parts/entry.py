@@ -34,17 +34,8 @@ def find_entry(
     frames may be groups of duplicates, and grouping remembers what came before: it begins at a frame from which it is
     certain; see `fpsboost.analysis.duplicates.find_synchronised`. If there is none, that is the clip's first one.
 
-    Parameters
-    ----------
-    times : sequence of Fraction
-        Times of all frames of the clip, seconds.
-    schedule : Schedule
-    detector : DuplicateDetector or None
-        None if duplicates are not looked for.
-    first_output : int
-        Number of the output frame, counted from 0.
-    read_from : callable
-        Opens the clip once more at a frame, and yields that and the following ones.
+    `times` are those of all frames of the clip; output frames are counted from 0; without a detector, duplicates are
+    not looked for. `read_from` opens the clip once more at a frame, and yields that and the following ones.
     """
     numbers = OutputNumbers(times, schedule)
     # the exposure of a frame begins after the frame before

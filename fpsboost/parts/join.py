@@ -10,12 +10,11 @@ from pathlib import Path
 
 from fpsboost.contracts import Observer, SilentObserver, Summary
 from fpsboost.errors import InputError, OptionError, explained
-from fpsboost.image import Pixels
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.part import part_files
 from fpsboost.io.target import Target
 from fpsboost.io.trim import Window
-from fpsboost.io.video.chunks import Chunk, complete_chunk
+from fpsboost.io.video.chunks import complete_chunk
 from fpsboost.io.video.encoder import traits_of_image
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.method_table import find_method
@@ -86,10 +85,12 @@ def join(
         sink = ready.target.open(ready.output)
         (observer or SilentObserver()).opened(clip.source.info, summary.frames_out)
         with sink:
+            files = [folder / file.name for folder, manifest in ordered for file in manifest.files]
             if isinstance(sink, VideoSink):
-                sink.join(_chunks(ordered), clip.whole.stream_info.traits or traits_of_image(_first_pixels(clip)))
+                traits = clip.whole.stream_info.traits or traits_of_image(next(iter(clip.whole)).pixels)
+                sink.join([complete_chunk(file) for file in files], traits)
             elif isinstance(sink, ImageSink):
-                sink.join([path for folder, manifest in ordered for path in _images(folder, manifest)])
+                sink.join(files)
         summary.remarks += [remark for remark in sink.remarks if remark not in summary.remarks]
         closing = closing_remarks(job, clip, ready, summary.frame_intervals)
         summary.remarks += [remark for remark in closing if remark not in summary.remarks]
@@ -102,15 +103,7 @@ PartFiles = tuple[Path, Manifest]
 
 
 def find_parts(parts: Sequence[str | Path]) -> list[Path]:
-    """Return the folders of parts: those named, or those in a folder that holds them.
-
-    Raises
-    ------
-    OptionError
-        None are named.
-    InputError
-        A name is no part and no folder of parts.
-    """
+    """Return the folders of parts: those named, or those in a folder that holds them."""
     if not parts:
         raise OptionError("No parts are named; name their folders, or the folder that holds them.")
     folders: list[Path] = []
@@ -123,13 +116,7 @@ def find_parts(parts: Sequence[str | Path]) -> list[Path]:
 
 
 def check_complete(parts: Sequence[PartFiles]) -> list[PartFiles]:
-    """Return the parts in order, if all of one job are there, whole, and fit together.
-
-    Raises
-    ------
-    InputError
-        They do not.
-    """
+    """Return the parts in order; raise `InputError` unless all of one job are there, whole, and fit together."""
     by_number: dict[int, PartFiles] = {}
     (folder0, manifest0), *_ = parts
     for folder, manifest in parts:
@@ -202,20 +189,6 @@ def _window(parts: Sequence[PartFiles]) -> Window | None:
     if not filled or filled[0].window is None or filled[-1].window is None:
         return None
     return replace(filled[0].window, end=filled[-1].window.end)
-
-
-def _chunks(parts: Sequence[PartFiles]) -> list[Chunk]:
-    """Return the chunks of all parts in order, whose content was verified."""
-    return [complete_chunk(folder / file.name) for folder, manifest in parts for file in manifest.files]
-
-
-def _images(folder: Path, manifest: Manifest) -> list[Path]:
-    """Return the images of a part in order."""
-    return [folder / file.name for file in manifest.files]
-
-
-def _first_pixels(clip: OpenedClip) -> Pixels:
-    return next(iter(clip.whole)).pixels
 
 
 def _summary(parts: Sequence[PartFiles]) -> Summary:

@@ -43,52 +43,32 @@ class StoredFile:
 
 @dataclass(frozen=True)
 class Manifest:
-    """Description of a part, in a file beside its frames.
-
-    Attributes
-    ----------
-    part : Part
-    input, output : str
-        Paths of the whole conversion; the input's is absolute.
-    rate, decoding, encoding
-        Options of the conversion that matter for joining.
-    facts : dict of str to str
-        Everything that must be the same for all parts.
-    first : int
-        Number of the part's first frame in the output, counted from 0.
-    frames, frames_made : int
-        Number of frames in the part, and of those that are not from the source.
-    frames_read : int
-        Number of source frames from the clip's first one to the last one that was read.
-    scene_cuts, duplicates, lowest_match
-        See `fpsboost.contracts.Summary`.
-    begins, ends : SourceMoment or None
-        Frames of the source at or before the first output frame of the part, and of the next one.
-    counts_frames : bool
-        Whether the numbers of the source's frames shape the output, so that boundaries must agree on them.
-    window : Window or None
-        See `fpsboost.io.output.Output`.
-    intervals : FrameIntervals
-    remarks : list of str
-    files : list of StoredFile
-    """
+    """Description of a part, in a file beside its frames."""
 
     part: Part
     input: str
+    """Absolute path."""
     output: str
+    """Path of the whole conversion."""
     rate: OutputRate
     decoding: DecodeOptions
     encoding: Encoding
     facts: dict[str, str]
+    """Everything that must be the same for all parts."""
     first: int
+    """Number of the part's first frame in the output, counted from 0."""
     frames: int
     frames_made: int
     frames_read: int
+    """Number of source frames from the clip's first one to the last one that was read."""
     scene_cuts: int
     duplicates: int
     begins: SourceMoment | None
+    """Frame of the source at or before the first output frame of the part."""
     ends: SourceMoment | None
+    """The same for the first output frame of the next part."""
     counts_frames: bool
+    """Whether the numbers of the source's frames shape the output, so that boundaries must agree on them."""
     window: Window | None
     intervals: FrameIntervals
     lowest_match: LowestMatch | None
@@ -96,24 +76,13 @@ class Manifest:
     files: list[StoredFile] = field(default_factory=list)
 
     def write(self, folder: Path) -> None:
-        """Write the manifest into the folder of its part.
-
-        Raises
-        ------
-        OSError
-        """
+        """Write the manifest into the folder of its part."""
         text = json.dumps({"format": FORMAT, **as_json(self)}, indent=1)
         write_safely(folder / MANIFEST_NAME, text.encode())
 
     @classmethod
     def read(cls, folder: Path) -> Self:
-        """Read the manifest of a part.
-
-        Raises
-        ------
-        InputError
-            There is none, it is damaged, or it was written by another version.
-        """
+        """Read the manifest of a part; one of another version raises `InputError`."""
         advice = "make this part again"
         with explained(InputError, "read", folder / MANIFEST_NAME, advice):
             data = (folder / MANIFEST_NAME).read_bytes()
@@ -128,12 +97,7 @@ class Manifest:
 
 
 def stored(path: Path) -> StoredFile:
-    """Return name, size and hash of a file.
-
-    Raises
-    ------
-    OSError
-    """
+    """Return name, size and hash of a file."""
     with path.open("rb") as file:
         return StoredFile(path.name, path.stat().st_size, hashlib.file_digest(file, "sha256").hexdigest())
 
@@ -165,11 +129,6 @@ def facts_of(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Prepa
 
     These are the content of the input (by size, beginning and end), all options, the versions of the programs, and
     digests of the first frame and of interpolated ones, by which machines tell whether they decode and calculate alike.
-
-    Raises
-    ------
-    InputError
-        The input cannot be read.
     """
     name = clip.whole.info.name
     with opened_clip(job, run) as again:
@@ -212,17 +171,8 @@ def as_json(value: Any) -> Any:
 def from_json(kind: Any, value: Any) -> Any:
     """Return the object of a type that `as_json` has stored.
 
-    Parameters
-    ----------
-    kind : type
-        A dataclass, Fraction, str, int, float, bool, a list, tuple or dict of these, or a union of one with None.
-    value : object
-        Result of `as_json`.
-
-    Raises
-    ------
-    KeyError, TypeError, ValueError
-        The value was stored by something else.
+    The type is a dataclass, Fraction, str, int, float, bool, a list, tuple or dict of these, or a union of one with
+    None. Raises `KeyError`, `TypeError` or `ValueError` for what was stored by something else.
 
     Examples
     --------

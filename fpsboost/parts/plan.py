@@ -40,26 +40,15 @@ NO_TIME = np.iinfo(np.int64).min
 
 @dataclass
 class PartPlan:
-    """Part of a conversion that is being made.
-
-    Attributes
-    ----------
-    part : Part
-    outputs : OutputRange
-        Its output frames.
-    output : OutputPart
-        Its folder, for its sink.
-    remarks : list of str
-        Remarks on how its source is read.
-    summary : Summary or None
-        Result of the loop, once it has run.
-    """
+    """Part of a conversion that is being made."""
 
     part: Part
     outputs: OutputRange
     output: OutputPart
     remarks: list[str] = field(default_factory=list)
+    """Remarks on how its source is read."""
     summary: Summary | None = None
+    """Result of the loop, once it has run."""
 
     @property
     def is_empty(self) -> bool:
@@ -71,21 +60,7 @@ def plan_part(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Prep
     """Choose the output frames of a part, and begin to read the source where it needs to be read for them.
 
     Parts are whole chunks of a video, in which its encoder begins anew, or any frames of images. All runs cut a job in
-    the same way.
-
-    Parameters
-    ----------
-    job : ConversionJob
-    run : RunOptions
-        With `chunk`.
-    clip : OpenedClip
-        Not read yet.
-    ready : Preparation
-
-    Raises
-    ------
-    OptionError
-        The input or the output cannot be cut into parts.
+    the same way. Raises `OptionError` if the input or the output cannot be cut into parts.
     """
     assert run.chunk is not None
     ready.target.check_parts()
@@ -132,43 +107,19 @@ def plan_part(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Prep
 
 @dataclass(frozen=True)
 class PlannedPart:
-    """Part that is to be made.
-
-    Attributes
-    ----------
-    part : Part
-    frames : int
-        Output frames, as far as their number is known beforehand.
-    cost : float
-        Work relative to other parts of the same job: frames to write and pairs of the source's frames to follow.
-    """
+    """Part that is to be made."""
 
     part: Part
     frames: int
+    """Output frames, as far as their number is known beforehand."""
     cost: float
+    """Work relative to other parts of the same job: frames to write and pairs of the source's frames to follow."""
 
 
 def plan_parts(job: ConversionJob, clip: OpenedClip, ready: Preparation, count: int) -> list[PlannedPart]:
-    """Plan the parts of a job.
+    """Plan the parts of a job in order: `count` of them, or as many as there are chunks of a video, or images.
 
-    Parameters
-    ----------
-    job : ConversionJob
-    clip : OpenedClip
-        Not read yet.
-    ready : Preparation
-    count : int
-        Number of parts; fewer if there are not as many chunks of a video, or images.
-
-    Returns
-    -------
-    list of PlannedPart
-        In order.
-
-    Raises
-    ------
-    OptionError
-        The input or the output cannot be cut into parts.
+    Raises `OptionError` if the input or the output cannot be cut into parts.
     """
     ready.target.check_parts()
     source = clip.source
@@ -228,15 +179,7 @@ def count_outputs(
 
 
 def outputs_of(part: Part, total: int, unit: int) -> OutputRange:
-    """Return the output frames of a part.
-
-    Parameters
-    ----------
-    part : Part
-    total : int
-        Number of all output frames, as far as it is known beforehand.
-    unit : int
-        Number of frames that stay together.
+    """Return the output frames of a part, if `total` are expected, and as many as a `unit` stay together.
 
     Examples
     --------
@@ -250,15 +193,7 @@ def outputs_of(part: Part, total: int, unit: int) -> OutputRange:
 
 
 def write_index(folder: Path, identity: str, index: FrameIndex) -> None:
-    """Write an index into the folder of all parts, unless it is there; nothing is lost where that is impossible.
-
-    Parameters
-    ----------
-    folder : Path
-    identity : str
-        Identity of the video; see `fpsboost.io.fingerprint.identify_files`.
-    index : FrameIndex
-    """
+    """Write an index into the folder of all parts, unless it is there; nothing is lost where that is impossible."""
     points = [(point.number, point.pts, NO_TIME if point.dts is None else point.dts) for point in index.entry_points]
     data = io.BytesIO()
     np.savez_compressed(data, identity=identity, ticks=index.ticks, entry_points=np.array(points, np.int64))

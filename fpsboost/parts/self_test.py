@@ -32,18 +32,8 @@ def self_test(interpolator: Interpolator, image: FrameImage) -> str:
     """Return a digest of frames that an interpolator makes of a small constructed clip.
 
     A texture with coarse and fine structure moves by two and a half pixels per frame, and in front of it an object in
-    the other direction. A renderer's motion vectors are not used.
-
-    Parameters
-    ----------
-    interpolator : Interpolator
-    image : (H, W, C) uint8, uint16 or float32, YCbCrImage or LayeredImage
-        Any image of the clip to convert; only its type, channels and layers matter.
-
-    Returns
-    -------
-    str
-        SHA-256 in hexadecimal digits; the same wherever the same frames are made, bit for bit.
+    the other direction. A renderer's motion vectors are not used. `image` is any of the clip to convert; only its type,
+    channels and layers matter. The digest is SHA-256 in hexadecimal digits, the same wherever the same frames are made.
 
     Examples
     --------

@@ -12,13 +12,7 @@ from fpsboost.timing.schedule import MAX_FILLED, Schedule, rising_time
 
 
 class OutputNumbers:
-    """Numbers of the output frames of a clip, counted from 0.
-
-    Parameters
-    ----------
-    times : sequence of Fraction
-        Times of all frames of the clip, increasing, seconds.
-    schedule : Schedule
+    """Numbers of the output frames of a clip whose frames are at `times`, increasing seconds; counted from 0.
 
     Examples
     --------

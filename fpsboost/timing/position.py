@@ -63,18 +63,7 @@ def format_time(seconds: Fraction) -> str:
 
 
 def parse_position(text: str, option: str) -> Position:
-    """Parse ``90``, ``90.5``, ``1:30``, ``00:01:30.5`` or ``2700f``.
-
-    Parameters
-    ----------
-    text : str
-    option : str
-        Name of the option in the error message.
-
-    Raises
-    ------
-    OptionError
-        The text is none of these.
+    """Parse ``90``, ``90.5``, ``1:30``, ``00:01:30.5`` or ``2700f``; messages name it by `option`.
 
     Examples
     --------

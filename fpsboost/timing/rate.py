@@ -118,19 +118,8 @@ class OutputRate:
     def schedule(self, info: ClipInfo, *, has_clock: bool = True) -> Schedule:
         """Return the schedule of the output frames on the source's clock, before slow motion is applied.
 
-        Parameters
-        ----------
-        info : ClipInfo
-            Information about the source.
-        has_clock : bool
-            Whether the output stores presentation times; for images, a factor counts frames and not time.
-
-        Raises
-        ------
-        OptionError
-            The rate of the output would be out of range.
-        InputError
-            No rate is given, and the source's own is implausible.
+        Unless the output stores presentation times, as images do not, a factor counts frames and not time. Raises
+        `OptionError` for a rate out of range, and `InputError` if none is given and the source's own is implausible.
         """
         factor = self.multiple
         if self.fps is None and not self.fill_gaps and (self.keep_timing or not has_clock):
@@ -153,16 +142,7 @@ class OutputRate:
         )
 
     def remarks(self, info: ClipInfo, schedule: Schedule, frame_intervals: FrameIntervals) -> list[str]:
-        """Return remarks for the user on how the timing of the output differs from the source's.
-
-        Parameters
-        ----------
-        info : ClipInfo
-        schedule : Schedule
-            Result of `schedule`.
-        frame_intervals : FrameIntervals
-            Intervals of the source, complete to its end.
-        """
+        """Return remarks on how the timing of the output differs from the source's, whose intervals are complete."""
         if not isinstance(schedule, ByRate) or self.fill_gaps:
             return []
         remarks = []

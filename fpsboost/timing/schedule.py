@@ -187,14 +187,7 @@ class ByRate:
 
         A frame may miss its nominal time by a tick of the clock, or by an eighth of a frame, as with phones and
         browsers; never by half a frame of the source or of the output. Across a pause of more than a second that is
-        also longer than ten frames, no frames are made: no motion connects the two.
-
-        Parameters
-        ----------
-        frames_per_second, source_rate : Fraction
-            Rates of the output and of the source.
-        tick : Fraction
-            Seconds per tick of the source's clock.
+        also longer than ten frames, no frames are made: no motion connects the two. A `tick` is in seconds.
         """
         shorter = min(1 / source_rate, 1 / frames_per_second)
         tolerance = min(max(tick, 1 / source_rate / 8), shorter * 2 / 5)
@@ -232,20 +225,9 @@ class ByRate:
 
 
 def rising_time(schedule: Schedule, start: Fraction, time: Fraction, last: Fraction | None) -> Fraction | None:
-    """Return `Schedule.presentation_time` of a source frame, but always later than that of the previous frame.
+    """Return `Schedule.presentation_time` of a source frame, but always later than the `last` one that this returned.
 
-    Parameters
-    ----------
-    schedule : Schedule
-    start, time : Fraction
-        Times of source frame 0 and of this one as given by the source, seconds.
-    last : Fraction or None
-        Result of this function for the previous frame; None for the first.
-
-    Returns
-    -------
-    Fraction or None
-        None if no later time is possible: two frames came at once.
+    Return None if no later time is possible: two frames came at once.
     """
     snapped = schedule.presentation_time(start, time)
     if last is None or snapped > last:
@@ -281,18 +263,6 @@ def representable(*time_bases: Fraction) -> Fraction:
 def parse_rate(text: str, option: str = "frame rate") -> Fraction:
     """Parse a frame rate as people write it; 23.976, 29.97, 59.94 and 119.88 mean n x 1000/1001.
 
-    Parameters
-    ----------
-    text : str
-        ``60``, ``59.94`` or ``60000/1001``.
-    option : str
-        Name of the value in the error message.
-
-    Raises
-    ------
-    OptionError
-        The text is not a number.
-
     Examples
     --------
     >>> parse_rate("59.94")
@@ -312,13 +282,7 @@ def parse_rate(text: str, option: str = "frame rate") -> Fraction:
 
 
 def parse_number(text: str, option: str) -> Fraction:
-    """Parse a whole number, a decimal or a fraction such as ``5/2`` exactly.
-
-    Raises
-    ------
-    OptionError
-        The text is not a number; the message names it by `option`.
-    """
+    """Parse a whole number, a decimal or a fraction such as ``5/2`` exactly; messages name it by `option`."""
     try:
         if "e" in text.lower():  # a large exponent would take all memory
             raise ValueError
@@ -331,18 +295,12 @@ def parse_number(text: str, option: str) -> Fraction:
 
 @dataclass(frozen=True)
 class OutputTiming:
-    """Rate and time base of an output.
-
-    Parameters
-    ----------
-    rate : Fraction
-        Nominal frames per second.
-    time_base : Fraction
-        Seconds per tick; frame times are multiples of it (or rounded to it where the container is coarser).
-    """
+    """Rate and time base of an output."""
 
     rate: Fraction
+    """Nominal frames per second."""
     time_base: Fraction
+    """Seconds per tick; frame times are multiples of it (or rounded to it where the container is coarser)."""
 
 
 DEFAULT_SAMPLES = 15
@@ -353,17 +311,8 @@ MAX_SAMPLES = 99
 class Shutter:
     """Shutter that is open around the time of every output frame.
 
-    Parameters
-    ----------
-    angle : Fraction
-        Shutter angle, degrees: 360 is open for the whole interval from one output frame to the next.
-    samples : int
-        Number of frames that are averaged, odd, so that the one in the middle has the output frame's own time.
-
-    Raises
-    ------
-    OptionError
-        One is out of range.
+    At 360 degrees, it is open for the whole interval from one output frame to the next. The number of samples is odd,
+    so that the one in the middle has the output frame's own time.
 
     Examples
     --------
@@ -391,12 +340,6 @@ class ExposureSchedule:
     """Schedule of the samples of another schedule's output frames.
 
     Before the first source frame and across pauses there are no samples but the output frames themselves.
-
-    Parameters
-    ----------
-    schedule : Schedule
-        Determines the times of the output frames.
-    shutter : Shutter
 
     Examples
     --------

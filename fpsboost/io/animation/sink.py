@@ -33,16 +33,6 @@ class AnimationSink:
     """An animation file, which appears under its name when it is complete.
 
     A frame is shown until the next one, rounded to the clock of the file; rounding does not accumulate.
-
-    Parameters
-    ----------
-    output : Output
-        Its path ends with one of `ANIMATION_SUFFIXES`.
-
-    Raises
-    ------
-    OutputError
-        The target exists, is an input, cannot be written, or cannot hold such a size or rate.
     """
 
     holds_last_frame = True

@@ -68,27 +68,10 @@ def _opened(file: BinaryIO) -> PillowImage:
 
 
 class AnimationSource(ClosesOnExit):
-    """Frames of an animation, as players show them.
+    """Frames of an animation, as players show them: `plays` times, or for ever if that is 0.
 
-    Parameters
-    ----------
-    path : str
-        A file for which `is_animation` holds. Opening decodes it once, because only that tells all delays.
-    keeps_alpha : bool
-        Yield BGRA if the animation has transparent parts; otherwise composite such frames over white, with a remark.
-    limit : MemoryLimit, optional
-        Maximum memory; the memory that is available by default.
-
-    Attributes
-    ----------
-    path : Path
-    plays : int
-        How often it is shown; 0 for ever again.
-
-    Raises
-    ------
-    InputError
-        It cannot be read, is damaged or too large.
+    Opening decodes the file once, because only that tells all delays. With `keeps_alpha`, frames are BGRA if there are
+    transparent parts; otherwise these are composited over white, with a remark.
     """
 
     def __init__(self, path: str, *, keeps_alpha: bool = True, limit: MemoryLimit | None = None) -> None:
@@ -196,16 +179,7 @@ def _plays_of(image: PillowImage) -> int:
 
 
 def over_white(image: Image) -> Image:
-    """Composite an image with straight alpha over white.
-
-    Parameters
-    ----------
-    image : (H, W, 4) uint8
-
-    Returns
-    -------
-    (H, W, 3)
-    """
+    """Composite an image with straight alpha, (H, W, 4) uint8, over white."""
     white = np.float32(255)
     opaque: Image = np.rint(white - (white - image[..., :3]) * (image[..., 3:] / white)).astype(np.uint8)
     return opaque

@@ -28,16 +28,9 @@ WEBP_ALPHA, WEBP_REPLACES = 0x10, 0x02
 
 
 class AnimationWriter:
-    """Encoder and muxer of one type of animation; frames are BGR or BGRA.
+    """Encoder and muxer of one type of animation to an empty file that can be read, too; frames are BGR or BGRA.
 
-    Parameters
-    ----------
-    file : file of bytes
-        Open for reading and writing, empty.
-    plays : int
-        How often the animation is shown; 0 for ever again.
-    tick : Fraction
-        Seconds per tick.
+    It is shown `plays` times, or for ever if that is 0; a `tick` is in seconds.
     """
 
     muxer = codec = ""

@@ -112,22 +112,8 @@ def with_side_outputs(
 ) -> FrameSink:
     """Return a sink that also writes side outputs, and shows frames; the same sink if neither is asked for.
 
-    Parameters
-    ----------
-    sink : FrameSink
-        Not entered yet.
-    side : SideOutputs
-    images : NumberedImages or None
-        Images of the source, which lend their names to files of motion.
-    overwrite : bool
-        Replace existing files.
-    watcher : FrameWatcher, optional
-        Sees every frame before it is written.
-
-    Raises
-    ------
-    OptionError
-        A path names neither a folder nor a pattern of a type that can be written, or no folder of its own.
+    `images` are those of the source, which lend their names to files of motion. Raises `OptionError` for a path that
+    names neither a folder of its own nor a pattern of a type that can be written.
     """
     if not side.given and watcher is None:
         return sink
@@ -177,7 +163,6 @@ class ConfidenceWriter(SideWriter):
     """Writer of a map of confidence for every frame that has one, named by the place of the frame in the output."""
 
     suffixes = (PICTURE, EXR)
-    """Types of files."""
 
     def __init__(self, names: FileNames, *, overwrite: bool) -> None:
         super().__init__(names, [names.suffix], overwrite=overwrite)
@@ -202,7 +187,6 @@ class MotionWriter(SideWriter):
     """
 
     suffixes = (FLO, EXR)
-    """Types of files."""
 
     def __init__(self, names: FileNames, *, overwrite: bool) -> None:
         endings = [str(Path(ending).with_suffix(PICTURE)) for ending in (BACKWARD, FORWARD)]
@@ -248,26 +232,16 @@ class MotionWriter(SideWriter):
 
 @dataclass(frozen=True)
 class FileNames:
-    """Names of the files of a side output.
-
-    Attributes
-    ----------
-    path : str
-        Folder or pattern, as the user gave it.
-    folder : Path
-    suffix : str
-        Type of the files, ``.png``.
-    stem : callable
-        Returns a frame's part of the names by its place among the frames, from 0.
-    numbering : Numbering or None
-        Names without the type; None if they have no numbers.
-    """
+    """Names of the files of a side output."""
 
     path: str
+    """Folder or pattern, as the user gave it."""
     folder: Path
     suffix: str
     stem: Callable[[int], str]
+    """Returns a frame's part of the names by its place among the frames, from 0."""
     numbering: Numbering | None
+    """Names without the type; None if they have no numbers."""
 
     @property
     def is_pattern(self) -> bool:

@@ -45,13 +45,7 @@ class StoredVectors(NamedTuple):
 
 @dataclass(frozen=True)
 class VectorConvention:
-    """Meaning of the channels of a vector pass.
-
-    Attributes
-    ----------
-    pairs : tuple of StoredVectors
-        Meaning of the first two channels, and of the next two if there are four.
-    """
+    """Meaning of the channels of a vector pass: of the first two, and of the next two if there are four."""
 
     pairs: tuple[StoredVectors, ...]
 

@@ -55,17 +55,8 @@ class VectorFit(NamedTuple):
 def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], tuple[int, Image]]]) -> VectorFolder:
     """Return the vectors under the convention that connects the frames, with remarks where it is not the usual one.
 
-    Parameters
-    ----------
-    folder : VectorFolder
-        Returned as it is if its convention was given, or if it holds ``.flo`` files.
-    frames : iterable of pairs of (int, (H, W, C))
-        Pairs of rendered frames, each with its number, counted like output frames.
-
-    Raises
-    ------
-    InputError
-        One of the frames has no vectors, or vectors of another size.
+    Each pair is of rendered frames with their numbers, counted like output frames. The folder is returned as it is if
+    its convention was given, or if it holds ``.flo`` files.
     """
     if folder.convention is not None or folder.is_flow:
         return folder

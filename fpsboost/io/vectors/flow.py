@@ -32,18 +32,7 @@ BEYOND = np.float32(0.75)
 
 
 def read_flow(path: Path) -> NDArray[Any]:
-    """Read a motion field.
-
-    Returns
-    -------
-    (H, W, 2) float32
-        ``(dx, dy)`` in pixels; NaN where it is unknown.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, is of another format, or its length does not match its size.
-    """
+    """Return the motion field of a ``.flo`` file, (H, W, 2) float32 pixels; NaN where it is unknown."""
     with explained(InputError, "read", path, "check that it exists and that you may read it"):
         data = path.read_bytes()
     if len(data) < 12 or data[:4] != MAGIC:
@@ -64,12 +53,7 @@ def encode_flow(flow: NDArray[Any]) -> bytes:
 
 
 def colour_wheel() -> NDArray[Any]:
-    """Return the colours of the wheel, one row per hue, clockwise from red, to the right.
-
-    Returns
-    -------
-    (55, 3) float32
-        Red, green and blue, 0 to 1.
+    """Return the colours of the wheel, (55, 3) float32 RGB, one row per hue, clockwise from red, to the right.
 
     Examples
     --------
@@ -83,20 +67,10 @@ def colour_wheel() -> NDArray[Any]:
 
 
 def flow_picture(flow: NDArray[Any], largest: float | None = None) -> NDArray[Any]:
-    """Return a motion field as a picture.
+    """Return a motion field, (H, W, 2) float32 pixels, as a picture, (H, W, 3) uint8 BGR; black where it is no number.
 
-    Parameters
-    ----------
-    flow : (H, W, 2) float32
-        ``(dx, dy)`` in pixels, y down.
-    largest : float, optional
-        Length in full saturation, pixels; the 99th percentile of all lengths by default, at least a pixel. Longer
-        vectors are drawn darker.
-
-    Returns
-    -------
-    (H, W, 3) uint8
-        BGR; black where the motion is not a number.
+    The `largest` length in full saturation, pixels, is by default the 99th percentile of all, at least 1; longer
+    vectors are drawn darker.
 
     Examples
     --------

@@ -53,19 +53,10 @@ _second_of = {"R": "G", "X": "Y", "u": "v", "x": "y"}
 class VectorFolder:
     """Folder with motion vectors for every frame at the output rate.
 
-    The first file is for the first frame, unless `matched` has found the frames' numbers in the names of the files.
-
-    Parameters
-    ----------
-    path : str or Path
-        A folder with one sequence of OpenEXR files, or of pairs of ``.flo`` files; or a pattern of OpenEXR files
-        (``Vector####.exr``) where the folder holds others too.
-    depth : str or Path, optional
-        The same for depth: OpenEXR files with one channel, or with one named Z, Depth, V or Y, or Blender's
-        ``Depth.Z``. May be the same files.
-    convention : str
-        What the channels of OpenEXR files mean, by its name; `auto` goes by the names of the channels, and a conversion
-        of images by whether frames fetched along the vectors agree.
+    The first file is for the first frame, unless `matched` has found the frames' numbers in the names of the files. A
+    path names a folder with one sequence of OpenEXR files, or of pairs of ``.flo`` files; or a pattern of OpenEXR files
+    (``Vector####.exr``) where the folder holds others too. Files of depth, which may be the same, have one channel, or
+    one named Z, Depth, V or Y, or Blender's ``Depth.Z``.
 
     Attributes
     ----------
@@ -75,13 +66,6 @@ class VectorFolder:
         All files of vectors and depth, each in the order of frames.
     step : int
         Number of vectors from one output frame to the next: the difference of their numbers, or 1.
-    remarks : list of str
-        Remarks on what was guessed when the frames were matched.
-
-    Raises
-    ------
-    InputError
-        The folder is missing, empty, or holds other files or several sequences; a ``.flo`` has no partner.
     """
 
     def __init__(self, path: str | Path, depth: str | Path | None = None, convention: ConventionName = "auto") -> None:
@@ -126,17 +110,11 @@ class VectorFolder:
         return self._vectors.files[0].suffix.lower() == ".flo"
 
     def matched(self, numbers: Sequence[int], *, must_match: bool) -> VectorFolder:
-        """Return the same vectors for frames that are known by their numbers.
+        """Return the same vectors for frames that are known by their numbers, which are equidistant.
 
         A frame takes the files with its number if the files have numbers, and those of all frames are there. If they
-        have no numbers, or others, the first file remains that of the first frame.
-
-        Parameters
-        ----------
-        numbers : sequence of int
-            Equidistant numbers of the output's frames.
-        must_match : bool
-            Whether the renderer has given the frames their numbers: then a missing file is an error when it is read.
+        have no numbers, or others, the first file remains that of the first frame. If they `must_match`, because the
+        renderer has given the frames their numbers, a missing file is an error when it is read.
         """
         folder = copy(self)
         file_numbers = [files.numbers for files in (self._vectors, self._depth) if files is not None]
@@ -168,10 +146,7 @@ class VectorFolder:
     def channels_for(self, number: int, image: Pixels) -> tuple[NDArray[Any], VectorConvention]:
         """Return the channels of an output frame's vectors, (H, W, 2 or 4) float32, and their usual convention.
 
-        Raises
-        ------
-        InputError
-            There are none for it, they cannot be read, are not finite numbers, or are of another size than the image.
+        Raises `InputError` if there are none, they are not finite numbers, or are of another size than the image.
         """
         channels, usual = self._channels_at(number)
         self._check_size(channels, image)
@@ -184,10 +159,7 @@ class VectorFolder:
     def at(self, number: int) -> FrameVectors:
         """Return the vectors of an output frame, counted from 0.
 
-        Raises
-        ------
-        InputError
-            There are none for it, they cannot be read, are not finite numbers, or differ from the depth in size.
+        Raises `InputError` if there are none, they are not finite numbers, or differ from the depth in size.
         """
         return self._cached(number)
 
@@ -365,19 +337,10 @@ def _read_depth(path: Path) -> NDArray[Any]:
 
 
 def find_vector_channels(names: Collection[str], *, of_any_layer: bool = False) -> tuple[list[str], str] | None:
-    """Find the channels of motion vectors by their names.
+    """Return the channels of motion vectors among a file's, and the name of their convention; None if there are none.
 
-    Parameters
-    ----------
-    names : collection of str
-        All channels of a file.
-    of_any_layer : bool
-        Take two channels also of a layer whose name does not say that it holds motion, if there is no other.
-
-    Returns
-    -------
-    list of str, str
-        Two or four channels in the order of their convention, and its name; None if there are no such channels.
+    With `of_any_layer`, two channels are also taken of a layer whose name does not say that it holds motion, if there
+    is no other.
 
     Examples
     --------
