@@ -48,9 +48,7 @@ def normalised(image: NDArray[Any]) -> NDArray[Any]:
     if image.dtype == np.float32:
         finite: NDArray[Any] = np.nan_to_num(image, nan=0.0, posinf=1.0, neginf=0.0)
         return finite
-    scale = 1 / np.iinfo(image.dtype).max
-    values: NDArray[Any] = image.astype(np.float32) * np.float32(scale)
-    return values
+    return image.astype(np.float32) * np.float32(1 / np.iinfo(image.dtype).max)
 
 
 def premultiplied(image: NDArray[Any]) -> NDArray[Any]:
@@ -75,14 +73,9 @@ def compress_highlights(image: NDArray[Any]) -> NDArray[Any]:
 
 
 def colour_components(image: NDArray[Any]) -> NDArray[Any]:
-    """Return colours in [0, 1], multiplied by alpha, so that the colour of a transparent pixel has no influence.
+    """Return colours, (H, W, 3) float32, with highlights compressed; those of gray images have the other two zero.
 
-    Values above white are compressed; see `compress_highlights`.
-
-    Returns
-    -------
-    (H, W, 3) float32
-        Gray images have their value in the first component and zero in the others.
+    They are multiplied by alpha, so that the colour of a transparent pixel has no influence.
     """
     values = compress_highlights(image)
     if has_alpha(image):
@@ -100,27 +93,12 @@ def clipped(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def compared_colours(image: NDArray[Any]) -> NDArray[Any]:
-    """Return scene-linear colours on the scale on which they are compared.
+    """Return scene-linear colours, (H, W, C) float32, as they are compared: middle gray is 0.59, alpha stays as it is.
 
-    Parameters
-    ----------
-    image : (H, W, C) float32
-        Gray or BGR, with or without associated alpha. Negative values and NaN count as black, infinity as the maximum.
-
-    Returns
-    -------
-    (H, W, C) float32
-        Middle gray is 0.59; alpha stays as it is.
-
-    Examples
-    --------
-    >>> light = np.random.default_rng(1).random((4, 6, 3), np.float32)
-    >>> bool(np.allclose(compared_colours(light), compared_colours(light * 1024), atol=1e-5))
-    True
+    Negative values and NaN count as black, infinity as the maximum.
     """
-    channels = image.shape[2]
-    colours = np.nan_to_num(image[..., : channels - (channels in {2, 4})], nan=0.0, posinf=float(MAX_RATIO), neginf=0.0)
-    colours = np.maximum(colours, 0)
+    colours = image[..., : image.shape[2] - has_alpha(image)]
+    colours = np.maximum(np.nan_to_num(colours, nan=0.0, posinf=float(MAX_RATIO), neginf=0.0), 0)
     light = colours.mean(axis=2)
     light = light[light > 0]
     exposure = MIDDLE_GRAY / np.exp(cv2.log(light).mean()) if light.size else np.float32(1)
@@ -132,25 +110,9 @@ def compared_colours(image: NDArray[Any]) -> NDArray[Any]:
 
 
 def displayed_colours(image: NDArray[Any]) -> NDArray[Any]:
-    """Return scene-linear colours as an sRGB display shows them (IEC 61966-2-1), clipped to black and white.
-
-    Parameters
-    ----------
-    image : (H, W, C) float32
-        Gray or BGR, with or without associated alpha.
-
-    Returns
-    -------
-    (H, W, C) float32
-        In [0, 1]; alpha stays as it is.
-
-    Examples
-    --------
-    >>> round(float(displayed_colours(np.full((1, 1, 1), 0.18, np.float32))[0, 0, 0]), 2)
-    0.46
-    """
+    """Return scene-linear colours as an sRGB display shows them, float32 in [0, 1]; alpha stays as it is."""
     displayed = np.array(image, np.float32)
-    colours = displayed[..., : image.shape[2] - (image.shape[2] in {2, 4})]
+    colours = displayed[..., : image.shape[2] - has_alpha(image)]
     colours[:] = srgb_encoded(np.nan_to_num(colours, nan=0.0))
     return displayed
 
@@ -159,8 +121,7 @@ def srgb_encoded(light: NDArray[Any]) -> NDArray[Any]:
     """Return linear light as sRGB values (IEC 61966-2-1), float32 in [0, 1]; white is 1 in both."""
     light = light.clip(0, 1)
     curve = np.float32(1.055) * light ** np.float32(1 / 2.4) - np.float32(0.055)
-    values: NDArray[Any] = np.where(light <= SRGB_TOE, light * np.float32(12.92), curve)
-    return values.clip(0, 1)
+    return np.where(light <= SRGB_TOE, light * np.float32(12.92), curve).clip(0, 1)
 
 
 luma_weights = MappingProxyType(
@@ -198,13 +159,7 @@ def code_levels(full_range: bool, bits: int) -> Levels:
 
 
 def bgr_to_ycc(color_space: int, full_range: bool, bits: int, top: float) -> NDArray[np.float64]:
-    """Return the matrix from BGR in [0, top] to the code values of Y, Cb, Cr.
-
-    Returns
-    -------
-    (3, 4) float64
-        Linear part and, as the last column, the offset.
-    """
+    """Return the matrix from BGR in [0, top] to the code values of Y, Cb, Cr, (3, 4); the last column is the offset."""
     red, blue = luma_weights[color_space]
     luma = np.array([blue, 1 - red - blue, red])
     chroma_blue = (np.array([1, 0, 0]) - luma) / (2 * (1 - blue))

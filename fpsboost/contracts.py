@@ -197,15 +197,10 @@ class Observer(Protocol):
 
 
 class FrameWatcher(Protocol):
-    """Contract: sees the frames of an output as they are written.
-
-    Attributes
-    ----------
-    needs_confidence : bool
-        Whether frames that are made are to have their confidence.
-    """
+    """Contract: sees the frames of an output as they are written."""
 
     needs_confidence: bool
+    """Whether frames that are made are to have their confidence."""
 
     def watch(self, frame: Frame) -> None:
         """Take notice of the next frame, whose image must not be changed."""
@@ -215,11 +210,6 @@ class FrameWatcher(Protocol):
 class SilentObserver:
     """Observer that does nothing."""
 
-    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
-        """See `Observer.opened`."""
-
-    def ready(self) -> None:
-        """See `Observer.ready`."""
-
-    def wrote(self, summary: Summary) -> None:
-        """See `Observer.wrote`."""
+    def opened(self, info: ClipInfo, expected_frames: int | None) -> None: ...
+    def ready(self) -> None: ...
+    def wrote(self, summary: Summary) -> None: ...

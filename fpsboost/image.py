@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any, NamedTuple, Self
 
 import cv2
@@ -115,13 +114,7 @@ class ImageView:
         return f"{width}x{height}, {channels} channel{'s' if channels > 1 else ''}, {type_names[self.dtype]}"
 
     def array(self) -> Image:
-        """Return the picture, which must be an array, for functions that cannot work on planes.
-
-        Raises
-        ------
-        InputError
-            The image is a `YCbCrImage`.
-        """
+        """Return the picture for functions that cannot work on planes; raises `InputError` for a `YCbCrImage`."""
         return self._pixels
 
     def to_bgr(self) -> Image:
@@ -139,7 +132,7 @@ class ImageView:
 
     def mix(self, other: ImageView, t: float) -> Pixels:
         """Return the mean of two images of one kind, the other weighted by t."""
-        return self.map(partial(_mixed, t), other)
+        return self.map(lambda first, second: cv2.addWeighted(first, 1 - t, second, t, 0), other)
 
     def copy(self) -> Any:
         """Return a copy with pixels of its own."""
@@ -150,13 +143,7 @@ class ImageView:
         return self.copy()
 
     def filled(self, samples: NDArray[np.int64]) -> Any:
-        """Return an image of the same kind, type, channels and layers that shows other samples.
-
-        Parameters
-        ----------
-        samples : (H, W, 4) int64
-            Whole numbers of `SAMPLE_BITS` bits.
-        """
+        """Return an image of the same kind and type that shows (H, W, 4) whole numbers of `SAMPLE_BITS` bits."""
         channels = self.shape[2]  # the last of two or four is alpha
         return in_type(samples[..., [0, 3] if channels == 2 else slice(channels)], self.dtype)
 
@@ -169,18 +156,14 @@ class ImageView:
         """Return luma, (H, W) uint8."""
         if self.dtype == np.uint8 and self.shape[2] == 3:
             return cv2.cvtColor(self.array(), cv2.COLOR_BGR2GRAY)
-        eight_bit: Plane = np.clip(self._float_gray() * 255 + 0.5, 0, 255).astype(np.uint8)
-        return eight_bit
+        return np.clip(self._float_gray() * 255 + 0.5, 0, 255).astype(np.uint8)
 
     def float_luma(self) -> Plane:
         """Return luma on the 8-bit scale, (H, W) float32, neither rounded nor clipped."""
         return np.asarray(self._float_gray() * np.float32(255))
 
     def luma_and_chroma(self) -> tuple[Plane, Plane]:
-        """Return luma in [0, 1], and the mean of both colour differences, (H, W) float32.
-
-        The mean is 0.5 for gray; 0 for images of one channel.
-        """
+        """Return luma in [0, 1], and the mean of both colour differences: 0.5 for gray, 0 for images of one channel."""
         colours = colour_components(self.array())
         if self.shape[2] < 3:
             return colours[..., 0], colours[..., 1]
@@ -323,16 +306,13 @@ class YCbCrImage(ImageView):
         black, span, _, _ = self.coding.levels
         if self.dtype == np.uint8:
             of_codes = (np.arange(256) - black) * (255 / span)
-            levels: Plane = cv2.LUT(self.luma, np.rint(of_codes.clip(0, 255)).astype(np.uint8))
-            return levels
-        above = np.maximum(self.luma, self.dtype.type(black))  # because convertScaleAbs takes the absolute value
-        levels = cv2.convertScaleAbs(above, alpha=255 / span, beta=-255 / span * black)
-        return levels
+            return cv2.LUT(self.luma, np.rint(of_codes.clip(0, 255)).astype(np.uint8))
+        above: Plane = np.maximum(self.luma, self.dtype.type(black))  # because convertScaleAbs takes the absolute value
+        return cv2.convertScaleAbs(above, alpha=255 / span, beta=-255 / span * black)
 
     def float_luma(self) -> Plane:
         black, span, _, _ = self.coding.levels
-        values: Plane = (self.luma.astype(np.float32) - np.float32(black)) * np.float32(255 / span)
-        return values
+        return np.asarray((self.luma.astype(np.float32) - np.float32(black)) * np.float32(255 / span))
 
     def luma_and_chroma(self) -> tuple[Plane, Plane]:
         black, luma_span, neutral, chroma_span = self.coding.levels
@@ -343,8 +323,7 @@ class YCbCrImage(ImageView):
 
     def thumbnail(self, shrink: Callable[[Image], Image]) -> Image:
         codes = np.dstack([shrink(plane[..., np.newaxis]) for plane in self.planes])
-        colours: Image = cv2.transform(codes, self.coding.to_bgr()).clip(0, 1)
-        return colours
+        return cv2.transform(codes, self.coding.to_bgr()).clip(0, 1)
 
     def comparable(self) -> NDArray[Any]:
         height, width, _ = self.shape
@@ -382,28 +361,12 @@ def describe(image: Image | ImageView) -> str:
 
 
 def as_array(image: Image | ImageView) -> Image:
-    """Return an image that must be an array, for functions that cannot work on planes; further layers are left out.
-
-    Raises
-    ------
-    InputError
-        The image is a `YCbCrImage`.
-    """
+    """Return the picture of an image for functions that cannot work on planes; see `ImageView.array`."""
     return view(image).array()
 
 
 def check_pair(image0: Image | ImageView, image1: Image | ImageView) -> None:
-    """Raise `InputError` unless both are valid images of one size and type.
-
-    Raises
-    ------
-    InputError
-        The number of axes or channels is wrong, the type is unknown, or the two differ.
-
-    Examples
-    --------
-    >>> check_pair(np.zeros((4, 6, 3), np.uint8), np.zeros((4, 6, 3), np.uint8))
-    """
+    """Raise `InputError` unless both are valid images of one size and type."""
     for image in (image0, image1):
         if len(image.shape) != 3 or image.shape[2] not in (1, 2, 3, 4) or 0 in image.shape:
             raise InputError(f"An image must have the shape (height, width, 1 to 4), not {image.shape}.")
@@ -423,17 +386,7 @@ def rounding_offset(image: Pixels) -> np.float32:
 
 
 def as_image(values: NDArray[Any], image0: Image, image1: Image, t: float) -> Image:
-    """Convert float results to an image of the frames' type.
-
-    Parameters
-    ----------
-    values : (H, W, C) float32
-        Values as returned by `fpsboost.colour.premultiplied`; may be modified.
-    image0, image1 : (H, W, C)
-        The frames.
-    t : float
-        Time of the result between the frames.
-    """
+    """Convert `premultiplied` float values, which may be modified, to an image of the type of the frames around it."""
     straight_alpha = has_alpha(image0) and image0.dtype != np.float32
     lowest, highest = view(image0).value_range
     if straight_alpha:
@@ -448,10 +401,6 @@ def colour_unseen(image: Image, image0: Image, image1: Image, t: float) -> None:
     """Set the colour of fully transparent pixels to that of the blended frames, in place."""
     unseen = image[..., -1] == 0
     image[unseen, :-1] = np.rint(image0[unseen, :-1] * (1 - t) + image1[unseen, :-1] * t)
-
-
-def _mixed(t: float, image0: NDArray[Any], image1: NDArray[Any]) -> NDArray[Any]:
-    return cv2.addWeighted(image0, 1 - t, image1, t, 0)
 
 
 def in_type(samples: NDArray[np.int64], dtype: np.dtype[Any]) -> NDArray[Any]:
@@ -473,5 +422,4 @@ def _bgr_by_opencv(image: YCbCrImage) -> Image:
     places = np.meshgrid(columns, rows)
     chroma = (cv2.remap(p, *places, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE) for p in image.planes[1:])
     codes = cv2.merge([image.luma, *chroma])
-    bgr: Image = cv2.transform(codes, image.coding.to_bgr() * np.iinfo(image.dtype).max)
-    return bgr
+    return cv2.transform(codes, image.coding.to_bgr() * np.iinfo(image.dtype).max)

@@ -195,22 +195,8 @@ class Interpolator:
     ) -> InBetween[FrameImage]:
         """Interpolate like `interpolate`, but one image at a time and along curved trajectories; report a scene cut.
 
-        Parameters
-        ----------
-        pair : Pair
-        times : sequence of float or Fraction
-            Each in [0, 1].
-        before, after : Pair, optional
-            The pairs that share its first and its last frame. Pairs farther away have no influence.
-
-        Returns
-        -------
-        InBetween
-
-        Raises
-        ------
-        OptionError
-            A time lies outside of [0, 1].
+        The pairs `before` and `after` share the pair's first and its last frame; those farther away have no influence.
+        Raises `OptionError` if a time lies outside of [0, 1].
         """
         images = self._images(pair, _checked(times), before, after, with_confidence=False)
         return InBetween((image for image, _ in images), pair.is_cut(before, after))
@@ -227,20 +213,6 @@ class Interpolator:
         It is the synthesizer's own if it has one; see `fpsboost.synthesis.FusesHypotheses`. Otherwise it is the
         agreement of the two frames; see `fpsboost.synthesis.agreement`. It is 0 where no motion connects the frames,
         and 1 for the frames themselves.
-
-        Parameters
-        ----------
-        pair, times, before, after
-            As for `between`.
-
-        Returns
-        -------
-        InBetween
-
-        Raises
-        ------
-        OptionError
-            A time lies outside of [0, 1].
         """
         size = pair.image0.pixels.shape[:2]
         images = (
@@ -297,18 +269,7 @@ class Interpolator:
         return images
 
     def with_vectors(self, change: Callable[[Any], RenderedVectors]) -> tuple[Interpolator, list[str]]:
-        """Change a renderer's vectors, if there are any, such as to match them with the output's frames.
-
-        Parameters
-        ----------
-        change : callable
-            Returns the changed vectors.
-
-        Returns
-        -------
-        Interpolator, list of str
-            The second holds the remarks of the changed vectors.
-        """
+        """Change a renderer's vectors, if there are any, and return what they have remarked beside the interpolator."""
         matched: dict[str, Any] = {}
         remarks: list[str] = []
         for name, part in (("estimator", self.estimator), ("synthesizer", self.synthesizer)):
@@ -320,13 +281,7 @@ class Interpolator:
 
     @uncollected()
     def compile_for(self, image: FrameImage) -> None:
-        """Compile the kernels for images of this type, or load them from the cache, by interpolating a tiny clip.
-
-        Parameters
-        ----------
-        image : (H, W, C) uint8, uint16 or float32, YCbCrImage or LayeredImage
-            Any image of the clip; only its type and channels matter.
-        """
+        """Compile the kernels for the type and channels of an image, or load them, by interpolating a tiny clip."""
         # long enough for a pyramid with all kinds of levels
         noise = view(image).filled(np.random.default_rng(0).integers(0, 1 << SAMPLE_BITS, (48, 480, 4)))
         first, second, third = (FrameCache(noise) for _ in range(3))
@@ -406,17 +361,15 @@ def _generate(
 
 def _extrapolate(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[MotionField, MotionField]:
     """Extrapolate the motion of each frame of a pair from its own scene; zero motion where that is not known."""
+
+    def extend(away: MotionField, neighbour: Pair) -> MotionField:
+        return replace(away, vectors=away.vectors * np.float32(-float(pair.duration / neighbour.duration)))
+
     onward, back = ZeroMotion().estimate(pair.image0, pair.image1)
-    if before is not None:
-        onward = _extend(before.fields[1], float(pair.duration / before.duration))
-    if after is not None:
-        back = _extend(after.fields[0], float(pair.duration / after.duration))
-    return onward, back
-
-
-def _extend(away: MotionField, ratio: float) -> MotionField:
-    """Extrapolate the motion on one side of a frame to the other side."""
-    return replace(away, vectors=away.vectors * np.float32(-ratio))
+    return (
+        onward if before is None else extend(before.fields[1], before),
+        back if after is None else extend(after.fields[0], after),
+    )
 
 
 def _neighbour(neighbour: Pair | None, pair: Pair) -> Neighbour | None:

@@ -70,19 +70,9 @@ vector_methods: Mapping[str, Callable[[RenderedVectors], Interpolator]] = Mappin
 
 
 def find_method(name: str, vectors: RenderedVectors | None = None) -> Interpolator:
-    """Return the method of a name.
+    """Return the method of a name, with a renderer's motion vectors if it can use them.
 
-    Parameters
-    ----------
-    name : str
-    vectors : RenderedVectors, optional
-        A renderer's motion vectors, for methods that need them, take them for one more hypothesis, or choose their
-        search radius by them.
-
-    Raises
-    ------
-    OptionError
-        The method is unknown, and the message lists the known ones; or vectors are missing, or do not apply.
+    Raises `OptionError` if the method is unknown, or if vectors are missing or do not apply.
     """
     if name in vector_methods:
         if vectors is None:
@@ -107,20 +97,9 @@ def may_use_vectors(interpolator: Interpolator) -> bool:
 
 
 def configure(interpolator: Interpolator, method: str, options: Mapping[str, Any]) -> Interpolator:
-    """Set options of a method's estimator and synthesizer by their field names.
+    """Set options of a method's estimator and synthesizer by their field names; messages name the `method`.
 
-    Parameters
-    ----------
-    interpolator : Interpolator
-    method : str
-        Its name, for messages.
-    options : mapping of str to value
-        Field names of the estimator or of the synthesizer.
-
-    Raises
-    ------
-    OptionError
-        The method has no such option, or the value is out of range.
+    Raises `OptionError` if the method has no such option, or the value is out of range.
     """
     estimator: Any = interpolator.estimator
     synthesizer: Any = interpolator.synthesizer
@@ -135,26 +114,9 @@ def configure(interpolator: Interpolator, method: str, options: Mapping[str, Any
 
 
 def read_options(interpolator: Interpolator, method: str, texts: Mapping[str, str]) -> dict[str, Any]:
-    """Parse options written by a user into values for `configure`.
+    """Parse options written by a user into values for `configure`; messages name the `method`.
 
-    Parameters
-    ----------
-    interpolator : Interpolator
-    method : str
-        Its name, for messages.
-    texts : mapping of str to str
-        Values by option, named like the fields of the estimator or of the synthesizer; ``patch-radius`` means
-        ``patch_radius``.
-
-    Returns
-    -------
-    dict of str to value
-        Values by field, each of the field's type.
-
-    Raises
-    ------
-    OptionError
-        The method has no such option, and the message lists those it has; or a value is of another type.
+    Raises `OptionError` if the method has no such option, or a value is of another type.
 
     Examples
     --------

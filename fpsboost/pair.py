@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import partial
 
 from fpsboost.analysis.grain import PairGrain, measure_grain
 from fpsboost.analysis.illumination import IlluminationModel, compensate_either, estimate_illumination
@@ -22,19 +23,7 @@ Layered = tuple[LayeredImage, LayeredImage]
 class Pair:
     """Two consecutive frames, and the results of an interpolator for them, computed once when first asked for.
 
-    Parameters
-    ----------
-    image0, image1 : FrameCache
-        Two frames of one size and type.
-    duration : Fraction or float
-        Time between them, in any unit that neighbouring pairs share.
-    estimator, cuts, compensate_illumination
-        See `fpsboost.Interpolator`.
-
-    Raises
-    ------
-    InputError
-        The two are not images of one size and type.
+    Their `duration` has any unit that neighbouring pairs share. Raises `InputError` if they differ in size or type.
     """
 
     def __init__(
@@ -50,6 +39,7 @@ class Pair:
         check_pair(image0.pixels, image1.pixels)
         self.image0, self.image1, self.duration = image0, image1, duration
         self._estimator, self._cuts, self._compensate_illumination = estimator, cuts, compensate_illumination
+        self._pair = partial(Pair, estimator=estimator, cuts=cuts, compensate_illumination=compensate_illumination)
         self._results = Results()
 
     @property
@@ -63,10 +53,9 @@ class Pair:
     @property
     def illumination(self) -> IlluminationModel | None:
         """Illumination change from the first frame to the second; None if there is none."""
-        return self._results.cached("illumination", self._estimate_illumination)
-
-    def _estimate_illumination(self) -> IlluminationModel | None:
-        return estimate_illumination(self.image0, self.image1) if self._compensate_illumination else None
+        if not self._compensate_illumination:
+            return None
+        return self._results.cached("illumination", lambda: estimate_illumination(self.image0, self.image1))
 
     @property
     def compensated(self) -> tuple[FrameCache, FrameCache]:
@@ -99,19 +88,16 @@ class Pair:
     def _measure_match_score(self, cuts: CutPolicy) -> float:
         if self.illumination is None:
             return cuts.match_score(self.image0, self.image1)
-        return min(
-            cuts.match_score(*thumbnails)
-            for thumbnails in compensate_either(self.image0, self.image1, self.illumination)
-        )
+        either = compensate_either(self.image0, self.image1, self.illumination)
+        return min(cuts.match_score(*thumbnails) for thumbnails in either)
 
     def is_discontinuous(self, before: Pair | None = None, after: Pair | None = None) -> bool:
         """Return whether no motion connects the frames, given the pairs before and after if they are known."""
         cuts = self._cuts
         if cuts is None or not cuts.is_cut(self.match_score, *(each.match_score for each in (before, after) if each)):
             return False
-        return not cuts.is_gradual(
-            self.match_score, *(each.match_score for each in self._spanning_pairs(before, after))
-        )
+        across = (each.match_score for each in self._spanning_pairs(before, after))
+        return not cuts.is_gradual(self.match_score, *across)
 
     def is_cut(self, before: Pair | None = None, after: Pair | None = None) -> bool:
         """Return whether a scene ends between the frames: no motion connects them, and it is no flash of one frame."""
@@ -126,18 +112,8 @@ class Pair:
 
     def _spanning_pairs(self, before: Pair | None, after: Pair | None) -> list[Pair]:
         """Return the known pairs of each frame of the two and the frame beyond the other."""
-        frames = [(before.image0, self.image1)] if before else []
-        frames += [(self.image0, after.image1)] if after else []
-        return [
-            Pair(
-                *two,
-                1,
-                estimator=self._estimator,
-                cuts=self._cuts,
-                compensate_illumination=self._compensate_illumination,
-            )
-            for two in frames
-        ]
+        pairs = [self._pair(before.image0, self.image1, 1)] if before else []
+        return [*pairs, self._pair(self.image0, after.image1, 1)] if after else pairs
 
     @property
     def fields(self) -> tuple[MotionField, MotionField]:

@@ -8,17 +8,16 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from itertools import chain, groupby, islice, pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.analysis.duplicates import DuplicateDetector, FrameGroup, SourceFrame, group_duplicates, group_singly
 from fpsboost.contracts import (
@@ -36,8 +35,7 @@ from fpsboost.contracts import (
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import ClipInfo, Frame, PairMotion
 from fpsboost.frame_cache import FrameCache, SourcePosition
-from fpsboost.interpolator import Interpolator, with_neighbours
-from fpsboost.layered import FrameImage
+from fpsboost.interpolator import Interpolated, Interpolator, with_neighbours
 from fpsboost.pair import Pair
 from fpsboost.synthesis.exposure import Exposure
 from fpsboost.threads import available_cores, nothing, read_ahead, run_in_parallel, write_behind
@@ -124,8 +122,8 @@ def run_conversion(
         Entered already. One with the attributes ``needs_confidence`` and ``needs_motion`` gets frames with what it
         needs; see `fpsboost.Frame`.
     schedule : Schedule
-        Determines the output times. Of an `ExposureSchedule`, every output frame is the mean of several that are made
-        around its time, in one scene; images must be arrays.
+        Determines the output times. Of an `ExposureSchedule`, every output frame is the mean of several that are
+        interpolated around its time, in one scene; images must be arrays.
     observer : Observer, optional
         Informed of the progress.
     stretch : Fraction
@@ -177,7 +175,7 @@ def run_conversion(
 
 
 class Needs(NamedTuple):
-    """What frames that are made are to have beside their pixels; see `fpsboost.contracts.TakesSideData`."""
+    """What interpolated frames are to have beside their pixels; see `fpsboost.contracts.TakesSideData`."""
 
     confidence: bool = False
     motion: bool = False
@@ -196,26 +194,13 @@ def interpolate_frames(
     needs: Needs | None = None,
     outputs: OutputRange | None = None,
 ) -> Generator[Iterator[Frame]]:
-    """Read ahead and make frames while the block lasts.
+    """Yield the output frames in order, made while the block lasts; see `run_conversion`.
 
-    Parameters
-    ----------
-    source, interpolator, schedule, stretch, threads, outputs
-        See `run_conversion`.
-    summary : Summary
-        Updated with the numbers of frames read and made.
-    holds_last_frame : bool
-        See `fpsboost.contracts.FrameSink`.
-    needs : Needs, optional
-        What frames are to have beside their pixels; nothing by default.
-
-    Yields
-    ------
-    iterator of Frame
-        The output frames in order, each as soon as it is made. Kernels are compiled already.
+    When the block begins, kernels are compiled. The summary is updated with the numbers of frames read and made.
     """
     if threads is not None and threads < 1:
         raise OptionError(f"`threads` must be at least 1, not {threads}.")
+    outputs = outputs or OutputRange()
     detector = None if interpolator.needs_every_frame else interpolator.duplicates
     with (
         read_ahead(source, READ_AHEAD, _cancel_of(source)) as arriving,
@@ -225,25 +210,19 @@ def interpolate_frames(
         if first is not None:
             interpolator.compile_for(first.image)
         frames = arriving if first is None else chain([first], arriving)
-        outputs = outputs or OutputRange()
         place = beginning(source)
         clip = _LoopState(source.info, schedule, interpolator, summary, place, needs or Needs(), outputs, stretch)
-        exposed = _exposed(_output_frames(frames, clip, detector, holds_last_frame, in_order))
         before, start = clip.outputs_before, None if outputs.entry is None else outputs.entry.start
-        part = islice(
-            _with_durations(exposed, clip),
-            outputs.first - before,
-            None if outputs.stop is None else outputs.stop - before,
-        )
-        yield stretched(part, stretch, start)
+        stop = None if outputs.stop is None else outputs.stop - before
+        exposed = _exposed(_output_frames(frames, clip, detector, holds_last_frame, in_order))
+        yield stretched(islice(_with_durations(exposed, clip), outputs.first - before, stop), stretch, start)
 
 
 @contextmanager
 def one_opencv_thread() -> Iterator[None]:
-    """Keep OpenCV from using several threads in this process while the block lasts.
+    """Keep OpenCV to one thread in this process, which must do nothing else, while the block lasts.
 
-    Pairs of frames are worked on side by side, and threads that wait for parts of them take 1 % more CPU. For processes
-    that do nothing else, as OpenCV has one setting for all.
+    Pairs of frames are worked on side by side, and threads that wait for parts of them take 1 % more CPU.
     """
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
@@ -276,12 +255,10 @@ class _Output(NamedTuple):
     step: Step
     """Its time, with t relative to the next picture if it is interpolated."""
     number: int
-    """Number of the output frame."""
     is_interpolated: bool = False
     frame: Frame | None = None
     """The frame, without its duration, when it is finished."""
     scene: int = 0
-    """Number of the scene that it shows."""
 
     @property
     def is_new(self) -> bool:
@@ -506,15 +483,11 @@ def _exposed(outputs: Iterator[_Output]) -> Iterator[Frame]:
             exposures.setdefault(output.scene, Exposure()).add(output.frame.array)
             if not output.step.is_sample:
                 frame, scene = output.frame, output.scene
+        if frame is not None and exposures[scene].count > 1:
+            image, preceding = exposures[scene].image(), frame.original or frame.preceding
+            frame = replace(frame, image=image, original=None, preceding=preceding)
         if frame is not None:
-            yield _developed(frame, exposures[scene])
-
-
-def _developed(frame: Frame, exposure: Exposure) -> Frame:
-    """Return an output frame with the mean of its samples; the frame itself if there are no others."""
-    if exposure.count == 1:
-        return frame
-    return replace(frame, image=exposure.image(), original=None, preceding=frame.original or frame.preceding)
+            yield frame
 
 
 def _tasks(clip: _LoopState, groups: Iterable[FrameGroup]) -> Iterator[Callable[[], _Part]]:
@@ -535,10 +508,14 @@ def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: 
     interval.resolve(neighbours)
     outputs, pair, needs = interval.outputs[begin : begin + FRAMES_PER_TASK], interval.pair, clip.needs
     times = [each.step.t for each in outputs if clip.makes(each)]
-    images: Iterator[tuple[FrameImage, NDArray[Any] | None]] = iter(())
+    images: Iterator[Interpolated] = iter(())
     # an interval of which nothing is made is needed all the same to count its cut, unless another run counts it
     if times or (clip.counts(interval) and any(each.is_interpolated for each in interval.outputs)):
-        images, interval.scene_cut = _between(clip.interpolator, pair, times, neighbours, needs)
+        if needs.confidence:
+            images, interval.scene_cut = clip.interpolator.between_with_confidence(pair, times, *neighbours)
+        else:
+            plain, interval.scene_cut = clip.interpolator.between(pair, times, *neighbours)
+            images = ((image, None) for image in plain)
     finished = list[_Output]()
     for output in outputs:
         if not output.is_interpolated:  # between frames that show the same, a repeated one is certain
@@ -560,24 +537,9 @@ def _add_motion(outputs: list[_Output], interval: _Interval, neighbours: Neighbo
     for k, output in enumerate(outputs):
         if output.is_interpolated and output.frame is not None:
             if not interval.pair.is_discontinuous(*neighbours):
-                field01, field10 = interval.pair.fields
-                motion = PairMotion(*interval.places, field01.flow, field10.flow)
+                motion = PairMotion(*interval.places, *(field.flow for field in interval.pair.fields))
                 outputs[k] = output._replace(frame=replace(output.frame, motion=motion))
             return
-
-
-def _between(
-    interpolator: Interpolator,
-    pair: Pair,
-    times: Sequence[Fraction],
-    neighbours: tuple[Pair | None, Pair | None],
-    needs: Needs,
-) -> tuple[Iterator[tuple[FrameImage, NDArray[Any] | None]], bool]:
-    """Return the images between two frames, with their confidence if it is needed, and whether a scene ends there."""
-    if needs.confidence:
-        return interpolator.between_with_confidence(pair, times, *neighbours)
-    images, scene_cut = interpolator.between(pair, times, *neighbours)
-    return ((image, None) for image in images), scene_cut
 
 
 def _with_durations(frames: Iterator[Frame], clip: _LoopState) -> Iterator[Frame]:
