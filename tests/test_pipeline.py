@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 import pytest
 from conversion_options import grouped
-from truth import accelerating, prepared
+from truth import CutsWhere, accelerating, prepared
 from video_truth import packets_of, pictures_of, samples_of, write_clip
 
 from fpsboost.contracts import Summary
@@ -248,23 +248,10 @@ def test_motion_is_found_once_for_each_pair(factor, pairs):
     assert estimator.pairs == pairs
 
 
-class CutsBefore:
-    """Takes every pair whose second frame is one of `numbers` for a cut."""
-
-    def __init__(self, *numbers: int) -> None:
-        self._values = {10 * number for number in numbers}
-
-    def match_score(self, image0: Any, image1: Any) -> float:
-        return 0 if image0.pixels.shape[:2] == SIZE and int(image1.pixels.max()) in self._values else 1
-
-    def is_cut(self, match_score: float, *neighbours: float) -> bool:
-        return match_score == 0
-
-    def is_gradual(self, match_score: float, *across: float) -> bool:
-        return False
-
-    def is_flash(self, match_score: float, across: float, *neighbours: float) -> bool:
-        return False
+def cuts_before(*numbers: int) -> CutsWhere:
+    """Every pair whose second frame is one of `numbers` is a cut."""
+    values = {10 * number for number in numbers}
+    return CutsWhere(lambda _, image1: image1.pixels.shape[:2] == SIZE and int(image1.pixels.max()) in values)
 
 
 @pytest.mark.parametrize("at_cuts", ["repeat", "blend"])
@@ -272,7 +259,7 @@ def test_scene_cuts_are_counted_and_not_interpolated(at_cuts):
     """Across a cut the nearer frame is repeated, or both are mixed where that is asked for, and motion is not used."""
     estimator = Counting()
     interpolator = Interpolator(
-        estimator, Blend(), cuts=CutsBefore(2, 4), at_cuts=at_cuts, compensate_illumination=False
+        estimator, Blend(), cuts=cuts_before(2, 4), at_cuts=at_cuts, compensate_illumination=False
     )
     frames, summary = run(regular(6), ByFactor(Fraction(4)), interpolator=interpolator)
     assert summary.scene_cuts == 2

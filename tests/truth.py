@@ -53,6 +53,24 @@ def prepared(*images: Array) -> list[FrameCache]:
     return [FrameCache(image) for image in images]
 
 
+class CutsWhere:
+    """Cut policy that takes every pair for a cut of which a function of its two frames is true."""
+
+    def __init__(self, is_cut: Callable[[FrameCache, FrameCache], bool]) -> None:
+        self._is_cut = is_cut
+
+    def match_score(self, image0: FrameCache, image1: FrameCache) -> float:
+        return float(not self._is_cut(image0, image1))
+
+    def is_cut(self, match_score: float, *neighbours: float) -> bool:
+        return match_score == 0
+
+    def is_gradual(self, *match_scores: float) -> bool:
+        return False
+
+    is_flash = is_gradual
+
+
 def frozen(image: Array) -> Array:
     """The same image, safe from being written to."""
     image = np.ascontiguousarray(image)

@@ -8,7 +8,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 import pytest
-from truth import as_type, noise, prepared, waves
+from truth import CutsWhere, as_type, noise, prepared, waves
 
 from fpsboost.analysis.overlay import DILATION_RADIUS, find_overlay, keep_overlay
 from fpsboost.colour import Coding
@@ -190,27 +190,8 @@ def test_a_fast_thin_line_is_not_erased(width, speed, lean, texture):
 
 def test_neighbours_in_another_scene_tell_nothing():
     """Across a cut there is no neighbour."""
-
-    class EveryPairBut:
-        """All pairs are cuts but that of two certain images."""
-
-        def __init__(self, *images):
-            self._images = images
-
-        def match_score(self, image0, image1):
-            return (image0, image1) == self._images
-
-        def is_cut(self, match_score, *neighbours):
-            return not match_score
-
-        def is_gradual(self, match_score, *across):
-            return False
-
-        def is_flash(self, match_score, across, *neighbours):
-            return False
-
     images = prepared(*(panning((12, 0), letters())(t) for t in (-1, 0, 1, 2)))
-    interpolator = replace(KEEPING, cuts=EveryPairBut(*images[1:3]))
+    interpolator = replace(KEEPING, cuts=CutsWhere(lambda *two: list(two) != images[1:3]))
     before, pair, after = (interpolator.pair(*each) for each in pairwise(images))
     assert [each.is_cut() for each in (before, pair, after)] == [True, False, True]
     among, alone = (interpolator.between(pair, [0.5], *each).images for each in ((before, after), (None, None)))

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from fpsboost.threads import available_cores, read_ahead, run_in_parallel, write_behind
+from fpsboost.threads import read_ahead, run_in_parallel, write_behind
 
 
 class OnPurposeError(Exception):
@@ -25,40 +25,21 @@ def _no_thread_is_left() -> Iterator[None]:
     assert set(threading.enumerate()) == before
 
 
-@pytest.fixture
-def refused(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
-    """Set when a queue has no room for an item, however long one waits."""
-    event = threading.Event()
-
-    class Telling(Queue):
-        def put(self, *arguments: Any, **options: Any) -> None:
-            try:
-                super().put(*arguments, **options)
-            except Full:
-                event.set()
-                raise
-
-    monkeypatch.setattr("fpsboost.threads.Queue", Telling)
-    return event
-
-
 def failing_after(count: int) -> Iterator[int]:
     """0, 1, ... and then an error."""
     yield from range(count)
     raise OnPurposeError(f"after {count}")
 
 
+@pytest.mark.parametrize("count", [0, 200])
 @pytest.mark.parametrize("depth", [1, 4, 1000])
-def test_read_ahead_keeps_the_order(depth):
-    """All items, in order, then the end."""
-    with read_ahead(range(200), depth) as items:
-        assert list(items) == list(range(200))
-
-
-def test_read_ahead_of_nothing_ends_at_once():
-    """An empty iterable gives an empty iterator."""
-    with read_ahead([], 2) as items:
-        assert list(items) == []
+def test_both_sides_keep_the_order(depth, count):
+    """All items are read, computed and written in order, and all have been written when the block is left."""
+    written: list[int] = []
+    with read_ahead(range(count), depth) as items, write_behind(written.append, depth) as write:
+        for item in items:
+            write(item * 2)
+    assert written == list(range(0, 2 * count, 2))
 
 
 @pytest.mark.parametrize("count", [0, 3, 20])
@@ -70,25 +51,18 @@ def test_errors_while_reading_surface_after_the_items_before_them(count):
     assert received == list(range(count))
 
 
-@pytest.fixture
-def waited(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
-    """Set when there is no room for another item, however long one waits."""
-    event = threading.Event()
+def test_read_ahead_stays_within_its_depth(monkeypatch):
+    """No more are read before the caller asks, and then one for each that it takes."""
+    waited, taken = threading.Event(), []
 
     class Telling(threading.Semaphore):
-        def acquire(self, blocking: bool = True, timeout: float | None = None) -> bool:
-            has_room = super().acquire(blocking, timeout)
+        def acquire(self, *arguments: Any, **options: Any) -> bool:
+            has_room = super().acquire(*arguments, **options)
             if not has_room:
-                event.set()
+                waited.set()
             return has_room
 
     monkeypatch.setattr("fpsboost.threads.Semaphore", Telling)
-    return event
-
-
-def test_read_ahead_stays_within_its_depth(waited):
-    """No more are read before the caller asks, and then one for each that it takes."""
-    taken = []
 
     def source() -> Iterator[int]:
         for k in itertools.count():
@@ -110,21 +84,10 @@ def test_leaving_early_stops_an_endless_source_with_a_full_queue():
         assert [next(items) for _ in range(5)] == [0, 1, 2, 3, 4]
 
 
-def test_leaving_by_an_exception_stops_the_reader():
-    """The body's own error comes through, and the thread ends."""
-
-    def read_one() -> None:
-        with read_ahead(itertools.count(), 2) as items:
-            next(items)
-            raise OnPurposeError
-
-    with pytest.raises(OnPurposeError):
-        read_one()
-
-
-def test_a_reader_that_fails_unseen_does_not_hide_the_bodys_error():
-    """Left by an exception while the source has failed as well, the body's error is the one that counts."""
-    with pytest.raises(ZeroDivisionError), read_ahead(failing_after(0), 2):
+@pytest.mark.parametrize("items", [itertools.count(), failing_after(0)], ids=["endless", "failing"])
+def test_leaving_by_an_exception_stops_the_reader(items):
+    """The body's own error is the one that counts, also when the source has failed unseen."""
+    with pytest.raises(ZeroDivisionError), read_ahead(items, 2):
         raise ZeroDivisionError
 
 
@@ -151,22 +114,6 @@ def test_what_waits_for_another_program_is_told_to_give_up():
         for item in items:
             write(item)
     assert not told.is_set()
-
-
-@pytest.mark.parametrize("depth", [1, 4, 1000])
-def test_write_behind_keeps_the_order_and_finishes(depth):
-    """When the block is left, everything has been written, in order."""
-    written: list[int] = []
-    with write_behind(written.append, depth) as write:
-        for k in range(200):
-            write(k)
-    assert written == list(range(200))
-
-
-def test_write_behind_of_nothing_ends():
-    """A block that writes nothing is left without waiting for anything."""
-    with write_behind([].append, 2):
-        pass
 
 
 @pytest.mark.parametrize("good", [0, 3])
@@ -252,10 +199,19 @@ def test_leaving_by_an_exception_drops_what_is_not_written(monkeypatch):
     assert written == [0]
 
 
-def test_write_behind_stays_within_its_depth(refused):
+def test_write_behind_stays_within_its_depth(monkeypatch):
     """With the writer held up, the caller gets as far as the queue and the one item in hand."""
-    release, sent = threading.Event(), []
-    ended = threading.Event()
+    refused, release, ended, sent = threading.Event(), threading.Event(), threading.Event(), []
+
+    class Telling(Queue):
+        def put(self, *arguments: Any, **options: Any) -> None:
+            try:
+                super().put(*arguments, **options)
+            except Full:
+                refused.set()
+                raise
+
+    monkeypatch.setattr("fpsboost.threads.Queue", Telling)
 
     def produce() -> None:
         with write_behind(lambda _: release.wait(10), 3) as write:
@@ -274,15 +230,6 @@ def test_write_behind_stays_within_its_depth(refused):
     assert ended.wait(10)
     thread.join()
     assert sent == list(range(9))
-
-
-def test_both_sides_together_keep_the_order():
-    """As the pipeline uses them: reading, computing and writing at once."""
-    written: list[int] = []
-    with read_ahead(range(300), 3) as items, write_behind(written.append, 3) as write:
-        for item in items:
-            write(item * 2)
-    assert written == list(range(0, 600, 2))
 
 
 @pytest.mark.parametrize("has_started", [True, False])
@@ -410,8 +357,3 @@ def test_an_error_beside_other_jobs_surfaces_in_its_turn(threads, where):
         fetch()
     assert received == list(range(len(received)))
     assert where == "jobs" or len(received) == 5
-
-
-def test_there_is_a_core():
-    """At least the one that this runs on."""
-    assert available_cores() >= 1
