@@ -17,7 +17,17 @@ if TYPE_CHECKING:
     from fpsboost.analysis.duplicates import DuplicateDetector
     from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
     from fpsboost.colour import Coding
-    from fpsboost.contracts import FrameSink, FrameSource, FrameWatcher, LowestMatch, Observer, SourceMoment, Summary
+    from fpsboost.contracts import (
+        Entry,
+        FrameSink,
+        FrameSource,
+        FrameWatcher,
+        LowestMatch,
+        Observer,
+        OutputRange,
+        SourceMoment,
+        Summary,
+    )
     from fpsboost.conversion import convert, convert_job, stream
     from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError, SceneCutWarning
     from fpsboost.frame import ClipInfo, Frame, PairMotion
@@ -40,7 +50,7 @@ if TYPE_CHECKING:
     from fpsboost.rerender.planning import plan_rerender
     from fpsboost.rerender.regions import Rectangle
     from fpsboost.run_options import RunOptions
-    from fpsboost.streaming import Entry, OutputRange, run_conversion
+    from fpsboost.streaming import run_conversion
     from fpsboost.synthesis import InterpolatedImage, Synthesizer
     from fpsboost.timing.position import Position, Trim
     from fpsboost.timing.rate import FrameIntervals, OutputRate
@@ -117,7 +127,7 @@ _modules = {
     "analysis.duplicates": "DuplicateDetector",
     "analysis.scene_cuts": "CutDetector CutPolicy",
     "colour": "Coding",
-    "contracts": "FrameSink FrameSource FrameWatcher LowestMatch Observer SourceMoment Summary",
+    "contracts": "Entry FrameSink FrameSource FrameWatcher LowestMatch Observer OutputRange SourceMoment Summary",
     "conversion": "convert convert_job stream",
     "errors": "FpsboostError InputError OptionError OutputError SceneCutWarning",
     "frame": "ClipInfo Frame PairMotion",
@@ -140,7 +150,7 @@ _modules = {
     "rerender.planning": "plan_rerender",
     "rerender.regions": "Rectangle",
     "run_options": "RunOptions",
-    "streaming": "Entry OutputRange run_conversion",
+    "streaming": "run_conversion",
     "synthesis": "InterpolatedImage Synthesizer",
     "timing.position": "Position Trim",
     "timing.rate": "FrameIntervals OutputRate",

@@ -9,7 +9,7 @@ from fractions import Fraction
 
 import cv2
 
-from fpsboost.contracts import FrameSource, SilentObserver, Summary
+from fpsboost.contracts import FrameSource, OutputRange, SilentObserver, Summary
 from fpsboost.errors import OptionError
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
@@ -25,7 +25,7 @@ from fpsboost.method_table import find_method
 from fpsboost.parts.plan import plan_part, share_index
 from fpsboost.preparation import ConversionJob, closing_remarks, exposed, opened_clip, prepare
 from fpsboost.run_options import RunOptions
-from fpsboost.streaming import OutputRange, interpolate_frames, run_conversion
+from fpsboost.streaming import interpolate_frames, run_conversion
 from fpsboost.threads import available_cores
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import count_frames

@@ -27,6 +27,7 @@ from fpsboost.contracts import (
     HasBeginning,
     LowestMatch,
     Observer,
+    OutputRange,
     SilentObserver,
     SourceMoment,
     Summary,
@@ -47,58 +48,6 @@ FRAMES_PER_TASK = 4
 
 READ_AHEAD = 1
 WRITE_BEHIND = 2
-
-
-@dataclass(frozen=True)
-class Entry:
-    """State in which the loop begins in the middle of a clip, and goes on as if it had read the clip from its start.
-
-    Attributes
-    ----------
-    number : int
-        Source frame that is read first, counted from 0.
-    start : Fraction
-        Time of the clip's first frame, seconds.
-    outputs_before : int
-        Number of output frames before that source frame.
-    step : float
-        Difference of the frame from the picture before it, for the detector of duplicates; infinite at the start.
-    """
-
-    number: int
-    start: Fraction
-    outputs_before: int
-    step: float = math.inf
-
-
-@dataclass(frozen=True)
-class OutputRange:
-    """Output frames that a run writes, of all that the whole clip gives.
-
-    Attributes
-    ----------
-    first : int
-        Number of the first one, counted from 0.
-    stop : int or None
-        Number of the first one that follows; None for all to the end.
-    skip : int
-        Number of frames, from the first, that the sink has already; see `fpsboost.io.Resumable`. They are counted and
-        passed on in order, but instead of an interpolated image they carry one of the source.
-    entry : Entry or None
-        Where the source begins, early enough for the first one; None for its start.
-    """
-
-    first: int = 0
-    stop: int | None = None
-    skip: int = 0
-    entry: Entry | None = None
-
-    def __contains__(self, number: int) -> bool:
-        return self.first <= number and not self.is_past(number)
-
-    def is_past(self, number: int) -> bool:
-        """Return whether an output frame comes after the range."""
-        return self.stop is not None and number >= self.stop
 
 
 def run_conversion(

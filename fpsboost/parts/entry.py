@@ -8,9 +8,9 @@ from dataclasses import replace
 from fractions import Fraction
 
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_synchronised
+from fpsboost.contracts import Entry
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
-from fpsboost.streaming import Entry
 from fpsboost.timing.output_numbers import OutputNumbers
 from fpsboost.timing.schedule import Schedule, rising_time
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from fpsboost.analysis.scene_cuts import counts_frames
-from fpsboost.contracts import FrameSource, Summary
+from fpsboost.contracts import FrameSource, OutputRange, Summary
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
 from fpsboost.io import RandomAccess, SharesIndex
@@ -30,7 +30,6 @@ from fpsboost.parts.entry import find_entry
 from fpsboost.parts.manifest import Manifest, facts_of, input_identity, stored
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, exposed, opened_clip
 from fpsboost.run_options import RunOptions
-from fpsboost.streaming import OutputRange
 from fpsboost.timing.output_numbers import OutputNumbers
 from fpsboost.timing.schedule import ByFactor, count_frames
 

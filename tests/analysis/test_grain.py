@@ -15,13 +15,14 @@ from truth import as_type, waves
 from fpsboost.analysis.grain import match_grain, measure_grain
 from fpsboost.cli.options import MethodOptions, TuningOptions
 from fpsboost.colour import Coding
+from fpsboost.contracts import OutputRange
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.image import YCbCrImage
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import methods
 from fpsboost.motion.field import ZeroMotion
-from fpsboost.streaming import OutputRange, run_conversion
+from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.schedule import ByFactor
 

@@ -18,7 +18,7 @@ from conversion_options import output_of
 from video_truth import packets_of, pictures_of, samples_of, scene, write_clip
 
 import fpsboost
-from fpsboost.contracts import Summary
+from fpsboost.contracts import OutputRange, Summary
 from fpsboost.conversion import Job, convert
 from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.frame import ClipInfo, Frame
@@ -37,7 +37,7 @@ from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.method_table import find_method, methods
 from fpsboost.motion.field import ZeroMotion
-from fpsboost.streaming import OutputRange, run_conversion
+from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import ByFactor, OutputTiming

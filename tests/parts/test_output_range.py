@@ -19,13 +19,13 @@ from truth import frozen
 
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_synchronised, group_duplicates
 from fpsboost.analysis.scene_cuts import CutDetector
-from fpsboost.contracts import Summary
+from fpsboost.contracts import OutputRange, Summary
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import methods
 from fpsboost.parts.entry import find_entry
-from fpsboost.streaming import OutputRange, run_conversion
+from fpsboost.streaming import run_conversion
 from fpsboost.timing.output_numbers import OutputNumbers
 from fpsboost.timing.schedule import ByFactor, ByRate, ExposureSchedule, Schedule, Shutter, rising_time
 

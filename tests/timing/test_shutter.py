@@ -14,6 +14,7 @@ from test_pipeline import FAST, FakeSink, FakeSource
 from truth import SCENES, as_type, needs_scenes, waves
 from video_truth import packets_of, pictures_of, write_clip
 
+from fpsboost.contracts import OutputRange
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
@@ -22,7 +23,7 @@ from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method, methods
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.run_options import RunOptions
-from fpsboost.streaming import OutputRange, run_conversion
+from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.exposure import Exposure
 from fpsboost.timing.rate import OutputRate
