@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fpsboost.colour import normalised
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Image, Pixels, view
+from fpsboost.image import Pixels, view
 from fpsboost.kernels.overlay import STANDS_OUT, Frames, mark_overlay
 from fpsboost.motion.components import gray
 from fpsboost.motion.field import MotionField
@@ -77,16 +77,7 @@ def keep_overlay(image: Pixels, image0: Pixels, image1: Pixels, t: float, overla
         part = overlay
         if part.shape != (rows, columns):
             part = cv2.resize(part.astype(np.uint8) * 255, (columns, rows), interpolation=cv2.INTER_AREA) >= 127
-        _blend_pixels(plane, plane0, plane1, t, part)
-
-
-def _blend_pixels(image: Image, image0: Image, image1: Image, t: float, overlay: NDArray[Any]) -> None:
-    places = np.flatnonzero(overlay)
-    pixels, colours0, colours1 = (
-        image.reshape(overlay.size, -1),
-        *(each.reshape(overlay.size, -1)[places] for each in (image0, image1)),
-    )
-    if image.dtype == np.float32:
-        pixels[places] = normalised(colours0) * (1 - t) + normalised(colours1) * t
-    else:
-        pixels[places] = np.rint(colours0 * (1 - t) + colours1 * t)
+        if plane.dtype == np.float32:
+            plane[part] = normalised(plane0[part]) * (1 - t) + normalised(plane1[part]) * t
+        else:
+            plane[part] = np.rint(plane0[part] * (1 - t) + plane1[part] * t)

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,19 +77,9 @@ class CutPolicy(Protocol):
         ...
 
 
-@runtime_checkable
-class CountsFrames(Protocol):
-    """Contract: cut policy that may go by the numbers of frames, so that none may be left unread."""
-
-    @property
-    def counts_frames(self) -> bool:
-        """Whether it does."""
-        ...
-
-
 def counts_frames(policy: CutPolicy | None) -> bool:
-    """Return whether a policy goes by the numbers of frames."""
-    return isinstance(policy, CountsFrames) and policy.counts_frames
+    """Return whether a policy goes by the numbers of frames, so that none may be left unread: its `counts_frames`."""
+    return bool(getattr(policy, "counts_frames", False))
 
 
 @dataclass(frozen=True)

@@ -80,11 +80,9 @@ class ExhaustiveSearch:
         check_choice("`implementation`", self.implementation, get_args(Implementation))
 
     def with_vectors(self, vectors: RenderedVectors) -> ExhaustiveSearch:
-        """See `fpsboost.motion.rendered.UsesVectors.with_vectors`."""
         return replace(self, vectors=vectors)
 
     def without_vectors(self) -> ExhaustiveSearch:
-        """See `fpsboost.motion.rendered.UsesVectors.without_vectors`."""
         return replace(self, vectors=None)
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:

@@ -164,7 +164,7 @@ class CoarseToFine:
             # on the second coarsest level, an error of a pixel grows; on the finest, no further level corrects it
             refine_radius = int(level in (last, len(levels0) - 2))
             row_step = 2 if level == last and step % 4 == 0 else 1
-            found = self._search(pair, coarse, self._level_settings(pair, 2, spacing, step, refine_radius, row_step))
+            found = self._search(pair, coarse, 2, spacing, step, refine_radius, row_step)
         size, spacing, scale = image0.pixels.shape[:2], step * 2**last, np.float32(2**last)
         vectors, similarities = found.flow * scale, found.similarity.clip(0, 1)
         field01, field10 = (
@@ -179,13 +179,20 @@ class CoarseToFine:
         fields = search_fused(*components, self._max_offset(pair), self.patch_radius, "box", self.v)
         flow = np.stack([field.flow for field in fields])
         coarse = CoarseMotion(flow, np.zeros_like(flow), np.ones(flow.shape[:3], np.float32))
-        return self._search(pair, coarse, self._level_settings(pair, 1, 1, COARSEST_STEP, refine_radius=0, row_step=1))
+        return self._search(pair, coarse, 1, 1, COARSEST_STEP, refine_radius=0, row_step=1)
 
-    def _level_settings(
-        self, pair: PlanePair, scale: int, spacing: int, step: int, refine_radius: int, row_step: int
-    ) -> LevelSettings:
-        """Return how a level is searched."""
-        return LevelSettings(
+    def _search(
+        self,
+        pair: PlanePair,
+        coarse: CoarseMotion,
+        scale: int,
+        spacing: int,
+        step: int,
+        refine_radius: int,
+        row_step: int,
+    ) -> Points:
+        """Search one level in both directions, and refine what is found to a fraction of a pixel."""
+        settings = LevelSettings(
             np.float32(scale),
             spacing,
             step,
@@ -197,13 +204,10 @@ class CoarseToFine:
             np.float32(self.smoothness),
             np.float32(self.smoothness / (self.steepness * step)),
         )
-
-    def _search(self, pair: PlanePair, coarse: CoarseMotion, settings: LevelSettings) -> Points:
-        """Search one level in both directions, and refine what is found to a fraction of a pixel."""
-        shape = 2, -(-pair.height // settings.step), -(-pair.width // settings.step)
+        shape = 2, -(-pair.height // step), -(-pair.width // step)
         found = Points(np.empty((*shape, 2), np.float32), np.empty(shape, np.float32))
         search_level(pair, coarse, settings, found)
-        self._refine(pair, np.empty((2, 0, 0, 2), np.float32), found.flow, settings.step)
+        self._refine(pair, np.empty((2, 0, 0, 2), np.float32), found.flow, step)
         return found
 
     def _search_residuals(

@@ -90,11 +90,9 @@ class RenderedMotion:
     vectors: RenderedVectors
 
     def with_vectors(self, vectors: RenderedVectors) -> RenderedMotion:
-        """See `fpsboost.motion.rendered.UsesVectors.with_vectors`."""
         return replace(self, vectors=vectors)
 
     def without_vectors(self) -> ZeroMotion:
-        """See `fpsboost.motion.rendered.UsesVectors.without_vectors`."""
         return ZeroMotion()
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:

@@ -155,15 +155,12 @@ class MultiHypothesis:
 
     @property
     def needs_every_frame(self) -> bool:
-        """See `fpsboost.motion.rendered.UsesVectors.needs_every_frame`."""
         return self.vectors is not None
 
     def with_vectors(self, vectors: RenderedVectors) -> MultiHypothesis:
-        """See `fpsboost.motion.rendered.UsesVectors.with_vectors`."""
         return replace(self, vectors=vectors)
 
     def without_vectors(self) -> MultiHypothesis:
-        """See `fpsboost.motion.rendered.UsesVectors.without_vectors`."""
         return replace(self, vectors=None)
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:

@@ -60,11 +60,9 @@ class SceneAssisted:
             raise OptionError(f"depth_tolerance must be at least 0 and below 1, not {self.depth_tolerance}.")
 
     def with_vectors(self, vectors: RenderedVectors) -> SceneAssisted:
-        """See `fpsboost.motion.rendered.UsesVectors.with_vectors`."""
         return replace(self, vectors=vectors)
 
     def without_vectors(self) -> Blend:
-        """See `fpsboost.motion.rendered.UsesVectors.without_vectors`."""
         return Blend()
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:

@@ -15,6 +15,7 @@ from fpsboost.errors import OptionError
 from fpsboost.image import Image, as_image, rounding_offset
 from fpsboost.kernels.reproject import fetch_both, splat
 from fpsboost.synthesis import FramePair
+from fpsboost.synthesis.agreement import sample
 
 
 @dataclass(frozen=True)
@@ -55,18 +56,7 @@ class Extrapolate:
 
 
 def _backward_warp(values: NDArray[Any], flow: NDArray[Any], t: float) -> NDArray[Any]:
-    """Return the values at each pixel minus t times its motion."""
-    height, width = flow.shape[:2]
-    y, x = np.arange(height, dtype=np.float32)[:, np.newaxis], np.arange(width, dtype=np.float32)
-    time = np.float32(t)
-    fetched = cv2.remap(
-        values,
-        x - time * flow[..., 0],
-        y - time * flow[..., 1],
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_REPLICATE,
-    )
-    return fetched.reshape(values.shape)
+    return sample(values, -np.float32(t) * flow, cv2.INTER_LINEAR)
 
 
 @dataclass(frozen=True)
