@@ -32,24 +32,18 @@ from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.scene_assisted import SceneAssisted
 from fpsboost.timing.schedule import ByFactor, ByRate, Schedule
 
+DOUBLE = ByFactor(Fraction(2))
 
-def run(
-    frames: list[Frame],
-    schedule: Schedule | None = None,
-    method: str = "nlm",
-    *,
-    looks_for_duplicates: bool = True,
-) -> tuple[list[Frame], Summary]:
+
+def run(frames: list[Frame], schedule: Schedule = DOUBLE, method: Any = methods["nlm"]) -> tuple[list[Frame], Summary]:
     sink = FakeSink()
-    source = FakeSource(frames, RATE)
-    interpolator = methods[method] if looks_for_duplicates else keeping_duplicates(method)
-    return sink.frames, run_conversion(source, interpolator, sink, schedule or ByFactor(Fraction(2)))
+    return sink.frames, run_conversion(FakeSource(frames, RATE), method, sink, schedule)
 
 
-def lengths(frames: Sequence[Frame], detector: DuplicateDetector | None = None) -> list[int]:
+def lengths(frames: Sequence[Frame]) -> list[int]:
     """How many frames each held picture consists of."""
     shown = (SourceFrame(frame, FrameCache(frame.image)) for frame in frames)
-    return [len(each) for each in group_duplicates(shown, detector or DuplicateDetector())]
+    return [len(each) for each in group_duplicates(shown, DuplicateDetector())]
 
 
 def error(image: Any, truth: Any) -> float:
@@ -60,7 +54,7 @@ def error(image: Any, truth: Any) -> float:
 # ------------------------------------------------------------------------------------------------------------- the loop
 
 
-@pytest.mark.parametrize("schedule", [ByFactor(Fraction(2)), ByRate(Fraction(60)), ByFactor(Fraction(1))], ids=str)
+@pytest.mark.parametrize("schedule", [DOUBLE, ByRate(Fraction(60)), ByFactor(Fraction(1))], ids=str)
 @pytest.mark.parametrize("cadence", CADENCES)
 def test_held_frames_become_an_even_motion(cadence, schedule):
     """Every output frame, those at the times of duplicates too, shows what was there at its very time."""
@@ -72,12 +66,12 @@ def test_held_frames_become_an_even_motion(cadence, schedule):
         assert error(frame.image, pan(SPEED * float(position))) < 2
 
 
-@pytest.mark.parametrize("schedule", [ByFactor(Fraction(2)), ByFactor(Fraction(5, 2)), ByRate(Fraction(60))], ids=str)
+@pytest.mark.parametrize("schedule", [DOUBLE, ByFactor(Fraction(5, 2)), ByRate(Fraction(60))], ids=str)
 def test_number_and_times_stay(schedule):
     """As many frames at the same times as without looking for duplicates, and the clip is as long."""
     source = held(CADENCES["threes"])
     frames, summary = run(source, schedule)
-    plain, plain_summary = run(source, schedule, looks_for_duplicates=False)
+    plain, plain_summary = run(source, schedule, keeping_duplicates("nlm"))
     assert [(frame.time, frame.duration) for frame in frames] == [(frame.time, frame.duration) for frame in plain]
     assert (summary.frames_in, summary.frames_out) == (plain_summary.frames_in, plain_summary.frames_out)
     assert plain_summary.duplicates == 0
@@ -102,21 +96,21 @@ def test_uneven_times_keep_their_rhythm():
 def test_a_clip_without_duplicates_is_the_same_either_way(method):
     """Bit by bit."""
     source = held([1] * 5)
-    frames, summary = run(source, method=method)
-    plain, _ = run(source, method=method, looks_for_duplicates=False)
+    frames, summary = run(source, method=methods[method])
+    plain, _ = run(source, method=keeping_duplicates(method))
     assert summary.duplicates == 0
     for one, other in zip(frames, plain, strict=True):
         np.testing.assert_array_equal(one.image, other.image)
         assert one.original is other.original
 
 
-def test_a_still_is_left_alone():
-    """A picture that stands for longer than a quarter of a second passes frame by frame, and so does its end."""
-    source = held([1, 1, 12, 1, 1])
+@pytest.mark.parametrize(("source", "until"), [(held([1, 1, 12, 1, 1]), 26), (held([1, 1, 3])[:-1], 8)])
+def test_a_still_is_left_alone(source, until):
+    """What stands for longer than a quarter of a second, or until the clip ends, passes frame by frame."""
     frames, summary = run(source)
     assert summary.duplicates == 0
     assert [frame.original for frame in frames[::2]] == [frame.original for frame in source]
-    for frame in frames[4:26]:
+    for frame in frames[4:until]:
         assert np.abs(frame.image.astype(int) - source[2].image).max() <= 1
 
 
@@ -134,14 +128,6 @@ def test_what_ends_in_a_cut_stays_held():
     np.testing.assert_array_equal(frames[14].image, source[7].image)
 
 
-def test_what_the_clip_ends_with_stays_held():
-    """After the last motion nothing leads on, so every frame passes as it is."""
-    source = held([1, 1, 1, 3])[:-1]
-    frames, summary = run(source)
-    assert summary.duplicates == 0
-    assert [frame.original for frame in frames[::2]] == [frame.original for frame in source]
-
-
 def test_rendered_motion_needs_every_frame(monkeypatch):
     """A renderer's vectors lead from each frame to the very next, so there duplicates are not looked for."""
     no_vectors: Any = None
@@ -150,7 +136,7 @@ def test_rendered_motion_needs_every_frame(monkeypatch):
     assert replace(methods["blend"], estimator=RenderedMotion(no_vectors)).needs_every_frame
     assert not any(method.needs_every_frame for method in methods.values())
     monkeypatch.setattr(SceneAssisted, "synthesize", lambda self, *arguments: Blend().synthesize(*arguments))
-    assert run_conversion(FakeSource(held([2, 2]), RATE), rendered, FakeSink(), ByFactor(Fraction(2))).duplicates == 0
+    assert run(held([2, 2]), method=rendered)[1].duplicates == 0
 
 
 # --------------------------------------------------------------------------------------------------------- finding them

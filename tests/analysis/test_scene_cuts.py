@@ -10,17 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from scenes_of_cuts import make_clips
-from truth import (
-    SCENES,
-    affine,
-    as_type,
-    frozen,
-    moving_object,
-    needs_scenes,
-    prepared,
-    translation,
-    waves,
-)
+from truth import SCENES, affine, as_type, frozen, moving_object, needs_scenes, prepared, translation, waves
 
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, group_duplicates
 from fpsboost.analysis.scene_cuts import CutDetector
@@ -42,11 +32,14 @@ def is_cut(detector, image0, image1):
     return detector.is_cut(detector.match_score(image0, image1), 0.9)
 
 
-@pytest.mark.parametrize(("first", "second"), [(1, 2), (3, 4), (5, 6), (7, 8), (9, 10)])
-def test_different_scenes_are_cuts(first, second):
-    """Two pictures of nothing in common, both ways."""
-    assert is_cut(CutDetector(), *prepared(scene(first), scene(second)))
-    assert is_cut(CutDetector(), *prepared(scene(second), scene(first)))
+BLACK = frozen(np.zeros((90, 120, 3), np.uint8))
+
+
+@pytest.mark.parametrize("second", [*(scene(seed) for seed in range(2, 6)), BLACK], ids=[*"2345", "black"])
+def test_different_scenes_are_cuts(second):
+    """Two pictures of nothing in common, or one of nothing at all, both ways."""
+    assert is_cut(CutDetector(), *prepared(scene(1), second))
+    assert is_cut(CutDetector(), *prepared(second, scene(1)))
 
 
 @pytest.mark.parametrize(("channels", "dtype"), [(1, np.uint8), (4, np.uint8), (3, np.uint16), (3, np.float32)])
@@ -55,13 +48,6 @@ def test_cuts_are_found_in_images_of_every_kind(channels, dtype):
     one, other = scene(1, channels=channels, dtype=dtype), scene(2, channels=channels, dtype=dtype)
     assert is_cut(CutDetector(), *prepared(one, other))
     assert not is_cut(CutDetector(), *prepared(one, one))
-
-
-def test_a_cut_to_black_is_found():
-    """From a picture to nothing and back."""
-    black = frozen(np.zeros((90, 120, 3), np.uint8))
-    assert is_cut(CutDetector(), *prepared(scene(1), black))
-    assert is_cut(CutDetector(), *prepared(black, scene(1)))
 
 
 @pytest.mark.parametrize(

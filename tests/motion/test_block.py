@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from truth import as_type, noise, prepared, translation
 
-from fpsboost.errors import OptionError
 from fpsboost.motion.block import BlockMatching, colour_values, white_of
 
 every_pattern = pytest.mark.parametrize("pattern", ["full", "three-step", "diamond"])
@@ -81,19 +80,3 @@ def test_what_is_no_number_counts_as_black(pattern):
     field, _ = BlockMatching(pattern=pattern).estimate(*prepared(image, image))
     assert not field.flow.any()
     np.testing.assert_array_equal(field.similarity, 1)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"block_size": 1}, "`block_size`"),
-        ({"block_size": 129}, "`block_size`"),
-        ({"search_range": 0}, "`search_range`"),
-        ({"search_range": 1001}, "`search_range`"),
-        ({"pattern": "spiral"}, "`pattern` must be one of full, three-step, diamond"),
-    ],
-)
-def test_options_out_of_range_are_refused(options, message):
-    """When the object is made, with the option as the command line knows it."""
-    with pytest.raises(OptionError, match=message):
-        BlockMatching(**options)

@@ -67,13 +67,6 @@ def test_blocks_of_all_sizes_have_their_pixels():
     np.testing.assert_array_equal(numbers, expected[:27, :45])
 
 
-@pytest.mark.parametrize("options", [{"crf": -1}, {"crf": 52}, {"preset": "glacial"}])
-def test_options_out_of_range_are_refused(options):
-    """When the object is made."""
-    with pytest.raises(OptionError, match=next(iter(options))):
-        CodecMotion(**options)
-
-
 def test_a_missing_encoder_is_said(monkeypatch):
     """With what to take instead."""
     monkeypatch.setattr("fpsboost.io.video.block_vectors.ENCODER", "libnothing")

@@ -41,6 +41,12 @@ own = "nlm", "exhaustive"
 own_kernels = pytest.mark.parametrize("estimator", [estimators[name] for name in own], ids=own)
 
 
+def with_truth(estimator, clip):
+    """The field of each direction, its exact motion, and which pixels are seen in both frames."""
+    fields = estimator.estimate(*clip.prepared)
+    return zip(fields, (clip.flow01, clip.flow10), (clip.seen0, clip.seen1), strict=True)
+
+
 def errors(field, flow) -> np.ndarray:
     """Length of the difference of two flows, per pixel."""
     return np.linalg.norm(field.flow - flow, axis=-1)
@@ -103,9 +109,7 @@ def test_whole_translations_are_found_exactly(estimator, shift):
     To a twentieth of a pixel where vectors have fractions: the window of that step may reach out of the frame.
     """
     clip = translation(72, 90, *shift, seed=1)
-    for field, flow, seen in zip(
-        estimator.estimate(*clip.prepared), (clip.flow01, clip.flow10), (clip.seen0, clip.seen1), strict=True
-    ):
+    for field, flow, seen in with_truth(estimator, clip):
         inner = eroded(seen, 5)
         to_fractions = isinstance(estimator, CoarseToFine)
         np.testing.assert_allclose(field.flow[inner], flow[inner], rtol=0, atol=0.05 if to_fractions else 0)
@@ -114,12 +118,7 @@ def test_whole_translations_are_found_exactly(estimator, shift):
 def test_sub_pixel_translations_are_found_to_the_pixel():
     """A vector of whole pixels is off by half a pixel an axis at most, and a little where the texture is weak."""
     clip = affine(96, 120, shift=(3.4, -2.3))
-    for field, flow, seen in zip(
-        ExhaustiveSearch(search_radius=8).estimate(*clip.prepared),
-        (clip.flow01, clip.flow10),
-        (clip.seen0, clip.seen1),
-        strict=True,
-    ):
+    for field, flow, seen in with_truth(ExhaustiveSearch(search_radius=8), clip):
         off = np.abs(field.flow - flow)[eroded(seen, 6)]
         assert (off > 0.61).mean() < 0.01
         assert off.max() < 1
@@ -129,12 +128,7 @@ def test_sub_pixel_translations_are_found_to_the_pixel():
 def test_coarse_to_fine_finds_fractions_of_a_pixel(shift):
     """Every translation of a smooth texture is right to a tenth of a pixel on average, and to one everywhere."""
     clip = affine(96, 120, shift=shift)
-    for field, flow, seen in zip(
-        CoarseToFine().estimate(*clip.prepared),
-        (clip.flow01, clip.flow10),
-        (clip.seen0, clip.seen1),
-        strict=True,
-    ):
+    for field, flow, seen in with_truth(CoarseToFine(), clip):
         off = errors(field, flow)[eroded(seen, 8)]
         assert off.mean() < 0.1
         assert off.max() < 1
@@ -144,12 +138,7 @@ def test_coarse_to_fine_finds_fractions_of_a_pixel(shift):
 def test_coarse_to_fine_follows_zoom_and_rotation_closely(motion):
     """Right to a quarter of a pixel on average: most of that is one vector for all the pixels around a point."""
     clip = affine(120, 160, **motion, seed=4)
-    for field, flow, seen in zip(
-        CoarseToFine().estimate(*clip.prepared),
-        (clip.flow01, clip.flow10),
-        (clip.seen0, clip.seen1),
-        strict=True,
-    ):
+    for field, flow, seen in with_truth(CoarseToFine(), clip):
         assert errors(field, flow)[eroded(seen, 6)].mean() < 0.25
 
 
@@ -160,7 +149,7 @@ def test_coarse_to_fine_follows_zoom_and_rotation_closely(motion):
 def test_small_fast_things_are_found(size, shift, bright):
     """To the pixel: 12 pixels that stand out and move by 30; 32 of the background's own contrast, by 24."""
     clip = layers(160, 240, box=(60, 100, 60 + size, 100 + size), shift=shift, bright=bright)
-    for field, flow in zip(CoarseToFine().estimate(*clip.prepared), (clip.flow01, clip.flow10), strict=True):
+    for field, flow, _ in with_truth(CoarseToFine(), clip):
         thing = eroded(flow.any(axis=-1), size // 4)
         assert np.median(errors(field, flow)[thing]) < 1
 
@@ -169,9 +158,7 @@ def test_small_fast_things_are_found(size, shift, bright):
 def test_an_object_moves_over_a_still_background(estimator):
     """Away from its outline, old and new, the object has its motion and the background none."""
     clip = moving_object(96, 120, box=(30, 34, 70, 74), dx=8, dy=-6)
-    for field, flow, seen in zip(
-        estimator.estimate(*clip.prepared), (clip.flow01, clip.flow10), (clip.seen0, clip.seen1), strict=True
-    ):
+    for field, flow, seen in with_truth(estimator, clip):
         moving = flow.any(axis=-1)
         sure = eroded(moving, 5) | eroded(seen & ~moving, 5)
         assert eroded(moving, 5).sum() > 500
@@ -200,37 +187,34 @@ def test_the_type_of_the_pixels_does_not_matter(estimator, dtype):
 
 
 @pytest.mark.parametrize(
-    ("kind", "options"),
+    ("kind", "option", "values"),
     [
-        (ExhaustiveSearch, {"search_radius": 0}),
-        (ExhaustiveSearch, {"search_radius": 1001}),
-        (ExhaustiveSearch, {"patch_radius": 0}),
-        (ExhaustiveSearch, {"patch_radius": 21}),
-        (ExhaustiveSearch, {"v": 0.0}),
-        (ExhaustiveSearch, {"v": float("nan")}),
-        (ExhaustiveSearch, {"window": "triangle"}),
-        (ExhaustiveSearch, {"implementation": "magic"}),
-        (CoarseToFine, {"max_motion_share": 0.0}),
-        (CoarseToFine, {"max_motion_share": 1.5}),
-        (CoarseToFine, {"patch_radius": 0}),
-        (CoarseToFine, {"patch_radius": 11}),
-        (CoarseToFine, {"v": -1.0}),
-        (CoarseToFine, {"labels": 0}),
-        (CoarseToFine, {"smoothness": -0.1}),
-        (CoarseToFine, {"steepness": 0.0}),
-        (Dis, {"preset": "slow"}),
-        (TvL1, {"levels": 0}),
-        (TvL1, {"warps": 0}),
-        (TvL1, {"inner_iterations": 0}),
-        (TvL1, {"outer_iterations": 0}),
-        (TvL1, {"scale_step": 1.0}),
-        (TvL1, {"epsilon": 0.0}),
+        (ExhaustiveSearch, "search_radius", [0, 1001]),
+        (ExhaustiveSearch, "patch_radius", [0, 21]),
+        (ExhaustiveSearch, "v", [0.0, float("nan")]),
+        (ExhaustiveSearch, "window", ["triangle"]),
+        (ExhaustiveSearch, "implementation", ["magic"]),
+        (CoarseToFine, "max_motion_share", [0.0, 1.5]),
+        (CoarseToFine, "patch_radius", [0, 11]),
+        (CoarseToFine, "v", [-1.0]),
+        (CoarseToFine, "labels", [0]),
+        (CoarseToFine, "smoothness", [-0.1]),
+        (CoarseToFine, "steepness", [0.0]),
+        (Dis, "preset", ["slow"]),
+        *((TvL1, name, [0]) for name in ("levels", "warps", "inner_iterations", "outer_iterations", "epsilon")),
+        (TvL1, "scale_step", [1.0]),
+        (BlockMatching, "block_size", [1, 129]),
+        (BlockMatching, "search_range", [0, 1001]),
+        (BlockMatching, "pattern", ["spiral"]),
+        (CodecMotion, "crf", [-1, 52]),
+        (CodecMotion, "preset", ["glacial"]),
     ],
 )
-def test_options_out_of_range_are_refused(kind, options):
-    """When the object is made, not when it is used."""
-    with pytest.raises(OptionError):
-        kind(**options)
+def test_options_out_of_range_are_refused(kind, option, values):
+    """When the object is made, by the option's name."""
+    for value in values:
+        with pytest.raises(OptionError, match=rf"^`?{option}`? must be"):
+            kind(**{option: value})
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])

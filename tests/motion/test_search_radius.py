@@ -12,17 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from truth import (
-    SCENES,
-    Clip,
-    affine,
-    frozen,
-    layers,
-    moving_object,
-    needs_scenes,
-    noise,
-    translation,
-)
+from truth import SCENES, Clip, affine, frozen, layers, moving_object, needs_scenes, noise, translation
 from twins import shortest_motions
 from vector_truth import save_translation
 

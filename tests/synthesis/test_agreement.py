@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from truth import noise
 
 from fpsboost.colour import Coding
 from fpsboost.frame_cache import FrameCache
@@ -13,11 +16,6 @@ from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.agreement import find_motion, measure_agreement
 
 SIZE = 64, 80
-
-
-def noise(seed: int, dtype: type = np.uint8, channels: int = 3) -> np.ndarray:
-    values = np.random.default_rng(seed).integers(0, 256, (*SIZE, channels)).astype(dtype)
-    return values / np.float32(255) if dtype is np.float32 else values
 
 
 def constant_motion(dx: float, dy: float) -> MotionField:
@@ -50,8 +48,7 @@ def slow_agreement(image0: np.ndarray, image1: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("channels", [1, 3])
 def test_it_is_the_similarity_of_patches(channels):
     """The same as its slow twin where both frames are smooth enough that squares are not interpolated."""
-    image0 = np.repeat(np.repeat(noise(1, channels=channels)[:16, :20] // 4, 4, 0), 4, 1)
-    image1 = np.repeat(np.repeat(noise(2, channels=channels)[:16, :20] // 4, 4, 0), 4, 1)
+    image0, image1 = (np.repeat(np.repeat(noise(16, 20, channels, seed=k) // 4, 4, 0), 4, 1) for k in (1, 2))
     measured = measure_agreement(pair_of(image0, image1), 0.5)
     # the upsampled similarity, at the corners of squares, averages to that of the squares
     squares = (measured ** (1 / 8)).reshape(32, 2, 40, 2).mean((1, 3))
@@ -73,7 +70,7 @@ def test_planes_of_luma_count_like_gray():
 @pytest.mark.parametrize("t", [0.25, 0.5])
 def test_a_pan_agrees_along_its_motion_alone(t):
     """Where both ends lie in the frames, a pan by whole pixels is certain; without its motion nothing is."""
-    image = noise(3)
+    image = noise(*SIZE)
     moved = np.roll(image, (4, 8), (0, 1))
     along = measure_agreement(pair_of(image, moved, 8, 4), t)
     assert along[16:-16, 16:-16].min() > 0.999
@@ -82,16 +79,15 @@ def test_a_pan_agrees_along_its_motion_alone(t):
 
 def test_the_less_certain_direction_counts():
     """What one direction alone follows is in doubt, as what the other leads to is mixed in."""
-    image = noise(4)
+    image = noise(*SIZE)
     moved = np.roll(image, 8, 1)
-    images = FrameCache(image), FrameCache(moved)
-    right, wrong = constant_motion(8, 0), constant_motion(0, 0)
-    assert measure_agreement(FramePair(*images, right, wrong), 0.5)[16:-16, 16:-16].max() < 0.1
+    pair = replace(pair_of(image, moved, 8), field10=constant_motion(0, 0))
+    assert measure_agreement(pair, 0.5)[16:-16, 16:-16].max() < 0.1
 
 
 def test_numbers_that_are_none_have_a_confidence():
     """NaN, infinity and float32's largest numbers, which damaged files hold."""
-    image0, image1 = noise(7, np.float32), noise(8, np.float32)
+    image0, image1 = (noise(*SIZE, dtype=np.float32, seed=seed).copy() for seed in (7, 8))
     image0[10, 10], image0[20, 20], image0[30, 30], image1[40, 40] = np.nan, np.inf, 3e38, -3e38
     measured = measure_agreement(pair_of(image0, image1, 1.5, 0.5), 0.5)
     assert np.isfinite(measured).all()

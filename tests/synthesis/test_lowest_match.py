@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 from truth import noise, waves
 
+from fpsboost.analysis.scene_cuts import CutList
 from fpsboost.contracts import LowestMatch, Summary
 from fpsboost.conversion import convert
+from fpsboost.interpolator import Interpolator
 from fpsboost.io.part import Part
 from fpsboost.io.video.capture import ArraySource
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -21,7 +23,7 @@ from fpsboost.method_table import find_method
 from fpsboost.parts.join import join
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import interpolate_frames
-from fpsboost.timing.position import format_time, parse_position
+from fpsboost.timing.position import Position, format_time, parse_position
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import ByFactor
 
@@ -43,19 +45,11 @@ def picture(index: int, scene: int = 0) -> np.ndarray[Any, Any]:
 PAN = [picture(index) for index in range(10)]
 
 
-def summary_of(images: list[np.ndarray[Any, Any]], **options: Any) -> Summary:
+def summary_of(images: list[np.ndarray[Any, Any]], interpolator: Interpolator = BLEND, threads: int = 1) -> Summary:
     """The summary of a conversion of images in memory to twice the rate, 25 frames a second at first."""
-    summary = Summary()
-    interpolator = options.pop("interpolator", BLEND)
-    making = interpolate_frames(
-        ArraySource(iter(images), Fraction(25)),
-        interpolator,
-        ByFactor(Fraction(2)),
-        summary,
-        holds_last_frame=True,
-        **options,
-    )
-    with making as frames:
+    summary, source = Summary(), ArraySource(iter(images), Fraction(25))
+    options: dict[str, Any] = {"holds_last_frame": True, "threads": threads}
+    with interpolate_frames(source, interpolator, ByFactor(Fraction(2)), summary, **options) as frames:
         for _ in frames:
             pass
     return summary
@@ -83,14 +77,10 @@ def test_a_scene_cut_is_not_uncertain():
     assert lowest(summary).number != 9
 
 
-@pytest.mark.parametrize("cuts", [None, "listed"])
-def test_it_is_found_whoever_decides_about_cuts(cuts, tmp_path):
+@pytest.mark.parametrize("cuts", [None, CutList((Position(Fraction(100), True),))], ids=["none", "listed"])
+def test_it_is_found_whoever_decides_about_cuts(cuts):
     """Also where cuts are not looked for."""
-    from fpsboost.analysis.scene_cuts import read_cuts  # noqa: PLC0415
-
-    (tmp_path / "cuts.txt").write_text("100f\n")
-    policy = None if cuts is None else read_cuts(str(tmp_path / "cuts.txt"))
-    assert lowest(summary_of(PAN, interpolator=replace(BLEND, cuts=policy))) == lowest(summary_of(PAN))
+    assert lowest(summary_of(PAN, interpolator=replace(BLEND, cuts=cuts))) == lowest(summary_of(PAN))
 
 
 def test_parts_that_are_joined_know_it(tmp_path):
@@ -108,8 +98,7 @@ def test_parts_that_are_joined_know_it(tmp_path):
     whole = convert(source, str(tmp_path / "whole.mp4"), **options)
     output = tmp_path / "out.mp4"
     for number in (1, 2):
-        run = RunOptions(chunk=Part(number, 2))
-        convert(source, str(output), **options, run=run)
+        convert(source, str(output), **options, run=RunOptions(chunk=Part(number, 2)))
     assert join(str(output), [f"{output}.parts"]).lowest_match == lowest(whole)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
@@ -14,7 +13,6 @@ import pytest
 from truth import Clip, as_type, frozen, moving_object, noise, translation, waves
 from vector_truth import constant, save_object, save_translation, save_vectors
 
-from fpsboost.cli import app
 from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame_cache import FrameCache
@@ -26,8 +24,6 @@ from fpsboost.method_table import find_method, interpolate, vector_methods
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.scene_assisted import SceneAssisted
-
-pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")  # said only under pytest
 
 
 def made(
@@ -160,21 +156,14 @@ def test_times_that_are_no_output_frames_are_refused(tmp_path):
             made(synthesizer, image, image, span, [t])
     with pytest.raises(OptionError, match="need a whole factor"):
         Interpolator(ZeroMotion(), synthesizer).interpolate(image, image, [0.5])
-
-
-def test_depth_is_compared_at_output_frames_alone(tmp_path):
-    """With depth, both frames must be output frames."""
-    _, with_depth, _ = moving(tmp_path)
+    _, with_depth, _ = moving(tmp_path)  # depth is compared at output frames alone
     with pytest.raises(OptionError, match="need a whole factor"):
         made(SceneAssisted(with_depth), noise(40, 60), noise(40, 60), Fraction(5, 2), [0.4])
 
 
-def test_options_out_of_range(tmp_path):
-    """Tolerance, and vectors of another size."""
+def test_vectors_of_another_size_are_refused(tmp_path):
+    """With both sizes."""
     vectors = VectorFolder(save_translation(tmp_path, 4, (6, 8), 0, 0))
-    for tolerance in (-0.1, 1):
-        with pytest.raises(OptionError, match="depth_tolerance"):
-            SceneAssisted(vectors, tolerance)
     with pytest.raises(InputError, match="8x6 pixels, and the frames have 9x6"):
         made(SceneAssisted(vectors), noise(6, 9), noise(6, 9), 2, [0.5])
 
@@ -230,26 +219,12 @@ def test_folders_from_end_to_end(renders, method):
         np.testing.assert_array_equal(image[inner, inner], true_frame(number)[inner, inner])
 
 
-def run(monkeypatch, capsys, folder: Path, line: str) -> tuple[int, str]:
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr(sys, "argv", ["fpsboost", *line.split()])
-    code = 0
-    try:
-        app.main()
-    except SystemExit as stop:
-        code = int(stop.code or 0)
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert len(captured.err.splitlines()) == 1, captured.err
-    return code, captured.err
-
-
-def test_the_command_line(renders, monkeypatch, capsys):
+def test_the_command_line(renders, fpsboost_):
     """The same by options, with depth too."""
     for number in range(COUNT):
         write_exr(renders / "vectors" / f"Depth{number}.exr", {"Z": np.ones((HEIGHT, WIDTH), np.float32)})
     line = "in out --method reproject-scene --vectors vectors/v_####.exr --depth vectors/Depth#.exr"
-    assert run(monkeypatch, capsys, renders, line)[0] == 0
+    assert fpsboost_(*line.split()).code == 0
     image = read_image(renders / "out" / "shot_0004.png")
     np.testing.assert_array_equal(image[4:-4, 4:-4], true_frame(3)[4:-4, 4:-4])
 
@@ -266,23 +241,22 @@ def test_the_command_line(renders, monkeypatch, capsys):
         ("--method reproject-image --vectors vectors --factor 3", 1, "vectors has no vectors for output frame 9"),
     ],
 )
-def test_mistakes_are_one_sentence_and_nothing_is_written(renders, monkeypatch, capsys, line, code, words):
+def test_mistakes_are_one_sentence_and_nothing_is_written(renders, fpsboost_, line, code, words):
     """Exit code 2 for options, 1 for files."""
     before = sorted(renders.rglob("*"))
-    result = run(monkeypatch, capsys, renders, f"in out {line}")
-    assert result[0] == code
-    assert words in result[1]
-    assert re.fullmatch(r"fpsboost: .+\.\n", result[1])
+    result = fpsboost_("in", "out", *line.split())
+    assert (result.code, result.out) == (code, "")
+    assert words in result.err
+    assert re.fullmatch(r"fpsboost: .+\.\n", result.err)
     assert sorted(renders.rglob("*")) == before
 
 
 @pytest.mark.parametrize("number", [3, COUNT - 1])
-def test_missing_vectors_of_one_frame(renders, monkeypatch, capsys, number):
+def test_missing_vectors_of_one_frame(renders, fpsboost_, number):
     """A gap and a missing end: one sentence, exit code 1, nothing written."""
     (renders / "vectors" / f"v_{number:04d}.exr").unlink()
-    line = "in out --method reproject-image --vectors vectors"
-    code, message = run(monkeypatch, capsys, renders, line)
-    assert code == 1
-    assert ("v_0003.exr is missing" if number == 3 else "no vectors for output frame 6") in message
+    result = fpsboost_("in", "out", "--method", "reproject-image", "--vectors", "vectors")
+    assert result.code == 1
+    assert ("v_0003.exr is missing" if number == 3 else "no vectors for output frame 6") in result.err
     assert not (renders / "out").exists()
     assert not [path for path in renders.iterdir() if path.name.startswith(".")]

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from truth import eroded, moving_object, noise, prepared, translation
 
-from fpsboost.errors import OptionError
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.blend import Blend
@@ -66,10 +64,3 @@ def test_an_object_covers_what_it_comes_to():
     clip = moving_object(60, 80, box=(20, 20, 40, 44), dx=8, dy=4)
     image = one(Splat(), clip.image0, clip.image1, field(clip.flow01, clip.seen0), 0.5)
     np.testing.assert_array_equal(image[22:42, 24:48], clip.at(0.5)[22:42, 24:48])
-
-
-@pytest.mark.parametrize("value", [-0.1, 1.1, float("nan")])
-def test_similarities_that_nothing_can_have_are_refused(value):
-    """When the object is made."""
-    with pytest.raises(OptionError, match="least_similarity"):
-        Splat(value)

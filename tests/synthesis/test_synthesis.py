@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from fpsboost.synthesis import FramePair, Synthesizer
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
 from fpsboost.synthesis.reproject import Reproject
+from fpsboost.synthesis.scene_assisted import SceneAssisted
 from fpsboost.synthesis.warp import Splat, Warp
 
 synthesizers: dict[str, Synthesizer] = {
@@ -28,11 +30,8 @@ synthesizers: dict[str, Synthesizer] = {
     "nearest": Nearest(),
 }
 every_synthesizer = pytest.mark.parametrize("synthesizer", synthesizers.values(), ids=synthesizers.keys())
-along_motion = pytest.mark.parametrize(
-    "synthesizer",
-    [synthesizers[name] for name in ("fuse", "fuse-apart", "iterative", "brute-force", "paint")],
-    ids=["fuse", "fuse-apart", "iterative", "brute-force", "paint"],
-)
+moving = "fuse", "fuse-apart", "iterative", "brute-force", "paint"
+along_motion = pytest.mark.parametrize("synthesizer", [synthesizers[name] for name in moving], ids=moving)
 TIMES = (0.25, 0.5, 0.75)
 
 
@@ -131,9 +130,8 @@ def test_fusing_finds_the_right_motion_among_wrong_ones():
         for field in true_fields(clip)
     )
     inner = eroded(np.ones((60, 72), bool), 8)
-    for t, image in zip(
-        TIMES, MultiHypothesis().synthesize(FramePair(*clip.prepared, field01, field10), TIMES), strict=True
-    ):
+    images = MultiHypothesis().synthesize(FramePair(*clip.prepared, field01, field10), TIMES)
+    for t, image in zip(TIMES, images, strict=True):
         assert np.abs(image.astype(float) - clip.at(t))[inner].mean() < 0.7
 
 
@@ -166,22 +164,23 @@ def test_confidence_is_high_but_where_nothing_fits():
 
 
 @pytest.mark.parametrize(
-    ("option", "value"),
+    ("kind", "option", "values"),
     [
-        ("step", 0),
-        *(("node_spacing", value) for value in (0, 12, 18, 22, 32)),
-        ("support_radius", 15.9),
-        ("merge_distance", -0.1),
-        ("max_candidates", 0),
-        ("min_weight", 1),
-        ("bandwidth", 0),
-        ("bandwidth", float("nan")),
+        (MultiHypothesis, "step", [0]),
+        (MultiHypothesis, "node_spacing", [0, 12, 18, 22, 32]),
+        (MultiHypothesis, "merge_distance", [-0.1]),
+        (MultiHypothesis, "max_candidates", [0]),
+        (MultiHypothesis, "min_weight", [1]),
+        (MultiHypothesis, "bandwidth", [0, float("nan")]),
+        (Splat, "least_similarity", [-0.1, 1.1, float("nan")]),
+        (partial(SceneAssisted, None), "depth_tolerance", [-0.1, 1]),
     ],
 )
-def test_options_of_fusing_out_of_range_are_refused(option, value):
+def test_options_out_of_range_are_refused(kind, option, values):
     """By their name."""
-    with pytest.raises(OptionError, match=option):
-        MultiHypothesis(**{option: value})
+    for value in values:
+        with pytest.raises(OptionError, match=rf"^{option} must be"):
+            kind(**{option: value})
 
 
 @pytest.mark.parametrize("spacing", [16, 20, 24, 28])
