@@ -22,7 +22,7 @@ from fpsboost.evaluation.further_metrics import metrics as further_metrics
 from fpsboost.evaluation.hidden_frames import Hiding, Interval
 from fpsboost.evaluation.metrics import low_percentile, mean, means, score
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Image, as_array
+from fpsboost.image import Image, view
 from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.io.images.files import IMAGE_SUFFIXES
 from fpsboost.io.opening import open_source
@@ -158,7 +158,7 @@ class KeepingConfidence:
         for image, confidence in _with_confidence(self.inner, frame_pair, times):
             if position is not None:  # not the noise for which kernels are compiled
                 self.kept[position.number] = confidence
-            yield as_array(image)
+            yield view(image).array()
 
 
 def _with_confidence(

@@ -47,7 +47,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from fpsboost.image import Image, Pixels, as_array, view
+from fpsboost.image import Image, Pixels, view
 from fpsboost.layered import FrameImage
 
 
@@ -106,8 +106,8 @@ class Frame:
 
     @property
     def array(self) -> Image:
-        """The image, which must be an array; see `as_array`."""
-        return as_array(self.image)
+        """The image, which must be an array; `InputError` if it is a `YCbCrImage`."""
+        return view(self.image).array()
 
 
 @dataclass(frozen=True, slots=True)

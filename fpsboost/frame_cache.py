@@ -8,7 +8,7 @@ from functools import cached_property
 from threading import Lock
 from typing import Any, NamedTuple, TypeVar
 
-from fpsboost.image import Image, Pixels, as_array, view
+from fpsboost.image import Image, Pixels, view
 from fpsboost.layered import FrameImage
 
 Result = TypeVar("Result")
@@ -121,8 +121,8 @@ class FrameCache:
 
     @property
     def array(self) -> Image:
-        """The pixels, which must be an array; see `fpsboost.image.as_array`."""
-        return as_array(self.pixels)
+        """The pixels, which must be an array; see `ImageView.array`."""
+        return view(self.pixels).array()
 
     def cached(self, function: Callable[..., Result], *arguments: Hashable) -> Result:
         """Return ``function(pixels, *arguments)``, computed when it is first asked for."""

@@ -355,16 +355,6 @@ def view(image: Image | ImageView) -> ImageView:
     return ImageView(image) if isinstance(image, np.ndarray) else image  # the one place that tells arrays apart
 
 
-def describe(image: Image | ImageView) -> str:
-    """Return an image's size and type as readable text: ``640x360, 3 channels, 8-bit``."""
-    return view(image).describe()
-
-
-def as_array(image: Image | ImageView) -> Image:
-    """Return the picture of an image for functions that cannot work on planes; see `ImageView.array`."""
-    return view(image).array()
-
-
 def check_pair(image0: Image | ImageView, image1: Image | ImageView) -> None:
     """Raise `InputError` unless both are valid images of one size and type."""
     for image in (image0, image1):
@@ -375,8 +365,8 @@ def check_pair(image0: Image | ImageView, image1: Image | ImageView) -> None:
     kinds = [(image.shape, image.dtype, view(image).coding) for image in (image0, image1)]
     if kinds[0] != kinds[1]:
         raise InputError(
-            f"Two frames of one clip must be alike, but one is {describe(image0)} and the other {describe(image1)}; "
-            "make them one size and type first."
+            f"Two frames of one clip must be alike, but one is {view(image0).describe()} and the other "
+            f"{view(image1).describe()}; make them one size and type first."
         )
 
 

@@ -22,7 +22,7 @@ from fpsboost.analysis.overlay import find_overlay, keep_overlay
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
 from fpsboost.errors import OptionError, SceneCutWarning, check_choice
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import SAMPLE_BITS, Image, as_array, view
+from fpsboost.image import SAMPLE_BITS, Image, view
 from fpsboost.kernels.compiling import compiled_aside, uncollected
 from fpsboost.layered import FrameImage
 from fpsboost.motion import MotionEstimator
@@ -170,7 +170,7 @@ class Interpolator:
         interpolator = replace(self, cuts=cuts)
         pair = interpolator.pair(FrameCache(image0), FrameCache(image1))
         images, scene_cut = interpolator.between(pair, times)
-        arrays = [as_array(image) for image in images]
+        arrays = [view(image).array() for image in images]
         if scene_cut and any(0 < t < 1 for t in times):
             warnings.warn(CUT_WARNINGS[self.at_cuts], SceneCutWarning, stacklevel=2)
         return arrays
@@ -385,7 +385,7 @@ def _with_illumination(
     dtype: np.dtype[Any],
 ) -> Iterator[Interpolated]:
     for (image, confidence), t in zip(images, times, strict=True):
-        yield illumination.apply(as_array(image), t, dtype), confidence
+        yield illumination.apply(view(image).array(), t, dtype), confidence
 
 
 def _with_grain(images: Iterator[Interpolated], times: Sequence[float], pair: Pair) -> Iterator[Interpolated]:

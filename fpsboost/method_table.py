@@ -15,7 +15,7 @@ import numpy as np
 from fpsboost.analysis.scene_cuts import CutPolicy
 from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Image, as_array
+from fpsboost.image import Image, view
 from fpsboost.interpolator import Interpolator
 from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.codec import CodecMotion
@@ -261,7 +261,7 @@ def interpolate_with_confidence(
     image0, image1 = (FrameCache(image) for image in _with_channels(frame0, frame1))
     interpolator = replace(interpolator, cuts=None)
     (interpolated,) = interpolator.between_with_confidence(interpolator.pair(image0, image1), [t]).images
-    return InterpolatedImage(as_array(interpolated.image).reshape(frame0.shape), interpolated.confidence)
+    return InterpolatedImage(view(interpolated.image).array().reshape(frame0.shape), interpolated.confidence)
 
 
 def _with_channels(frame0: Image, frame1: Image) -> tuple[Image, Image]:

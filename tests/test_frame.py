@@ -7,7 +7,7 @@ import pytest
 from truth import noise
 
 from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError
-from fpsboost.image import check_pair, describe
+from fpsboost.image import check_pair, view
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
@@ -49,8 +49,8 @@ def test_frames_must_be_alike(other):
 
 def test_images_are_described_as_people_do():
     """Width first, one channel in the singular."""
-    assert describe(np.zeros((360, 640, 3), np.uint8)) == "640x360, 3 channels, 8-bit"
-    assert describe(np.zeros((2, 3, 1), np.float32)) == "3x2, 1 channel, float"
+    assert view(np.zeros((360, 640, 3), np.uint8)).describe() == "640x360, 3 channels, 8-bit"
+    assert view(np.zeros((2, 3, 1), np.float32)).describe() == "3x2, 1 channel, float"
 
 
 def test_errors_form_one_tree():

@@ -16,7 +16,7 @@ from fpsboost.analysis.duplicates import DuplicateDetector, brightness
 from fpsboost.colour import Coding
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import YCbCrImage, as_array, check_pair
+from fpsboost.image import YCbCrImage, check_pair, view
 from fpsboost.interpolator import with_neighbours
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import PLANAR_FORMATS, bgr_of, from_bgr, in_planes, picture_of
@@ -205,7 +205,7 @@ def test_light_that_changes_is_followed_by_way_of_bgr():
     assert pair.illumination is not None
     (made,) = methods["nlm"].between(pair, [0.5]).images
     (expected,) = methods["nlm"].between(pair_of("nlm", *map(bgr_of, frames)), [0.5]).images
-    assert np.abs(as_array(made).astype(int) - expected).mean() < 2
+    assert np.abs(view(made).array().astype(int) - expected).mean() < 2
 
 
 def test_pictures_of_different_coding_are_refused():

@@ -28,7 +28,7 @@ from fpsboost.evaluation.metrics import absolute_error, score
 from fpsboost.evaluation.regions import AREAS, Regions, find_regions
 from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import describe
+from fpsboost.image import view
 from fpsboost.interpolator import with_neighbours
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import methods
@@ -245,7 +245,7 @@ def _passing(
             observer.advance()
         passed.append(
             _Passed(
-                describe(interval.shown0.array),
+                view(interval.shown0.array).describe(),
                 interval.number,
                 interval.last,
                 [each.number for each in interval.hidden],

@@ -24,7 +24,7 @@ from fpsboost.colour import normalised
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation.hidden_frames import Hidden, Interval
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Image, as_array
+from fpsboost.image import Image, view
 from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.method_table import methods, vector_methods
 from fpsboost.pair import Pair
@@ -97,7 +97,7 @@ class InterpolatorContestant:
         begin, begin_cpu = time.perf_counter(), time.process_time()
         images = self.interpolator.between(pair, [hidden.t for hidden in chosen], before, after).images
         for hidden in chosen:
-            image = as_array(next(images))
+            image = view(next(images)).array()
             seconds, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
             yield InterpolatedFrame(hidden.number, image, seconds, cpu, pair.search_radius)
             begin, begin_cpu = time.perf_counter(), time.process_time()

@@ -42,7 +42,7 @@ from fpsboost import (
 )
 from fpsboost.colour import luma_weights
 from fpsboost.frame_cache import FrameCache, Results, SourcePosition
-from fpsboost.image import Image, as_array, view
+from fpsboost.image import Image, view
 from fpsboost.io.video.ycc import PLANAR_FORMATS, assumed_color_space, bgr_of, from_bgr, in_planes
 from fpsboost.kernels.compiling import told_of_compiling
 from fpsboost.layered import FrameImage
@@ -202,7 +202,7 @@ class _Rgb:
 
     def planes(self, image: FrameImage, like: vs.VideoFrame) -> Sequence[NDArray[Any]]:
         """Return the planes that an image has in a frame of the host, coded like another frame."""
-        values = as_array(image)
+        values = view(image).array()
         values = values if self.bits in (8, 16, 32) else _scaled(values, 65535, (1 << self.bits) - 1)
         return [values[..., channel] for channel in (2, 1, 0)]
 
@@ -227,7 +227,7 @@ class _Ycc:
             return view(image).arrays()
         coding = self._coding(like)
         numbers = coding.pixel_format, coding.color_space, coding.full_range
-        return in_planes(from_bgr(as_array(image), *numbers, chroma_location=coding.chroma_location), coding).planes
+        return in_planes(from_bgr(view(image).array(), *numbers, chroma_location=coding.chroma_location), coding).planes
 
     def _coding(self, frame: vs.VideoFrame) -> Coding:
         """Return what the code values of a frame mean."""

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from fpsboost.colour import normalised
 from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Pixels, as_array, check_pair, view
+from fpsboost.image import Pixels, check_pair, view
 from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, search_level
 from fpsboost.kernels.planes import PlanePair
 from fpsboost.kernels.refine import refine_bidirectional
@@ -252,7 +252,7 @@ def _upsample_points(flow: NDArray[Any], pair: PlanePair) -> NDArray[Any]:
 def pyramid(image: Pixels, coarsest_side: int) -> list[FrameCache]:
     """Return the image and its halved copies, with a longer side of at least `coarsest_side`; at most five levels."""
     if image.dtype == np.float32:  # NaN and infinity would spread
-        image = normalised(as_array(image))
+        image = normalised(view(image).array())
     levels = [image]
     while len(levels) < 5 and max(levels[-1].shape[:2]) >= 2 * coarsest_side:
         levels.append(halved(levels[-1]))

@@ -23,7 +23,7 @@ import numpy as np
 
 from fpsboost import InputError, Interpolator, MemoryLimit, OptionError
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Image, as_array
+from fpsboost.image import Image, view
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.images.source import ImageSource
@@ -189,7 +189,7 @@ class _Trials:
         largest = 0.0
         pair = self.interpolator.pair(image0, image1, last - first)
         for index, made in zip(inner, self.interpolator.between(pair, times).images, strict=True):
-            largest = max(largest, float(squared_error(as_array(made), self._read(index)).mean()))
+            largest = max(largest, float(squared_error(view(made).array(), self._read(index)).mean()))
             if largest > self.bound:
                 break
         return largest
@@ -200,7 +200,7 @@ class _Trials:
         images, scene_cut = self.interpolator.between(self.interpolator.pair(image0, image1), [0.5])
         if scene_cut:
             return math.nan
-        return float(squared_error(as_array(next(images)), self._read(index)).mean())
+        return float(squared_error(view(next(images)).array(), self._read(index)).mean())
 
     def _read(self, index: int) -> Image:
         return comparable(read_image(self.images.files[index]))

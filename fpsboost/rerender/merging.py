@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from fpsboost import InputError, Layer, LayeredImage, MemoryLimit, OptionError, OutputError
 from fpsboost.colour import has_alpha
 from fpsboost.errors import explained
-from fpsboost.image import Image, as_array, describe, view
+from fpsboost.image import Image, view
 from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.exr import read_exr_header
 from fpsboost.io.images.files import IMAGE_SUFFIXES, content_of, extension_of, read_image, storage_of
@@ -201,7 +201,7 @@ class _Merger:
         mask = frame.mask(self.plan.height, self.plan.width)
         weights = seam_weights(mask, self.feather)
         picture = self._rendered_regions(path, made, frame, rendered, passes)
-        mixed = mix(as_array(made), as_array(picture), weights)
+        mixed = mix(view(made).array(), view(picture).array(), weights)
         if isinstance(made, LayeredImage) and isinstance(picture, LayeredImage):  # their layers are mixed, each by kind
             layers = (_mix_layer(*pair, weights, mask) for pair in zip(made.layers, picture.layers, strict=True))
             return encode_like(read_exr_header(path), LayeredImage(mixed, tuple(layers)))
@@ -257,7 +257,8 @@ def _part(path: Path, image: FrameImage, region: Rectangle, made_path: Path, mad
 def _check_alike(path: Path, image: FrameImage, made_path: Path, made: FrameImage) -> None:
     if (image.shape, image.dtype) != (made.shape, made.dtype):
         raise InputError(
-            f"{path} ({describe(image)}) is unlike {made_path} ({describe(made)}); render regions as the frames were."
+            f"{path} ({view(image).describe()}) is unlike {made_path} ({view(made).describe()}); "
+            "render regions as the frames were."
         )
 
 

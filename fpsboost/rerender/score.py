@@ -21,7 +21,7 @@ from scipy.optimize import isotonic_regression
 from fpsboost import Frame, Interpolator
 from fpsboost.colour import compared_colours, has_alpha, normalised
 from fpsboost.frame_cache import FrameCache, SourcePosition
-from fpsboost.image import Image, as_array
+from fpsboost.image import Image, view
 from fpsboost.interpolator import with_neighbours
 from fpsboost.pair import Pair
 from fpsboost.rerender.regions import TileGrid
@@ -196,7 +196,7 @@ def _try(
         apart = grid.means(squared_error(pair.image0.array, pair.image1.array)) / 2
         return Trial(scene_cut=True, doubts=[apart] * len(times), error=None)
     made = list(images)
-    error = None if trio.truth is None else grid.means(squared_error(as_array(made[0].image), trio.truth))
+    error = None if trio.truth is None else grid.means(squared_error(view(made[0].image).array(), trio.truth))
     return Trial(scene_cut, [grid.means(1 - each.confidence) for each in made], error)
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha, normalised, premultiplied
 from fpsboost.errors import OptionError
-from fpsboost.image import Image, Pixels, as_array, as_image, colour_unseen, rounding_offset, view
+from fpsboost.image import Image, Pixels, as_image, colour_unseen, rounding_offset, view
 from fpsboost.kernels.candidates import (
     VALUES_PER_MOTION,
     Candidates,
@@ -166,7 +166,7 @@ class MultiHypothesis:
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
         """Generate one image for every time; see `fpsboost.synthesis.Synthesizer.synthesize`."""
         if self.vectors is not None:
-            yield from (as_array(output.image) for output in self.fuse(frame_pair, times))
+            yield from (view(output.image).array() for output in self.fuse(frame_pair, times))
             return
         nobody_asks = np.empty((0, 0), np.float32)
         for candidates, t in self._listed(frame_pair, times):
@@ -185,7 +185,7 @@ class MultiHypothesis:
         """Mix the image with the one along the renderer's motion, each weighted by the agreement of the frames."""
         image0, image1 = frame_pair.image0, frame_pair.image1
         surfaces = self._find_surfaces(output.confidence, frame_pair, t, vectors)
-        colours = premultiplied(as_array(output.image))
+        colours = premultiplied(view(output.image).array())
         along = (surfaces.mixed * view(image0.pixels).white).clip(*_value_range(frame_pair))
         colours += surfaces.share[..., np.newaxis] * (along.transpose(1, 2, 0) - colours)
         return InterpolatedImage(as_image(colours, image0.array, image1.array, t), surfaces.confidence)
@@ -307,7 +307,7 @@ class MultiHypothesis:
             Blended(pixels, chroma, confidence),
         )
         if straight_alpha:
-            colour_unseen(as_array(output), as_array(image0), as_array(image1), t)
+            colour_unseen(view(output).array(), view(image0).array(), view(image1).array(), t)
         return output
 
     def _candidates(self, votes_of_both: tuple[Votes, Votes], size: tuple[int, int], t: float) -> Candidates:

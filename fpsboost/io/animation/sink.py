@@ -15,7 +15,7 @@ import numpy as np
 
 from fpsboost.errors import OutputError, explained
 from fpsboost.frame import Frame
-from fpsboost.image import Image, describe
+from fpsboost.image import Image, view
 from fpsboost.io.animation.writers import AnimationWriter, types
 from fpsboost.io.new_output import check_writable
 from fpsboost.io.output import Output
@@ -101,7 +101,7 @@ class AnimationSink:
         if frame.array.shape[:2] != (self._info.height, self._info.width):
             raise OutputError(
                 f"{self._name} is {self._info.width}x{self._info.height} and cannot take a frame of "
-                f"{describe(frame.array)}; make all frames one size first."
+                f"{view(frame.array).describe()}; make all frames one size first."
             )
         image = self._storable(frame.array)
         if self._begin is None:

@@ -18,7 +18,7 @@ import av.filter
 import numpy as np
 
 from fpsboost.errors import OutputError
-from fpsboost.image import Image, describe
+from fpsboost.image import Image, view
 from fpsboost.io.animation.source import MAX_DELAY_TERM, PNG_SIGNATURE, SHORTEST_GIF_DELAY, WEBP_ANIMATED
 
 OPAQUE = 128
@@ -66,7 +66,7 @@ class AnimationWriter:
         """Write the next frame, shown for a number of ticks."""
         self._shape = self._shape or image.shape
         if image.shape != self._shape:
-            raise OutputError(f"One frame is {describe(image)}, unlike the first; make all frames alike.")
+            raise OutputError(f"One frame is {view(image).describe()}, unlike the first; make all frames alike.")
         picture = self.picture(image)
         if self._stream is None:
             self._stream = self._open_stream(picture)

@@ -19,7 +19,7 @@ import numpy as np
 
 from fpsboost.errors import OutputError
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.image import Image, describe, type_names
+from fpsboost.image import Image, type_names, view
 from fpsboost.io.images.exr import ExrHeader, encode_exr, read_exr_header
 from fpsboost.io.images.files import content_of, extension_of, keeps_alpha, storage_of, types_kept
 from fpsboost.io.images.layers import contents_of, encode_like, losses_like
@@ -101,7 +101,7 @@ def encode_image(path: Path, image: Image, *, half: bool = True, metadata: Image
             return _encode_by_pillow(extension, image, metadata)
         return _encode_by_openimageio(extension, image, metadata)
     except (cv2.error, LookupError, OSError, ValueError) as error:
-        raise OutputError(f"{path} cannot be encoded ({describe(image)}); try .png or .tif.") from error
+        raise OutputError(f"{path} cannot be encoded ({view(image).describe()}); try .png or .tif.") from error
 
 
 def _encode_by_pillow(extension: str, image: Image, metadata: ImageMetadata) -> bytes:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import InputError
-from fpsboost.image import Image, as_array
+from fpsboost.image import Image, view
 from fpsboost.io.images.exr import ExrHeader, Precision, encode_exr_like, read_channels, read_exr_header
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.layered import FrameImage, Layer, LayeredImage, LayerKind
@@ -346,7 +346,7 @@ def encode_like(header: ExrHeader, image: FrameImage) -> bytes:
         Of a file with such a picture and at least these layers.
     image : (H, W, C) float32, or LayeredImage
     """
-    colour = as_array(image)
+    colour = view(image).array()
     channels = contents_of(header).picture
     places = (0, 3) if len(channels) == 2 else range(len(channels))
     planes: dict[str, NDArray[Any]] = {name: colour[..., i] for name, i in zip(channels, places, strict=True)}

@@ -20,7 +20,7 @@ from fpsboost.colour import displayed_colours
 from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
-from fpsboost.image import Image, describe
+from fpsboost.image import Image, view
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.images.encoder import ImageFile
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, read_image, storage_of
@@ -205,7 +205,7 @@ class ImageSource(ClosesOnExit):
                 continue
             if image.shape != first.shape or image.dtype != first.dtype:
                 raise InputError(
-                    f"{path} ({describe(image)}) is unlike {self.images.files[0]} ({describe(first)}); "
+                    f"{path} ({view(image).describe()}) is unlike {self.images.files[0]} ({view(first).describe()}); "
                     "make all images one size and type."
                 )
             original = None if self._reading.upright else ImageFile(path)

@@ -22,7 +22,7 @@ from av.packet import PacketSideData, PktSideDataT
 
 from fpsboost.errors import OutputError
 from fpsboost.frame import Frame
-from fpsboost.image import Image, describe
+from fpsboost.image import Image, view
 from fpsboost.io.output import Output
 from fpsboost.io.staging import rename_safely
 from fpsboost.io.video.encoder import VideoEncoder
@@ -259,8 +259,8 @@ class VideoChunks:
         info = self._output.info
         if frame.image.shape[:2] != (info.height, info.width):
             raise OutputError(
-                f"{self._name} is {info.width}x{info.height} and cannot take a frame of {describe(frame.image)}; make "
-                "all frames one size first."
+                f"{self._name} is {info.width}x{info.height} and cannot take a frame of "
+                f"{view(frame.image).describe()}; make all frames one size first."
             )
 
     def write(self, frame: Frame) -> None:

@@ -25,7 +25,7 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.image import Pixels, describe
+from fpsboost.image import Pixels, view
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import Output, StreamInfo
@@ -289,7 +289,7 @@ class PipeSink:
         if frame.image.shape[:2] != (self._info.height, self._info.width):
             raise OutputError(
                 f"{OUTPUT_NAME} is {self._info.width}x{self._info.height} and cannot take a frame of "
-                f"{describe(frame.image)}; make all frames one size first."
+                f"{view(frame.image).describe()}; make all frames one size first."
             )
         if not self._header:
             self._header = self._choose_header(frame.pixels)
