@@ -14,7 +14,7 @@ from fpsboost.io.images.layers import ALL, BEAUTY
 from fpsboost.io.images.source import ImageReading, ImageSource, is_pattern
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.video.capture import CaptureSource
-from fpsboost.io.video.decode_options import DecodeOptions, View
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.pipe import PipeSource
 from fpsboost.io.video.source import VideoSource
 
@@ -82,16 +82,16 @@ def open_source(
                 raise OptionError(
                     f"{path} holds images, which have no frame rate; say it with `input_fps`, for example 24."
                 )
-            rate = ASSUMED_IMAGE_RATE if input_fps is None else input_fps
+            _check_light_and_layers(path, decoding, requirements)
             reading = ImageReading(
                 upright=requirements.upright,
                 fill_gaps=fill_gaps,
                 in_place=in_place,
-                passes=_passes(path, decoding, requirements),
+                passes=decoding.passes or (ALL if requirements.layers else BEAUTY),
                 linear=requirements.linear,
-                view=_view(path, decoding, requirements),
+                view=decoding.view,
             )
-            return ImageSource(path, rate, reading, limit=limit)
+            return ImageSource(path, input_fps or ASSUMED_IMAGE_RATE, reading, limit=limit)
         if decoding.decoder == "opencv":
             _check_has_own_rate(input_fps, path)
             if decoding.given != ["`decoder`"]:
@@ -100,21 +100,15 @@ def open_source(
         return _open_file(path, input_fps, requirements, decoding, limit)
 
 
-def _passes(path: str, decoding: DecodeOptions, requirements: TargetRequirements) -> str:
-    """Return which layers are read beside the picture."""
+def _check_light_and_layers(path: str, decoding: DecodeOptions, requirements: TargetRequirements) -> None:
+    """Raise OptionError if `passes` or `view` is given where the output cannot hold layers, or holds their light."""
     if not requirements.layers and decoding.passes not in (None, BEAUTY):
         raise OptionError(
             f"`passes` makes layers of OpenEXR images, which the output of {path} cannot hold; name a folder or a "
             "pattern such as shot_####.exr, or leave it out."
         )
-    return decoding.passes or (ALL if requirements.layers else BEAUTY)
-
-
-def _view(path: str, decoding: DecodeOptions, requirements: TargetRequirements) -> View:
-    """Return the view transform of OpenEXR images."""
     if decoding.view != "none" and requirements.layers:
         raise OptionError(f"`view` is for videos and animations, and the images made of {path} keep their light.")
-    return decoding.view
 
 
 def stands_for_images(path: str) -> bool:

@@ -58,11 +58,6 @@ class StagingDirectory:
         self._lock: BufferedRandom | None = None
 
     @property
-    def can_be_resumed(self) -> bool:
-        """Whether this run holds the folder, and a later one can tell that it is of the same job."""
-        return self._lock is not None and self._job is not None
-
-    @property
     def is_pending(self) -> bool:
         """Whether an earlier run has left an unfinished output that another could resume."""
         is_published = (self.folder / COMPLETE).exists() and not self.staged.exists()
@@ -109,10 +104,11 @@ class StagingDirectory:
         `stays` in any case: its correction makes another job.
         """
         is_cut_short = error is not None and not isinstance(error, InputError | OptionError)
-        keep = is_cut_short and frames > 0 and self.can_be_resumed
+        keep = is_cut_short and frames > 0 and self._lock is not None and self._job is not None
         self.close(keep=keep or stays)
         if keep and error is not None:
-            error.add_note(note_on_resuming(frames, expected))
+            of_all = "" if expected is None else f" of {expected}"
+            error.add_note(f"{frames}{of_all} frames are finished, and `resume` goes on from there.")
 
     def remove_leftovers(self) -> None:
         """Remove what a run has left that was killed after it had published its output; another run's stays."""
@@ -221,12 +217,6 @@ def discard_unfinished(output: str) -> None:
 def complete_already(name: str) -> str:
     """Return the message for a run to be resumed whose output exists and has no unfinished part."""
     return f"{name} exists already and no run of it is unfinished, so it was left as it is."
-
-
-def note_on_resuming(frames: int, expected: int | None) -> str:
-    """Return the note for an interrupted run: how much is finished, and how to resume."""
-    of_all = "" if expected is None else f" of {expected}"
-    return f"{frames}{of_all} frames are finished, and `resume` goes on from there."
 
 
 def write_safely(path: Path, data: bytes) -> None:

@@ -73,10 +73,7 @@ class Sliceable(Protocol):
 def trim_source(
     source: FrameSource, trim: Trim, *, may_skip: bool = True, stretch: Fraction = Fraction(1)
 ) -> tuple[FrameSource, Window | None]:
-    """Return a part of a clip, and the window on the clip's clock; None if the other streams of the clip are whole.
-
-    See `TrimmedSource` for the parameters. Of a `Sliceable` source, no other frames are read.
-    """
+    """Return a part of a clip, and the window on the clip's clock; None if the other streams of the clip are whole."""
     if trim.is_whole and stretch == 1:
         return source, None
     if isinstance(source, Sliceable):
@@ -157,7 +154,6 @@ class TrimmedSource(ClosesOnExit):
         self._source.close()
 
     def frame_times(self) -> Sequence[Fraction] | None:
-        """See `fpsboost.io.RandomAccess.frame_times`; None, too, for a source that knows no times of frames."""
         times = self._source.frame_times() if isinstance(self._source, RandomAccess) else None
         if times is None:
             return None
@@ -167,16 +163,14 @@ class TrimmedSource(ClosesOnExit):
 
     @property
     def frame_index(self) -> FrameIndex | None:
-        """See `fpsboost.io.SharesIndex.frame_index`."""
         return self._source.frame_index if isinstance(self._source, SharesIndex) else None
 
     def take_index(self, index: FrameIndex) -> None:
-        """See `fpsboost.io.SharesIndex.take_index`."""
         if isinstance(self._source, SharesIndex):
             self._source.take_index(index)
 
     def begin_at(self, number: int) -> None:
-        """See `fpsboost.io.RandomAccess.begin_at`; fills `window` as far as the times of frames tell it."""
+        """Begin reading at a frame, and fill `window` as far as the times of frames tell it."""
         times = self._source.frame_times() if isinstance(self._source, RandomAccess) else None
         if times is None or not isinstance(self._source, RandomAccess):
             self._dropped = number

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from fpsboost.analysis.scene_cuts import counts_frames
-from fpsboost.contracts import FrameSource, OutputRange, Summary
+from fpsboost.contracts import OutputRange, Summary
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
 from fpsboost.io import RandomAccess, SharesIndex
@@ -94,7 +94,9 @@ def plan_part(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Prep
     def read_from(number: int) -> Iterator[Iterator[Frame]]:
         with opened_clip(job, run) as again:
             assert isinstance(again.source, RandomAccess)
-            hand_over_index(source, again.source)
+            index = source.frame_index if isinstance(source, SharesIndex) else None
+            if index is not None and isinstance(again.source, SharesIndex):
+                again.source.take_index(index)
             again.source.begin_at(number)
             yield iter(again.source)
 
@@ -159,12 +161,6 @@ def share_index(clip: OpenedClip, folder: Path) -> None:
     source = clip.source
     if isinstance(source, SharesIndex) and source.frame_index is not None:
         write_index(folder, input_identity(clip), source.frame_index)
-
-
-def hand_over_index(source: FrameSource, other: FrameSource) -> None:
-    """Give the list of frames of a source to another one of the same file."""
-    if isinstance(source, SharesIndex) and isinstance(other, SharesIndex) and source.frame_index is not None:
-        other.take_index(source.frame_index)
 
 
 def count_outputs(

@@ -76,7 +76,6 @@ class AnimationSink:
 
     @property
     def remarks(self) -> list[str]:
-        """What the file cannot hold, and what players do with it."""
         remarks = list(self._losses)
         if self._latest >= self._type.shortest:
             remarks.append(

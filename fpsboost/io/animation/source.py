@@ -126,12 +126,10 @@ class AnimationSource(ClosesOnExit):
 
     @property
     def stream_info(self) -> StreamInfo:
-        """See `fpsboost.io.DescribedSource.stream_info`."""
         return StreamInfo(plays=self.plays, files=[self.path])
 
     @property
     def remarks(self) -> list[str]:
-        """Remarks on alpha that was composited over white, and on damage."""
         return list(self._remarks)
 
     def __iter__(self) -> Iterator[Frame]:

@@ -48,21 +48,17 @@ class SideSink:
 
     @property
     def remarks(self) -> list[str]:
-        """See `fpsboost.contracts.FrameSink.remarks`."""
         return [*self._sink.remarks, *(remark for writer in self._writers for remark in writer.remarks)]
 
     @property
     def details(self) -> str:
-        """How the other sink writes its target."""
         return getattr(self._sink, "details", "")
 
     def cancel(self) -> None:
-        """See `fpsboost.contracts.Cancellable.cancel`."""
         if isinstance(self._sink, Cancellable):
             self._sink.cancel()
 
     def write(self, frame: Frame) -> None:
-        """Write the next frame, and what is known of it."""
         for writer in self._writers:
             writer.write(frame)
         if self._watcher is not None:
@@ -86,7 +82,9 @@ class SideSink:
                 opened.callback(writer.files.close)
             try:
                 if kind is None:
-                    self._finish()
+                    for writer in self._writers:
+                        writer.finish()
+                        writer.files.check()  # once more: the output gets its name next
             except BaseException as failure:
                 self._sink.__exit__(type(failure), failure, failure.__traceback__)
                 raise
@@ -94,12 +92,6 @@ class SideSink:
             if kind is None:
                 for writer in self._writers:
                     writer.files.publish()
-
-    def _finish(self) -> None:
-        """Write what is left, and look once more for files in the way: the output gets its name next."""
-        for writer in self._writers:
-            writer.finish()
-            writer.files.check()
 
 
 def with_side_outputs(
@@ -148,7 +140,6 @@ class SideWriter:
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences about what was not written."""
         return self.files.remarks
 
     def write(self, frame: Frame) -> None:
