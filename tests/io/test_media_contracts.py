@@ -34,46 +34,28 @@ def scenes() -> list[np.ndarray]:
     return [scene(index) for index in range(COUNT)]
 
 
-# How to make a clip of each kind in a folder: the path to open, and the type of its pixels.
-sources: dict[str, Callable[..., tuple[Path, type]]] = {
-    "mp4": lambda folder, _: (write_clip(folder / "in.mp4", times=range(COUNT)), np.uint8),
-    "mov": lambda folder, _: (write_clip(folder / "in.mov", times=range(COUNT), sound="aac"), np.uint8),
-    "mkv": lambda folder, _: (
-        write_clip(folder / "in.mkv", times=range(COUNT), time_base=Fraction(1001, 24000)),
-        np.uint8,
-    ),
-    "webm": lambda folder, _: (
-        write_clip(folder / "in.webm", times=range(COUNT), codec="libvpx-vp9", options=GOOD_VP9),
-        np.uint8,
-    ),
-    "uneven": lambda folder, _: (
-        write_clip(folder / "in.mp4", times=UNEVEN, end=20, time_base=Fraction(1, 100)),
-        np.uint8,
-    ),
-    "10-bit": lambda folder, _: (
-        write_clip(folder / "in.mp4", times=range(COUNT), pixel_format="yuv420p10le"),
-        np.uint16,
-    ),
-    "late": lambda folder, _: (write_clip(folder / "in.mp4", times=range(50, 50 + COUNT)), np.uint8),
-    "png folder": lambda folder, save: (save(folder, count=COUNT) and folder, np.uint8),
-    "jpg pattern": lambda folder, save: (
-        save(folder, "take{}.jpg", count=COUNT) and folder / "take%d.jpg",
-        np.uint8,
-    ),
+# How to make a clip of each kind in a folder, whose path is returned.
+sources: dict[str, Callable[..., Path]] = {
+    "mp4": lambda folder, _: write_clip(folder / "in.mp4", times=range(COUNT)),
+    "mov": lambda folder, _: write_clip(folder / "in.mov", times=range(COUNT), sound="aac"),
+    "mkv": lambda folder, _: write_clip(folder / "in.mkv", times=range(COUNT), time_base=Fraction(1001, 24000)),
+    "webm": lambda folder, _: write_clip(folder / "in.webm", times=range(COUNT), codec="libvpx-vp9", options=GOOD_VP9),
+    "uneven": lambda folder, _: write_clip(folder / "in.mp4", times=UNEVEN, end=20, time_base=Fraction(1, 100)),
+    "10-bit": lambda folder, _: write_clip(folder / "in.mp4", times=range(COUNT), pixel_format="yuv420p10le"),
+    "late": lambda folder, _: write_clip(folder / "in.mp4", times=range(50, 50 + COUNT)),
+    "png folder": lambda folder, save: save(folder, count=COUNT) and folder,
+    "jpg pattern": lambda folder, save: save(folder, "take{}.jpg", count=COUNT) and folder / "take%d.jpg",
     "tiff16 pattern": lambda folder, save: (
-        save(folder, "shot_{:04d}.tif", COUNT, np.uint16) and folder / "shot_####.tif",
-        np.uint16,
+        save(folder, "shot_{:04d}.tif", COUNT, np.uint16) and folder / "shot_####.tif"
     ),
-    "gif": lambda folder, _: (write_animation(folder / "in.gif", scenes()), np.uint8),
-    "apng": lambda folder, _: (write_animation(folder / "in.png", scenes()), np.uint8),
-    "webp": lambda folder, _: (write_animation(folder / "in.webp", scenes()), np.uint8),
-    "pipe": lambda folder, _: (write_stream(folder / "in.y4m", COUNT), np.uint8),
-    "deep pipe": lambda folder, _: (write_stream(folder / "in.y4m", COUNT, "420p10"), np.uint16),
-    "exr folder": lambda folder, save: (
-        save(folder, "shot_{:04d}.exr", COUNT, np.float32) and folder,
-        np.float32,
-    ),
+    "gif": lambda folder, _: write_animation(folder / "in.gif", scenes()),
+    "apng": lambda folder, _: write_animation(folder / "in.png", scenes()),
+    "webp": lambda folder, _: write_animation(folder / "in.webp", scenes()),
+    "pipe": lambda folder, _: write_stream(folder / "in.y4m", COUNT),
+    "deep pipe": lambda folder, _: write_stream(folder / "in.y4m", COUNT, "420p10"),
+    "exr folder": lambda folder, save: save(folder, "shot_{:04d}.exr", COUNT, np.float32) and folder,
 }
+deep = {"10-bit": np.uint16, "tiff16 pattern": np.uint16, "deep pipe": np.uint16, "exr folder": np.float32}
 is_images = {"png folder", "jpg pattern", "tiff16 pattern", "exr folder"}
 
 
@@ -82,8 +64,7 @@ def clip(request, tmp_path, save_images) -> tuple[str, Path, type]:
     """Each kind of clip: what kind, where it is, the type of its pixels."""
     folder = tmp_path / "in"
     folder.mkdir()
-    path, dtype = sources[request.param](folder, save_images)
-    return request.param, path, dtype
+    return request.param, sources[request.param](folder, save_images), deep.get(request.param, np.uint8)
 
 
 def opened(path: Path, kind: str) -> FrameSource:
@@ -139,26 +120,17 @@ def test_info_tells_the_truth(clip):
 
 @pytest.mark.parametrize("frames_read", [0, 2, COUNT])
 def test_leaving_closes_the_file(clip, frames_read, tmp_path):
-    """After the block no file is open, whether nothing, a part or all was read, and closing again does no harm."""
+    """Also by an exception, whether nothing, a part or all was read; closing again does no harm."""
     kind, path, _ = clip
-    with opened(path, kind) as source:
+
+    def read_and_fail(source: FrameSource) -> None:
         assert sum(1 for _ in zip(range(frames_read), source, strict=False)) == frames_read
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError), opened(path, kind) as source:
+        read_and_fail(source)
     assert open_files_below(tmp_path) == []
     source.close()
-
-
-def test_leaving_by_an_error_closes_the_file(clip, tmp_path):
-    """An exception in the block goes through, and the file is closed."""
-    kind, path, _ = clip
-
-    def read_and_fail() -> None:
-        with opened(path, kind) as source:
-            next(iter(source))
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        read_and_fail()
-    assert open_files_below(tmp_path) == []
 
 
 def open_files_below(folder: Path) -> list[str]:

@@ -9,7 +9,7 @@ from animation_truth import write_animation
 from conversion_options import open_output
 from video_truth import scene, write_clip
 
-from fpsboost.errors import InputError, OptionError, OutputError
+from fpsboost.errors import InputError, OptionError
 from fpsboost.io.animation.sink import ANIMATION_SUFFIXES, AnimationSink
 from fpsboost.io.animation.source import AnimationSource
 from fpsboost.io.images.files import IMAGE_SUFFIXES
@@ -87,13 +87,9 @@ def test_rates_of_images(tmp_path, save_images):
         with pytest.raises(OptionError, match="`input_fps`"):
             open_source(str(path), requirements=TargetRequirements(needs_rate=True))
 
-
-@pytest.mark.parametrize("rate", [Fraction(0), Fraction(-24), Fraction(1, 10**12)])
-def test_rates_that_no_clip_has(tmp_path, save_images, rate):
-    """A rate of images that cannot be is an OptionError that names its option."""
-    save_images(tmp_path, count=2)
-    with pytest.raises(OptionError, match="`input_fps`"):
-        open_source(str(tmp_path), decoding=DecodeOptions(input_fps=rate))
+    for rate in (Fraction(0), Fraction(-24), Fraction(1, 10**12)):
+        with pytest.raises(OptionError, match="`input_fps` must be"):
+            open_source(str(tmp_path), decoding=DecodeOptions(input_fps=rate))
 
 
 def test_a_video_has_its_own_rate(tmp_path):
@@ -122,21 +118,11 @@ def test_kinds_of_sources_and_sinks(tmp_path, save_images):
             assert type(sink) is kind
 
 
-def test_an_empty_input_name_is_no_folder(tmp_path, monkeypatch, save_images):
+def test_an_empty_name_is_no_folder(tmp_path, monkeypatch, save_images):
     """An empty name, as an unset variable of a shell gives it, does not stand for the current folder."""
     save_images(tmp_path, count=2)
     monkeypatch.chdir(tmp_path)
-    with pytest.raises((InputError, OptionError)):
+    with pytest.raises(InputError, match="is empty"):
         open_source("", decoding=DecodeOptions(input_fps=Fraction(24)))
-
-
-def test_an_empty_output_name_is_no_folder(tmp_path, monkeypatch, save_images):
-    """With an empty name nothing is scattered over the current folder."""
-    save_images(tmp_path / "in", count=2)
-    monkeypatch.chdir(tmp_path)
-    timing = OutputTiming(Fraction(24), Fraction(1, 24))
-    with (
-        open_source("in", decoding=DecodeOptions(input_fps=Fraction(24))) as source,
-        pytest.raises((OutputError, OptionError)),
-    ):
-        open_output("", source, timing, overwrite=True)
+    with pytest.raises(OptionError, match="is empty"):
+        Target.parse("")

@@ -384,13 +384,3 @@ def test_openexr_with_vectors_in_parts(tmp_path, snapshot):
         save_vectors(tmp_path / "vectors" / f"{number:04d}.exr", -motion, motion)
     method = find_method("nlm-fast", VectorFolder(tmp_path / "vectors"))
     image_conversion(tmp_path, snapshot, str(tmp_path / "in"), "out", factor=2, method=method)
-
-
-def test_a_damaged_chunk_is_found(tmp_path, clip):
-    """By the manifest of its part, before anything is put together."""
-    convert_in_parts(2, clip, tmp_path / "out.mp4", method="blend", factor=10, encoding=FAST)
-    chunk = max((tmp_path / "out.mp4.parts" / "0001-of-0002").glob("*.chunk"))
-    spoil(chunk)
-    with pytest.raises(InputError, match=f"{chunk} is damaged; make part 1/2 again"):
-        join(str(tmp_path / "out.mp4"), [tmp_path / "out.mp4.parts"])
-    assert not (tmp_path / "out.mp4").exists()

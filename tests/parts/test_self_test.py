@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -17,8 +17,6 @@ from fpsboost.method_table import configure, methods
 from fpsboost.parts.self_test import self_test
 from fpsboost.synthesis.blend import Blend
 
-every_method = pytest.mark.parametrize("method", methods)
-
 
 def in_planes(pixel_format: str, bits: int, chroma: tuple[int, int]) -> YCbCrImage:
     """Return a small gray image of 4 x 6 pixels in planes."""
@@ -27,11 +25,11 @@ def in_planes(pixel_format: str, bits: int, chroma: tuple[int, int]) -> YCbCrIma
     return YCbCrImage((y, cb, cr), Coding(bits, 1, False, "left", pixel_format))
 
 
-def with_layers() -> LayeredImage:
-    """Return a small image with a layer of each kind."""
+def with_layers(kind: Literal["depth", "linear"] = "depth") -> LayeredImage:
+    """Return a small image with a layer of each kind, or with another kind of the first one."""
     zeros = np.zeros((4, 6), np.float32)
     layers = (
-        Layer("Z", "depth", {"Z": zeros}),
+        Layer("Z", kind, {"Z": zeros}),
         Layer("N", "normals", {f"N.{name}": zeros for name in "XYZ"}),
         Layer("Light", "linear", {name: zeros.astype(np.float16) for name in "RGB"}),
         Layer("Object", "nearest", {"Object": zeros.astype(np.uint32)}),
@@ -49,25 +47,19 @@ kinds: dict[str, Callable[[], FrameImage]] = {
     "4:2:0": lambda: in_planes("yuv420p", 8, (2, 3)),
     "4:2:2": lambda: in_planes("yuv422p10le", 10, (4, 3)),
     "layers": with_layers,
+    "layers of other kinds": lambda: with_layers("linear"),
 }
 
 
-@pytest.fixture
-def no_kernel_is_compiled():
-    """No kernel is compiled that `compile_for` has not."""
-    compiled: list[bool] = []
-    with told_of_compiling(lambda: compiled.append(True)):
-        yield
-    assert not compiled
-
-
-@every_method
-def test_a_digest_repeats_itself(method, request):
+@pytest.mark.parametrize("method", methods)
+def test_a_digest_repeats_itself(method):
     """Twice the same, with no kernel but those of `compile_for`, and the image stays as it is."""
     image = np.full((2, 3, 3), 7, np.uint8)
     methods[method].compile_for(image)
-    request.getfixturevalue("no_kernel_is_compiled")
-    first = self_test(methods[method], image)
+    compiled: list[bool] = []
+    with told_of_compiling(lambda: compiled.append(True)):
+        first = self_test(methods[method], image)
+    assert not compiled
     assert first == self_test(methods[method], np.zeros((9, 5, 3), np.uint8))
     assert len(first) == 64
     assert (image == 7).all()
@@ -87,13 +79,6 @@ def test_every_kind_of_image_has_its_digest(method):
     """Types, channels, planes and layers; none is like another one."""
     digests = [self_test(methods[method], make()) for make in kinds.values()]
     assert len(set(digests)) == len(kinds)
-
-
-def test_layers_belong_to_it():
-    """Two images that differ in the kind of a layer."""
-    image = with_layers()
-    other = replace(image, layers=(replace(image.layers[0], kind="linear"), *image.layers[1:]))
-    assert self_test(methods["blend"], image) != self_test(methods["blend"], other)
 
 
 @pytest.mark.parametrize("method", ["nlm", "dis", "farneback"])

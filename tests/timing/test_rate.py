@@ -16,6 +16,7 @@ import pytest
 from conversion_options import grouped
 from hypothesis import given
 from hypothesis import strategies as st
+from test_pipeline import FakeSink
 from video_truth import pictures_of, scene, write_clip
 
 from fpsboost.contracts import Summary
@@ -58,25 +59,12 @@ class Clip:
             yield Frame(np.full((4, 6, 3), 10 * number % 256, np.uint8), time, after - time, original=number)
 
 
-class Shelf:
-    """Keeps what it gets."""
-
-    holds_last_frame = True
-
-    def __init__(self) -> None:
-        self.remarks: list[str] = []
-        self.frames: list[Frame] = []
-
-    def write(self, frame: Frame) -> None:
-        self.frames.append(frame)
-
-
 def play(info: ClipInfo, times: Iterable[Fraction], end: Fraction, pace: OutputRate) -> tuple[list[Frame], Summary]:
     """What comes out, with the remarks of the pace."""
-    clip, shelf, schedule = Clip(info, list(times), end), Shelf(), pace.schedule(info)
-    summary = run_conversion(clip, replace(BLEND, duplicates=None), shelf, schedule)
-    summary.remarks += pace.remarks(info, schedule, summary.frame_intervals)
-    return shelf.frames, summary
+    clip, sink, schedule = Clip(info, list(times), end), FakeSink(), pace.schedule(info)
+    summary = run_conversion(clip, replace(BLEND, duplicates=None), sink, schedule)
+    summary.remarks = pace.remarks(info, schedule, summary.frame_intervals)
+    return sink.frames, summary
 
 
 # ------------------------------------------------------------------------------------------------------------- options
@@ -273,14 +261,14 @@ def test_slow_motion_keeps_the_rate_and_lasts_longer(pace, rate, stretch, start)
     """Frames at the rate of the source, or at --fps, from its first time on, and originals at their stretched times."""
     info = info_of(FILM, Fraction(1, 24000))
     times = [start + k / FILM for k in range(12)]
-    clip, shelf, schedule = Clip(info, times, start + 12 / FILM), Shelf(), pace.schedule(info)
-    run_conversion(clip, BLEND, shelf, schedule, stretch=pace.stretch)
+    clip, sink, schedule = Clip(info, times, start + 12 / FILM), FakeSink(), pace.schedule(info)
+    run_conversion(clip, BLEND, sink, schedule, stretch=pace.stretch)
     assert pace.timing(info, schedule).rate == rate
-    assert [frame.time for frame in shelf.frames] == [
+    assert [frame.time for frame in sink.frames] == [
         start + k / rate for k in range(math.ceil(12 / FILM * stretch * rate))
     ]
-    assert shelf.frames[-1].time + shelf.frames[-1].duration == start + 12 / FILM * stretch
-    shown = [(frame.time - start, frame.original) for frame in shelf.frames]
+    assert sink.frames[-1].time + sink.frames[-1].duration == start + 12 / FILM * stretch
+    shown = [(frame.time - start, frame.original) for frame in sink.frames]
     passed = [(time, number) for time, number in shown if number is not None and time <= 11 / FILM * stretch]
     assert passed
     assert all(time == number / FILM * stretch for time, number in passed)

@@ -35,7 +35,7 @@ from fpsboost.io.images.exr import read_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.new_output import StagedFiles
-from fpsboost.io.vectors.flow import colour_wheel, flow_picture
+from fpsboost.io.vectors.flow import flow_picture
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
 from fpsboost.motion.field import ZeroMotion
@@ -71,10 +71,22 @@ def names_in(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
+def two_scenes() -> list[np.ndarray]:
+    rng = np.random.default_rng(2)
+    return [cv2.resize(rng.integers(0, 256, (5, 7, 3)).astype(np.uint8), (96, 64)) for _ in range(2)]
+
+
 class AskingSink(FakeSink):
     """A sink that asks for all there is."""
 
     needs_confidence = needs_motion = True
+
+
+def blended(sink: FakeSink, factor: int) -> list[Frame]:
+    """What a sink gets of three flat frames."""
+    source = FakeSource(make_frames(map(Fraction, range(3)), Fraction(3)))
+    run_conversion(source, BLEND, sink, ByFactor(Fraction(factor)))
+    return sink.frames
 
 
 # --------------------------------------------------------------------------------------------------------- the loop
@@ -82,23 +94,17 @@ class AskingSink(FakeSink):
 
 def test_only_frames_that_are_made_have_a_confidence():
     """Originals have none; what is repeated behind the last is not known at all."""
-    sink = AskingSink()
-    run_conversion(FakeSource(make_frames(map(Fraction, range(3)), Fraction(3))), BLEND, sink, ByFactor(Fraction(2)))
-    given = [frame.confidence is not None for frame in sink.frames]
-    assert given == [False, True, False, True, False, True]
-    assert [float(frame.confidence.max()) > 0.5 for frame in sink.frames if frame.confidence is not None] == [
-        *(True, True),
-        False,
-    ]
+    confidences = [frame.confidence for frame in blended(AskingSink(), 2)]
+    assert [each is not None for each in confidences] == [False, True, False, True, False, True]
+    assert [bool(each.max() > 0.5) for each in confidences[1::2]] == [True, True, False]
 
 
 def test_motion_comes_once_for_each_pair():
     """With the first frame made between two of the source, whose places it says."""
-    sink = AskingSink()
-    run_conversion(FakeSource(make_frames(map(Fraction, range(3)), Fraction(3))), BLEND, sink, ByFactor(Fraction(9)))
-    found = {index: frame.motion for index, frame in enumerate(sink.frames) if frame.motion is not None}
-    assert {index: (motion.number0, motion.number1) for index, motion in found.items()} == {1: (0, 1), 10: (1, 2)}
-    assert found[1].flow01.shape == (*sink.frames[0].array.shape[:2], 2)
+    frames = blended(AskingSink(), 9)
+    motions = {index: frame.motion for index, frame in enumerate(frames) if frame.motion is not None}
+    assert {index: (motion.number0, motion.number1) for index, motion in motions.items()} == {1: (0, 1), 10: (1, 2)}
+    assert motions[1].flow01.shape == (*frames[0].array.shape[:2], 2)
 
 
 def test_a_sink_that_does_not_ask_costs_nothing(monkeypatch):
@@ -109,16 +115,14 @@ def test_a_sink_that_does_not_ask_costs_nothing(monkeypatch):
 
     monkeypatch.setattr("fpsboost.interpolator.measure_agreement", fail)
     monkeypatch.setattr("fpsboost.streaming.PairMotion", fail)
-    sink = FakeSink()
-    run_conversion(FakeSource(make_frames(map(Fraction, range(3)), Fraction(3))), BLEND, sink, ByFactor(Fraction(2)))
-    assert {(frame.confidence is None, frame.motion is None) for frame in sink.frames} == {(True, True)}
+    frames = blended(FakeSink(), 2)
+    assert {(frame.confidence is None, frame.motion is None) for frame in frames} == {(True, True)}
 
 
 @pytest.mark.parametrize("at_cuts", ["repeat", "blend", "extrapolate"])
 def test_nothing_is_known_across_a_cut(at_cuts):
     """Whatever is shown there has confidence 0, and there is no motion between the two scenes."""
-    rng = np.random.default_rng(2)
-    scenes = [cv2.resize(rng.integers(0, 256, (5, 7, 3)).astype(np.uint8), (96, 64)) for _ in range(2)]
+    scenes = two_scenes()
     frames = [Frame(np.roll(scenes[k // 3], 2 * k, 1), Fraction(k), Fraction(1)) for k in range(6)]
     sink, method = AskingSink(holds_last_frame=False), replace(methods["blend"], cuts=CutDetector(), at_cuts=at_cuts)
     summary = run_conversion(FakeSource(frames), method, sink, ByFactor(Fraction(2)))
@@ -130,8 +134,7 @@ def test_nothing_is_known_across_a_cut(at_cuts):
 
 def test_a_still_until_a_cut_is_certain():
     """A picture that is held is repeated with confidence 1 up to its last frame."""
-    rng = np.random.default_rng(2)
-    scenes = [cv2.resize(rng.integers(0, 256, (5, 7, 3)).astype(np.uint8), (96, 64)) for _ in range(2)]
+    scenes = two_scenes()
     frames = [Frame(scenes[k // 3], Fraction(k), Fraction(1)) for k in range(4)]
     sink, method = AskingSink(holds_last_frame=False), replace(methods["blend"], cuts=CutDetector())
     run_conversion(FakeSource(frames), method, sink, ByFactor(Fraction(2)))
@@ -409,16 +412,6 @@ def test_errors_stay_sentences(fpsboost_):
 
 
 # -------------------------------------------------------------------------------------------------------------- colours
-
-
-def test_the_wheel_is_that_of_the_paper():
-    """55 hues, six pure ones at their places."""
-    wheel = colour_wheel()
-    assert wheel.shape == (55, 3)
-    pure = {0: "red", 15: "yellow", 21: "green", 25: "cyan", 36: "blue", 49: "magenta"}
-    expected = {"red": "100", "yellow": "110", "green": "010", "cyan": "011", "blue": "001", "magenta": "101"}
-    for place, name in pure.items():
-        assert "".join(f"{value:.0f}" for value in wheel[place]) == expected[name]
 
 
 def test_colours_say_direction_and_length():
