@@ -6,6 +6,8 @@ UTF-8 as surrogates, which cannot be printed; PyAV 18 raises for them, or replac
 
 from __future__ import annotations
 
+import math
+import struct
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from typing import Any, Literal
@@ -19,13 +21,7 @@ KEEPS_UNDECODABLE_BYTES = int(av.__version__.partition(".")[0]) >= 19
 
 
 def open_input(file: Any) -> av.container.InputContainer:
-    """Open a path or a file object for demuxing; bytes of its texts that are not UTF-8 become U+FFFD.
-
-    Raises
-    ------
-    av.error.FFmpegError, OSError, ValueError
-        It cannot be read.
-    """
+    """Open a path or a file object for demuxing; bytes of its texts that are not UTF-8 become U+FFFD."""
     if not KEEPS_UNDECODABLE_BYTES:
         older: av.container.InputContainer = av.open(file, "r", metadata_errors="replace")
         return older
@@ -54,11 +50,17 @@ def as_fraction(value: Any) -> Fraction | None:
 
 
 def side_data_of(picture: av.VideoFrame) -> dict[str, bytes]:
-    """Return the side data of a picture by the name of its type in FFmpeg: ``DISPLAYMATRIX``."""
+    """Return the side data of a picture by the name of its type in FFmpeg: ``DISPLAYMATRIX``.
+
+    PyAV 18 gives none if it has no name for a type (EXIF of JPEG); then only the rotation is known, without flips.
+    """
     try:
         sides: Any = picture.side_data
-    except ValueError:  # PyAV 18 has no name for a type that its FFmpeg has
-        return {}
+    except ValueError:
+        angle = math.radians(picture.rotation)  # counterclockwise
+        cosine, sine = (round(65536 * value) for value in (math.cos(angle), math.sin(angle)))
+        matrix = (cosine, -sine, 0, sine, cosine, 0, 0, 0, 1 << 30)
+        return {"DISPLAYMATRIX": struct.pack("=9i", *matrix)} if angle else {}
     kinds = [item if isinstance(item, Type) else item.type for item in sides]  # PyAV 19 iterates over types
     return {kind.name: bytes(sides[kind]) for kind in kinds}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from io import BytesIO
 from itertools import pairwise, product
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import av
 import numpy as np
 import pytest
 from av.video.reformatter import VideoReformatter
+from PIL import ExifTags, Image
 from video_truth import QUARTER_TURN, pictures_of, samples_of, scene, spoil_packets, write_clip
 
 from fpsboost.errors import InputError
@@ -96,6 +98,20 @@ def test_traits(tmp_path):
     assert (traits.color_space, traits.color_range, traits.color_primaries, traits.color_transfer) == (1, 2, 9, 16)
     assert traits.full_range
     assert traits.chroma_location == "left"
+
+
+def test_exif_turns_the_pictures_of_a_camera(tmp_path):
+    """The rotation is known also where PyAV has no name for EXIF, and so tells nothing of a picture's side data."""
+    exif, jpeg = Image.Exif(), BytesIO()
+    exif[ExifTags.Base.Orientation] = 6
+    Image.fromarray(scene(0)).save(jpeg, "JPEG", exif=exif)
+    with av.open(str(tmp_path / "in.avi"), "w") as output:
+        stream = output.add_mux_stream("mjpeg", rate=25, width=64, height=48)
+        packet = av.Packet(jpeg.getvalue())
+        packet.stream, packet.pts, packet.dts, packet.time_base = stream, 0, 0, Fraction(1, 25)
+        output.mux(packet)
+    with VideoSource(tmp_path / "in.avi") as source:
+        assert source.traits.display_matrix == QUARTER_TURN
 
 
 def test_untagged_colour_goes_by_height(tmp_path):
