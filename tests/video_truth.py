@@ -11,7 +11,7 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.io.video.encoder import unchanged_priority
+from fpsboost.io.video.encoder import undisturbed
 from fpsboost.io.video.pipe import chroma_locations, formats
 from fpsboost.io.video.ycc import SMPTE170M, from_bgr, plane_arrays
 
@@ -77,7 +77,7 @@ def write_clip(
             audio.metadata["language"] = "fra"
         lines = output.add_mux_stream("subrip") if subtitles else None
         packets = []
-        with unchanged_priority():  # the first frame opens the encoder
+        with undisturbed():  # the first frame opens the encoder
             for index, pts in enumerate(times):
                 frame = av.VideoFrame.from_ndarray(picture(index, height, width), format="bgr24")
                 frame = frame.reformat(format=pixel_format)

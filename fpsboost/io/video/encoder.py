@@ -38,19 +38,8 @@ THREADS = Path("/proc/self/task")
 class VideoEncoder:
     """Encoder of a clip in chunks that can be decoded independently of each other.
 
-    Parameters
-    ----------
-    output : Output
-        Size, rate and time base of the frames, and the options of the user.
-    encoder, options, container : str, dict, str
-        FFmpeg's names of the encoder and of the container of the packets, and the encoder's options.
-    traits : VideoTraits
-        Colour coding, pixel shape and orientation of the pictures: the source's, or those to write for images.
-
-    Raises
-    ------
-    OptionError, OutputError
-        The encoder cannot encode frames of this size, rate and pixel format.
+    `traits` are the source's, or those to write for images. Raises `OptionError` or `OutputError` if the encoder cannot
+    encode frames of this size, rate and pixel format.
     """
 
     def __init__(
@@ -192,7 +181,7 @@ class VideoEncoder:
 
     def _open_encoder(self, context: av.VideoCodecContext) -> None:
         try:
-            with unchanged_priority(), _quiet_encoder():
+            with undisturbed():
                 context.open()
         except av.error.FFmpegError:
             given = " ".join(f"{name}={value}" for name, value in self._encoding.encoder_options)
@@ -234,35 +223,26 @@ def _bounded(rate: Fraction) -> Fraction:
 
 
 @contextlib.contextmanager
-def _quiet_encoder() -> Iterator[None]:
-    """Keep SVT-AV1 from printing past FFmpeg's log, by an environment variable that it reads when it starts."""
-    before = os.environ.get("SVT_LOG")
-    os.environ["SVT_LOG"] = before or "1"
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ["SVT_LOG"]
+def undisturbed() -> Iterator[None]:
+    """Keep SVT-AV1, which may be opened in the block, from printing and from taking real-time priority.
 
-
-@contextlib.contextmanager
-def unchanged_priority() -> Iterator[None]:
-    """Give all threads of the process the priority that the current one has, once the block is left.
-
-    SVT-AV1 gives real-time priority to its own threads and to the one that opens it, if the user may do that: what this
-    process starts afterwards inherits it, and two busy processes then keep a machine of two cores from all other work.
+    It prints past FFmpeg's log, unless an environment variable says otherwise when it is opened for the first time. It
+    gives real-time priority to its own threads and to the one that opens it, if the user may do that: what this process
+    starts afterwards inherits it, and two busy processes then keep a machine of two cores from all other work. So all
+    threads of the process get the priority that the current one has.
     """
-    if sys.platform != "linux":
-        yield
-        return
-    policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
+    is_free = "SVT_LOG" not in os.environ
+    os.environ.setdefault("SVT_LOG", "1")
+    before = (os.sched_getscheduler(0), os.sched_getparam(0)) if sys.platform == "linux" else None
     try:
         yield
     finally:
-        for task in THREADS.iterdir():
+        if is_free:
+            os.environ.pop("SVT_LOG", None)
+        for task in THREADS.iterdir() if before else ():
             with contextlib.suppress(OSError):  # a thread has ended meanwhile
-                if os.sched_getscheduler(int(task.name)) != policy:
-                    os.sched_setscheduler(int(task.name), policy, parameter)
+                if before and os.sched_getscheduler(int(task.name)) != before[0]:
+                    os.sched_setscheduler(int(task.name), *before)
 
 
 def with_hdr(
