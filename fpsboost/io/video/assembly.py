@@ -24,19 +24,8 @@ from fpsboost.io.video.other_streams import OtherStreams
 class Assembly:
     """Output file whose header is written at once and whose packets are written when all chunks are complete.
 
-    What the container cannot hold is therefore known before any frame is encoded.
-
-    Parameters
-    ----------
-    path : Path
-        Staged file; the caller renames it to its final name.
-    template : av.VideoStream
-        Stream with an open encoder that is set up like the encoder of the chunks.
-    output : Output
-        Its source has all streams and metadata other than the video.
-    display_matrix : tuple of 9 int or None
-    fitting : Fitting
-        How the other streams are stored in the container.
+    What the container cannot hold is therefore known before any frame is encoded. The path is the staged file's; the
+    encoder of `template` is open and set up like that of the chunks.
     """
 
     def __init__(
@@ -72,15 +61,7 @@ class Assembly:
         return self._others.remarks if self._others else []
 
     def finish(self, chunks: Sequence[Chunk]) -> None:
-        """Write everything and close the file.
-
-        Raises
-        ------
-        OutputError
-            A chunk comes from an encoder with other settings.
-        OSError, av.error.FFmpegError
-            The file cannot be written.
-        """
+        """Write everything and close the file; raise `OutputError` for a chunk of an encoder with other settings."""
         assert self._output is not None
         extradata = bytes(self._stream.codec_context.extradata or b"")
         for chunk in chunks:

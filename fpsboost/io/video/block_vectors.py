@@ -27,24 +27,9 @@ same stream on any number of cores."""
 
 
 def read_block_vectors(reference: NDArray[Any], predicted: NDArray[Any], crf: int, preset: str) -> NDArray[Any]:
-    """Encode two pictures and return the vectors of the second as FFmpeg exports them.
+    """Encode two pictures and return the vectors of the second, one AVMotionVector per block.
 
-    Parameters
-    ----------
-    reference, predicted : (H * 3 / 2, W) uint8
-        Planes of yuv420p below each other.
-    crf, preset : int, str
-        Quality and preset of x264.
-
-    Returns
-    -------
-    structured array
-        One element per block with a vector; see AVMotionVector.
-
-    Raises
-    ------
-    OptionError
-        This FFmpeg has no x264.
+    Both are planes of yuv420p below each other, (H * 3 / 2, W) uint8. Raises `OptionError` where FFmpeg has no x264.
     """
     decoder = av.CodecContext.create("h264", "r")
     assert isinstance(decoder, av.VideoCodecContext)

@@ -23,21 +23,10 @@ MAX_DENOMINATOR = 1001
 
 
 class ArraySource(ClosesOnExit):
-    """Source of the images of an iterable, at a constant frame rate.
+    """Source of the images of an iterable, at a constant frame rate; the first one is read at once.
 
-    Parameters
-    ----------
-    images : iterable of (H, W, C) or (H, W) uint8, uint16 or float32
-        All of one shape and dtype; they must not be modified afterwards. The first one is read at once.
-    rate : Fraction
-        Frames per second.
-    name : str
-        Name of the source in messages.
-
-    Raises
-    ------
-    InputError
-        There are no images, or the first is not an image; while iterating, also if an image differs from the first.
+    Images are (H, W, C) or (H, W), all of one shape and dtype, and must not be modified afterwards. Raises `InputError`
+    if there are none, or one is no image or differs from the first; `name` stands for the source there.
     """
 
     def __init__(self, images: Iterable[Image], rate: Fraction, name: str = "The source") -> None:
@@ -66,11 +55,6 @@ class CaptureSource(ArraySource):
     """Source of frames that OpenCV reads from anything that `cv2.VideoCapture` accepts.
 
     That is a file, a URL, a GStreamer pipeline, or the number of a camera.
-
-    Raises
-    ------
-    InputError
-        OpenCV cannot open it or finds no frame in it, or the frames are too large.
     """
 
     def __init__(self, path: str, *, limit: MemoryLimit | None = None) -> None:

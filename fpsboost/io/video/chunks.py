@@ -67,7 +67,6 @@ class ChunkWriter:
         self._write(FILE_MAGIC + EXTRADATA_HEADER.pack(len(extradata)) + extradata)
 
     def add(self, packet: av.Packet[Any], duration: int) -> None:
-        """Write one packet with a duration of `duration` ticks."""
         assert packet.pts is not None
         side_data = list(packet.iter_sidedata())
         dts = NO_DTS if packet.dts is None else packet.dts
@@ -194,19 +193,8 @@ class VideoChunks:
     """Chunks of an output video for a container, of `chunk_frames` frames each.
 
     The encoder is opened anew for every chunk, so that a chunk follows from its frames and the options alone, and the
-    output is the same whichever runs have encoded which chunks.
-
-    Attributes
-    ----------
-    chunks : list of Chunk
-        Those that are finished.
-    codec : str
-        FFmpeg's name of the encoder.
-
-    Raises
-    ------
-    OptionError
-        The codec, quality or preset is unknown, or the container cannot hold the codec.
+    output is the same whichever runs have encoded which chunks. `chunks` are the finished ones, `codec` is FFmpeg's
+    encoder.
     """
 
     def __init__(self, output: Output, container: str, chunk_frames: int) -> None:
@@ -225,7 +213,6 @@ class VideoChunks:
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences about what the video cannot hold."""
         return [*(self._encoder.remarks if self._encoder else []), *self._remarks]
 
     @property
@@ -235,7 +222,6 @@ class VideoChunks:
 
     @property
     def completed_frames(self) -> int:
-        """Number of frames in finished chunks."""
         return sum(chunk.frames for chunk in self.chunks)
 
     def open(self, folder: Path) -> None:
@@ -333,6 +319,5 @@ class VideoChunks:
 
 
 def _is_beyond_white(image: Image) -> bool:
-    """Return whether a float image has colours outside 0 to 1."""
     colours = image[..., :3]
     return bool(np.max(colours, initial=0) > 1 or np.min(colours, initial=0) < 0)

@@ -59,22 +59,10 @@ EDIT_LIST_FORMAT = "mov"
 
 @dataclass(frozen=True)
 class Cadence:
-    """Usual interval between frames and its statistics.
+    """Usual interval between frames in seconds, and its statistics over `count` usual intervals.
 
-    Attributes
-    ----------
-    interval : Fraction
-        Mean of the usual intervals, seconds.
-    error : Fraction
-        Maximum error of `interval` by rounding and jitter, seconds.
-    count : int
-        Number of usual intervals.
-    is_constant : bool
-        Whether nearly all intervals are usual ones.
-    mean_rate : Fraction
-        Mean over all intervals, including pauses, frames per second.
-    tick : Fraction
-        Time base, seconds per tick.
+    `error` is the most that rounding and jitter can change the interval, `mean_rate` includes pauses, and `is_constant`
+    says whether nearly all intervals are usual ones.
     """
 
     interval: Fraction
@@ -85,7 +73,6 @@ class Cadence:
     tick: Fraction
 
     def is_exactly(self, rate: Fraction) -> bool:
-        """Return whether a rate matches the interval within its error."""
         return abs(1 / rate - self.interval) <= self.error
 
     def is_nearly(self, rate: Fraction) -> bool:
@@ -179,17 +166,12 @@ def assumed_rate_remark(name: str) -> str:
 
 
 def survey(container: av.container.InputContainer, video: int) -> tuple[list[int], Fraction]:
-    """Return presentation times and the start of a file from its index, or else from its first packets.
+    """Return the times of a stream's pictures in ticks, and the start of the file on its own clock in seconds.
 
-    The clocks of transmitters, cameras and streaming servers start at an arbitrary time, so the start of a file becomes
-    time 0. If the clock starts at the beginning, times before 0 are kept: they belong to decoder preroll, such as the
-    first samples of AAC and Opus.
-
-    Returns
-    -------
-    list of int, Fraction
-        Times of the pictures of the stream `video` in increasing order, ticks: all that the index lists, or the first
-        ones, without those that have none; and the start of video and audio on the file's own clock, seconds.
+    Times are all that the index lists, or those of the first packets, in increasing order. The clocks of transmitters,
+    cameras and streaming servers start at an arbitrary time, so the start of a file becomes time 0. If the clock starts
+    at the beginning, times before 0 are kept: they belong to decoder preroll, such as the first samples of AAC and
+    Opus.
     """
     listed = listed_times(container.streams[video])
     if listed and container.format.name.startswith(EDIT_LIST_FORMAT):
@@ -226,15 +208,8 @@ def _start(container: av.container.InputContainer, starts: dict[int, Fraction]) 
 class VideoClock:
     """Times of the pictures of a video, in seconds from the start of the clip.
 
-    Attributes
-    ----------
-    file : Demuxer
-    start : Fraction
-        Start of the clip on the file's own clock, seconds.
-    tick, time_base : Fraction
-        Time base of the stream, and of frames: half of it where each field is a frame; seconds.
-    rate : Fraction
-        Nominal rate of frames per second.
+    That lies at `start` by the file's own clock. `tick` is the time base of the stream, and `time_base` that of frames:
+    half of it where each field is a frame.
     """
 
     file: Demuxer
@@ -301,16 +276,7 @@ def in_rising_order(
 
     A frame far ahead of the next one is moved back to follow the frame before it. Frames not later than the frame
     before them are spread over the gap that follows, as many as fit; the others are left out. If the clock jumps back,
-    as in joined recordings, all later times are offset to continue from there.
-
-    Parameters
-    ----------
-    timed : iterable of (frame, Fraction)
-        Frames in presentation order with their times, seconds.
-    interval, tick : Fraction
-        Usual frame interval, and the unit of which repaired times are multiples, seconds.
-    damage : Damage
-        Counts of the frames that were repaired and left out, which are updated.
+    as in joined recordings, all later times are offset to continue from there. Repaired times are multiples of `tick`.
     """
     before: Fraction | None = None
     last: tuple[T, Fraction] | None = None

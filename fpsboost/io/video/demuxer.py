@@ -48,15 +48,8 @@ UNTIMED_FORMAT = "avi"
 class Demuxer:
     """Video file with one of its video streams chosen, which can be read again from its beginning.
 
-    Attributes
-    ----------
-    container : av.container.InputContainer
-    stream : av.VideoStream
-        Its decoder uses several threads.
-    furthest : Fraction
-        End of the last packet of video, sound or subtitles read so far, seconds on the file's own clock.
-    last_start : Fraction
-        Presentation time of the last video packet read so far, seconds on the file's own clock.
+    On the file's own clock in seconds, `furthest` is the end of all packets of video, sound and subtitles read so far,
+    and `last_start` the presentation time of the last video packet.
     """
 
     def __init__(self, path: Path, name: str, wanted: int | None) -> None:
@@ -94,7 +87,6 @@ class Demuxer:
         return True
 
     def reopen(self) -> None:
-        """Go to the very beginning."""
         self.container.close()
         self.container = open_video(self._path, self._name)
         self.stream = cast(av.VideoStream, self.container.streams[self._number])
@@ -132,13 +124,6 @@ def choose_video(container: av.container.InputContainer, name: str, wanted: int 
     """Choose a video stream: the one with the number `wanted`, or the one that FFmpeg considers the best.
 
     That is the largest one, where the default flag outweighs all but very large sizes; among equals, the first.
-
-    Raises
-    ------
-    InputError
-        There is no video stream, or it cannot be decoded here.
-    OptionError
-        There is no video stream with that number.
     """
     videos = [stream for stream in container.streams.video if not is_cover_art(stream)]
     if not videos:

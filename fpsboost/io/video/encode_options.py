@@ -17,11 +17,6 @@ MIN_BITRATE, MAX_BITRATE = 1000, 2_000_000_000
 def parse_bitrate(text: str, option: str = "`bitrate`") -> int:
     """Parse a bit rate in bits per second, with an optional suffix k or M; messages name it by `option`.
 
-    Raises
-    ------
-    OptionError
-        The text is not a number, or has another suffix.
-
     Examples
     --------
     >>> parse_bitrate("8M"), parse_bitrate("1.5M"), parse_bitrate("800k")
@@ -35,11 +30,6 @@ def parse_bitrate(text: str, option: str = "`bitrate`") -> int:
 
 def parse_encoder_options(texts: Sequence[str], option: str = "`encoder_options`") -> tuple[tuple[str, str], ...]:
     """Split options of the form ``key=value``; messages name them by `option`.
-
-    Raises
-    ------
-    OptionError
-        An option has no name or no value.
 
     Examples
     --------

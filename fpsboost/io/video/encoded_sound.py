@@ -70,13 +70,7 @@ Traits = tuple[int, str, str]
 
 
 def choose_sound_encoder(encoding: Encoding, container: str, name: str) -> str | None:
-    """Return FFmpeg's encoder for the audio codec that was asked for, or None if audio is to be copied.
-
-    Raises
-    ------
-    OptionError
-        The codec is unknown, or not allowed in this container.
-    """
+    """Return FFmpeg's encoder for the audio codec that was asked for, or None if audio is to be copied."""
     asked = encoding.audio_codec
     if asked is None or asked.lower() == COPY:
         return None
@@ -105,11 +99,6 @@ def traits_for(encoder: str, source: Traits, channels: int) -> Traits:
     These are the next higher rate, and the standard layout of as many channels or else stereo. Lossless encoders get a
     format with at least the source's bits, or the most bits that they support; lossy ones get floats, which do not
     clip.
-
-    Raises
-    ------
-    UnknownCodecError
-        There is no such encoder here.
     """
     codec = av.Codec(encoder, "w")
     rate, layout = _rate_for(codec, source[0]), source[2]
@@ -125,7 +114,7 @@ def named_layout(layout: str, channels: int) -> str:
 
 
 def is_lossless(encoder: str) -> bool:
-    """Return whether an encoder is lossless."""
+    """Return whether an encoder has no lossy mode."""
     codec = av.Codec(encoder, "w")
     return codec.lossless and not codec.lossy
 
@@ -174,27 +163,10 @@ def can_encode(stream: av.stream.Stream, encoder: str, stretch: Fraction = Fract
 class EncodedSound:
     """Audio stream that is re-encoded in another format, or at another duration.
 
-    Parameters
-    ----------
-    stream : av.stream.Stream
-        Audio for which `can_encode` returns True.
-    output : av.container.OutputContainer
-        Output whose header is not written yet; a stream is added to it.
-    encoder : str
-        FFmpeg's name of an encoder whose format the container holds.
-    window : Window, optional
-        Part of the source that is wanted, and its stretch factor; read when packets arrive. By default all of the
-        source at its own duration.
-
-    Attributes
-    ----------
-    stream : av.stream.Stream
-        Stream of the output.
-    lost_packets : int
-        Number of packets that could not be decoded; the output is silent there.
-    changes : str
-        Properties of the source's audio that the encoder does not support, as the end of a sentence:
-        ``, its 7.1.4 as stereo``.
+    It is added to an output whose header is not written yet. The window is read when packets arrive; without one, all
+    of the source is taken at its own duration. The output is silent where `lost_packets` could not be decoded.
+    `changes` are properties of the source's audio that the encoder does not support, as the end of a sentence: ``, its
+    7.1.4 as stereo``.
     """
 
     def __init__(
@@ -291,7 +263,6 @@ class EncodedSound:
         return Fraction(1) if self._window is None else self._window.stretch
 
     def _output_time(self, time: Fraction) -> Fraction:
-        """Return the output time of a source time, both in seconds."""
         return time if self._window is None else (time - self._window.begin) * self._window.stretch
 
     def _wait(self, frame: av.AudioFrame, begin: Fraction | None) -> list[av.Packet[Any]]:
@@ -378,7 +349,6 @@ class _Run:
         return self._start + Fraction(self._taken, self._rate_in)
 
     def fits(self, frame: av.AudioFrame) -> bool:
-        """Return whether a frame has the format of this run."""
         return _traits_of(frame) == self._traits
 
     def stretched(self, frame: av.AudioFrame) -> Iterator[av.AudioFrame]:
@@ -418,13 +388,7 @@ class _Run:
 
 
 def _graph(source: Traits, stretch: Fraction, target: Traits) -> av.filter.Graph:
-    """Build a filter graph that converts audio to other traits and another duration; silence is appended.
-
-    Raises
-    ------
-    av.error.FFmpegError
-        The source's channel layout cannot be converted to the target's.
-    """
+    """Build a filter graph that converts audio to other traits and another duration; silence is appended."""
     rate = source[0]
     # atempo outputs everything too early, by half a window for each multiple of the duration beyond the first:
     # silence of that length is prepended, and cut off again
@@ -447,7 +411,6 @@ def _graph(source: Traits, stretch: Fraction, target: Traits) -> av.filter.Graph
 
 
 def _slice_samples(frame: av.AudioFrame, first: int, last: int) -> av.AudioFrame:
-    """Return the samples from `first` up to but not including `last`."""
     if (first, last) == (0, frame.samples):
         return frame
     width = 1 if frame.format.is_planar else frame.layout.nb_channels

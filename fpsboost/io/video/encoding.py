@@ -136,15 +136,6 @@ def default_codec(container: str, pixel_format: str = "yuv420p", source_codec: s
     record or deliver such video nearly always use HEVC, so deeper pictures become HEVC. In .webm they become AV1, since
     VP9's encoder has 8 bits only, or VP9 if they have alpha, which only VP9 keeps. Deep H.264 stays H.264 and deep
     4:2:0 AV1 stays AV1, since a player that shows the source shows the output too.
-
-    Parameters
-    ----------
-    container : str
-        FFmpeg's name.
-    pixel_format : str
-        Pixel format of the source, or the one that was asked for.
-    source_codec : str
-        FFmpeg's name of the source's format; empty if there is none.
     """
     is_deep = depth_of(pixel_format) > 8
     if container == "webm":
@@ -184,18 +175,7 @@ def choose_encoder(
 ) -> tuple[str, dict[str, str]]:
     """Return FFmpeg's encoder and its options for the encoding that was asked for, and pictures of so many pixels.
 
-    If no codec was asked for, `default_codec` chooses it.
-
-    Returns
-    -------
-    str, dict of str
-        Encoder name and options.
-
-    Raises
-    ------
-    OptionError
-        The codec is unknown or not allowed in this container, or it does not know a quality, preset, pixel format or
-        option.
+    If no codec was asked for, `default_codec` chooses it. Raises `OptionError` for what the container or encoder lacks.
     """
     default = default_codec(container, encoding.pixel_format or pixel_format, source_codec)
     asked = encoding.codec or default
@@ -235,7 +215,6 @@ def encodes_alpha(encoding: Encoding, container: str) -> bool:
 
 
 def _options_of_known(known: Encoder, asked: str, encoding: Encoding) -> dict[str, str]:
-    """Return the options for an encoder of the table."""
     crf = known.crf if encoding.crf is None else encoding.crf
     if not 0 <= crf <= known.largest_crf:
         raise OptionError(f"`crf` must be 0 to {known.largest_crf} for {asked}, not {crf}.")
@@ -285,7 +264,6 @@ def _lossless_options_of_other(codec: av.Codec, known: Collection[str]) -> dict[
 
 
 def _check_lossless(asked: str, can: bool) -> None:
-    """Raise `OptionError` unless the encoder can be lossless."""
     if not can:
         able = [common for common, encoder in encoders.items() if encoder.lossless]
         raise OptionError(f"`lossless` is nothing that {asked} can do; use {', '.join(able)} or ffv1.")
@@ -328,7 +306,6 @@ _opened_with_alpha = {"libvpx": ["yuva420p"], "libvpx-vp9": ["yuva420p"], "libx2
 
 
 def _check_pixel_format(codec: av.Codec, asked: str | None) -> None:
-    """Raise `OptionError` unless the encoder accepts the pixel format."""
     if asked is None:
         return
     taken = pixel_formats(codec)
@@ -370,25 +347,11 @@ def _writes_header(container: str, codec: str) -> bool:
 
 
 def repeatable_options(encoder: str, given: Collection[str], pixels: int) -> tuple[tuple[str, str], ...]:
-    """Return the options with which an encoder makes the same packets on any number of cores.
+    """Return the options with which an encoder makes the same packets on any number of cores, beside those `given`.
 
     Chunks of one output may be encoded on several machines. By default the number of cores decides how many threads an
     encoder has, and with the number of threads many cut pictures into other slices, search motion within other limits,
     or name the number in the stream.
-
-    Parameters
-    ----------
-    encoder : str
-        FFmpeg's name.
-    given : collection of str
-        Names of the other options.
-    pixels : int
-        Number of pixels of a picture.
-
-    Examples
-    --------
-    >>> repeatable_options("mjpeg", (), 1920 * 1080)
-    (('threads', '1'),)
     """
     usual = THREADS_FOR_LARGE_PICTURES if pixels > LARGE_PICTURE else ENCODER_THREADS
     threads = threads_of_encoders.get(encoder, usual)

@@ -40,12 +40,8 @@ TEE_SPECIAL_CHARACTERS = re.compile(r"([\\'|\s])")
 class Fitting:
     """Plan for storing the streams of a source in a container.
 
-    Attributes
-    ----------
-    encoders : mapping of int to str
-        FFmpeg's encoder for each audio stream that is re-encoded, by stream number.
-    any_codec : bool
-        A stream is copied whose codec is missing from the container's list; see `open_muxer`.
+    FFmpeg's encoder is listed for each audio stream that is re-encoded. With `any_codec`, a stream is copied whose
+    codec is missing from the container's list; see `open_muxer`.
     """
 
     encoders: Mapping[int, str] = field(default_factory=dict)
@@ -53,15 +49,7 @@ class Fitting:
 
 
 def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
-    """Decide how audio and subtitles of an output's source are stored in a container, beside an encoder's video.
-
-    Raises
-    ------
-    OutputError
-        The container cannot hold them.
-    OptionError
-        The audio codec that was asked for is unknown, or the container does not hold it.
-    """
+    """Decide how audio and subtitles of an output's source are stored in a container, beside an encoder's video."""
     source, encoding, name = output.stream.video, output.encoding, output.path
     if source is None:
         return Fitting()
@@ -243,11 +231,6 @@ def open_muxer(path: Path, container: str, *, any_codec: bool = False) -> av.con
     codec ID of their own, and omits those that Matroska holds by their Windows codec tag (Windows Media Audio, mu-law,
     ADPCM). FFmpeg's tee muxer has no list; with one file as its output, it passes all packets on to the muxer of that
     file. It drops chapters.
-
-    Raises
-    ------
-    av.error.FFmpegError, OSError
-        The file cannot be written.
     """
     # FFmpeg would parse the part of a relative path before a colon as a protocol
     place = str(path.absolute())
@@ -260,22 +243,10 @@ def open_muxer(path: Path, container: str, *, any_codec: bool = False) -> av.con
 
 @dataclass(frozen=True)
 class StreamFacts:
-    """Properties of one stream of a file.
+    """Properties of one stream of a file; details are its frame size or its sound format.
 
-    Attributes
-    ----------
-    index : int
-        Number of the stream in the file.
-    kind : str
-        ``video``, ``audio``, ``subtitle``, ``cover``, ``data`` or ``attachment``.
-    codec : str or None
-        FFmpeg's name of the format.
-    language, title : str or None
-        Language and title tags.
-    details : str
-        Frame size, or sample rate and channel layout.
-    carries_over : bool
-        Whether an .mp4 made of the video stream that is read holds this stream.
+    The kind is ``video``, ``audio``, ``subtitle``, ``cover``, ``data`` or ``attachment``. `carries_over` says whether
+    an .mp4 made of the video stream that is read holds this stream.
     """
 
     index: int

@@ -40,21 +40,7 @@ MPEG2_PICTURE, MPEG4_PICTURE = b"\x00\x00\x01\x00", b"\x00\x00\x01\xb6"
 
 
 class TickTimes(Sequence[Fraction]):
-    """Times in whole ticks as a sequence of exact seconds, which are computed when they are asked for.
-
-    Parameters
-    ----------
-    ticks : (N,) int64
-        Strictly increasing.
-    tick, start : Fraction
-        Seconds per tick, and what becomes 0, seconds.
-
-    Examples
-    --------
-    >>> times = TickTimes(np.array([0, 40, 80]), Fraction(1, 1000), Fraction(0))
-    >>> times[1], len(times), times.index(Fraction(2, 25))
-    (Fraction(1, 25), 3, 2)
-    """
+    """Increasing times in ticks as a sequence of exact seconds from `start`, computed when they are asked for."""
 
     def __init__(self, ticks: NDArray[np.int64], tick: Fraction, start: Fraction) -> None:
         self._ticks, self._tick, self._start = ticks, tick, start
@@ -84,15 +70,7 @@ class TickTimes(Sequence[Fraction]):
 
 @dataclass(frozen=True)
 class EntryPoint:
-    """Key frame at which decoding can begin: every frame from it on is decoded after it.
-
-    Attributes
-    ----------
-    number : int
-        Number of the first frame that is presented when decoding begins here.
-    pts, dts : int, int or None
-        Presentation and decoding time of its packet, ticks.
-    """
+    """Key frame at which decoding can begin, with its times in ticks; frame `number` is the first to be presented."""
 
     number: int
     pts: int
@@ -101,15 +79,7 @@ class EntryPoint:
 
 @dataclass(frozen=True)
 class FrameIndex:
-    """Index of the frames of a video stream.
-
-    Attributes
-    ----------
-    ticks : (N,) int64
-        Presentation times of the frames, strictly increasing.
-    entry_points : list of EntryPoint
-        In the order of the file; their numbers increase.
-    """
+    """Index of the frames of a video stream: their increasing times (N,) in ticks, and entry points in file order."""
 
     ticks: NDArray[np.int64]
     entry_points: list[EntryPoint]
@@ -127,10 +97,7 @@ class UnindexedError(Exception):
 def read_index(path: Path, video: int) -> FrameIndex:
     """List all packets of a video stream and return the index of its frames.
 
-    Raises
-    ------
-    UnindexedError
-        Packets lack times or share them, parts of the file cannot be read, or packets become no frame of their own.
+    Raises `UnindexedError` if packets lack times or share them, cannot be read, or become no frame of their own.
     """
     file = HeaderReader(path)
     try:
@@ -181,7 +148,6 @@ def _read_packets(container: av.container.InputContainer, stream: av.VideoStream
 def _index_of(
     pts: NDArray[np.int64], dts: Sequence[int | None], is_key: NDArray[np.bool_], is_presented: NDArray[np.bool_]
 ) -> FrameIndex:
-    """Return the index of packets in the order of the file."""
     places = np.flatnonzero(is_presented)
     places = places[np.argsort(pts[places], kind="stable")]
     ticks = pts[places]
@@ -350,7 +316,6 @@ def has_whole_header(path: Path) -> bool:
 
 
 def _kinds_of_boxes(file: BinaryIO) -> list[bytes]:
-    """Return the types of the outermost boxes of a file."""
     kinds, place, size = [], 0, os.fstat(file.fileno()).st_size
     while place + 8 <= size:
         file.seek(place)

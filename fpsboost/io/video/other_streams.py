@@ -37,23 +37,9 @@ text_formats = {"mp4": "mov_text", "mov": "mov_text", "matroska": "subrip", "web
 
 
 class OtherStreams:
-    """Copier of audio, subtitles, data, attachments and tags from the source file to the output.
+    """Copier of audio, subtitles, data, attachments and tags from the source file to an output without a header yet.
 
     The source is opened a second time, so that these packets are read when they are due and memory use stays constant.
-
-    Parameters
-    ----------
-    plan : Output
-        What is written: which streams, and which part of the source.
-    source : VideoFile
-    output : av.container.OutputContainer
-        Output whose header is not written yet.
-    video : av.VideoStream
-        Video stream of the output.
-    container : str
-        FFmpeg's name of the output's container.
-    fitting : Fitting
-        How the streams are stored in the container.
     """
 
     def __init__(
@@ -245,7 +231,6 @@ class OtherStreams:
                 yield packet
 
     def _output_time(self, time: Fraction) -> Fraction:
-        """Return the output time of a source time, both in seconds."""
         window = self._window
         return time if window is None else (time - window.begin) * window.stretch
 
@@ -307,7 +292,6 @@ class OtherStreams:
 
 
 def _keeps(container: str, stream: av.stream.Stream) -> bool:
-    """Return whether a container holds a data stream or an attachment."""
     if stream.type == "attachment":
         return container == "matroska"
     return stream.type == "data" and keeps_data(container, stream)

@@ -36,16 +36,8 @@ CHECKED_PICTURES = 2 * MAX_REORDERED
 class PictureReader:
     """Pictures of a video stream, which begin at the first one until another place is asked for.
 
-    `from_here` returns the pictures from where the file is, with nothing counted yet.
-
-    Attributes
-    ----------
-    pictures : Pictures
-        Pictures from the current place on.
-    index : FrameIndex or None
-        Index of the frames, once it is known.
-    first, dropped : int
-        Number of the first frame that comes, and of frames to leave out, since decoding could not begin later.
+    `from_here` returns the pictures from where the file is, with nothing counted yet. `first` is the number of the
+    first frame that comes, and `dropped` that of frames to leave out, since decoding could not begin later.
     """
 
     def __init__(self, demuxer: Demuxer, clock: VideoClock, file: VideoFile, from_here: Callable[[], Pictures]) -> None:
@@ -57,7 +49,6 @@ class PictureReader:
         self.pictures = from_here()
 
     def first_time(self) -> Fraction:
-        """Return the time of the first picture, seconds."""
         picture = self.pictures.peek()
         return Fraction(0) if picture is None or picture.pts is None else self._time_of(picture)
 
@@ -94,7 +85,6 @@ class PictureReader:
         return None if self.index is None else TickTimes(self.index.ticks, self._clock.tick, self._clock.start)
 
     def count_packets(self) -> int:
-        """Return the number of packets of the stream."""
         with open_video(self._file.path, self._file.name) as file:
             return sum(1 for _ in read_packets(file, {self._file.stream_index}, Damage()))
 

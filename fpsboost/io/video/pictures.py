@@ -28,28 +28,10 @@ decoders_of_hidden_alpha = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 
 
 class Pictures(Iterator[av.VideoFrame]):
-    """Pictures of a video stream in presentation order, from where its file is.
+    """Pictures of a video stream in presentation order, from where its file is; `interval` in seconds is the usual one.
 
-    Parameters
-    ----------
-    file : Demuxer
-    name : str
-        Name of the file in messages.
-    tick, interval : Fraction
-        Time base of the stream and its usual picture interval, seconds.
-    deinterlace : bool
-        Make two pictures of each.
-    keeps_alpha : bool
-        Decode alpha that is stored beside the picture; else there is a remark.
-    remarks : list of str
-        Remarks so far, to which that one is added.
-
-    Attributes
-    ----------
-    damage : Damage
-        What could not be read or decoded so far.
-    deinterlaced : bool
-        Whether fields became pictures.
+    With `deinterlace`, each becomes two. With `keeps_alpha`, alpha that is stored beside the picture is decoded; else
+    there is a remark, which is added to `remarks`.
     """
 
     def __init__(
@@ -98,7 +80,6 @@ class Pictures(Iterator[av.VideoFrame]):
         return has_interchanged or self.damage != Damage(corrupt=self.damage.corrupt)
 
     def close(self) -> None:
-        """Stop decoding."""
         self._coded.close()
 
     def interlacing_remarks(self) -> list[str]:
@@ -233,12 +214,8 @@ def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction, nam
     """Yield two progressive pictures for each interlaced one, by FFmpeg's bwdif, in the field order of its flag.
 
     The second is presented halfway to the next picture. If no order is flagged, the top field is first, as in FFmpeg.
-    The time base of the output is half of the pictures' own, or of `time_base`.
-
-    Raises
-    ------
-    InputError
-        Pictures are too small, or have a pixel format that cannot be deinterlaced.
+    The time base of the output is half of the pictures' own, or of `time_base`. Raises `InputError` for pictures that
+    are too small or in a pixel format that cannot be deinterlaced.
     """
     deinterlacer: _Deinterlacer | None = None
     for picture in pictures:
@@ -282,7 +259,6 @@ class _Deinterlacer:
         yield from self._finished()
 
     def rest(self) -> Iterator[av.VideoFrame]:
-        """Flush the filter and yield the frames of the last picture."""
         self._graph.vpush(None)
         frames = list(self._finished())
         if self._count == 1 and len(frames) == 2 and frames[0].pts is not None:
@@ -327,13 +303,7 @@ class FormatUnifier:
         )
 
     def unified(self, picture: av.VideoFrame, number: int) -> av.VideoFrame:
-        """Scale and convert a picture; return it unchanged if it matches the first one.
-
-        Raises
-        ------
-        InputError
-            It cannot be converted, or must not differ.
-        """
+        """Scale and convert a picture; return it unchanged if it matches the first one."""
         try:
             unified = self._like_first(picture, number)
         except (av.error.FFmpegError, ValueError):
@@ -366,7 +336,6 @@ class FormatUnifier:
         return alike
 
     def remarks(self) -> list[str]:
-        """Return the remarks on the converted pictures."""
         name, remarks = self._name, []
         if self._reshaped:
             remarks.append(f"{name} changes {self._first_change}; {_were(self._reshaped)} made like the first.")

@@ -72,23 +72,9 @@ def format_name(pixel_format: str, chroma_location: str) -> str:
 
 
 class PipeSource(ClosesOnExit):
-    """Frames of a YUV4MPEG2 stream.
+    """Frames of a YUV4MPEG2 stream, by default from standard input; opening waits for the first frame.
 
-    Parameters
-    ----------
-    stream : binary stream, optional
-        By default standard input. Opening reads the first frame, and waits for it.
-    for_images : bool
-        For targets that hold pictures and nothing else: remark what is left behind; frames keep no picture of FFmpeg's.
-    keeps_planes : bool
-        Yield pictures of Y, Cb and Cr as they are, as `YCbCrImage`; others, and all without it, become BGR.
-    limit : MemoryLimit, optional
-        Maximum memory; the memory that is available by default.
-
-    Raises
-    ------
-    InputError
-        Empty, a terminal, or not YUV4MPEG2; while iterating also: something else between two frames.
+    See `fpsboost.io.video.source.VideoSource` for `for_images` and `keeps_planes`.
     """
 
     def __init__(
@@ -216,24 +202,10 @@ class CountingReader:
 
 
 class PipeSink:
-    """A YUV4MPEG2 stream, written frame by frame as they come.
+    """A YUV4MPEG2 stream, by default to standard output, written frame by frame as they come.
 
-    What was written cannot be taken back, so unlike other sinks this one does not appear whole or not at all.
-
-    Parameters
-    ----------
-    output : Output
-        Pixel format and range of its source are kept where the stream can say them; of the encoding only the pixel
-        format applies.
-    stream : binary stream, optional
-        By default standard output.
-
-    Raises
-    ------
-    OptionError
-        An option of an encoder, or a pixel format that the stream cannot hold.
-    OutputError
-        Standard output is a terminal.
+    What was written cannot be taken back, so unlike other sinks this one does not appear whole or not at all. Of the
+    encoding only the pixel format applies.
     """
 
     holds_last_frame = True

@@ -28,32 +28,9 @@ EXCLUDED_FORMATS = re.compile(r"^(pal8|mono|bayer)|f(16|32)(le|be)$|^rgb555|^bgr
 def choose_pixel_format(
     encoder: str, encoding: Encoding, container: str, source: str, info: ClipInfo, name: str, *, of_images: bool
 ) -> tuple[str, list[str]]:
-    """Choose the pixel format to encode, and report what it loses.
+    """Return FFmpeg's name of the pixel format to encode, and remarks on what it loses of the format `source`.
 
-    Parameters
-    ----------
-    encoder, encoding, container : str, Encoding, str
-        FFmpeg's names, and the options of the user.
-    source : str
-        Pixel format of the source.
-    info : ClipInfo
-        Size of the frames.
-    name : str
-        Name of the output in messages.
-    of_images : bool
-        Whether the source is images or an animation.
-
-    Returns
-    -------
-    str, list of str
-        FFmpeg's name of the format, and remarks on what is lost.
-
-    Raises
-    ------
-    OptionError
-        The format that was asked for subsamples an odd size, which the encoder does not support.
-    OutputError
-        The encoder has no format for the source.
+    `of_images` says that the source is images or an animation.
     """
     codec = av.Codec(encoder, "w")
     offered = pixel_formats(codec)

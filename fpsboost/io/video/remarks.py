@@ -9,35 +9,17 @@ from fractions import Fraction
 
 @dataclass
 class Damage:
-    """Counts of the errors found while a video is read.
+    """Counts of the errors found while a video is read."""
 
-    Attributes
-    ----------
-    undecodable, unreadable : int
-        Packets that could not be decoded, and places of the file that could not be read.
-    corrupt : int
-        Frames that decoded with errors.
-    misplaced, displaced : int
-        Frames whose time is not later than the frame before: left out, and moved into the gap that follows.
-    far_ahead : int
-        Frames whose time is far ahead of the next frame's, and which were moved back before it.
-    jumps : int
-        Places where the times of the video stream jump back; the times after each are offset to continue.
-    joints : int
-        Places where the clock of the whole file jumps; the times after each are offset to continue.
-    untimed : int
-        Frames without a time.
-    """
-
-    undecodable: int = 0
-    unreadable: int = 0
-    corrupt: int = 0
-    misplaced: int = 0
-    displaced: int = 0
-    far_ahead: int = 0
-    jumps: int = 0
-    joints: int = 0
-    untimed: int = 0
+    undecodable: int = 0  # packets
+    unreadable: int = 0  # places of the file
+    corrupt: int = 0  # frames that decoded with errors
+    misplaced: int = 0  # frames no later than the one before that were left out
+    displaced: int = 0  # such frames that were moved into the gap that follows
+    far_ahead: int = 0  # frames far ahead of the next one, which were moved back before it
+    jumps: int = 0  # places where the times of the video stream jump back
+    joints: int = 0  # places where the clock of the whole file jumps
+    untimed: int = 0  # frames
 
     def remarks(self, name: str, frames: int) -> list[str]:
         """Return remarks on the errors of a file of which `frames` frames could be read."""

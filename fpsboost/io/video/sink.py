@@ -80,13 +80,6 @@ class _ChunkSink:
         self._leave(error)
 
     def write(self, frame: Frame) -> None:
-        """Encode one frame; times must increase.
-
-        Raises
-        ------
-        OutputError
-            The frame does not fit the clip, or cannot be written.
-        """
         self._video.check_size(frame)
         with explained_writing(self._name):
             if not self._video.is_started:
@@ -116,21 +109,8 @@ class _ChunkSink:
 class VideoSink(_ChunkSink):
     """Sink that encodes frames into a video file, which gets its final name when it is complete.
 
-    Parameters
-    ----------
-    output : Output
-        Its path ends with one of `VIDEO_SUFFIXES`. Colour tags and pixel aspect ratio are the source's; of a file also
-        audio, subtitles, titles and orientation.
-    chunk_frames : int
-        Frames per chunk; a later run reuses complete chunks only.
-
-    Raises
-    ------
-    OptionError
-        The codec, quality or preset is unknown, or the container cannot hold the codec.
-    OutputError
-        The target exists, is the source itself, is being written by another run, cannot be written, or cannot hold the
-        source's other streams.
+    Colour tags and pixel aspect ratio are the source's; of a file also audio, subtitles, titles and orientation. A
+    later run reuses complete chunks only.
     """
 
     def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:
@@ -153,13 +133,7 @@ class VideoSink(_ChunkSink):
         return [remark for part in parts if part for remark in part.remarks]
 
     def join(self, chunks: Sequence[Chunk], traits: VideoTraits) -> None:
-        """Take chunks that were encoded elsewhere, all of the output's, instead of frames.
-
-        Raises
-        ------
-        OutputError
-            The encoder or the container cannot take such frames.
-        """
+        """Take chunks that were encoded elsewhere, all of the output's, instead of frames."""
         with explained_writing(self._name):
             if not self._video.is_started:
                 self._start(traits)
@@ -195,11 +169,6 @@ class VideoPartSink(_ChunkSink):
     """Sink that encodes the frames of a part into chunks, in a folder that appears when the part is complete.
 
     The part begins with a chunk; the output's path is that of the whole video.
-
-    Raises
-    ------
-    OptionError, OutputError
-        See `VideoSink` and `fpsboost.io.part.PartFolder`.
     """
 
     def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:

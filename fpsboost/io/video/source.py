@@ -44,40 +44,15 @@ from fpsboost.io.video.ycc import has_alpha, in_planes, to_bgr, to_bgra
 
 
 class VideoSource(ClosesOnExit):
-    """Frames of one of a video file's streams.
+    """Frames of one of a video file's streams; opening reads headers only.
 
-    Parameters
-    ----------
-    path : str or path
-        A file that FFmpeg can read. Opening reads headers only.
-    for_images : bool
-        For targets that hold pictures and nothing else: turn them upright as the file's display matrix says, and remark
-        what is left behind. Decodes the first picture at once to know the size; frames keep no decoder's picture.
-    keeps_alpha : bool
-        Yield BGRA where the file has alpha; it is left out otherwise, with a remark.
-    keeps_planes : bool
-        Yield pictures of Y, Cb and Cr as they are, as `YCbCrImage`; others, and all without it, become BGR.
-    decoding : DecodeOptions, optional
-        Which stream, and what is done to its pictures first.
-    limit : MemoryLimit, optional
-        What may be taken; what is available without it.
+    For targets that hold pictures and nothing else (`for_images`), they are turned upright as the file's display matrix
+    says, and what is left behind is remarked; the first picture is decoded at once to know the size, and frames keep no
+    decoder's picture. Where the file has alpha, `keeps_alpha` yields BGRA. With `keeps_planes`, pictures of Y, Cb and
+    Cr stay as they are, as `YCbCrImage`; others, and all without it, become BGR.
 
-    Attributes
-    ----------
-    start : Fraction
-        What lies at 0 by the file's own clock, seconds; all times count from there.
-    coded_rate : Fraction
-        Nominal rate of the file's own pictures, whatever becomes of their fields.
-    file : VideoFile
-        The file, for what is read of it besides the pictures.
-
-    Raises
-    ------
-    InputError
-        Missing, not a video, or coded in a way that cannot be decoded; while iterating also: nothing decodes, or the
-        picture's size or pixel format changes and `decoding` does not say what then.
-    OptionError
-        There is no such video stream.
+    All times count from `start`, seconds on the file's own clock. `coded_rate` is the nominal rate of the file's own
+    pictures, whatever becomes of their fields.
     """
 
     def __init__(
@@ -177,13 +152,7 @@ class VideoSource(ClosesOnExit):
 
     @property
     def traits(self) -> VideoTraits:
-        """Colour, pixel shape, orientation; decodes the first frame and keeps it for the iteration.
-
-        Raises
-        ------
-        InputError
-            Nothing decodes, or the colour matrix is one that is not supported.
-        """
+        """Colour, pixel shape, orientation; decodes the first frame and keeps it for the iteration."""
         if self._traits is None:
             picture = self._reader.pictures.peek()
             if picture is None:

@@ -23,14 +23,9 @@ Point = tuple[Fraction, Fraction]
 
 @dataclass(frozen=True)
 class MasteringDisplay:
-    """Mastering display of a clip (SMPTE ST 2086).
+    """Mastering display of a clip (SMPTE ST 2086): CIE 1931 x and y of its colours, and luminance in cd/m2.
 
-    Attributes
-    ----------
-    red, green, blue, white : (Fraction, Fraction) or None
-        CIE 1931 x and y; None if only luminance is given.
-    brightest, darkest : Fraction or None
-        Maximum and minimum luminance, cd/m2; None if only colours are given.
+    Either all colours or both luminances may be None.
     """
 
     red: Point | None
@@ -43,13 +38,7 @@ class MasteringDisplay:
 
 @dataclass(frozen=True)
 class LightLevel:
-    """Content light levels of a clip (CTA-861.3), cd/m2.
-
-    Attributes
-    ----------
-    brightest_pixel, brightest_frame : int
-        MaxCLL and MaxFALL: the maximum content light level, and the maximum frame-average light level.
-    """
+    """Content light levels of a clip (CTA-861.3), cd/m2: MaxCLL and MaxFALL."""
 
     brightest_pixel: int
     brightest_frame: int
@@ -59,31 +48,12 @@ class LightLevel:
 class VideoTraits:
     """Colour coding, pixel shape, orientation and HDR metadata of a video's pictures, which a sink keeps.
 
-    Attributes
-    ----------
-    pixel_format : str
-        FFmpeg's name, ``yuv420p``.
-    color_space : int
-        AVColorSpace that the pictures are converted with: as tagged, otherwise BT.709 from 720 rows on, BT.601 below.
-    tagged_color_space, color_range, color_primaries, color_transfer : int
-        The tags as FFmpeg's numbers, 2 (range: 0) for unspecified.
-    full_range : bool
-        Whether black is 0 rather than 16 (in 8 bits).
-    chroma_location : str
-        Location of subsampled chroma samples: ``left``, ``center``, ``topleft``...
-    tagged_chroma_location : bool
-        False if the location is only FFmpeg's guess.
-    sample_aspect_ratio : Fraction or None
-        Width of a pixel over its height.
-    display_matrix : tuple of 9 int or None
-        Rotation and flip for display, in 16.16 and 2.30 fixed point.
-    mastering_display : MasteringDisplay or None
-    light_level : LightLevel or None
-    has_dynamic_hdr : bool
-        Whether there is metadata of Dolby Vision, HDR10+ or similar, which changes from frame to frame.
-    codec : str
-        FFmpeg's name of the format that the pictures were coded in; empty if they were not coded. It is ignored when
-        traits are compared.
+    Pictures are converted with the AVColorSpace `color_space`: as tagged, otherwise BT.709 from 720 rows on, BT.601
+    below. The tags are FFmpeg's numbers, 2 (range: 0) for unspecified. Full range has black at 0 rather than 16 (in 8
+    bits); a chroma location that is not tagged is FFmpeg's guess. The aspect ratio is the width of a pixel over its
+    height, and the display matrix is in 16.16 and 2.30 fixed point. Dynamic HDR is metadata of Dolby Vision, HDR10+ or
+    similar, which changes from frame to frame. `codec` is FFmpeg's name of the format that the pictures were coded in,
+    empty if they were not.
     """
 
     pixel_format: str
@@ -111,13 +81,7 @@ class VideoTraits:
 def read_traits(
     picture: av.VideoFrame, stream: av.VideoStream, reformatter: VideoReformatter, name: str
 ) -> VideoTraits:
-    """Return the traits of a stream, read from its first picture.
-
-    Raises
-    ------
-    InputError
-        The colour matrix is not supported.
-    """
+    """Return the traits of a stream, read from its first picture."""
     sides = side_data_of(picture)
     matrix = sides.get("DISPLAYMATRIX")
     try:

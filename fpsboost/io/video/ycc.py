@@ -53,16 +53,8 @@ PLANAR_FORMATS = frozenset(
 def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) -> Image:
     """Convert a decoded picture by its own colour matrix and range; `from_bgr` is the inverse. Alpha is dropped.
 
-    The reformatter keeps the scaler's tables from one frame to the next.
-
-    Returns
-    -------
-    (H, W, 3) uint8, or uint16 where the format has more than 8 bits.
-
-    Raises
-    ------
-    ValueError
-        The colour matrix is not supported.
+    Samples (H, W, 3) are uint8, or uint16 where the format has more than 8 bits. The reformatter keeps the scaler's
+    tables from one frame to the next. Raises ValueError where the colour matrix is not supported.
     """
     scaler = reformatter or VideoReformatter()
     bits = picture.format.components[0].bits
@@ -113,7 +105,6 @@ def has_alpha(pixel_format: str) -> bool:
 
 
 def _rescaled(alpha: NDArray[Any], bits: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Scale alpha of `bits` bits to the full range of `dtype`."""
     top = np.iinfo(dtype).max
     return alpha if top == 2**bits - 1 else np.rint(alpha * np.float32(top / (2**bits - 1))).astype(dtype)
 
@@ -139,20 +130,8 @@ def from_bgr(
 ) -> av.VideoFrame:
     """Convert an image into a picture for an encoder; `to_bgr` is the inverse.
 
-    Parameters
-    ----------
-    image : (H, W, 1, 3 or 4) uint8, uint16 or float32
-        Gray, BGR or BGRA; alpha is dropped where the format has none, float32 is clipped to [0, 1].
-    pixel_format : str
-        FFmpeg's name, ``yuv420p10le``.
-    color_space : int
-        AVColorSpace of the matrix.
-    full_range : bool
-        Whether black is 0 rather than 16 (in 8 bits).
-    chroma_location : str
-        Location of subsampled chroma samples.
-    reformatter : VideoReformatter, optional
-        Keeps the scaler's tables from one frame to the next.
+    The image is (H, W, 1, 3 or 4), gray, BGR or BGRA, uint8, uint16 or float32; alpha is dropped where the format has
+    none, and float32 is clipped to [0, 1]. The reformatter keeps the scaler's tables from one frame to the next.
     """
     scaler = reformatter or VideoReformatter()
     if has_alpha(pixel_format):
@@ -212,7 +191,6 @@ def _from_bgra(
 
 
 def _as_bgr(image: Image) -> Image:
-    """Return the image as three contiguous integer channels."""
     if image.dtype == np.float32:
         image = np.rint(np.nan_to_num(np.clip(image, 0, 1)) * np.float32(65535)).astype(np.uint16)
     if image.shape[2] == 1:
@@ -283,10 +261,7 @@ def _sample_type(bits: int) -> np.dtype[Any]:
 def color_space_of(picture: av.VideoFrame) -> int:
     """Return the AVColorSpace to convert with: the tag, or the default for an untagged video of this size.
 
-    Raises
-    ------
-    ValueError
-        The tag is not a plain luma-chroma matrix (YCgCo, ICtCp...).
+    Raises ValueError for a tag of no plain luma-chroma matrix (YCgCo, ICtCp...).
     """
     tag = int(picture.colorspace)
     if picture.format.is_rgb or tag in (0, 2, 3):
