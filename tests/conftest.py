@@ -43,6 +43,11 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+def pytest_unconfigure() -> None:
+    """Let OpenImageIO be torn down, which would print what is left of it."""
+    gc.unfreeze()
+
+
 @pytest.fixture
 def snapshot() -> Callable[[Path], Snapshot]:
     """A function that tells every file below a folder with its bytes, hidden ones too, and every folder (None)."""

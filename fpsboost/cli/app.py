@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import atexit
 import gc
-import os
 import signal
 import sys
-from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Group, Parameter
 
-from fpsboost.cli.messages import LibraryTexts, console, literal, say_error, say_traceback, sentence
+from fpsboost.cli.messages import (
+    LibraryTexts,
+    console,
+    library_prints_apart,
+    literal,
+    say_error,
+    say_traceback,
+    sentence,
+)
 from fpsboost.cli.options import CutOptions, JoinOptions, MessageOptions, MethodOptions, TuningOptions
 from fpsboost.cli.progress import print_object, reporter_of
 from fpsboost.cli.signature import GROUPS, PathName, default_text, with_flags
@@ -138,7 +144,7 @@ def convert(
         if run_options.chunk is not None:
             target = str(part_folder(target, run_options.chunk))
         called = "standard output" if output == PIPE else target
-        with reporter_of(called, messages, place) as reporter, one_opencv_thread():
+        with library_prints_apart(), reporter_of(called, messages, place) as reporter, one_opencv_thread():
             reporter.say_settings(motion.method, interpolator)
             job = ConversionJob(input, output, rate, interpolator, decoding, encoding)
             summary = convert_where(where, job, replace(run_options, observer=reporter))
@@ -210,7 +216,7 @@ def join(
     """
     from fpsboost.parts.join import join as join_parts  # noqa: PLC0415
 
-    with reporter_of(output, messages) as reporter:
+    with library_prints_apart(), reporter_of(output, messages) as reporter:
         summary = join_parts(output, [part, *more], input=options.input, overwrite=options.overwrite, observer=reporter)
     reporter.say_summary(summary)
 
@@ -252,12 +258,12 @@ def completion_script(shell: Shell) -> str:
 
 
 def _end_at_once() -> None:
-    """Leave out the last search for cycles, half a second with numba, and what OpenImageIO prints about those left."""
-    gc.freeze()
+    """Leave out searches for cycles at the end, a second with numba; OpenImageIO prints what of it is left, so one."""
+    gc.disable()
     if "OpenImageIO" in sys.modules:
-        with suppress(OSError, ValueError):
-            sys.stderr.flush()
-            os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+        gc.unfreeze()
+    else:
+        gc.freeze()
 
 
 def main() -> None:

@@ -12,8 +12,8 @@ import sys
 import tempfile
 import traceback
 import unicodedata
-from collections.abc import Collection
-from contextlib import suppress
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, redirect_stdout, suppress
 from types import TracebackType
 from typing import IO, Self, TextIO
 
@@ -75,6 +75,21 @@ def _escape_controls(text: str, kept: Collection[str] = ()) -> str:
 
 def _is_control(letter: str) -> bool:
     return letter in BIDI_CONTROLS or unicodedata.category(letter) in CONTROL_CATEGORIES
+
+
+@contextmanager
+def library_prints_apart() -> Iterator[None]:
+    """Have what libraries print from Python join what they write from C: standard output may be a video.
+
+    OpenEXR prints a warning for a damaged file.
+    """
+    try:
+        descriptor = os.dup(STANDARD_ERROR)
+    except OSError:  # there is no standard error
+        yield
+        return
+    with open(descriptor, "w", buffering=1, errors="backslashreplace") as texts, redirect_stdout(texts):
+        yield
 
 
 class LibraryTexts:

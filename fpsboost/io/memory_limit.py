@@ -58,9 +58,14 @@ class MemoryLimit:
         if self.bytes <= 0:
             raise OptionError(f"`limit` must be above 0, not {self.bytes}.")
 
-    def check(self, name: str | os.PathLike[str], width: int, height: int, planes: int = 0) -> None:
-        """Raise `InputError`, which names the input, if frames of this size and number of layers' planes need more."""
-        need = _needed(width, height, planes)
+    def check(
+        self, name: str | os.PathLike[str], width: int, height: int, planes: int = 0, *, decoding: int = 0
+    ) -> None:
+        """Raise `InputError`, which names the input, if frames of this size and number of layers' planes need more.
+
+        `decoding` is the bytes that are taken meanwhile to decode one frame.
+        """
+        need = _needed(width, height, planes) + decoding
         if need > self.bytes:
             layers = f" with {planes} planes of layers" if planes else ""
             raise InputError(

@@ -81,6 +81,16 @@ def test_huge_openexr_is_refused_before_it_is_decoded(tmp_path):
         read_exr(tmp_path / "a.exr", limit=SMALL)
 
 
+def test_all_channels_of_openexr_count(tmp_path):
+    """OpenEXR's library decodes all of them, also where one is asked for."""
+    path, plane = tmp_path / "a.exr", np.zeros((48, 64), np.float32)
+    path.write_bytes(encode_exr({name: plane for name in ("Y", "Z", "id")}, half=False))
+    enough = SMALL.bytes + 3 * plane.nbytes
+    assert list(read_exr(path, lambda _: ["Z"], MemoryLimit(enough))) == ["Z"]
+    with pytest.raises(InputError, match=r"a\.exr is 64x48, which takes"):
+        read_exr(path, lambda _: ["Z"], MemoryLimit(enough - 1))
+
+
 def test_a_huge_image_within_a_sequence(tmp_path, save_images):
     """The first one is small; the second is refused by its header."""
     save_images(tmp_path / "in", count=2)

@@ -9,6 +9,7 @@ other types lose all but 24 bits.
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -102,6 +103,15 @@ class ExrHeader:
     def display(self) -> Window:
         """What is to be shown, of all parts."""
         return self.parts[0].display
+
+    @property
+    def decoded_bytes(self) -> int:
+        """Memory of all channels, which OpenEXR's library decodes even if few are asked for."""
+        return sum(
+            math.prod(part.data.size) * np.dtype(numpy_types[kind]).itemsize
+            for part in self.parts
+            for kind in part.channels.values()
+        )
 
     @property
     def describes_colours(self) -> bool:
@@ -239,7 +249,7 @@ def read_channels(
 
     limit = limit or MemoryLimit()
     for window in (header.display, *(part.data for part in header.parts)):
-        limit.check(path, *reversed(window.size))
+        limit.check(path, *reversed(window.size), decoding=header.decoded_bytes)
     try:
         with name_for_libraries(path) as source:
             file = OpenEXR.File(source, separate_channels=True, num_threads=0)

@@ -406,8 +406,8 @@ def _standard_input() -> Descriptor:
 
 
 def _standard_output() -> Descriptor:
-    if sys.stdout is None or sys.stdout.closed:
+    if sys.__stdout__ is None or sys.__stdout__.closed:
         raise OutputError(f"{OUTPUT_NAME} is closed; pipe it into a program, or name a file.")
-    if sys.stdout.isatty():
+    if sys.__stdout__.isatty():
         raise OutputError(f"{OUTPUT_NAME} is a terminal, which cannot show it; pipe it into a program, or name a file.")
-    return Descriptor(sys.stdout.fileno())
+    return Descriptor(sys.__stdout__.fileno())
