@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 
-from fpsboost.frame import ClipInfo
+from fpsboost.errors import OutputError
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.image import view
 from fpsboost.io.fingerprint import JobFingerprint
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.trim import Window
@@ -81,3 +83,12 @@ class Output:
     """Write images beside those of the source."""
     part: OutputPart | None = None
     """The part that is written; None for all of it."""
+
+
+def check_frame_size(frame: Frame, info: ClipInfo, name: str) -> None:
+    """Raise `OutputError` if a frame does not have the size of the clip; the message calls the output `name`."""
+    if frame.image.shape[:2] != (info.height, info.width):
+        raise OutputError(
+            f"{name} is {info.width}x{info.height} and cannot take a frame of {view(frame.image).describe()}; make all "
+            "frames one size first."
+        )

@@ -15,10 +15,10 @@ import numpy as np
 
 from fpsboost.errors import OutputError, explained
 from fpsboost.frame import Frame
-from fpsboost.image import Image, view
+from fpsboost.image import Image
 from fpsboost.io.animation.writers import AnimationWriter, types
 from fpsboost.io.new_output import check_writable
-from fpsboost.io.output import Output
+from fpsboost.io.output import Output, check_frame_size
 from fpsboost.io.video.pyav import missing_codecs
 from fpsboost.io.video.ycc import straight_16_bit
 
@@ -97,11 +97,7 @@ class AnimationSink:
 
     def write(self, frame: Frame) -> None:
         """Encode one frame; times must increase."""
-        if frame.array.shape[:2] != (self._info.height, self._info.width):
-            raise OutputError(
-                f"{self._name} is {self._info.width}x{self._info.height} and cannot take a frame of "
-                f"{view(frame.array).describe()}; make all frames one size first."
-            )
+        check_frame_size(frame, self._info, self._name)
         image = self._storable(frame.array)
         if self._begin is None:
             self._begin = frame.time

@@ -22,7 +22,7 @@ from av.packet import PacketSideData, PktSideDataT
 
 from fpsboost.errors import OutputError
 from fpsboost.frame import Frame
-from fpsboost.image import Image, view
+from fpsboost.image import Image
 from fpsboost.io.output import Output
 from fpsboost.io.staging import rename_safely
 from fpsboost.io.video.encoder import VideoEncoder
@@ -239,15 +239,6 @@ class VideoChunks:
     @property
     def is_started(self) -> bool:
         return self._encoder is not None
-
-    def check_size(self, frame: Frame) -> None:
-        """Raise `OutputError` if a frame does not have the size of the clip."""
-        info = self._output.info
-        if frame.image.shape[:2] != (info.height, info.width):
-            raise OutputError(
-                f"{self._name} is {info.width}x{info.height} and cannot take a frame of "
-                f"{view(frame.image).describe()}; make all frames one size first."
-            )
 
     def write(self, frame: Frame) -> None:
         """Encode one frame, unless it is in a finished chunk; times must increase."""

@@ -25,10 +25,10 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.image import Pixels, view
+from fpsboost.image import Pixels
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.io.output import Output, StreamInfo
+from fpsboost.io.output import Output, StreamInfo, check_frame_size
 from fpsboost.io.video.clock import ASSUMED_RATE, assumed_rate_remark
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import interlaced_remark, lost_companions_remark, lost_shape_remark
@@ -258,11 +258,7 @@ class PipeSink:
 
     def write(self, frame: Frame) -> None:
         """Write one frame, after the line about the stream if it is the first."""
-        if frame.image.shape[:2] != (self._info.height, self._info.width):
-            raise OutputError(
-                f"{OUTPUT_NAME} is {self._info.width}x{self._info.height} and cannot take a frame of "
-                f"{view(frame.image).describe()}; make all frames one size first."
-            )
+        check_frame_size(frame, self._info, OUTPUT_NAME)
         if not self._header:
             self._header = self._choose_header(frame.pixels)
             self._start = frame.time

@@ -20,7 +20,7 @@ import av.error
 from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.frame import Frame
 from fpsboost.io.new_output import check_writable
-from fpsboost.io.output import Output
+from fpsboost.io.output import Output, check_frame_size
 from fpsboost.io.part import PartFolder
 from fpsboost.io.staging import StagingDirectory, complete_already, hidden_place
 from fpsboost.io.video.assembly import Assembly
@@ -80,7 +80,7 @@ class _ChunkSink:
         self._leave(error)
 
     def write(self, frame: Frame) -> None:
-        self._video.check_size(frame)
+        check_frame_size(frame, self._output.info, self._output.path)
         with explained_writing(self._name):
             if not self._video.is_started:
                 self._start(traits_of_image(frame.pixels))
