@@ -89,10 +89,9 @@ def run(
     encoding: Encoding = FAST,
     overwrite: bool = False,
     interpolator: Interpolator | None = None,
-    facts: dict[str, str] | None = None,
 ) -> Summary:
     """Double a clip in chunks of ten frames."""
-    job = JobFingerprint(facts or fingerprint_options(encoding=encoding), resume)
+    job = JobFingerprint(fingerprint_options(encoding=encoding), resume)
     with VideoSource(clip) as source:
         info = source.info
         timing = OutputTiming(FACTOR.rate(info.rate), FACTOR.time_base(info.time_base))

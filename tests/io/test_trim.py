@@ -11,23 +11,18 @@ import av
 import cv2
 import numpy as np
 import pytest
+from test_pipeline import BLEND, FAST
 from video_truth import packets_of, pictures_of, samples_of, spoil_packets, stream_of, write_clip
 
 from fpsboost.contracts import Summary
 from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
-from fpsboost.interpolator import Interpolator
 from fpsboost.io.opening import open_source
 from fpsboost.io.trim import TrimmedSource, trim_source
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
-from fpsboost.motion.field import ZeroMotion
-from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.position import Position, Trim, parse_position
 
-BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None, compensate_illumination=False)
-FAST = Encoding(preset="ultrafast")
 GROUPS = {"preset": "ultrafast", "crf": "0", "g": "6", "bf": "2", "sc_threshold": "0"}
 
 

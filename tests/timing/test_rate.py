@@ -16,25 +16,19 @@ import pytest
 from conversion_options import grouped
 from hypothesis import given
 from hypothesis import strategies as st
-from test_pipeline import FakeSink
-from video_truth import pictures_of, scene, write_clip
+from test_pipeline import BLEND, LOSSLESS, FakeSink, times_of
+from video_truth import scene, write_clip
 
 from fpsboost.contracts import Summary
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.interpolator import Interpolator
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
-from fpsboost.motion.field import ZeroMotion
 from fpsboost.streaming import run_conversion
-from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import MAX_FILLED, ByFactor, ByRate, Step, count_frames
 
 MILLISECOND = Fraction(1, 1000)
-BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None, compensate_illumination=False)
-LOSSLESS = Encoding(crf=0, preset="ultrafast")
 FILM, NTSC = Fraction(24000, 1001), Fraction(60000, 1001)
 
 
@@ -290,13 +284,6 @@ def test_slow_motion_of_a_file(tmp_path):
 
 
 # --------------------------------------------------------------------------------------------------------------- files
-
-
-def times_of(path: Path) -> list[Fraction]:
-    """Presentation times of a file's pictures."""
-    pictures = pictures_of(path)
-    assert all(picture.pts is not None and picture.time_base for picture in pictures)
-    return [(picture.pts or 0) * Fraction(picture.time_base or 1) for picture in pictures]
 
 
 def with_times(path: Path, times: list[int]) -> Path:

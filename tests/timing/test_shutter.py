@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_pipeline import FAST, FakeSink, FakeSource
+from test_pipeline import BLEND, FAST, FakeSink, FakeSource
 from truth import SCENES, as_type, needs_scenes, waves
 from video_truth import packets_of, pictures_of, write_clip
 
@@ -18,19 +18,16 @@ from fpsboost.contracts import OutputRange
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
-from fpsboost.interpolator import Interpolator
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method, methods
-from fpsboost.motion.field import ZeroMotion
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import run_conversion
-from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.exposure import Exposure
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import ByFactor, ByRate, ExposureSchedule, Shutter
 
 SIZE = 48, 96
-BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None, compensate_illumination=False, duplicates=None)
+STEADY = replace(BLEND, duplicates=None)
 HALF = Shutter(Fraction(180), 5)
 
 
@@ -42,7 +39,7 @@ def shown(levels, seconds=Fraction(1, 25)):
     ]
 
 
-def exposed(frames, schedule, shutter, interpolator=BLEND, skip=0, threads=2, holds_last_frame=True):
+def exposed(frames, schedule, shutter, interpolator=STEADY, skip=0, threads=2, holds_last_frame=True):
     """The output frames and the summary of a conversion."""
     sink = FakeSink()
     sink.holds_last_frame = holds_last_frame
