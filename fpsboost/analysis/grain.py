@@ -98,18 +98,12 @@ class Plane(NamedTuple):
 
 @dataclass(frozen=True)
 class PairGrain:
-    """Grain of two frames.
-
-    Attributes
-    ----------
-    blocks : list of (FlatBlocks, FlatBlocks)
-        Flat blocks of each plane in frame 0 and in frame 1.
-    mixing : (planes, planes) float32
-        Factors that make correlated noise of independent noise; empty if planes differ in size.
-    """
+    """Grain of two frames."""
 
     blocks: list[tuple[FlatBlocks, FlatBlocks]]
+    """Flat blocks of each plane in frame 0 and in frame 1."""
     mixing: NDArray[Any]
+    """(planes, planes) float32: factors that make correlated noise of independent noise; see `_mixing`."""
 
 
 def measure_grain(image0: Pixels, image1: Pixels, field01: MotionField, field10: MotionField) -> PairGrain:

@@ -48,13 +48,7 @@ class _Colours(NamedTuple):
 
 @dataclass(frozen=True)
 class IlluminationModel:
-    """Change of colours from frame 0 to frame 1: ``gain * colour + offset``.
-
-    Attributes
-    ----------
-    gain, offset : (C,) float32
-        For colours in [0, 1].
-    """
+    """Change of colours in [0, 1] from frame 0 to frame 1: ``gain * colour + offset``, both (C,) float32."""
 
     gain: NDArray[Any]
     offset: NDArray[Any]

@@ -250,10 +250,7 @@ SECONDS_COLUMN = "Start Time (seconds)"
 class CutList:
     """Cut policy with the scene cuts of a list and no others; takes the place of a `CutDetector`.
 
-    Parameters
-    ----------
-    positions : tuple of Position
-        First frames of new scenes, counted from the first frame of the clip.
+    The positions, counted from the first frame of the clip, are those of the first frames of new scenes.
     """
 
     positions: tuple[Position, ...]

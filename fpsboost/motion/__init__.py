@@ -3,7 +3,7 @@
 `MotionEstimator` is the protocol. Its implementations are `ExhaustiveSearch` (the report's), `CoarseToFine` (the
 default), `Dis`, `Farneback` and `TvL1` (OpenCV's optical flow), `BlockMatching` and `CodecMotion` (video coding's),
 `RenderedMotion` (a renderer's vectors) and `ZeroMotion` (no motion). Each is a frozen dataclass whose fields are its
-options.
+options; values out of range raise `OptionError`.
 """
 
 from __future__ import annotations

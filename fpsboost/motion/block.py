@@ -46,11 +46,6 @@ class BlockMatching:
         al. 1981). *diamond*: a diamond of positions that follows the best one, then a smaller one (Zhu and Ma 2000,
         doi:10.1109/83.821744).
 
-    Raises
-    ------
-    OptionError
-        A value is out of range.
-
     Examples
     --------
     >>> frame = np.random.default_rng(1).integers(0, 256, (48, 64, 3), dtype=np.uint8)
@@ -134,7 +129,9 @@ def search_plan(pattern: Pattern, search_range: int) -> SearchPlan:
     """Return the offsets that a pattern compares, relative to the best position so far."""
     if pattern == "full":
         # nearest first: a good match found early allows most later sums to be stopped early
-        turns = [_nearest_first(search_range)]
+        along = np.arange(-search_range, search_range + 1, dtype=np.int32)
+        offsets = np.stack(np.meshgrid(along, along, indexing="ij"), axis=-1).reshape(-1, 2)
+        turns = [offsets[np.argsort((offsets**2).sum(axis=1), kind="stable")]]
     elif pattern == "three-step":
         # the steps add up to at least the search range
         steps = [2**power for power in reversed(range(search_range.bit_length()))]
@@ -146,11 +143,3 @@ def search_plan(pattern: Pattern, search_range: int) -> SearchPlan:
         np.cumsum([0, *map(len, turns)], dtype=np.int32),
         np.array([turn is LARGE_DIAMOND for turn in turns]),
     )
-
-
-def _nearest_first(search_range: int) -> NDArray[np.int32]:
-    """Return all ``(dy, dx)`` within the range, sorted by length, then in raster order."""
-    along = np.arange(-search_range, search_range + 1, dtype=np.int32)
-    offsets = np.stack(np.meshgrid(along, along, indexing="ij"), axis=-1).reshape(-1, 2)
-    ordered: NDArray[np.int32] = offsets[np.argsort((offsets**2).sum(axis=1), kind="stable")]
-    return ordered

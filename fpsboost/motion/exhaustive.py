@@ -45,11 +45,6 @@ class ExhaustiveSearch:
     vectors : RenderedVectors or None
         A renderer's motion vectors; if given, they determine the search radius.
 
-    Raises
-    ------
-    OptionError
-        A value is out of range.
-
     Examples
     --------
     >>> import numpy as np

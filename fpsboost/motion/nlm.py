@@ -103,11 +103,6 @@ class CoarseToFine:
         Distance between points with a vector of their own, pixels: 1, 2, 4, 8, 16 or 32.
     finest_level : int
         Level at which the search ends: 0 for the frames themselves, 1 for half their size.
-
-    Raises
-    ------
-    OptionError
-        A value is out of range.
     """
 
     takes_planes: ClassVar[bool] = True

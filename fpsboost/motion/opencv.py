@@ -60,11 +60,6 @@ class Farneback:
         Side of the averaging window, pixels.
     iterations : int
         Iterations per level.
-
-    Raises
-    ------
-    OptionError
-        A value is below 1.
     """
 
     takes_planes: ClassVar[bool] = True
@@ -111,11 +106,6 @@ class TvL1:
     inner_iterations, outer_iterations : int
         Iterations between two checks of the change, and number of times that the motion is filtered, at least 1.
         OpenCV's defaults of 30 and 10, and an epsilon of 0.01, take seven times as long and find no better motion.
-
-    Raises
-    ------
-    OptionError
-        A value is out of range.
     """
 
     levels: int = 6

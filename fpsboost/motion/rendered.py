@@ -79,10 +79,6 @@ class RenderedMotion:
     """A renderer's motion vectors of each of the two frames, extrapolated linearly to the other frame.
 
     Vectors span one frame; for a pair that is several frames apart, they are multiplied by the distance.
-
-    Parameters
-    ----------
-    vectors : RenderedVectors
     """
 
     needs_every_frame: ClassVar[bool] = True
@@ -113,22 +109,17 @@ class RenderedMotion:
 def frame_number(place: Fraction | None) -> int:
     """Return the number of the output frame at a position; raises `OptionError` if there is none."""
     if place is None or place.denominator != 1:
-        raise not_an_output_frame()
+        raise OptionError(
+            "A renderer's motion vectors need a whole factor, so that every input frame is an output frame too; "
+            "give `factor=2` or another whole number."
+        )
     return int(place)
 
 
 def output_frame_between(place0: Fraction | None, place1: Fraction | None, t: float) -> int:
     """Return the number of the output frame at time t between two positions; raises `OptionError` if there is none."""
     if place0 is None or place1 is None:
-        raise not_an_output_frame()
+        return frame_number(None)  # which raises
     place = place0 + Fraction(t) * (place1 - place0)
     nearest = round(place)
     return frame_number(Fraction(nearest) if abs(place - nearest) < 1e-6 else place)
-
-
-def not_an_output_frame() -> OptionError:
-    """Return the error to raise if an image has no vectors because it is not an output frame."""
-    return OptionError(
-        "A renderer's motion vectors need a whole factor, so that every input frame is an output frame too; "
-        "give `factor=2` or another whole number."
-    )

@@ -2,7 +2,8 @@
 
 `Synthesizer` is the protocol. Its implementations are `MultiHypothesis` (the default), `Reproject` (the report's),
 `SceneAssisted` (with a renderer's vectors), `Splat` (forward splatting, as in video coding), `Warp` (the usual backward
-warp along an optical flow), `Blend` and `Nearest` (which need no motion).
+warp along an optical flow), `Blend` and `Nearest` (which need no motion). Each is a frozen dataclass whose fields are
+its options; values out of range raise `OptionError`.
 """
 
 from __future__ import annotations

@@ -36,11 +36,6 @@ class Reproject:
         half a pixel.
     iterations : int
         Maximum number of iterations of the iterative search, at least 1.
-
-    Raises
-    ------
-    OptionError
-        A value is out of range.
     """
 
     search: SourceSearch = "iterative"

@@ -43,11 +43,6 @@ class SceneAssisted:
         Motion vectors; with depth, occlusion is detected.
     depth_tolerance : float
         A pixel is occluded where the other frame is nearer by more than this share of its depth.
-
-    Raises
-    ------
-    OptionError
-        The tolerance is out of range.
     """
 
     needs_every_frame: ClassVar[bool] = True
@@ -109,16 +104,10 @@ class SceneAssisted:
                 seen &= _at_nearest(there, x, y) >= here.depth * np.float32(1 - self.depth_tolerance)
             weights.append(seen * np.float32(neighbour.weight))
             colours.append(_between_pixels(neighbour.image.cached(premultiplied), x, y))
-        share = _share_of_second(weights[0], weights[1], t)[..., np.newaxis]
+        total = weights[0] + weights[1]
+        share = np.divide(weights[1], total, out=np.full_like(total, t), where=total > 0)[..., np.newaxis]
         mixed = (1 - share) * colours[0] + share * colours[1]
         return as_image(mixed, image0.array, image1.array, t)
-
-
-def _share_of_second(weight0: NDArray[Any], weight1: NDArray[Any], t: float) -> NDArray[Any]:
-    """Return the weight of frame 1 in each pixel."""
-    total = weight0 + weight1
-    share: NDArray[Any] = np.where(total > 0, weight1 / np.where(total > 0, total, 1), np.float32(t))
-    return share
 
 
 def _at_nearest(plane: NDArray[Any], x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:

@@ -71,11 +71,6 @@ class Splat:
     ----------
     least_similarity : float
         Minimum similarity of a pixel that is splatted, from 0 to 1.
-
-    Raises
-    ------
-    OptionError
-        A value is out of range.
     """
 
     least_similarity: float = 0.9
