@@ -41,20 +41,6 @@ def test_blocks_without_a_vector_are_not_usable():
     assert not field.flow[without].any()
 
 
-def test_similarity_is_one_less_the_mean_difference():
-    """Of a block and what lies at the end of its vector: none moves here, and half of white lies between."""
-    black, gray = (as_type(np.full((32, 48, 3), value), np.uint8) for value in (0, 0.25))
-    vectors = np.zeros(
-        6, [(name, int) for name in ("w", "h", "dst_x", "dst_y", "motion_x", "motion_y", "motion_scale")]
-    )
-    vectors["w"] = vectors["h"] = 16
-    vectors["motion_scale"] = 4
-    vectors["dst_y"], vectors["dst_x"] = np.mgrid[8:32:16, 8:48:16].reshape(2, -1)
-    field = codec._field(vectors[1:], *prepared(black, gray))
-    np.testing.assert_allclose(field.similarity[16:], 0.75, atol=1 / 255)
-    assert not field.similarity[:16, :16].any()  # the block that was left out
-
-
 def test_blocks_of_all_sizes_have_their_pixels():
     """Whole, halved either way, and quarters; the frame cuts some off."""
     blocks = [(8, 8, 16, 16), (24, 4, 16, 8), (24, 12, 16, 8), (36, 8, 8, 16), (44, 8, 8, 16)]

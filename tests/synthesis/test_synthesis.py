@@ -10,7 +10,6 @@ import pytest
 from truth import Clip, affine, eroded, layers, moving_object, translation
 
 from fpsboost.errors import OptionError
-from fpsboost.image import rounding_offset, view
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair, Synthesizer
 from fpsboost.synthesis.blend import Blend, Nearest
@@ -189,12 +188,3 @@ def test_votes_reach_from_node_to_node(spacing):
     assert MultiHypothesis(node_spacing=spacing, support_radius=spacing).node_spacing == spacing
     with pytest.raises(OptionError, match=rf"support_radius must be at least {spacing} pixels"):
         MultiHypothesis(node_spacing=spacing, support_radius=spacing - 0.1)
-
-
-def test_rounding_and_range_follow_the_type():
-    """Integers are rounded and have an end; floats have neither."""
-    for dtype, half, white in ((np.uint8, 0.5, 255), (np.uint16, 0.5, 65535), (np.float32, 0, None)):
-        image = np.zeros((1, 1, 1), dtype)
-        assert rounding_offset(image) == half
-        low, high = view(image).value_range
-        assert (low, high) == (0, white) or (white is None and low < -1e30 and high > 1e30)
