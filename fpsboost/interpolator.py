@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from fpsboost.analysis.duplicates import DuplicateDetector
 from fpsboost.analysis.grain import match_grain
-from fpsboost.analysis.illumination import IlluminationModel
 from fpsboost.analysis.overlay import find_overlay, keep_overlay
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
 from fpsboost.errors import OptionError, SceneCutWarning, check_choice
@@ -258,15 +257,31 @@ class Interpolator:
         neighbours = (_neighbour(before, pair), following) if self.curved else ()
         frame_pair = FramePair(*pair.compensated, *fields, *neighbours)
         images = _generate(self.synthesizer, frame_pair, pair.layered, times, with_confidence=with_confidence)
-        if pair.layered is not None:  # mixed as the frames are, so that sums of layers stay sums
-            return images
-        if pair.illumination is not None:
-            images = _with_illumination(images, times, pair.illumination, pair.image0.pixels.dtype)
-        if self.match_grain:
-            images = _with_grain(images, times, pair)
+        # layers are mixed as the frames are, so that sums of layers stay sums
+        return images if pair.layered is not None else self._finish(images, times, pair, before, after)
+
+    def _finish(
+        self, images: Iterator[Interpolated], times: list[float], pair: Pair, before: Pair | None, after: Pair | None
+    ) -> Iterator[Interpolated]:
+        """Give images the illumination of their time, grain, and overlays as they are in the frames."""
+        overlay = None
         if pair.illumination is None and self.overlays and (before or after):
-            images = _with_overlay(images, times, pair, before or pair, after or pair)
-        return images
+            outer0, outer1 = (before or pair).image0, (after or pair).image1
+            overlay = find_overlay(pair.image0, pair.image1, outer0, outer1, pair.fields[0])
+        position = pair.image0.source_position
+        number = 0 if position is None else position.number
+        for (synthesized, confidence), t in zip(images, times, strict=True):
+            image = synthesized
+            if pair.illumination is not None:
+                image = pair.illumination.apply(view(image).array(), t, pair.image0.pixels.dtype)
+            if self.match_grain:
+                seed = number, int(np.float64(t).view(np.uint64))
+                image = match_grain(view(image).picture, pair.grain, t, seed)
+            if overlay is not None:
+                keep_overlay(view(image).picture, pair.image0.pixels, pair.image1.pixels, t, overlay)
+                if confidence is not None:  # found still over four frames
+                    confidence[overlay] = 1
+            yield image, confidence
 
     def with_vectors(self, change: Callable[[Any], RenderedVectors]) -> tuple[Interpolator, list[str]]:
         """Change a renderer's vectors, if there are any, and return what they have remarked beside the interpolator."""
@@ -376,34 +391,3 @@ def _neighbour(neighbour: Pair | None, pair: Pair) -> Neighbour | None:
     if neighbour is None:
         return None
     return Neighbour(*neighbour.fields, float(neighbour.duration / pair.duration))
-
-
-def _with_illumination(
-    images: Iterator[Interpolated],
-    times: Sequence[float],
-    illumination: IlluminationModel,
-    dtype: np.dtype[Any],
-) -> Iterator[Interpolated]:
-    for (image, confidence), t in zip(images, times, strict=True):
-        yield illumination.apply(view(image).array(), t, dtype), confidence
-
-
-def _with_grain(images: Iterator[Interpolated], times: Sequence[float], pair: Pair) -> Iterator[Interpolated]:
-    place = pair.image0.source_position
-    number = 0 if place is None else place.number
-    for (image, confidence), t in zip(images, times, strict=True):
-        yield match_grain(view(image).picture, pair.grain, t, (number, int(np.float64(t).view(np.uint64)))), confidence
-
-
-def _with_overlay(
-    images: Iterator[Interpolated], times: Sequence[float], pair: Pair, before: Pair, after: Pair
-) -> Iterator[Interpolated]:
-    overlay = find_overlay(pair.image0, pair.image1, before.image0, after.image1, pair.fields[0])
-    if overlay is None:
-        yield from images
-        return
-    for (image, confidence), t in zip(images, times, strict=True):
-        keep_overlay(view(image).picture, pair.image0.pixels, pair.image1.pixels, t, overlay)
-        if confidence is not None:  # found still over four frames
-            confidence[overlay] = 1
-        yield image, confidence

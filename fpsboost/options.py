@@ -14,34 +14,22 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Option:
-    """Properties of an option on a command line.
-
-    Attributes
-    ----------
-    help : str
-        A phrase with its unit, and its default unless that is shown.
-    flag : str
-        Name without dashes; by default the field's own. A flag ``no-...`` turns off a field that is True by default.
-    short : str
-        One letter, or empty.
-    metavar : str
-        Placeholder of the value in the help; by default one for the type.
-    group : str
-        Name of a group other than that of the dataclass.
-    choices : tuple of str
-        Values that a shell proposes; others may be given, too. Those of a ``Literal`` need not be repeated here.
-    parse : callable, optional
-        Reads the value from its text, or its texts if it is repeatable, and its name for messages; by default the
-        type does.
-    """
+    """Properties of an option on a command line."""
 
     help: str
+    """A phrase with its unit, and its default unless that is shown."""
     flag: str = ""
+    """Name without dashes; by default the field's own. A flag ``no-...`` turns off a field that is True by default."""
     short: str = ""
+    """One letter, or empty."""
     metavar: str = ""
+    """Placeholder of the value in the help; by default one for the type."""
     group: str = ""
+    """Name of a group other than that of the dataclass."""
     choices: tuple[str, ...] = ()
+    """Values that a shell proposes; others may be given, too. Those of a ``Literal`` need not be repeated here."""
     parse: Callable[[Any, str], Any] | None = None
+    """Reads the value from its text, or its texts if it is repeatable, and its name; by default the type does."""
 
 
 def option(

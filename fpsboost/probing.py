@@ -133,7 +133,6 @@ class Findings:
     end: Fraction = Fraction(0)
     """End of the last of them."""
     interlaced: int = 0
-    """Number of frames flagged as interlaced."""
     duplicates: list[Fraction] = field(default_factory=list)
     """Times of the duplicate frames, stills not counted."""
     moments: list[Fraction] = field(default_factory=list)
@@ -153,7 +152,7 @@ class Findings:
         for frame in frames:
             self.times.append(frame.time)
             self.end = frame.time + (frame.duration or 1 / frames.info.rate)
-            self.interlaced += _is_interlaced(frame)
+            self.interlaced += bool(getattr(frame.original, "interlaced_frame", False))
             self.seen(frame, frame.time - self.times[0])
             begins = beginning(frames)
             place = SourcePosition(begins.number + len(self.times) - 1, begins.seconds + frame.time - self.times[0])
@@ -172,21 +171,9 @@ class Findings:
 
 
 def probe(path: str, input_fps: Fraction | None = None, stream: int | None = None) -> Probe:
-    """Read a clip to its end and return its properties.
+    """Read a clip to its end and return its properties; see `fpsboost.io.opening.open_source` about errors.
 
-    Parameters
-    ----------
-    path : str
-        A video file, an animation, a folder of images, or a pattern of images.
-    input_fps : Fraction, optional
-        Frames per second of images; 24 by default.
-    stream : int, optional
-        Number of a video file's stream; by default the one that a conversion takes.
-
-    Raises
-    ------
-    OptionError, InputError
-        See `fpsboost.io.opening.open_source`.
+    `input_fps` is the rate of images, 24 by default; `stream` is the number of a video's stream.
     """
     # A size that changes is to be reported, though a conversion would stop there.
     may_change = Path(path).is_file() and not is_animation(Path(path))
@@ -277,7 +264,3 @@ def _look(traits: VideoTraits) -> Look:
 
 def _tag_name(names: dict[int, str], number: int) -> str | None:
     return None if number == UNSPECIFIED else names.get(number, str(number))
-
-
-def _is_interlaced(frame: Frame) -> bool:
-    return bool(getattr(frame.original, "interlaced_frame", False))

@@ -106,7 +106,7 @@ def run_conversion(
             stretch=stretch,
             threads=threads,
             holds_last_frame=sink.holds_last_frame,
-            needs=_needs_of(sink),
+            needs=Needs(sink.needs_confidence, sink.needs_motion) if isinstance(sink, TakesSideData) else Needs(),
             outputs=outputs,
         ) as frames,
         write_behind(sink.write, WRITE_BEHIND, _cancel_of(sink)) as write,
@@ -189,11 +189,6 @@ def beginning(source: FrameSource) -> SourcePosition:
 def _cancel_of(end: FrameSource | FrameSink) -> Callable[[], None]:
     """Return the function that stops a source or sink that waits for another program."""
     return end.cancel if isinstance(end, Cancellable) else nothing
-
-
-def _needs_of(sink: FrameSink) -> Needs:
-    """Return what a sink asks for beside frames."""
-    return Needs(sink.needs_confidence, sink.needs_motion) if isinstance(sink, TakesSideData) else Needs()
 
 
 class _Output(NamedTuple):
