@@ -51,6 +51,14 @@ def normalised(image: NDArray[Any]) -> NDArray[Any]:
     return image.astype(np.float32) * np.float32(1 / np.iinfo(image.dtype).max)
 
 
+def composite_on_black(image: NDArray[Any]) -> NDArray[Any]:
+    """Return the `normalised` image with straight alpha premultiplied: what is transparent does not show."""
+    values = normalised(image)
+    if has_alpha(image) and image.dtype != np.float32:  # float images have that done already
+        values[..., :-1] *= values[..., -1:]
+    return values
+
+
 def premultiplied(image: NDArray[Any]) -> NDArray[Any]:
     """Return (H, W, C) float32 with the image's own white, with straight alpha premultiplied."""
     if image.dtype == np.float32:  # NaN and infinity would spread to their surroundings

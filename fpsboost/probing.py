@@ -67,7 +67,6 @@ class Conversion:
     """Result that a conversion with the default options would have."""
 
     frames: int
-    """Number of frames written."""
     rate: float
     """Nominal frames per second of the output."""
     refused: str | None
@@ -81,14 +80,12 @@ class Probe:
     """Properties of a clip that was read once from its first frame to its last."""
 
     name: str
-    """As the user gave it."""
     width: int
     height: int
     """Pixels, as stored."""
     look: Look | None
     """Format and colour tags of video; None otherwise."""
     streams: list[StreamFacts]
-    """Streams of a video file; empty otherwise."""
     rate: float
     exact_rate: str
     """Nominal frames per second."""
@@ -106,7 +103,7 @@ class Probe:
     frames: int
     """Number of frames that could be read."""
     declared_frames: int | None
-    """Number of frames that the header declares; None if it does not."""
+    """Number of frames by the header; None if it does not say."""
     duplicates: int
     """Number of duplicate frames, stills not counted."""
     cuts: list[float]
@@ -114,7 +111,6 @@ class Probe:
     interlaced: int
     """Number of frames flagged as interlaced."""
     remarks: list[str]
-    """Remarks of the source on damage, and on what is guessed or left out."""
     conversion: Conversion
 
     def as_json(self) -> dict[str, Any]:
@@ -129,9 +125,8 @@ class Findings:
     seen: Callable[[Frame, Fraction], None] = lambda frame, time: None
     """Function that is given every frame, and its time after the first one, seconds."""
     times: list[Fraction] = field(default_factory=list)
-    """Times of all frames, seconds."""
     end: Fraction = Fraction(0)
-    """End of the last of them."""
+    """End of the last frame, seconds."""
     interlaced: int = 0
     duplicates: list[Fraction] = field(default_factory=list)
     """Times of the duplicate frames, stills not counted."""

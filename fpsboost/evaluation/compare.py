@@ -9,11 +9,11 @@ import os
 import platform
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from importlib.metadata import version
 from itertools import pairwise
-from typing import IO, Any, NamedTuple, Protocol
+from typing import IO, Any, Protocol
 
 import cv2
 import numpy as np
@@ -84,39 +84,11 @@ def compare(
     cut_options: tuple[str, ...] = (),
     metrics: Sequence[str] = (),
 ) -> Comparison:
-    """Score methods on the hidden frames of a clip.
+    """Score methods, by name, on the hidden frames of a clip; `input_fps` are the frames per second of images.
 
-    Parameters
-    ----------
-    path : str
-        A video, a folder or a pattern of images.
-    contestants : mapping of str to Contestant
-        Methods by name.
-    hiding : Hiding
-    observer : Observer
-    skipped : mapping of str to str, optional
-        Methods that cannot be run, with the reason.
-    input_fps : Fraction, optional
-        Frames per second of images.
-    rendered, others : tuple of str
-        See `fpsboost.evaluation.results.Comparison`.
-    vectors : VectorFolder, optional
-        A renderer's motion vectors, from which the areas come; repeats are then not looked for.
-    cuts : CutPolicy or None
-        Finds or knows the scene cuts between the true frames; None takes everything for one scene.
-    cut_options : tuple of str
-        See `fpsboost.evaluation.results.Comparison`.
-    metrics : sequence of str
-        Names of further metrics; see `fpsboost.evaluation.further_metrics.choose_metrics`.
-
-    Raises
-    ------
-    OptionError
-        There is no method to compare.
-    InputError
-        The clip cannot be read, is too short, or holds what cannot be compared, or no hidden frame counts.
-    OutputError
-        There is no space for temporary files.
+    A renderer's `vectors` give the areas, and repeats are then not looked for. `cuts` finds the scene cuts between the
+    true frames, or takes everything for one scene if it is None. `skipped` are methods that cannot be run, with the
+    reason; `rendered`, `others` and `cut_options` are kept in the result.
     """
     if not contestants:
         reasons = "".join(f"; {name} was skipped, {reason}" for name, reason in (skipped or {}).items())
@@ -177,86 +149,72 @@ def _look(
     policy: CutPolicy | None,
 ) -> tuple[Comparison, Fraction]:
     """Return a comparison without methods, and the frames per second; raise InputError if no hidden frame counts."""
-    passed: list[_Passed] = []
-    pairs = _true_pairs(_passing(hiding.intervals(path, input_fps), areas, observer, vectors, passed), policy)
+    facts = _Facts()
+    pairs = _true_pairs(facts.passing(hiding.intervals(path, input_fps), areas, observer, vectors), policy)
     across_cuts = {
         number
         for before, (numbers, pair), after in with_neighbours(pairs)
         if pair.is_discontinuous(*(each and each[1] for each in (before, after)))
         for number in numbers
     }
-    hidden = [number for each in passed for number in each.hidden]
-    cuts = [number for number in hidden if number in across_cuts]
-    doubtful = [number for each in passed if not each.is_known for number in each.hidden if number not in across_cuts]
-    _check_some_count(path, len(hidden), len(cuts), len(doubtful))
+    cuts = [number for number in facts.hidden if number in across_cuts]
+    doubtful = [number for number in facts.unknown if number not in across_cuts]
+    _check_some_count(path, len(facts.hidden), len(cuts), len(doubtful))
     left_out = {*cuts, *doubtful}
-    shares = [
-        share
-        for each in passed
-        for number, share in zip(each.hidden, each.shares, strict=True)
-        if number not in left_out
-    ]
+    shares = [row for number, row in zip(facts.hidden, facts.shares, strict=True) if number not in left_out]
     comparison = Comparison(
         path,
-        passed[-1].kind,
+        facts.kind,
         hiding,
-        hidden,
+        facts.hidden,
         cuts,
         shares=dict(zip(AREAS, np.mean(shares, axis=0).tolist(), strict=True)),
         methods=[],
         skipped={},
-        times=[float(t) for each in passed for t in each.times],
-        repeats=[number for each in passed for number in each.repeats],
+        times=facts.times,
+        repeats=facts.repeats,
         doubtful=doubtful,
-        clip_frames=passed[-1].last - passed[0].first + 1,
+        clip_frames=facts.clip_frames,
     )
-    return comparison, sum(len(each.hidden) + 1 for each in passed) / sum(
-        (each.seconds for each in passed), Fraction(0)
-    )
+    return comparison, facts.pictures / facts.seconds
 
 
-class _Passed(NamedTuple):
-    """Facts about an interval that has been read."""
+@dataclass
+class _Facts:
+    """Facts about the intervals of a clip, collected while they are read."""
 
-    kind: str
-    first: int
-    last: int
-    hidden: list[int]
-    times: list[Fraction]
-    repeats: tuple[int, ...]
-    is_known: bool
-    shares: list[list[float]]
-    seconds: Fraction
+    hidden: list[int] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
+    shares: list[list[float]] = field(default_factory=list)
+    """Shares of the areas of each hidden frame."""
+    unknown: list[int] = field(default_factory=list)
+    """Hidden frames of intervals whose pictures are not known."""
+    repeats: list[int] = field(default_factory=list)
+    kind: str = ""
+    clip_frames: int = 1
+    pictures: int = 0
+    seconds: Fraction = Fraction(0)
+    """Number of frames that are no repeats, but for the last one, and their duration."""
 
-
-def _passing(
-    intervals: Iterable[Interval],
-    areas: _Areas,
-    observer: Observer,
-    vectors: VectorFolder | None,
-    passed: list[_Passed],
-) -> Iterator[Interval]:
-    """Yield the intervals, append each to `passed`, and keep their areas."""
-    for interval in intervals:
-        shares = []
-        for regions in find_regions(interval, vectors):
-            areas.add(regions)
-            shares.append([float(each.mean()) for each in regions])
-            observer.advance()
-        passed.append(
-            _Passed(
-                view(interval.shown0.array).describe(),
-                interval.number,
-                interval.last,
-                [each.number for each in interval.hidden],
-                [each.t for each in interval.hidden],
-                interval.repeats,
-                interval.is_known,
-                shares,
-                interval.shown1.time - interval.shown0.time,
-            )
-        )
-        yield interval
+    def passing(
+        self, intervals: Iterable[Interval], areas: _Areas, observer: Observer, vectors: VectorFolder | None
+    ) -> Iterator[Interval]:
+        """Yield the intervals, and keep their facts and areas."""
+        for interval in intervals:
+            for hidden, regions in zip(interval.hidden, find_regions(interval, vectors), strict=True):
+                areas.add(regions)
+                self.hidden.append(hidden.number)
+                self.times.append(float(hidden.t))
+                self.shares.append([float(region.mean()) for region in regions])
+                observer.advance()
+            if not interval.is_known:
+                self.unknown += [hidden.number for hidden in interval.hidden]
+            self.repeats += interval.repeats
+            self.kind = view(interval.shown0.array).describe()
+            self.clip_frames += interval.last - interval.number
+            self.pictures += len(interval.hidden) + 1
+            self.seconds += interval.shown1.time - interval.shown0.time
+            yield interval
 
 
 def _true_pairs(intervals: Iterable[Interval], policy: CutPolicy | None) -> Iterator[tuple[list[int], Pair]]:

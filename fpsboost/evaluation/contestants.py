@@ -15,12 +15,12 @@ import time
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import IO, Any, ClassVar, NamedTuple, Protocol, Self
+from typing import IO, ClassVar, NamedTuple, Protocol, Self
 
+import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from fpsboost.colour import normalised
+from fpsboost.colour import has_alpha, normalised
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation.hidden_frames import Hidden, Interval
 from fpsboost.frame_cache import FrameCache
@@ -71,11 +71,7 @@ class Contestant(Protocol):
 
 @dataclass(frozen=True)
 class InterpolatorContestant:
-    """A method of this package.
-
-    Time is counted from the moment a frame is asked for, kernels compiled beforehand; the first frame of an interval
-    includes the motion search.
-    """
+    """A method of this package; the time of the first frame of an interval includes the motion search."""
 
     interpolator: Interpolator
     looks_far: ClassVar[bool] = False
@@ -125,18 +121,7 @@ class Minterpolate:
 
     @classmethod
     def with_options(cls, texts: Mapping[str, str]) -> Self:
-        """Return the filter with some of its options changed, by FFmpeg's names.
-
-        Raises
-        ------
-        OptionError
-            A name or a value is none that a filter takes, or is the rate, which the comparison sets.
-
-        Examples
-        --------
-        >>> Minterpolate.with_options({"mi_mode": "blend"}).options
-        'mi_mode=blend:mc_mode=aobmc:me_mode=bidir:vsbmc=1:scd=none'
-        """
+        """Return the filter with some of its options changed, by FFmpeg's names; the rate is the comparison's."""
         options = dict(pair.split("=") for pair in cls.options.split(":"))
         for text, value in texts.items():
             name = text.replace("-", "_")
@@ -169,9 +154,8 @@ class Minterpolate:
         places: list[tuple[int, int]] = []
         begin, begin_cpu = time.perf_counter(), seconds_of_children()
         with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as complaints:
-            with self._start(
-                shown, factor, output, complaints
-            ) as process:  # ends its input and waits, whatever happens
+            # ends its input and waits, whatever happens
+            with self._start(shown, factor, output, complaints) as process:
                 _feed(process, shown)
                 for index, interval in enumerate(chain([first], arriving)):
                     places += [(hidden.number, index * factor + k) for k, hidden in enumerate(interval.hidden, start=1)]
@@ -190,7 +174,7 @@ class Minterpolate:
                 data = output.read(size)
                 if len(data) < size:
                     raise InputError(f"ffmpeg's minterpolate made no frame {number}; leave it out with `methods`.")
-                image = _like(np.frombuffer(data, np.uint8).reshape(*shown.shape[:2], 3), shown)
+                image = as_type_of(np.frombuffer(data, np.uint8).reshape(*shown.shape[:2], 3), shown)
                 yield InterpolatedFrame(number, image, seconds / len(places), cpu_seconds / len(places))
 
     def _start(self, shown: Image, factor: int, output: IO[bytes], complaints: IO[bytes]) -> subprocess.Popen[bytes]:
@@ -210,14 +194,27 @@ def _feed(process: subprocess.Popen[bytes], image: Image) -> None:
         process.stdin.write(np.ascontiguousarray(levels).tobytes())
 
 
-def _like(image: NDArray[Any], shown: Image) -> Image:
-    """Return 8-bit colours as an image of the clip's own type; alpha, which the filter does not know, is opaque."""
-    white = 1 if shown.dtype == np.float32 else np.iinfo(shown.dtype).max
-    values = image.astype(np.float32) * (white / 255)
-    result = np.full_like(shown, white)
-    colours = min(shown.shape[2], 3) if shown.shape[2] != 2 else 1
-    result[..., :colours] = (values if shown.dtype == np.float32 else np.rint(values))[..., :colours]
-    return result
+def as_type_of(image: Image, like: Image) -> Image:
+    """Return an image in the type and with the channels of the clip's frames.
+
+    Depths are scaled; missing alpha is opaque and alpha that the clip lacks is left out; gray becomes colour, and
+    colour the gray of its luma.
+    """
+    if image.dtype == like.dtype and image.shape == like.shape:
+        return image
+    values = normalised(image)
+    colours = values[..., :-1] if has_alpha(image) else values
+    if like.shape[2] <= 2 and colours.shape[2] == 3:
+        colours = cv2.cvtColor(np.ascontiguousarray(colours), cv2.COLOR_BGR2GRAY)[..., np.newaxis]
+    elif like.shape[2] >= 3 and colours.shape[2] == 1:
+        colours = colours.repeat(3, axis=2)
+    if has_alpha(like):
+        alpha = values[..., -1:] if has_alpha(image) else np.ones_like(values[..., :1])
+        colours = np.concatenate([colours, alpha], axis=2)
+    if like.dtype == np.float32:
+        return np.ascontiguousarray(colours, np.float32)
+    white = np.iinfo(like.dtype).max
+    return np.ascontiguousarray(np.rint(colours.clip(0, 1) * white), like.dtype)
 
 
 def seconds_of_children() -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import gc
 import json
 import tempfile
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 
@@ -17,9 +18,8 @@ import av
 import av.filter
 import numpy as np
 
-from fpsboost.colour import has_alpha
+from fpsboost.colour import composite_on_black, has_alpha
 from fpsboost.errors import InputError
-from fpsboost.evaluation.metrics import composite_on_black
 from fpsboost.image import Image
 from fpsboost.io.video.ycc import assumed_color_space, from_bgr
 
@@ -30,8 +30,7 @@ PIXEL_FORMAT = "yuv444p"
 """Pixel format of both videos; deeper ones are misread by ``xpsnr`` (FFmpeg 8.1), which takes rows to be unpadded."""
 
 MULTIPLE = 4
-"""Side of the blocks of ``xpsnr``, pixels. In frames of other sizes it gives a lone last row or column far too much
-weight, and in large ones it reads and writes behind them."""
+"""Side of the blocks of ``xpsnr``, pixels; a lone last row or column has far too much weight, and may lie behind it."""
 
 MIN_PIXELS = 2025
 """Number of pixels of a frame below which ``xpsnr`` takes blocks of no size, and divides by it."""
@@ -87,13 +86,12 @@ class _Graph:
 
     def _pull(self) -> list[av.VideoFrame]:
         pictures: list[av.VideoFrame] = []
-        while True:
-            try:
+        with suppress(av.BlockingIOError, av.EOFError):
+            while True:
                 picture = self._exit.pull()
-            except (av.BlockingIOError, av.EOFError):
-                return pictures
-            assert isinstance(picture, av.VideoFrame)
-            pictures.append(picture)
+                assert isinstance(picture, av.VideoFrame)
+                pictures.append(picture)
+        return pictures
 
 
 def _without_alpha(image: Image) -> Image:
@@ -110,7 +108,7 @@ class _FilterMeter:
         self._counts: list[bool] = []
 
     def add_shown(self, image: Image) -> None:
-        """See `Meter.add_shown`; raise InputError if frames are too small for the filter."""
+        """See `Meter.add_shown`."""
         self._counts.append(False)
         self._push(image, image)
 
@@ -120,7 +118,6 @@ class _FilterMeter:
         self._push(truth, image)
 
     def _push(self, truth: Image, image: Image) -> None:
-        """Give the filter two frames of one moment."""
         raise NotImplementedError
 
     def _counted(self, values: list[float]) -> list[float]:
@@ -130,15 +127,9 @@ class _FilterMeter:
 class XpsnrMeter(_FilterMeter):
     """Meter of XPSNR of luma, dB: PSNR with errors weighted by how well they are seen.
 
-    Helmrich et al. 2020 ("XPSNR: a low-complexity extension of the perceptually weighted peak signal-to-noise ratio for
-    high-resolution video quality assessment", ICASSP, doi:10.1109/ICASSP40776.2020.9054089), as FFmpeg's filter
-    ``xpsnr`` has it. It weighs blocks of the picture by the activity of the true video in space and time. Up to three
-    rows at the bottom and columns at the right are left out, so that the sides are multiples of 4.
-
-    Parameters
-    ----------
-    rate : Fraction
-        Frames per second, rounded: from 32 on, the filter takes second differences for the activity in time.
+    Helmrich et al. 2020 (doi:10.1109/ICASSP40776.2020.9054089), as FFmpeg's filter ``xpsnr`` has it: blocks are weighed
+    by the activity of the true video in space and time, in time by second differences from 32 frames per second on. Up
+    to three rows at the bottom and columns at the right are left out, so that the sides are multiples of 4.
     """
 
     def __init__(self, rate: Fraction) -> None:
@@ -169,15 +160,9 @@ class XpsnrMeter(_FilterMeter):
 
 
 class VmafMeter(_FilterMeter):
-    """Meter of VMAF, 0 to 100: trained on what people said of compressed videos.
+    """Meter of VMAF, 0 to 100, by Netflix's model ``vmaf_v0.6.1`` in FFmpeg's filter ``libvmaf``.
 
-    Netflix's model ``vmaf_v0.6.1``, for a 1080p screen from three times its height away, as FFmpeg's filter ``libvmaf``
-    has it. It knows blur and coding, and was not made for frames between others.
-
-    Parameters
-    ----------
-    rate : Fraction
-        Frames per second.
+    It was trained on what people said of compressed videos on a 1080p screen from three times its height away.
     """
 
     def __init__(self, rate: Fraction) -> None:

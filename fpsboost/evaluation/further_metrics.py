@@ -43,7 +43,6 @@ class Metric:
 
     title: str
     unit: str
-    """Heading in tables."""
     digits: int
     """Decimals in tables."""
     high_is_good: bool
@@ -58,10 +57,8 @@ class Metric:
 class FlipMeter:
     """Meter of LDR-FLIP, mean over the pixels: 0 is equal, 1 black beside white.
 
-    Andersson et al. 2020 ("FLIP: a difference evaluator for alternating images", PACMCGIT 3(2), doi:10.1145/3406183),
-    by NVIDIA's package ``flip-evaluator``, which the extra ``fpsboost[flip]`` installs. Images are taken as a screen
-    shows them (`fpsboost.evaluation.metrics.as_shown`), 67 pixels a degree, which is the program's default: a 4K screen
-    of 0.7 m from 0.7 m away.
+    Andersson et al. 2020 (doi:10.1145/3406183), by NVIDIA's package ``flip-evaluator`` (``fpsboost[flip]``), at its
+    default of 67 pixels a degree: a 4K screen of 0.7 m from 0.7 m away.
     """
 
     def __init__(self) -> None:
@@ -120,18 +117,7 @@ metrics: dict[str, Metric] = {
 
 
 def choose_metrics(texts: Sequence[str]) -> tuple[str, ...]:
-    """Read names of metrics with commas between them; return those of `metrics`, each once.
-
-    Raises
-    ------
-    OptionError
-        There is no such metric, or it cannot be measured here, and the message says what is missing.
-
-    Examples
-    --------
-    >>> choose_metrics(["psnr", "mae,mse"])
-    ()
-    """
+    """Read names of metrics with commas between them; return those of `metrics`, each once."""
     names = [name.strip() for text in texts for name in text.split(",")]
     for name in names:
         if name not in metrics and name not in ALWAYS:

@@ -17,7 +17,7 @@ import numpy as np
 from fpsboost.analysis.duplicates import DuplicateDetector, Picture, SourceFrame, find_pictures
 from fpsboost.contracts import FrameSource
 from fpsboost.errors import InputError, OptionError, check_choice
-from fpsboost.frame import ClipInfo, Frame
+from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
@@ -41,20 +41,17 @@ class Hidden(NamedTuple):
     """A frame that methods do not see."""
 
     number: int
-    """Number in the clip, counted from 0."""
     t: Fraction
     """Place in time between the shown frames, 0 to 1."""
     truth: Image
     source_position: SourcePosition
-    """Position in the clip."""
 
 
 class Interval(NamedTuple):
-    """Two shown frames and those hidden between them."""
+    """Two shown frames with their positions in the clip, and those hidden between them."""
 
     begin: SourcePosition
     end: SourcePosition
-    """Positions of the two in the clip."""
     shown0: Frame
     shown1: Frame
     hidden: tuple[Hidden, ...]
@@ -115,24 +112,6 @@ class Hiding:
 
     A hidden frame lies between the shown ones where the times of the clip say, and divides them evenly where it misses
     that by no more than what conversions take for the rounding and jitter of a clock.
-
-    Parameters
-    ----------
-    skip : int
-        Number of frames hidden between every two that are shown.
-    first, last : int or None
-        Range of frames, `last` not included; to the end if it is None.
-    decoding : DecodeOptions
-        How a video file is read.
-    duplicates : {'interpolate', 'keep'}
-        Look for frames that repeat another, or take each frame for a picture of its own.
-    counts_frames : bool
-        Read the frames before the excerpt one by one, for what goes by their numbers, instead of skipping them.
-
-    Raises
-    ------
-    OptionError
-        A value is out of range, or the range is given in two ways.
     """
 
     skip: int = 1
@@ -184,15 +163,7 @@ class Hiding:
         }
 
     def intervals(self, path: str, input_fps: Fraction | None = None) -> Iterator[Interval]:
-        """Read a clip, images at `input_fps`; a rest at its end that fills no interval is left out.
-
-        Raises
-        ------
-        InputError
-            It cannot be read, or is too short to hide a frame.
-        OptionError
-            It cannot be read in the way that is asked for.
-        """
+        """Read a clip, images at `input_fps`; a rest at its end that fills no interval is left out."""
         if path in PIPES:
             raise InputError("Standard input can be read only once, and every method needs it; name a file.")
         needs_rate = self.decoding.trim.needs_rate
@@ -201,7 +172,8 @@ class Hiding:
         with open_source(
             path, requirements=requirements, decoding=replace(self.decoding, input_fps=input_fps)
         ) as whole:
-            clock = _clock(whole.info)
+            info = whole.info
+            clock = ByRate.forgiving(2 * info.rate, info.rate, info.time_base)  # as in a conversion to twice the rate
             source, _ = trim_source(whole, self.decoding.trim, may_skip=not self.counts_frames)
             row: list[_Truth] = []
             for truth in self._truths(self._shown(source, clock, path)):
@@ -212,12 +184,10 @@ class Hiding:
                     yield _interval(row, clock)
                     row = row[-1:]
         if not count:
-            beside = (
-                f" beside the {repeats} that repeat another (`duplicates='keep'` takes them too)" if repeats else ""
-            )
+            beside = f" beside the {repeats} that repeat another (`duplicates='keep'` takes them too)"
             raise InputError(
                 f"{path} has too few frames to hide {'one' if self.skip == 1 else self.skip} between two others; "
-                f"{self.skip + 2} are needed in the range{beside}."
+                f"{self.skip + 2} are needed in the range{beside if repeats else ''}."
             )
 
     def _shown(self, source: FrameSource, clock: ByRate, path: str) -> Iterator[SourceFrame]:
@@ -253,11 +223,6 @@ class Hiding:
                 yield _Truth(frame, position, tuple(repeat.number for _, repeat in placed[1:]), is_repeat=False)
 
 
-def _clock(info: ClipInfo) -> ByRate:
-    """Return how a conversion to twice the rate sees the times of a clip."""
-    return ByRate.forgiving(2 * info.rate, info.rate, info.time_base)
-
-
 def _position_of(frame: SourceFrame) -> SourcePosition:
     assert frame.image.source_position is not None
     return frame.image.source_position
@@ -271,9 +236,8 @@ def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
         even = Fraction(k, len(between) + 1)
         t = (truth.frame.time - begin) / (end - begin)
         is_even = abs(t - even) * (end - begin) <= clock.tolerance
-        hidden.append(
-            Hidden(truth.source_position.number, even if is_even else t, truth.frame.array, truth.source_position)
-        )
+        position = truth.source_position
+        hidden.append(Hidden(position.number, even if is_even else t, truth.frame.array, position))
     repeats = [number for truth in row[:-1] for number in truth.repeats]
     repeats += [truth.source_position.number for truth in row[1:] if truth.is_repeat]
     is_known = (
@@ -307,6 +271,11 @@ class Sample(NamedTuple):
     window: list[Interval]
     """Its interval, the one before and the one after."""
 
+    @property
+    def interval(self) -> Interval:
+        """Interval of the hidden frame."""
+        return next(each for each in self.window if each.number < self.hidden.number < each.last)
+
     def interpolate(self, contestant: Contestant) -> Image:
         """Interpolate it exactly as in a comparison, unless the method looks farther than the window."""
         (frame,) = contestant.interpolate(self.window, {self.hidden.number})
@@ -326,16 +295,6 @@ def read_samples(path: str, hiding: Hiding, numbers: Sequence[int], input_fps: F
         samples.update((sample.hidden.number, sample) for sample in unfinished)
         before = interval
     return [samples[number] for number in numbers]
-
-
-def interpolate_some(
-    path: str, hiding: Hiding, numbers: Sequence[int], contestant: Contestant, input_fps: Fraction | None = None
-) -> dict[int, Image]:
-    """Return some of the hidden frames by number, interpolated by running a method over the whole clip.
-
-    `Sample.interpolate` is quicker, and enough for a method that does not look far.
-    """
-    return {frame.number: frame.image for frame in contestant.interpolate(hiding.intervals(path, input_fps), numbers)}
 
 
 def parse_range(text: str) -> tuple[int, int | None]:

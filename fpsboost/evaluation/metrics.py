@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.metrics import mean_squared_error, structural_similarity
 
-from fpsboost.colour import has_alpha, normalised
+from fpsboost.colour import composite_on_black, has_alpha
 from fpsboost.errors import InputError
 from fpsboost.image import Image
 
@@ -43,25 +43,7 @@ class Scores:
 
 
 def score(truth: Image, image: Image) -> Scores:
-    """Compare an interpolated frame with the true one.
-
-    Parameters
-    ----------
-    truth, image : (H, W, C) uint8, uint16 or float32
-        Images of one size and type.
-
-    Raises
-    ------
-    InputError
-        The images are too small for the structural similarity's window of 7 pixels.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> image = np.full((8, 8, 1), 100, np.uint8)
-    >>> round(score(image, image + np.uint8(2)).mae, 3)
-    2.0
-    """
+    """Compare an interpolated frame with the true one, both (H, W, C), of one size and type, 7 pixels at least."""
     if min(truth.shape[:2]) < SSIM_WINDOW:
         raise InputError(
             f"Frames of {truth.shape[1]}x{truth.shape[0]} are too small to be compared; take at least "
@@ -86,22 +68,8 @@ def absolute_error(truth: Image, image: Image) -> NDArray[Any]:
     return error
 
 
-def composite_on_black(image: Image) -> NDArray[Any]:
-    """Return float32 with 1.0 for white, colours multiplied by alpha; what is no number becomes black."""
-    values = normalised(image)
-    if has_alpha(image) and image.dtype != np.float32:  # float images have that done already
-        values[..., :-1] *= values[..., -1:]
-    return values
-
-
 def as_shown(image: Image) -> NDArray[Any]:
-    """Return an image as a screen shows it, (H, W, 3) uint8: clipped; over mid gray; float as linear light.
-
-    Examples
-    --------
-    >>> as_shown(np.full((1, 1, 1), 2.0, np.float32)).tolist()
-    [[[255, 255, 255]]]
-    """
+    """Return an image as a screen shows it, (H, W, 3) uint8: clipped; over mid gray; float as linear light."""
     linear = image.dtype == np.float32
     values = composite_on_black(image)
     if has_alpha(image):

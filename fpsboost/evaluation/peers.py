@@ -25,12 +25,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import IO, ClassVar, NamedTuple
 
-import cv2
 import numpy as np
 
-from fpsboost.colour import has_alpha, normalised
 from fpsboost.errors import InputError, OptionError, explained
-from fpsboost.evaluation.contestants import InterpolatedFrame, seconds_of_children
+from fpsboost.evaluation.contestants import InterpolatedFrame, as_type_of, seconds_of_children
 from fpsboost.evaluation.hidden_frames import Interval
 from fpsboost.image import Image
 from fpsboost.io.images.encoder import encode_image
@@ -45,22 +43,14 @@ READ_AT_MOST = 4096
 
 @dataclass(frozen=True)
 class PeerFrames:
-    """Frames of another tool, one image for each hidden frame.
-
-    Parameters
-    ----------
-    files : mapping of int to Path
-        Images by the number of the frame in the clip, counted from 0.
-    description : str
-        Where they come from.
-    seconds, cpu_seconds : float
-        Time per frame; NaN if unknown.
-    """
+    """Frames of another tool, one image for each hidden frame, by its number."""
 
     files: Mapping[int, Path]
     description: str
+    """Where they come from."""
     seconds: float = UNKNOWN
     cpu_seconds: float = UNKNOWN
+    """Time per frame."""
     looks_far: ClassVar[bool] = False  # whatever the tool looked at: its images stay the same
     any_time: ClassVar[bool] = False  # it was given frames without times
 
@@ -80,13 +70,7 @@ class PeerFrames:
 
 
 def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerFrames:
-    """Match the images of a folder to all hidden frames of a clip, as the docstring of this module says.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be read, or it is not clear which of its images is which frame.
-    """
+    """Match the images of a folder to all hidden frames of a clip, as the docstring of this module says."""
     images = list_images(folder)
     if not images:
         raise InputError(f"{folder} holds no images ({', '.join(IMAGE_SUFFIXES)}); name the folder of {name}'s frames.")
@@ -124,29 +108,12 @@ def _steps(numbers: Sequence[int | None]) -> list[int]:
 
 
 def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Path) -> PeerFrames:
-    """Let another program interpolate the hidden frames.
+    """Let another program interpolate the hidden frames; `scratch`, an empty folder, must stay as long as they do.
 
-    The shown frames are written without loss into a folder, 0000.png and so on (OpenEXR where they are float), and the
-    command, run without a shell, writes a folder of all frames, matched by position.
-
-    Parameters
-    ----------
-    name : str
-        Name of the tool, for messages.
-    command : str
-        Words as in a shell, with ``{in}`` and ``{out}`` for the two folders; ``{out}`` is there and empty. Also
-        ``{factor}``, how many times as many frames are wanted, and ``{fps}``, the rate of the shown ones.
-    intervals : iterable of Interval
-        All intervals of the clip.
-    scratch : Path
-        An empty folder, which must stay as long as the frames are needed.
-
-    Raises
-    ------
-    OptionError
-        The command is none, or lacks a folder.
-    InputError
-        It fails, or writes another number of images.
+    The shown frames are written without loss into a folder, 0000.png and so on (OpenEXR where they are float). The
+    command, run without a shell, has ``{in}`` and ``{out}`` for the two folders, and may have ``{factor}``, how many
+    times as many frames are wanted, and ``{fps}``, the rate of the shown ones. It writes all frames, which are matched
+    by position.
     """
     words = split_command(name, command)
     folders = scratch / "in", scratch / "out"
@@ -193,10 +160,10 @@ def _filled(word: str, values: Mapping[str, str]) -> str:
 
 
 def _write_shown(intervals: Iterable[Interval], folder: Path) -> tuple[list[tuple[int, int]], int, int, float]:
-    """Write the shown frames.
+    """Write the shown frames, and return what is expected of the other program.
 
-    Returns the numbers of the hidden frames with their places among the frames that are expected, the number of shown
-    frames, that of expected ones for each of them, and the shown frames per second.
+    That is the numbers of the hidden frames with their places in its output, the number of shown frames, that of output
+    frames for each of them, and the shown frames per second.
     """
     rows: list[tuple[int, int, float]] = []
     factor, count, duration = 1, 0, 0.0
@@ -266,29 +233,11 @@ def list_images(folder: Path) -> list[NumberedImage]:
 
 
 def read_like(path: Path, like: Image) -> Image:
-    """Return an image in the type and with the channels of the clip's frames; raise InputError if its size is another.
-
-    Depths are scaled; missing alpha is opaque and alpha that the clip lacks is left out; gray becomes colour, and
-    colour the gray of its luma.
-    """
+    """Return an image `as_type_of` the clip's frames; raise InputError if its size is another."""
     image = read_image(path)
     if image.shape[:2] != like.shape[:2]:
         (height, width), (clip_height, clip_width) = image.shape[:2], like.shape[:2]
         raise InputError(
             f"{path} has {width}x{height} pixels, and the clip has {clip_width}x{clip_height}; they must be one size."
         )
-    if image.dtype == like.dtype and image.shape == like.shape:
-        return image
-    values = normalised(image)
-    colours = values[..., :-1] if has_alpha(image) else values
-    if like.shape[2] <= 2 and colours.shape[2] == 3:
-        colours = cv2.cvtColor(np.ascontiguousarray(colours), cv2.COLOR_BGR2GRAY)[..., np.newaxis]
-    elif like.shape[2] >= 3 and colours.shape[2] == 1:
-        colours = colours.repeat(3, axis=2)
-    if has_alpha(like):
-        alpha = values[..., -1:] if has_alpha(image) else np.ones_like(values[..., :1])
-        colours = np.concatenate([colours, alpha], axis=2)
-    if like.dtype == np.float32:
-        return np.ascontiguousarray(colours, np.float32)
-    white = np.iinfo(like.dtype).max
-    return np.ascontiguousarray(np.rint(colours.clip(0, 1) * white), like.dtype)
+    return as_type_of(image, like)

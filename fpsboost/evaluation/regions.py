@@ -60,11 +60,6 @@ def find_regions(interval: Interval, vectors: VectorFolder | None = None) -> Ite
     DIS is wrong, more counts as hidden or not found, for all methods alike. On two frames of `samples/scenes/texture`,
     whose occlusions are known, more than 90 % of them were marked within three pixels, and half of what was marked was
     one.
-
-    Raises
-    ------
-    InputError
-        Vectors are missing, or of another size.
     """
     others = interval.prepared()
     for truth in interval.prepared_truths():

@@ -15,7 +15,6 @@ from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
 MIN_SHARE = 0.02
 """Smallest share of the picture of an area that is shown: a few pixels say more about chance than about a method."""
 
-
 MAX_NAMED = 8
 """Maximum number of frames that a note names; the data have all of them."""
 
@@ -25,11 +24,9 @@ class FrameResult:
     """Scores of one frame of a method."""
 
     number: int
-    """Number of the frame in the clip, counted from 0."""
     scores: Scores
     seconds: float
     cpu_seconds: float
-    """Elapsed and CPU time, seconds."""
     inside: dict[str, float]
     outside: dict[str, float]
     """Mean absolute error in and out of each area of `fpsboost.evaluation.regions.AREAS`, levels of 255; NaN where an
@@ -37,7 +34,7 @@ class FrameResult:
     search_radius: int | None = None
     """Search radius of the motion, pixels; None if the method has none."""
     metrics: dict[str, float] = field(default_factory=dict)
-    """Further metrics by name; see `fpsboost.evaluation.further_metrics`."""
+    """Further metrics by name."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +56,6 @@ class Comparison:
     """Size and type of the frames: ``640x360, 3 channels, 8-bit``."""
     hiding: Hiding
     hidden: list[int]
-    """Numbers of the hidden frames."""
     cuts: list[int]
     """Hidden frames across a scene cut, which no method can know: no mean counts them."""
     shares: dict[str, float]
@@ -83,7 +79,7 @@ class Comparison:
     clip_frames: int = 0
     """Number of frames from the first shown one to the last."""
     metrics: tuple[str, ...] = ()
-    """Names of further metrics, of `fpsboost.evaluation.further_metrics.metrics`."""
+    """Names of further metrics."""
 
     @property
     def areas(self) -> list[tuple[str, str]]:

@@ -58,7 +58,6 @@ class Trial:
     mse: float
     """Mean squared error over the frames, levels of 255 squared."""
     cpu_seconds: float
-    """CPU time per frame, seconds."""
 
 
 @dataclass(frozen=True)
@@ -68,14 +67,13 @@ class Tuning:
     clip: str
     method: str
     frames: list[int]
-    """Numbers of the frames that were interpolated, counted from 0."""
+    """Numbers of the frames that were interpolated."""
     sweeps: dict[str, list[Trial]]
     """Trials by the option that was swept: ``search_radius``, where the method has one; ``patch_radius``, with each
     window where it has several; ``v``."""
     best: Trial
-    """Recommended options, and their result."""
     default: Trial
-    """Result of the default method, untuned, on the same frames."""
+    """Trial of the default method, untuned, on the same frames."""
 
 
 def tune(
@@ -86,28 +84,7 @@ def tune(
     observer: Observer,
     input_fps: Fraction | None = None,
 ) -> Tuning:
-    """Sweep the parameters of a method on a few frames of a clip.
-
-    Parameters
-    ----------
-    path : str
-        A video, a folder or a pattern of images.
-    method : str
-        Name of a method whose estimator has a patch radius.
-    hiding : Hiding
-    count : int
-        Number of frames to try on.
-    observer : Observer
-    input_fps : Fraction, optional
-        Frames per second of images.
-
-    Raises
-    ------
-    InputError
-        The clip cannot be read, or is too short.
-    OptionError
-        The method has no patch radius, or `count` is below 1.
-    """
+    """Sweep the parameters of a method, whose estimator has a patch radius, on `count` frames of a clip."""
     if count < 1:
         raise OptionError(f"`frames` must be at least 1, not {count}.")
     interpolator = find_method(method)
@@ -120,7 +97,7 @@ def tune(
     best: dict[str, Any] = {}
     sweeps: dict[str, list[Trial]] = {}
     if "search_radius" in known:
-        usual = max(_usual_search_radius(each) for each in samples)
+        usual = max(choose_search_radius(*sample.interval.prepared()) for sample in samples)
         observer.begin("search radius", None)
         sweeps["search_radius"] = sweep_around(usual, lambda radius: tuner.attempt({"search_radius": radius}))
         best = _best(sweeps["search_radius"]).options
@@ -140,8 +117,7 @@ def choose_frames(
 ) -> list[Sample]:
     """Return hidden frames whose motion is spread evenly from the middle of the clip's to its largest.
 
-    Frames across a scene cut are left out, as long as there are others, and so are those that are no truth (see
-    `fpsboost.evaluation.hidden_frames.Hiding`).
+    Frames across a scene cut are left out, as long as there are others, and so are those that do not count.
     """
     motions: list[tuple[float, int]] = []
     match_scores: list[float] = []
@@ -174,10 +150,7 @@ def patches(known: Container[str]) -> list[dict[str, Any]]:
 
 
 def sweep_around(usual: int, attempt: Callable[[int], Trial | None]) -> list[Trial]:
-    """Try search radii below and above one, in either direction as far as it pays, and return the trials in order.
-
-    `attempt` returns None for a radius that the method refuses.
-    """
+    """Try search radii below and above one, in either direction as far as it pays, and return the trials in order."""
     trials: dict[int, Trial] = {}
 
     def tries(radius: int) -> bool:
@@ -203,11 +176,6 @@ def _larger(radius: int) -> int:
     return max(radius + 1, round(radius * STEP))
 
 
-def _usual_search_radius(sample: Sample) -> int:
-    interval = next(each for each in sample.window if sample.hidden in each.hidden)
-    return choose_search_radius(*interval.prepared())
-
-
 @dataclass(frozen=True)
 class _Tuner:
     """A method and the frames that it is tried on."""
@@ -228,9 +196,9 @@ class _Tuner:
             return None
         interpolator.compile_for(self.samples[0].hidden.truth)
         errors, cpu_seconds = [], []
-        for each in self.samples:
-            (frame,) = InterpolatorContestant(interpolator).interpolate(each.window, {each.hidden.number})
-            errors.append(score(each.hidden.truth, frame.image).mse)
+        for sample in self.samples:
+            (frame,) = InterpolatorContestant(interpolator).interpolate(sample.window, {sample.hidden.number})
+            errors.append(score(sample.hidden.truth, frame.image).mse)
             cpu_seconds.append(frame.cpu_seconds)
             self.observer.advance()
         return Trial(options, mean(errors), mean(cpu_seconds))
@@ -249,13 +217,7 @@ def _best(trials: Sequence[Trial]) -> Trial:
 
 
 def draw_tuning(tuning: Tuning, path: Path) -> None:
-    """Draw all sweeps side by side into a new file, which ends in .svg, .png or .pdf; the report's Figure 7.
-
-    Raises
-    ------
-    OutputError
-        The ending is another, or the file cannot be written.
-    """
+    """Draw all sweeps side by side into a new file; the report's Figure 7."""
     # takes half a second, and only this needs it
     from matplotlib.figure import Figure  # noqa: PLC0415
     from matplotlib.ticker import MaxNLocator  # noqa: PLC0415

@@ -42,13 +42,7 @@ class LeastCertain(NamedTuple):
 
 
 def write_page(path: Path, preview: Preview, command: str, *, overwrite: bool = False) -> None:
-    """Write a page, which appears whole or not at all; `command` is the command line of the whole conversion.
-
-    Raises
-    ------
-    OutputError
-        It exists and `overwrite` is not set, or it cannot be written.
-    """
+    """Write a page, which appears whole or not at all; `command` is the command line of the whole conversion."""
     check_page(path, overwrite=overwrite)
     text = make_page(preview, command)
     write_whole(path, text.encode())
@@ -150,13 +144,7 @@ def included_sentence(preview: Preview) -> str:
 
 
 def _as_duration(seconds: float) -> str:
-    """Return a duration as people say it.
-
-    Examples
-    --------
-    >>> _as_duration(41.3), _as_duration(400), _as_duration(20000)
-    ('41 s', '7 min', '5.6 h')
-    """
+    """Return a duration as people say it."""
     if seconds < 90:
         return f"{seconds:.2g} s" if seconds < 10 else f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
@@ -166,13 +154,6 @@ def write_video(path: str, preview: Preview, *, overwrite: bool = False) -> None
     """Write every passage at full and at quarter speed, at the rate of the output, without sound.
 
     Frames of the source are repeated until the next one is due.
-
-    Raises
-    ------
-    OptionError
-        The path names no video.
-    OutputError
-        It exists and `overwrite` is not set, or it cannot be written.
     """
     target = Target.parse(path)
     check_video(target, overwrite=overwrite)

@@ -59,16 +59,14 @@ class Passage(NamedTuple):
     start: Fraction
     """Seconds after the clip's first frame."""
     trim: Trim
-    """The part as an option."""
     before: View
-    """Frames of the source."""
     cuts: list[Fraction]
     duplicates: list[Fraction]
     """Times of frames that begin a scene, and of those that show the same as the one before; seconds in the clip."""
 
     @property
     def end(self) -> Fraction:
-        """Seconds after the clip's first frame."""
+        """End, seconds after the clip's first frame."""
         return self.start + self.before.end
 
 
@@ -102,23 +100,13 @@ class Selection(NamedTuple):
 
 
 def find_passages(job: ConversionJob, run: RunOptions, at: Iterable[Position] = ()) -> Selection:
-    """Choose the passages with the most motion that no cut divides, or those at given positions, whatever is there.
-
-    Raises
-    ------
-    OptionError
-        A position lies behind the end of the clip.
-    InputError
-        See `fpsboost.preparation.opened_clip`.
-    """
+    """Choose the passages with the most motion that no cut divides, or those at given positions, whatever is there."""
     span, reader = _opened(job, run)
     starts = [position.seconds(span.info.rate) for position in at]
     for start in starts:
         if span.end is not None and start >= span.end:
-            message = (
-                f"`at={float(start):g}` lies behind the end of {span.info.name}, {float(span.end):g} s; name less."
-            )
-            raise OptionError(message)
+            end = f"the end of {span.info.name}, {float(span.end):g} s"
+            raise OptionError(f"`at={float(start):g}` lies behind {end}; name less.")
     if starts:
         passages = [reader.examine(span.latest(start), span.duration) for start in starts]
         return Selection(passages, passages, [])

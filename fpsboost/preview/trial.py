@@ -42,7 +42,6 @@ class Trial(NamedTuple):
     confidence: NDArray[Any] | None
     """Confidence of that frame's pixels, (H, W, 1) float32; None if the method has none of its own."""
     frames: int
-    """Number of frames written."""
     seconds: float
     cpu_seconds: float
     """Elapsed and CPU time, the pictures for the page not counted."""
@@ -65,7 +64,6 @@ class Preview:
     """Passages of a clip before and after a conversion."""
 
     info: ClipInfo
-    """Information on the whole clip."""
     rate: Fraction
     """Nominal frames per second of the output."""
     stretch: Fraction
@@ -77,7 +75,6 @@ class Preview:
     is_video: bool
     """Whether the conversion, and so the estimate, encodes video."""
     details: str
-    """Encoder and its options."""
     remarks: list[str]
 
     def views(self) -> list[dict[str, View]]:
@@ -96,24 +93,10 @@ def preview(
     at: Iterable[Position] = (),
     on_task: Callable[[str], None] = lambda task: None,
 ) -> Preview:
-    """Convert some passages of a clip.
+    """Convert passages of a clip, those with the most motion or those that begin `at` some times, by every method.
 
-    Parameters
-    ----------
-    job : ConversionJob
-        The whole conversion. Its output is not written; it says of what kind the output will be.
-    methods : mapping of str to Interpolator
-        Methods by the names that the page shows, instead of the job's own.
-    run : RunOptions
-    at : iterable of Position
-        Beginnings of the passages; by default those with the most motion.
-    on_task : callable
-        Function that is called with the name of each task.
-
-    Raises
-    ------
-    OptionError, InputError
-        See `fpsboost.convert`.
+    The job is the whole conversion: its output is not written, and says of what kind the output will be. `methods`
+    replace its own, and `on_task` is called with the name of each task.
     """
     target = job.target(run)
     with opened_clip(job, run) as clip:

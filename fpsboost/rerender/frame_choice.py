@@ -91,13 +91,7 @@ class FrameChoice:
 
 
 def as_ranges(numbers: Sequence[int], to: str) -> str:
-    """Return rising numbers as text, three and more in a row as a range with `to` between its ends.
-
-    Examples
-    --------
-    >>> as_ranges([1, 3, 5, 6, 7, 8, 9, 11, 12], "..")
-    '1,3,5..9,11,12'
-    """
+    """Return rising numbers as text, three and more in a row as a range with `to` between its ends."""
     runs: list[list[int]] = []
     for number in numbers:
         if runs and runs[-1][-1] == number - 1:
@@ -188,8 +182,8 @@ class _Trials:
         times = [Fraction(index - first, last - first) for index in inner]
         largest = 0.0
         pair = self.interpolator.pair(image0, image1, last - first)
-        for index, made in zip(inner, self.interpolator.between(pair, times).images, strict=True):
-            largest = max(largest, float(squared_error(view(made).array(), self._read(index)).mean()))
+        for index, image in zip(inner, self.interpolator.between(pair, times).images, strict=True):
+            largest = max(largest, float(squared_error(view(image).array(), self._read(index)).mean()))
             if largest > self.bound:
                 break
         return largest

@@ -127,19 +127,7 @@ def merge_regions(made: str, rendered: str, output: str, options: MergeOptions) 
 
 
 def seam_weights(mask: NDArray[Any], feather: int) -> NDArray[Any]:
-    """Return the share of the rendered image in every pixel, which rises from the edges of a mask inwards.
-
-    Parameters
-    ----------
-    mask : (height, width) bool
-        Pixels that were rendered.
-    feather : int
-        Pixels from the edge of the mask at which the share is 1.
-
-    Returns
-    -------
-    (height, width) float32
-        0 outside of the mask. The edges of the frame have no seam.
+    """Return the share of the rendered image in each pixel, (H, W) float32: 1 in a mask but for its edges.
 
     Examples
     --------
@@ -157,12 +145,7 @@ def seam_weights(mask: NDArray[Any], feather: int) -> NDArray[Any]:
 def mix(image: Image, rendered: Image, weights: NDArray[Any]) -> Image:
     """Return the weighted mean of two images; pixels of weight 0 are those of the first, of weight 1 of the second.
 
-    Parameters
-    ----------
-    image, rendered : (H, W, C) uint8, uint16, float16 or float32
-        Images of one size and type; colours of integers are not multiplied by their alpha, those of floats are.
-    weights : (H, W) float32
-        Share of `rendered`.
+    Both are (H, W, C) of one type; colours of integers are not multiplied by their alpha, those of floats are.
     """
     share = weights[..., np.newaxis].astype(np.float64)
     with np.errstate(invalid="ignore"):  # of infinity times 0, where the result is not taken

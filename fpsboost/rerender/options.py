@@ -36,13 +36,7 @@ class RenderBudget:
 
 
 def parse_budget(text: str, name: str) -> RenderBudget:
-    """Read a budget, ``10%`` of the pixels or ``300s``; raise OptionError, with `name`, if it is neither.
-
-    Examples
-    --------
-    >>> parse_budget("10%", "`budget`"), parse_budget("300s", "`budget`").unit
-    (RenderBudget(amount=0.1, unit='share'), 'seconds')
-    """
+    """Read a budget, ``10%`` of the pixels or ``300s``; raise OptionError, with `name`, if it is neither."""
     match = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*(%|s)\s*", text)
     if match is None:
         raise OptionError(f"{name} must be a share as in 10%, or seconds as in 300s, not {text!r}.")
@@ -95,13 +89,7 @@ class PlanOptions:
 
 
 def parse_quality(text: str, name: str) -> float:
-    """Read a quality, ``35`` or ``35dB``; raise OptionError, with `name`, if it is no number of decibels.
-
-    Examples
-    --------
-    >>> parse_quality("35dB", "`quality`")
-    35.0
-    """
+    """Read a quality, ``35`` or ``35dB``; raise OptionError, with `name`, if it is no number of decibels."""
     match = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*(?:dB)?\s*", text, re.IGNORECASE)
     if match is None:
         raise OptionError(f"{name} must be a number of decibels, as in 35, not {text!r}.")
@@ -110,13 +98,7 @@ def parse_quality(text: str, name: str) -> float:
 
 @dataclass(frozen=True)
 class FrameChoiceOptions:
-    """Which frames are to be rendered at all.
-
-    Parameters
-    ----------
-    quality : float, optional
-        PSNR that every frame between must reach, dB.
-    """
+    """Which frames are to be rendered at all."""
 
     quality: float | None = option(
         None, "Choose frames instead: PSNR of every frame between.", metavar="DB", parse=parse_quality

@@ -176,13 +176,7 @@ class RerenderPlan:
 
 
 def mask_numbering(folder: Path, numbers: Sequence[int]) -> Numbering:
-    """Return how masks are named: like the frames, with as many digits as the longest number has.
-
-    Examples
-    --------
-    >>> mask_numbering(Path("plan"), [2, 4]).path(2).name
-    'mask_0002.png'
-    """
+    """Return how masks are named: like the frames, with as many digits as the longest number has."""
     digits = max(MASK_DIGITS, *(len(str(abs(number))) for number in numbers))
     return Numbering(folder, "mask_", digits, ".png", signed=True)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
@@ -74,7 +73,8 @@ def plan_rerender(
         factor = options.factor or (images.step if images.step > 1 else 2)
         first, step = images.numbers_for(Fraction(factor)) or (images.first_number, 1)
         numbers = [first + step * place for place in range((len(images.files) - 1) * factor + 1)]
-        interpolator, _ = interpolator.with_vectors(partial(_match, numbers, must_match=images.step > 1))
+        match = partial(VectorFolder.matched, numbers=numbers, must_match=images.step > 1)
+        interpolator, _ = interpolator.with_vectors(match)
         interpolator = replace(interpolator, duplicates=None)
         interpolator.compile_for(next(iter(source)).image)
         grid = TileGrid(info.height, info.width, options.tile)
@@ -84,9 +84,9 @@ def plan_rerender(
     pixels = info.height * info.width
     cost = _cost(options, pixels, len(expected.errors))
     masks = choose_regions(expected.errors, grid, cost, expected.scenes)
-    made = [number for place, number in enumerate(numbers) if place % factor]
+    between = [number for place, number in enumerate(numbers) if place % factor]
     frames = []
-    for number, errors, mask in zip(made, expected.errors * grid.areas * LEVELS / pixels, masks, strict=True):
+    for number, errors, mask in zip(between, expected.errors * grid.areas * LEVELS / pixels, masks, strict=True):
         regions = tuple(map(grid.in_pixels, partition(mask)))
         whole = regions == (Rectangle(0, 0, info.width, info.height),)
         frames.append(PlannedFrame(number, regions, whole, float(errors.sum()), float(errors[~mask].sum())))
@@ -98,10 +98,6 @@ def plan_rerender(
     with new_folder(Path(folder)) as unfinished:
         plan.write(unfinished)
     return plan
-
-
-def _match(numbers: Sequence[int], vectors: VectorFolder, *, must_match: bool) -> VectorFolder:
-    return vectors.matched(numbers, must_match=must_match)
 
 
 def check_input(path: str) -> None:

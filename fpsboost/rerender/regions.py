@@ -96,22 +96,7 @@ class TileGrid:
 
 
 def partition(mask: NDArray[Any]) -> list[Rectangle]:
-    """Divide a mask into rectangles that do not overlap, along rows or along columns, whichever takes fewer.
-
-    Parameters
-    ----------
-    mask : (rows, columns) bool
-
-    Returns
-    -------
-    list of Rectangle
-        Rectangles from top to bottom, then from left to right.
-
-    Examples
-    --------
-    >>> partition(np.array([[1, 1, 0], [1, 1, 1]], bool))
-    [Rectangle(x=0, y=0, width=2, height=1), Rectangle(x=0, y=1, width=3, height=1)]
-    """
+    """Divide a mask into rectangles that do not overlap, along rows or along columns, whichever takes fewer."""
     along_rows = list(_runs_joined(mask))
     along_columns = [Rectangle(each.y, each.x, each.height, each.width) for each in _runs_joined(mask.T)]
     fewer = along_columns if len(along_columns) < len(along_rows) else along_rows
@@ -132,10 +117,7 @@ def _runs_joined(mask: NDArray[Any]) -> Iterator[Rectangle]:
 
 
 def simplified(mask: NDArray[Any]) -> NDArray[Any]:
-    """Return a mask, (rows, columns) bool, that holds another one and consists of few rectangles.
-
-    Rectangles of tiles that are near each other are joined while that adds no more than `MAX_ADDED_SHARE`.
-    """
+    """Return a mask of tiles with near rectangles joined while that adds no more than `MAX_ADDED_SHARE`."""
     result = mask.copy()
     near = cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8))
     count, labels = cv2.connectedComponents(near, connectivity=8)
@@ -194,29 +176,9 @@ class _Choice(NamedTuple):
 def choose_regions(
     errors: NDArray[Any], grid: TileGrid, cost: RenderCost, scenes: Sequence[int] | None = None
 ) -> NDArray[Any]:
-    """Choose the tiles to render.
+    """Choose the tiles to render within the budget of `cost`, (F, rows, columns) bool, by the error that they may have.
 
-    Parameters
-    ----------
-    errors : (F, rows, columns) float64
-        Expected mean squared error of every tile of every frame, in the order of time.
-    grid : TileGrid
-    cost : RenderCost
-        Costs, whose budget is never exceeded.
-    scenes : sequence of int, optional
-        Number of the scene of every frame, between which nothing is smoothed; one scene without it.
-
-    Returns
-    -------
-    (F, rows, columns) bool
-
-    Examples
-    --------
-    >>> errors = np.zeros((1, 8, 8))
-    >>> errors[0, 2:4, 2:5] = 1
-    >>> chosen = choose_regions(errors, TileGrid(64, 64, 8), RenderCost(1, 0, 0.1 * 64 * 64))
-    >>> bool((chosen == (errors > 0)).all())
-    True
+    `scenes` are the numbers of the frames' scenes, between which nothing is smoothed; one scene without them.
     """
     belongs = np.zeros(len(errors), int) if scenes is None else np.asarray(scenes)
     steady = smooth_over_time(errors, belongs)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
 from fpsboost import Frame, Interpolator
-from fpsboost.colour import compared_colours, has_alpha, normalised
+from fpsboost.colour import compared_colours, composite_on_black
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.image import Image, view
 from fpsboost.interpolator import with_neighbours
@@ -100,16 +100,8 @@ def expect_errors(
 ) -> ExpectedErrors:
     """Predict the squared error of the frames of a conversion.
 
-    Parameters
-    ----------
-    frames : iterable of Frame
-        Rendered images of a clip, three at least; iterated several times.
-    interpolator : Interpolator
-    factor : int
-        Output frames per image.
-    grid : TileGrid
-    in_order : callable
-        Runs jobs and yields their results in order; see `fpsboost.threads.run_in_parallel`.
+    `frames` are rendered images, three at least, and are iterated several times; `factor` is the number of output
+    frames per image, and `in_order` is that of `fpsboost.threads.run_in_parallel`.
     """
 
     def trials(distance: int, first: int) -> list[Trial]:
@@ -117,19 +109,19 @@ def expect_errors(
         times = [Fraction(1, 2)] if distance > 1 else [Fraction(step, factor) for step in range(1, factor)]
         return list(in_order(partial(_try, interpolator, each, times, grid) for each in with_neighbours(trios)))
 
-    made = trials(1, 0)
-    hidden: list[Trial | None] = [None] * (len(made) + 1)
+    between = trials(1, 0)
+    hidden: list[Trial | None] = [None] * (len(between) + 1)
     hidden[1:-1:2], hidden[2:-1:2] = trials(2, 0), trials(2, 1)
-    doubts = np.stack([doubt for trial in made for doubt in trial.doubts])
+    doubts = np.stack([doubt for trial in between for doubt in trial.doubts])
     nearby = np.stack(
         [
             _error_nearby(hidden[place : place + 2], step / factor, grid)
-            for place in range(len(made))
+            for place in range(len(between))
             for step in range(1, factor)
         ]
     )
-    cut = np.repeat([trial.scene_cut for trial in made], factor - 1)
-    scenes = np.repeat(np.cumsum([trial.scene_cut for trial in made]) * 2, factor - 1) - cut
+    cut = np.repeat([trial.scene_cut for trial in between], factor - 1)
+    scenes = np.repeat(np.cumsum([trial.scene_cut for trial in between]) * 2, factor - 1) - cut
     measured = [trial for trial in hidden if trial is not None and trial.error is not None]
     if not measured:  # scenes of two images each
         return ExpectedErrors(np.where(cut[:, np.newaxis, np.newaxis], doubts, 0), scenes.tolist())
@@ -149,19 +141,9 @@ def comparable(image: Image) -> Image:
 
 
 def squared_error(image0: Image, image1: Image) -> NDArray[Any]:
-    """Return the squared difference of two `comparable` images for white = 1, mean of the channels, (H, W) float32.
-
-    Colours that are not multiplied by their alpha are, because what is transparent does not show.
-    """
-    difference = _weighted(image0) - _weighted(image1)
+    """Return the squared difference of `comparable` images, white = 1, mean of the channels, (H, W) float32."""
+    difference = composite_on_black(image0) - composite_on_black(image1)
     return np.asarray(np.einsum("yxc,yxc->yx", difference, difference) / np.float32(difference.shape[2]))
-
-
-def _weighted(image: Image) -> NDArray[Any]:
-    values = normalised(image)
-    if has_alpha(image) and image.dtype != np.float32:
-        values[..., :-1] *= values[..., -1:]
-    return values
 
 
 def _trios(
@@ -195,9 +177,9 @@ def _try(
     if pair.is_discontinuous(*neighbours):  # the nearer frame is repeated, and as often the other one is right
         apart = grid.means(squared_error(pair.image0.array, pair.image1.array)) / 2
         return Trial(scene_cut=True, doubts=[apart] * len(times), error=None)
-    made = list(images)
-    error = None if trio.truth is None else grid.means(squared_error(view(made[0].image).array(), trio.truth))
-    return Trial(scene_cut, [grid.means(1 - each.confidence) for each in made], error)
+    interpolated = list(images)
+    error = None if trio.truth is None else grid.means(squared_error(view(interpolated[0].image).array(), trio.truth))
+    return Trial(scene_cut, [grid.means(1 - image.confidence) for image in interpolated], error)
 
 
 def _tiles_of(trials: Sequence[Trial]) -> tuple[NDArray[Any], NDArray[Any]]:

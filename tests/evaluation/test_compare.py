@@ -9,7 +9,8 @@ from fractions import Fraction
 import cv2
 import numpy as np
 import pytest
-from truth import noise, waves
+from comparison_truth import HEIGHT, WIDTH, Nobody, pan, save_clip
+from truth import noise
 from vector_truth import save_object
 from video_truth import write_clip
 
@@ -24,30 +25,11 @@ from fpsboost.evaluation.regions import find_regions
 from fpsboost.frame_cache import FrameCache
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method, methods
-from fpsboost.motion.nlm import CoarseToFine
-from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
 
-# said only under pytest
-pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
-
-HEIGHT, WIDTH = 48, 64
 STEP = 2
 """Pixels that everything moves from frame to frame."""
 
-
-class Nobody:
-    """An observer that notes what it is told."""
-
-    def __init__(self):
-        self.told = []
-
-    def begin(self, name, frames):
-        """A method begins."""
-        self.told.append((name, frames))
-
-    def advance(self):
-        """A frame is done."""
-        self.told.append("made")
+FRAMES = ["frame"] * 3
 
 
 def ours(*names):
@@ -55,26 +37,21 @@ def ours(*names):
     return {name: InterpolatorContestant(find_method(name)) for name in names}
 
 
-def pan(number, dtype=np.uint8):
-    """A smooth texture that moves to the right."""
-    y, x = np.mgrid[:HEIGHT, :WIDTH].astype(float)
-    white = np.iinfo(dtype).max
-    return np.rint((0.5 + 0.4 * waves(x - STEP * number, y, seed=3)) * white).astype(dtype)
+def panned(number, dtype=np.uint8):
+    """A frame of the pan."""
+    return pan(STEP * number, dtype)
 
 
 @pytest.fixture
 def folder(tmp_path):
     """Seven frames of the pan."""
-    (tmp_path / "pan").mkdir()
-    for number in range(7):
-        cv2.imwrite(str(tmp_path / "pan" / f"{number:03}.png"), pan(number))
-    return str(tmp_path / "pan")
+    return save_clip(tmp_path / "pan", map(panned, range(7)))
 
 
-def psnr(truth, made):
+def psnr(truth, image):
     """Away from the sides, where what comes into view cannot be known."""
     inner = slice(8, -8), slice(12, -12)
-    error = (truth[inner].astype(float) - made[inner]) ** 2
+    error = (truth[inner].astype(float) - image[inner]) ** 2
     return 10 * np.log10(255**2 / max(error.mean(), 1e-9))
 
 
@@ -82,37 +59,36 @@ def psnr(truth, made):
 def test_every_method_makes_what_is_known_to_lie_between(folder, name):
     """A pan by whole pixels, far better than mixing does; mixing and repeating are what their names say."""
     (sample,) = read_samples(folder, Hiding(), [3])
-    made = sample.interpolate(InterpolatorContestant(find_method(name)))
+    image = sample.interpolate(InterpolatorContestant(find_method(name)))
+    mixed = (panned(2).astype(float) + panned(4)) / 2
     if name == "blend":
-        np.testing.assert_allclose(made, (pan(2).astype(float) + pan(4)) / 2, atol=0.51)
+        np.testing.assert_allclose(image, mixed, atol=0.51)
     elif name == "nearest":
-        assert any(np.array_equal(made, pan(number)) for number in (2, 4))
+        assert any(np.array_equal(image, panned(number)) for number in (2, 4))
     else:
-        mixed = psnr(pan(3), (pan(2).astype(float) + pan(4)) / 2)
-        assert psnr(pan(3), made) > mixed + 6
+        assert psnr(panned(3), image) > psnr(panned(3), mixed) + 6
 
 
 def test_a_comparison_makes_the_frames_of_a_conversion(folder, tmp_path):
     """Bit by bit: every second image of a folder, converted, gives what was compared."""
     (tmp_path / "half").mkdir()
     for number in (0, 2, 4, 6):
-        shutil.copy(f"{folder}/{number:03}.png", tmp_path / "half" / f"{number // 2:03}.png")
+        shutil.copy(f"{folder}/{number:04}.png", tmp_path / "half" / f"{number // 2:04}.png")
     convert(str(tmp_path / "half"), str(tmp_path / "whole"), factor=2, method="nlm")
     converted = [cv2.imread(str(path)) for path in sorted((tmp_path / "whole").iterdir())]
     intervals = Hiding().intervals(folder)
-    made = list(InterpolatorContestant(find_method("nlm")).interpolate(intervals))
-    assert [each.number for each in made] == [1, 3, 5]
-    for each in made:
-        np.testing.assert_array_equal(each.image, converted[each.number])
-    for sample, each in zip(read_samples(folder, Hiding(), [1, 3, 5]), made, strict=True):
-        np.testing.assert_array_equal(sample.interpolate(InterpolatorContestant(find_method("nlm"))), each.image)
+    nlm = InterpolatorContestant(find_method("nlm"))
+    frames = list(nlm.interpolate(intervals))
+    assert [frame.number for frame in frames] == [1, 3, 5]
+    for frame, sample in zip(frames, read_samples(folder, Hiding(), [1, 3, 5]), strict=True):
+        np.testing.assert_array_equal(frame.image, converted[frame.number])
+        np.testing.assert_array_equal(frame.image, sample.interpolate(nlm))
 
 
 def test_a_comparison_knows_who_is_better(folder):
     """Figures of every frame and method, their means, and no more said than asked."""
     observer = Nobody()
-    contestants = ours("dis", "blend")
-    comparison = compare(folder, contestants, Hiding(), observer, skipped={"other": "it is not there"})
+    comparison = compare(folder, ours("dis", "blend"), Hiding(), observer, skipped={"other": "it is not there"})
     dis, blend = comparison.methods
     assert comparison.hidden == [1, 3, 5] == [frame.number for frame in dis.frames]
     assert comparison.means(dis).psnr > comparison.means(blend).psnr + 5
@@ -121,7 +97,7 @@ def test_a_comparison_knows_who_is_better(folder):
     assert comparison.mean_error(blend, "moving") == pytest.approx(comparison.means(blend).mae, rel=0.2)
     assert comparison.cuts == []
     assert all(frame.seconds > 0 for frame in dis.frames)
-    assert observer.told == ["made" if k % 4 else each for k, each in enumerate(expected_calls())]
+    assert observer.told == [("reading", None), *FRAMES, ("dis", 3), *FRAMES, ("blend", 3), *FRAMES]
     plain = json.loads(json.dumps(as_json(comparison), allow_nan=False))
     assert plain["skipped"] == {"other": "it is not there"}
     assert plain["methods"][0]["mean"]["psnr"] == pytest.approx(comparison.means(dis).psnr)
@@ -130,24 +106,17 @@ def test_a_comparison_knows_who_is_better(folder):
 
 def test_a_comparison_knows_the_radius_that_was_searched(folder):
     """Of each frame of a method that has one; it is a number in the data, and null where there is none."""
-    contestants = ours("nlm-exhaustive", "blend")
-    searched, blended = as_json(compare(folder, contestants, Hiding(last=3), Nobody()))["methods"]
+    comparison = compare(folder, ours("nlm-exhaustive", "blend"), Hiding(last=3), Nobody())
+    searched, blended = as_json(comparison)["methods"]
     (radius,) = (frame["search_radius"] for frame in searched["frames"])
     assert 2 * STEP <= radius <= 2 * (2 * STEP)
     assert [frame["search_radius"] for frame in blended["frames"]] == [None]
 
 
-def expected_calls():
-    """Each method begins and makes three frames, and the first reading looks at as many."""
-    return [each for name, count in (("reading", None), ("dis", 3), ("blend", 3)) for each in [(name, count), *"123"]]
-
-
 def test_frames_across_a_cut_are_not_counted(tmp_path):
     """They are made and listed, but no method can know them."""
-    for number in range(7):
-        image = pan(number) if number < 4 else 255 - pan(number)[::-1]
-        cv2.imwrite(str(tmp_path / f"{number}.png"), image)
-    comparison = compare(str(tmp_path), ours("blend"), Hiding(), Nobody())
+    images = [panned(number) if number < 4 else 255 - panned(number)[::-1] for number in range(7)]
+    comparison = compare(save_clip(tmp_path, images), ours("blend"), Hiding(), Nobody())
     (blend,) = comparison.methods
     assert comparison.cuts == [3]
     assert [frame.number for frame in blend.frames] == [1, 3, 5]
@@ -157,10 +126,9 @@ def test_frames_across_a_cut_are_not_counted(tmp_path):
 def test_several_frames_can_be_hidden_at_once(folder):
     """Two of three, at a third and at two thirds."""
     intervals = list(Hiding(skip=2).intervals(folder))
-    made = list(InterpolatorContestant(find_method("dis")).interpolate(intervals))
-    assert [each.number for each in made] == [1, 2, 4, 5]
-    for each in made:
-        assert psnr(pan(each.number), each.image) > 25
+    frames = list(InterpolatorContestant(find_method("dis")).interpolate(intervals))
+    assert [frame.number for frame in frames] == [1, 2, 4, 5]
+    assert min(psnr(panned(frame.number), frame.image) for frame in frames) > 25
 
 
 class Square:
@@ -177,14 +145,11 @@ class Square:
         mask[32:64, 30 + 6 * number : 62 + 6 * number] = True
         return mask
 
-    def save(self, folder):
-        """Three frames."""
-        folder.mkdir()
-        for number in range(3):
-            image = self.background.copy()
-            image[self.covered(number)] = self.thing.reshape(-1, 3)
-            cv2.imwrite(str(folder / f"{number}.png"), image)
-        return str(folder)
+    def frame(self, number):
+        """Background and square."""
+        image = self.background.copy()
+        image[self.covered(number)] = self.thing.reshape(-1, 3)
+        return image
 
 
 @pytest.mark.parametrize("has_vectors", [False, True])
@@ -194,7 +159,7 @@ def test_areas_tell_what_moves_and_what_is_hidden(tmp_path, has_vectors):
     (tmp_path / "v").mkdir()
     (tmp_path / "d").mkdir()
     save_object(tmp_path / "v", tmp_path / "d", square.covered, 3, (6, 0))
-    (interval,) = Hiding(duplicates="keep").intervals(square.save(tmp_path / "clip"))
+    (interval,) = Hiding(duplicates="keep").intervals(save_clip(tmp_path / "clip", map(square.frame, range(3))))
     (regions,) = find_regions(interval, VectorFolder(tmp_path / "v") if has_vectors else None)
     now = square.covered(1)
     hidden = (square.covered(0) | square.covered(2)) & ~now
@@ -207,23 +172,12 @@ def test_areas_tell_what_moves_and_what_is_hidden(tmp_path, has_vectors):
 
 def test_what_no_frame_has_is_uncertain(tmp_path):
     """A flare in the hidden frame alone is in neither of those shown."""
-    folder = tmp_path / "clip"
-    Square().save(folder)
-    image = cv2.imread(str(folder / "1.png"))
-    cv2.circle(image, (100, 20), 12, (255, 255, 255), -1)
-    cv2.imwrite(str(folder / "1.png"), image)
-    (interval,) = Hiding().intervals(str(folder))
+    images = [Square().frame(number) for number in range(3)]
+    cv2.circle(images[1], (100, 20), 12, (255, 255, 255), -1)
+    (interval,) = Hiding().intervals(save_clip(tmp_path, images))
     (regions,) = find_regions(interval)
     assert regions.uncertain[12:28, 92:108].mean() > 0.9
     assert regions.uncertain[60:, :].mean() < 0.02
-
-
-def test_a_contestant_has_no_say_in_the_areas(folder, monkeypatch):
-    """Whatever a method believes, the areas are the same: they are found from the true frames alone."""
-    before = compare(folder, ours("blend"), Hiding(), Nobody()).shares
-    monkeypatch.setattr(CoarseToFine, "estimate", lambda self, *images: pytest.fail("a contestant was asked"))
-    monkeypatch.setattr(MultiHypothesis, "fuse", lambda self, *_: pytest.fail("a contestant was asked"))
-    assert compare(folder, ours("blend"), Hiding(), Nobody()).shares == before
 
 
 def test_fast_motion_is_no_cut(tmp_path):
@@ -231,23 +185,18 @@ def test_fast_motion_is_no_cut(tmp_path):
     rng = np.random.default_rng(2)
     wide = cv2.GaussianBlur(rng.integers(0, 256, (48, 400, 3)).astype(np.uint8), (0, 0), 3)
     wide = cv2.normalize(wide, None, 0, 255, cv2.NORM_MINMAX)
-    for number in range(7):
-        cv2.imwrite(str(tmp_path / f"{number}.png"), wide[:, 12 * number : 12 * number + 96])
-    images = [FrameCache(cv2.imread(str(path))) for path in sorted(tmp_path.iterdir())]
+    images = [wide[:, 12 * number : 12 * number + 96] for number in range(7)]
+    caches = [FrameCache(np.ascontiguousarray(image)) for image in images]
     match_score = CutDetector().match_score
-    near, far = ([match_score(*pair) for pair in zip(images, images[step:], strict=False)] for step in (1, 2))
+    near, far = ([match_score(*pair) for pair in zip(caches, caches[step:], strict=False)] for step in (1, 2))
     assert max(far) < min(near)
     between = CutDetector(threshold=(max(far) + min(near)) / 2, drop=1)
-    contestants = ours("blend")
-    assert compare(str(tmp_path), contestants, Hiding(), Nobody(), cuts=between).cuts == []
+    assert compare(save_clip(tmp_path, images), ours("blend"), Hiding(), Nobody(), cuts=between).cuts == []
 
 
-def repeating(folder, at=7, count=12):
-    """The pan with a frame shown twice."""
-    folder.mkdir()
-    for number in range(count):
-        cv2.imwrite(str(folder / f"{number:03}.png"), pan(number - (number >= at)))
-    return str(folder)
+def repeating(folder):
+    """The pan, whose seventh frame is shown twice."""
+    return save_clip(folder, (panned(number - (number >= 7)) for number in range(12)))
 
 
 def test_a_repeat_gives_nobody_a_frame_for_nothing(tmp_path):
@@ -303,16 +252,15 @@ class Rigid:
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_minterpolate_joins(tmp_path, dtype):
     """FFmpeg's filter makes every hidden frame, in the clip's own type, and only those wanted if so told."""
-    for number in range(5):
-        cv2.imwrite(str(tmp_path / f"{number}.png"), pan(number, dtype))
-    made = list(Minterpolate().interpolate(Hiding().intervals(str(tmp_path))))
-    assert [each.number for each in made] == [1, 3]
+    clip = save_clip(tmp_path, (panned(number, dtype) for number in range(5)))
+    frames = list(Minterpolate().interpolate(Hiding().intervals(clip)))
+    assert [frame.number for frame in frames] == [1, 3]
     scale = np.iinfo(dtype).max / 255
-    for each in made:
-        assert each.image.dtype == dtype
-        assert psnr(pan(each.number), each.image / scale) > 22
-    (wanted,) = Minterpolate().interpolate(Hiding().intervals(str(tmp_path)), {3})
-    np.testing.assert_array_equal(wanted.image, made[1].image)
+    for frame in frames:
+        assert frame.image.dtype == dtype
+        assert psnr(panned(frame.number), frame.image / scale) > 22
+    (wanted,) = Minterpolate().interpolate(Hiding().intervals(clip), {3})
+    np.testing.assert_array_equal(wanted.image, frames[1].image)
 
 
 def test_a_filter_that_fails_says_why(folder):
@@ -348,13 +296,9 @@ def test_nothing_to_compare_is_an_error(fpsboost_, folder, tmp_path, snapshot, n
 
 def test_no_frame_left_is_an_error(fpsboost_, tmp_path):
     """A still, one frame, one held picture, and a cut in every interval: one sentence each that says what to do."""
-    for name, count in (("still", 9), ("one", 1)):
-        (tmp_path / name).mkdir()
-        for number in range(count):
-            cv2.imwrite(str(tmp_path / name / f"{number}.png"), pan(0))
-    (tmp_path / "cut").mkdir()
-    for number in range(3):
-        cv2.imwrite(str(tmp_path / "cut" / f"{number}.png"), pan(5 * number) if number < 2 else noise(HEIGHT, WIDTH))
+    save_clip(tmp_path / "still", [pan(0)] * 9)
+    save_clip(tmp_path / "one", [pan(0)])
+    save_clip(tmp_path / "cut", [pan(0), pan(10), noise(HEIGHT, WIDTH)])
     for name, words in (
         ("still", "4 beside repeated frames, in stills or pauses (--duplicates keep takes repeats too)"),
         ("one", "has too few frames"),

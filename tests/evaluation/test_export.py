@@ -26,36 +26,18 @@ def comparison():
     """Two methods on three frames, the last of which does not count; of one method nobody knows the time."""
 
     def frame(number, seconds):
-        return FrameResult(
-            number,
-            Scores(4.0, 42.1, 0.9, 1.5),
-            seconds,
-            seconds,
-            dict.fromkeys(AREAS, 2.0),
-            dict.fromkeys(AREAS, np.nan),
-            None if np.isnan(seconds) else 15,
-            measured,
-        )
+        areas = dict.fromkeys(AREAS, 2.0), dict.fromkeys(AREAS, np.nan)
+        radius = None if np.isnan(seconds) else 15
+        further = dict.fromkeys(metrics, 1.0)
+        return FrameResult(number, Scores(4.0, 42.1, 0.9, 1.5), seconds, seconds, *areas, radius, further)
 
-    measured = dict.fromkeys(metrics, 1.0)
     methods = [
         MethodResult("nlm:v=0.1,patch-radius=4", "options", [frame(number, 0.5) for number in (1, 3, 5)]),
         MethodResult("other, tool", "images", [frame(number, np.nan) for number in (1, 3, 5)]),
     ]
     shares = dict.fromkeys(AREAS, 0.3)
-    return Comparison(
-        "clip",
-        "8x8",
-        Hiding(),
-        [1, 3, 5],
-        [5],
-        shares,
-        methods,
-        {},
-        times=[0.5, 0.25, 0.5],
-        clip_frames=7,
-        metrics=tuple(metrics),
-    )
+    more = {"times": [0.5, 0.25, 0.5], "clip_frames": 7, "metrics": tuple(metrics)}
+    return Comparison("clip", "8x8", Hiding(), [1, 3, 5], [5], shares, methods, {}, **more)
 
 
 def names_in(value):

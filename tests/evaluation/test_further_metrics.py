@@ -10,6 +10,7 @@ import av.filter
 import cv2
 import numpy as np
 import pytest
+from comparison_truth import pan, save_clip
 from truth import noise, waves
 
 from fpsboost.errors import InputError, OptionError
@@ -27,12 +28,6 @@ needs_xpsnr = pytest.mark.skipif("xpsnr" not in av.filter.filters_available, rea
 def flat(level, dtype=np.uint8, size=(24, 40, 3)):
     """One level everywhere."""
     return np.full(size, level, dtype)
-
-
-def pan(shift):
-    """A smooth texture that is moved to the right, pixels."""
-    y, x = np.mgrid[:96, :128].astype(float)
-    return np.rint((0.5 + 0.4 * waves(x - shift, y, seed=3)) * 255).astype(np.uint8)
 
 
 # ---------------------------------------------------------------- XPSNR and VMAF
@@ -140,9 +135,7 @@ def test_what_is_missing_is_named(monkeypatch):
 
 def test_the_command_measures_what_it_is_told(fpsboost_, tmp_path):
     """All that can be measured here: in the table, the data, the page, and the page's command."""
-    (tmp_path / "pan").mkdir()
-    for number in range(7):
-        cv2.imwrite(str(tmp_path / "pan" / f"{number}.png"), pan(2 * number))
+    save_clip(tmp_path / "pan", (pan(2 * number, height=96, width=128) for number in range(7)))
     outputs = ("--json", "a.json", "--csv", "a.csv", "--report", "page")
     names = ",".join(HERE)
     result = fpsboost_("compare", "pan", "-m", "dis,blend", "--skip", "2", "--metrics", names, *outputs)

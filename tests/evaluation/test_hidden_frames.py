@@ -7,6 +7,7 @@ from fractions import Fraction
 import cv2
 import numpy as np
 import pytest
+from comparison_truth import save_clip
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from truth import waves
@@ -85,12 +86,8 @@ def test_hiding_nothing_is_refused(options):
 
 def save_pan(folder, positions):
     """A smooth texture at these places, one image each."""
-    folder.mkdir()
     y, x = np.mgrid[:48, :64].astype(float)
-    for number, position in enumerate(positions):
-        image = np.rint(255 * waves(x - position, y, seed=3)).astype(np.uint8)
-        cv2.imwrite(str(folder / f"{number:03}.png"), image)
-    return str(folder)
+    return save_clip(folder, (np.rint(255 * waves(x - place, y, seed=3)).astype(np.uint8) for place in positions))
 
 
 def what_counts(intervals):
@@ -103,12 +100,7 @@ def test_a_repeat_is_neither_shown_nor_a_truth(tmp_path):
     path = save_pan(tmp_path / "clip", [0, 2, 4, 6, 8, 10, 12, 12, 14, 16, 18])
     intervals = list(Hiding().intervals(path))
     half = Fraction(1, 2)
-    assert what_counts(intervals) == [
-        (1, half, True),
-        (3, half, True),
-        (5, half, True),
-        (8, Fraction(2, 3), False),
-    ]
+    assert what_counts(intervals) == [*((number, half, True) for number in (1, 3, 5)), (8, Fraction(2, 3), False)]
     assert [(each.number, each.last, each.repeats) for each in intervals][3] == (6, 9, (7,))
     kept = list(Hiding(duplicates="keep").intervals(path))
     assert [each.hidden[0].number for each in kept] == [1, 3, 5, 7, 9]
@@ -127,11 +119,9 @@ def test_a_still_does_not_count_and_slow_motion_does(tmp_path):
     still = save_pan(tmp_path / "still", [0, 2, 4, 6] + [8] * 10 + [10, 12, 14])
     assert [number for number, _, counts in what_counts(Hiding().intervals(still)) if counts] == [1, 3, 15]
     y, x = np.mgrid[:48, :64].astype(float)
-    (tmp_path / "slow").mkdir()
-    for number in range(15):
-        image = np.rint(128 + 40 * np.sin((x + 0.3 * number) / 9) * np.cos(y / 11)).astype(np.uint8)
-        cv2.imwrite(str(tmp_path / "slow" / f"{number:03}.png"), image)
-    assert all(counts for *_, counts in what_counts(Hiding().intervals(str(tmp_path / "slow"))))
+    images = (128 + 40 * np.sin((x + 0.3 * number) / 9) * np.cos(y / 11) for number in range(15))
+    slow = save_clip(tmp_path / "slow", (np.rint(image).astype(np.uint8) for image in images))
+    assert all(counts for *_, counts in what_counts(Hiding().intervals(slow)))
 
 
 def test_frames_are_made_at_their_own_times(tmp_path):

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from truth import noise
 
+from fpsboost.colour import composite_on_black
 from fpsboost.errors import InputError
 from fpsboost.evaluation.metrics import (
     Scores,
     absolute_error,
-    composite_on_black,
     low_percentile,
     mean,
     mean_scores,

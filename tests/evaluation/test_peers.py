@@ -13,9 +13,6 @@ from fpsboost.errors import InputError
 from fpsboost.evaluation.hidden_frames import Hiding, read_samples
 from fpsboost.evaluation.peers import find_frames, list_images, read_like, run_peer
 
-# said only under pytest
-pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
-
 HEIGHT, WIDTH = 20, 24
 
 REPEATS = """
@@ -74,12 +71,12 @@ def test_images_are_matched(tmp_path, clip, names, hiding):
     """By position in a whole sequence, in order if they are the hidden ones, else by number; numbers by their value."""
     folder = save(tmp_path / "made", names)
     contestant = find_frames("tool", folder, hiding.intervals(clip))
-    made = list(contestant.interpolate(hiding.intervals(clip)))
+    frames = list(contestant.interpolate(hiding.intervals(clip)))
     wanted = [hidden.number for interval in hiding.intervals(clip) for hidden in interval.hidden]
-    assert [each.number for each in made] == wanted
-    for each in made:
-        np.testing.assert_array_equal(each.image, gray(each.number))
-        assert np.isnan(each.seconds)
+    assert [frame.number for frame in frames] == wanted
+    for frame in frames:
+        np.testing.assert_array_equal(frame.image, gray(frame.number))
+        assert np.isnan(frame.seconds)
     (sample,) = read_samples(clip, hiding, [wanted[-1]])
     np.testing.assert_array_equal(sample.interpolate(contestant), gray(wanted[-1]))
 
@@ -107,26 +104,19 @@ def test_a_folder_that_does_not_fit_is_one_sentence(tmp_path, clip):
 def test_a_peer_gets_the_frames_without_loss(tmp_path, dtype, channels):
     """It repeats what it was given, bit by bit, 8 or 16 bits or float, gray, colour or with alpha."""
     rng = np.random.default_rng(1)
-    (tmp_path / "clip").mkdir()
-    suffix = "tif" if dtype == np.float32 else "png"
-    frames = [
-        (rng.random((HEIGHT, WIDTH, channels)) * (1 if dtype == np.float32 else 250)).astype(dtype) for _ in range(3)
-    ]
-    for number, image in enumerate(frames):
+    white, suffix = (1, "tif") if dtype == np.float32 else (250, "png")
+    images = [(rng.random((HEIGHT, WIDTH, channels)) * white).astype(dtype) for _ in range(3)]
+    for folder in ("clip", "scratch"):
+        (tmp_path / folder).mkdir()
+    for number, image in enumerate(images):
         cv2.imwrite(str(tmp_path / "clip" / f"{number}.{suffix}"), image)
-    hiding = Hiding(duplicates="keep")
-    (tmp_path / "scratch").mkdir()
-    contestant = run_peer(
-        "repeats",
-        command(REPEATS, "{in}", "{out}", "{factor}"),
-        hiding.intervals(str(tmp_path / "clip")),
-        tmp_path / "scratch",
-    )
-    (made,) = contestant.interpolate(hiding.intervals(str(tmp_path / "clip")))
-    assert made.number == 1
-    np.testing.assert_array_equal(made.image, frames[0])
-    assert made.seconds > 0
-    assert made.cpu_seconds >= 0
+    intervals = list(Hiding(duplicates="keep").intervals(str(tmp_path / "clip")))
+    words = command(REPEATS, "{in}", "{out}", "{factor}")
+    (frame,) = run_peer("repeats", words, intervals, tmp_path / "scratch").interpolate(intervals)
+    assert frame.number == 1
+    np.testing.assert_array_equal(frame.image, images[0])
+    assert frame.seconds > 0
+    assert frame.cpu_seconds >= 0
 
 
 def test_a_peer_is_told_how_many_and_how_fast(tmp_path, clip):
@@ -204,10 +194,8 @@ def test_the_command_scores_other_tools(fpsboost_, clip, tmp_path):
 def test_the_command_ends_where_a_peer_fails(fpsboost_, clip, tmp_path, snapshot):
     """One sentence, exit code 1, nothing written, and no method was run before."""
     before = snapshot(tmp_path)
-    result = fpsboost_(
-        "compare", clip, "-m", "nlm", "--peer", f"bad={sys.executable} -c 1/0 {{in}} {{out}}", "--json", "x.json"
-    )
-    assert result.code == 1
-    assert len(result.lines) == 1
+    peer = f"bad={sys.executable} -c 1/0 {{in}} {{out}}"
+    result = fpsboost_("compare", clip, "-m", "nlm", "--peer", peer, "--json", "x.json")
+    assert (result.code, len(result.lines)) == (1, 1)
     assert "The peer bad failed with exit code 1: ZeroDivisionError" in result.err
     assert snapshot(tmp_path) == before

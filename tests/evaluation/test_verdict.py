@@ -5,18 +5,14 @@ from __future__ import annotations
 import json
 import math
 
-import cv2
 import numpy as np
 import pytest
+from comparison_truth import save_clip, scored
 from video_truth import scene
 
 from fpsboost.evaluation.hidden_frames import Hiding
-from fpsboost.evaluation.metrics import Scores
-from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult
+from fpsboost.evaluation.results import Comparison, MethodResult
 from fpsboost.evaluation.verdict import difference, judge
-
-# said only under pytest
-pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
 
 
 def comparison(cpu_seconds=None, skip=1, **psnr):
@@ -25,12 +21,7 @@ def comparison(cpu_seconds=None, skip=1, **psnr):
     count = len(next(iter(psnr.values())))
     methods = [
         MethodResult(
-            name,
-            "",
-            [
-                FrameResult(2 * k + 1, Scores(1.0, value, 0.9, 1.0), 9.0, seconds.get(name, 1.0), {}, {})
-                for k, value in enumerate(values)
-            ],
+            name, "", [scored(2 * k + 1, value, 1.0, seconds.get(name, 1.0)) for k, value in enumerate(values)]
         )
         for name, values in psnr.items()
     ]
@@ -107,10 +98,7 @@ def test_hiding_more_prices_more():
 
 def test_terminal_data_and_page_say_the_same(fpsboost_, tmp_path):
     """Word for word, and what the data say can be computed from their own frames."""
-    folder = tmp_path / "clip"
-    folder.mkdir()
-    for number in range(9):
-        cv2.imwrite(str(folder / f"{number}.png"), scene(number * (number + 3) // 3))
+    folder = save_clip(tmp_path / "clip", (scene(number * (number + 3) // 3) for number in range(9)))
     result = fpsboost_("compare", folder, "-m", "dis,blend", "--json", "figures.json", "--report", "page")
     assert result.code == 0
     figures = json.loads((tmp_path / "figures.json").read_text())

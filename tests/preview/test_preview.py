@@ -79,7 +79,7 @@ def short(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def shown(short):
-    return preview(job_of(short), {"blend": methods["blend"], "nlm": methods["nlm"]}, RunOptions())
+    return preview(job_of(short), {name: methods[name] for name in ("blend", "nlm")}, RunOptions())
 
 
 def test_passage_in_motion_is_chosen(clip):
@@ -151,7 +151,6 @@ def test_least_certain_frame_has_its_confidence(short, shown):
     """A method that has confidence says it for the frame between the two that match least; another one does not."""
     for trial in shown.trials["nlm"]:
         assert trial.least_certain is not None
-        assert trial.confidence is not None
         assert trial.confidence.shape == (HEIGHT, WIDTH, 1)
     assert all(trial.confidence is None for trial in shown.trials["blend"])
 

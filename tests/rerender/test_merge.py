@@ -75,13 +75,9 @@ def test_everything_else_stays(tmp_path, dtype, channels, feather):
     for number in (1, 3, 5):
         assert after[f"shot_{number:04d}{suffix}"] == before[f"shot_{number:04d}{suffix}"]
     assert after[f"shot_0004{suffix}"] == contents(rendered)[f"r004{suffix}"]
-    merged, old, new = (
-        read_image(Path(folder) / name)
-        for folder, name in [(out, f"shot_0002{suffix}"), (made, f"shot_0002{suffix}"), (rendered, f"r002{suffix}")]
-    )
-    inside = np.zeros((HEIGHT, WIDTH), bool)
-    for region in REGIONS:
-        inside[region.part] = True
+    names = Path(out, f"shot_0002{suffix}"), Path(made, f"shot_0002{suffix}"), Path(rendered, f"r002{suffix}")
+    merged, old, new = map(read_image, names)
+    inside = PlannedFrame(2, REGIONS, False, 2, 1).mask(HEIGHT, WIDTH)
     assert (merged[~inside] == old[~inside]).all()
     core = np.zeros_like(inside)
     core[:6, :6], core[10:, 18:22] = True, True  # at the frame's edges there is no seam
@@ -100,9 +96,8 @@ def test_float_images_keep_their_precision(tmp_path, half, channels):
             planes = np.moveaxis(picture(number, np.float32, channels) * np.float32(7), -1, 0)
             write_exr(tmp_path / folder / f"{number:04d}.exr", dict(zip(names, planes, strict=True)), half=half)
     write_plan(tmp_path / "plan", {2: REGIONS})
-    merge_regions(
-        *(str(tmp_path / each) for each in ("made", "rendered", "out")), MergeOptions(str(tmp_path / "plan"), 0)
-    )
+    folders = (str(tmp_path / name) for name in ("made", "rendered", "out"))
+    merge_regions(*folders, MergeOptions(str(tmp_path / "plan"), 0))
     merged = read_image(tmp_path / "out" / "0002.exr")
     assert (merged == read_image(tmp_path / "made" / "0002.exr")).all()  # the render is the same picture
     assert (np.float16(merged) == merged).all() == half
@@ -210,9 +205,8 @@ def test_seams_lie_inside(mask, feather):
     weights = seam_weights(mask, feather)
     assert ((weights > 0) == mask).all()
     assert weights.max() <= 1
-    far = cv2.erode(
-        mask.astype(np.uint8), np.ones((3, 3), np.uint8), iterations=feather, borderType=cv2.BORDER_REPLICATE
-    )
+    square = np.ones((3, 3), np.uint8)
+    far = cv2.erode(mask.astype(np.uint8), square, iterations=feather, borderType=cv2.BORDER_REPLICATE)
     assert (weights[far > 0] == 1).all()
 
 

@@ -74,12 +74,11 @@ FORMS = (Form("wide", (11.6, 3.9), 9.4), Form("narrow", (4.7, 3.7), 10.6))
 
 
 class Series(NamedTuple):
-    """Values of one method at every frame."""
+    """Values of one method at every frame, NaN where there is none."""
 
     method: int
     """Place among the methods, by which the page colours it."""
     values: Sequence[float]
-    """Values; NaN where there is none."""
     style: Style
 
 
@@ -118,23 +117,10 @@ def draw_lines(
     from_zero: bool = True,
     may_be_logarithmic: bool = False,
 ) -> list[Chart]:
-    """Draw a value for every frame and method, in every form.
+    """Draw a value for every frame and method, in every form; `name` is a prefix for the names in the SVG.
 
-    Parameters
-    ----------
-    name : str
-        Prefix of this figure's names, of which others on the page have another.
-    label : str
-        Quantity, and its unit.
-    numbers : sequence of int
-        Numbers of the frames.
-    series : sequence of Series
-    cuts : sequence of int
-        Frames that do not count, such as those across a scene cut: marked, their values left out.
-    from_zero : bool
-        Let the axis begin at 0.
-    may_be_logarithmic : bool
-        Take a logarithmic axis where the values differ much.
+    Frames of `cuts` do not count: they are marked, and their values left out. The axis may be logarithmic where the
+    values differ much.
     """
     counted = np.array([number not in cuts for number in numbers])
     values = [np.where(counted, np.asarray(each.values, float), np.nan) for each in series]
@@ -165,15 +151,8 @@ def draw_dots(name: str, label: str, across: str, dots: Sequence[Dot]) -> list[C
             axes.set_xscale("log")
             axes.grid(axis="x")
             for dot in dots:
-                axes.plot(
-                    [dot.x],
-                    [dot.y],
-                    MARKERS[dot.style.mark],
-                    markersize=9,
-                    markeredgewidth=0,
-                    gid=f"series-{dot.method}-dot",
-                    clip_on=False,
-                )
+                (mark,) = axes.plot([dot.x], [dot.y], MARKERS[dot.style.mark], markersize=9, markeredgewidth=0)
+                mark.set(gid=f"series-{dot.method}-dot", clip_on=False)
             left, right = min(dot.x for dot in dots), max(dot.x for dot in dots)
             axes.set_xlim(left / 1.6, right * 1.6)
             axes.margins(y=0.18)
@@ -243,10 +222,7 @@ def _number_logarithmic(axis: Axis, ratio: float) -> None:
 
 
 def _label(axes: Axes, dots: Sequence[Dot], text: float) -> bool:
-    """Write each name beside its dot, where it covers neither another name nor a dot and is not cut off.
-
-    A name that has no such place is left to a legend, and False is returned.
-    """
+    """Write each name beside its dot where it covers nothing and is not cut off; return whether all had room."""
     is_labelled = True
     pixels = axes.transData.transform([(dot.x, dot.y) for dot in dots])
     scale = axes.figure.dpi / 72
@@ -279,12 +255,10 @@ def _label(axes: Axes, dots: Sequence[Dot], text: float) -> bool:
 
 
 def _box(x: float, y: float, width: float, height: float) -> Bbox:
-    """Return a box around a centre."""
     return Bbox.from_bounds(x - width / 2, y - height / 2, width, height)
 
 
 def _fits(box: Bbox, around: BboxBase) -> bool:
-    """Return whether a box lies in another one."""
     return all(around.contains(*corner) for corner in (box.min, box.max))
 
 
@@ -308,12 +282,7 @@ def _for_page(svg: str, prefix: str) -> str:
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
     # what is drawn again and again takes the colour of its place, not of its definition
     svg = re.sub(r"<defs>.*?</defs>", lambda match: re.sub(r"stroke: #\w+", "", match[0]), svg, flags=re.DOTALL)
-    svg = re.sub(r'id="series-(\d+)-(\w+)"', _as_series, svg)
+    svg = re.sub(r'id="series-(\d+)-(\w+)"', r'class="series \2 method-\1" data-method="\1"', svg)
     svg = re.sub(r'id="cut-\d+"', 'class="cut"', svg)
     svg = re.sub(r'(\bid="|url\(#|href="#)', rf"\1{prefix}-", svg)
     return svg.replace("<svg ", '<svg aria-hidden="true" ', 1)
-
-
-def _as_series(match: re.Match[str]) -> str:
-    method = int(match[1])
-    return f'class="series {match[2]} method-{method}" data-method="{method}"'

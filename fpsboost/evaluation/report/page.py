@@ -20,7 +20,7 @@ from markupsafe import Markup
 from fpsboost.errors import OutputError
 from fpsboost.evaluation.contestants import MINTERPOLATE, Contestant, method_names
 from fpsboost.evaluation.further_metrics import metrics
-from fpsboost.evaluation.hidden_frames import interpolate_some, read_samples
+from fpsboost.evaluation.hidden_frames import read_samples
 from fpsboost.evaluation.report.charts import Chart, Dot, Series, draw_dots, draw_lines
 from fpsboost.evaluation.report.passages import (
     MAX_EXACT_PIXELS,
@@ -30,12 +30,13 @@ from fpsboost.evaluation.report.passages import (
     count_for,
     view_passages,
 )
-from fpsboost.evaluation.report.pictures import MAX_DRAWN_ERROR, FrameView, MotionView, view_frame, view_motion
+from fpsboost.evaluation.report.pictures import MAX_DRAWN_ERROR, MotionView, Strip, view_frame, view_motion
 from fpsboost.evaluation.report.self_contained import templates_of
 from fpsboost.evaluation.report.styles import styles_of
 from fpsboost.evaluation.report.tables import COLUMNS, area_rows, further_rows, mean_rows, overall_rows
 from fpsboost.evaluation.results import ComparedClip, Comparison
 from fpsboost.evaluation.verdict import judge, judge_all, listed
+from fpsboost.image import Image
 from fpsboost.io.new_output import new_folder, write_whole
 
 PAGE = "index.html"
@@ -66,17 +67,12 @@ class FrameSection(NamedTuple):
     """A frame on the page."""
 
     title: str
-    view: FrameView
+    number: int
+    strips: list[Strip]
 
 
 def write_report(folder: Path, clips: Sequence[ComparedClip], *, input_fps: Fraction | None = None) -> Path:
-    """Write the page of comparisons by the same methods into a new folder, and return its path.
-
-    Raises
-    ------
-    OutputError
-        The folder exists, or cannot be written.
-    """
+    """Write the page of comparisons by the same methods into a new folder, and return its path."""
     if folder.exists():
         raise OutputError(f"{folder} exists; name a new folder with `report`, or remove it first.")
     page = make_page(clips, input_fps=input_fps)
@@ -162,15 +158,22 @@ def _view_frames(
 ) -> tuple[list[FrameSection], MotionView | None]:
     """Return views of the chosen frames, each interpolated when its turn comes, and of the motion at the first."""
     names = [method.name for method in comparison.methods]
-    clip = comparison.clip, comparison.hiding, [each.number for each in choices]
-    far = {name: interpolate_some(*clip, contestants[name], input_fps) for name in names if contestants[name].looks_far}
+    numbers = [each.number for each in choices]
+    far: dict[str, dict[int, Image]] = {}
+    for name in names:
+        if contestants[name].looks_far:  # which sees the whole clip
+            interpolated = contestants[name].interpolate(
+                comparison.hiding.intervals(comparison.clip, input_fps), numbers
+            )
+            far[name] = {frame.number: frame.image for frame in interpolated}
+    samples = read_samples(comparison.clip, comparison.hiding, numbers, input_fps)
     sections: list[FrameSection] = []
     motion: MotionView | None = None
-    for each, sample in zip(choices, read_samples(*clip, input_fps), strict=True):
+    for each, sample in zip(choices, samples, strict=True):
         frames = {
             name: far[name][each.number] if name in far else sample.interpolate(contestants[name]) for name in names
         }
-        sections.append(FrameSection(_title(each, names[0]), view_frame(sample, frames)))
+        sections.append(FrameSection(_title(each, names[0]), each.number, view_frame(sample, frames)))
         if len(sections) == 1:
             motion = view_motion(sample, frames, contestants)
     return sections, motion

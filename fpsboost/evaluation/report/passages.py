@@ -31,8 +31,7 @@ QUALITY = 72
 def choose_passages(comparison: Comparison, count: int, also: Sequence[int] = ()) -> list[list[int]]:
     """Choose hidden frames that are worth playing: where methods differ most, and where the first one errs most.
 
-    The two passages have `count` frames together; the frames in `also` become passages of their own unless they lie in
-    one. Passages are in the order of the clip.
+    The two passages have `count` frames together; frames of `also` that lie in none become passages of their own.
     """
     hidden = comparison.hidden
     if count >= len(hidden):
@@ -72,10 +71,7 @@ def count_for(comparison: Comparison, max_pixels: int) -> int:
 
 
 def choose_exact(comparison: Comparison, numbers: Sequence[int], max_pixels: int) -> list[int]:
-    """Return as many of some hidden frames, the first ones, as can be kept without loss within a number of pixels.
-
-    None of frames that are wider than a page can use, as these are reduced.
-    """
+    """Return the first of some hidden frames, as many as can be kept without loss; none if frames must be reduced."""
     width, height = _size_of(comparison)
     pixels = (len(comparison.methods) + 1) * width * height
     return [] if width > MAX_WIDTH else list(numbers)[: max_pixels // pixels]
@@ -88,10 +84,7 @@ def view_passages(
     input_fps: Fraction | None = None,
     exact: Collection[int] = (),
 ) -> PlayerData:
-    """Interpolate the frames of passages, lists of hidden frames, once more and encode them; `exact` ones without loss.
-
-    The views are the truth and all methods; frames that were shown to the methods have one picture.
-    """
+    """Interpolate the hidden frames of passages once more and encode them, those of `exact` without loss."""
     passage_of = {number: place for place, passage in enumerate(passages) for number in passage}
     last = max(passage_of)
     data = PlayerData(["truth", *(method.name for method in comparison.methods)], *_size_of(comparison), 0.0)

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.evaluation.contestants import Contestant, InterpolatorContestant
-from fpsboost.evaluation.hidden_frames import Interval, Sample
+from fpsboost.evaluation.hidden_frames import Sample
 from fpsboost.evaluation.metrics import absolute_error, as_shown
 from fpsboost.evaluation.report.self_contained import LOSSLESS, as_heat, encode, not_too_wide
 from fpsboost.image import Image
+from fpsboost.interpolator import Interpolator
 from fpsboost.motion.field import ZeroMotion, point_places
 from fpsboost.pair import Pair
 from fpsboost.synthesis import FramePair, FusesHypotheses
@@ -46,7 +47,7 @@ class Picture:
 
 
 class Spot(NamedTuple):
-    """A square of a frame that is worth a closer style."""
+    """A square of a frame that is worth a closer look."""
 
     x: int
     y: int
@@ -61,14 +62,6 @@ class Strip:
     letter: str
     spot: Spot
     crops: list[Picture]
-
-
-@dataclass(frozen=True)
-class FrameView:
-    """Closer looks at a hidden frame, in the truth and as every method has it."""
-
-    number: int
-    strips: list[Strip]
 
 
 @dataclass(frozen=True)
@@ -106,7 +99,7 @@ class MotionView:
     """Doubt and true error of each method that knows its doubt."""
 
 
-def view_frame(sample: Sample, frames: Mapping[str, Image]) -> FrameView:
+def view_frame(sample: Sample, frames: Mapping[str, Image]) -> list[Strip]:
     """Find the spots of a frame that are worth a closer look, and encode them as every method, by name, has them."""
     truth = sample.hidden.truth
     images = [("truth", None, truth), *((name, index, image) for index, (name, image) in enumerate(frames.items()))]
@@ -114,30 +107,22 @@ def view_frame(sample: Sample, frames: Mapping[str, Image]) -> FrameView:
     strips = []
     for letter, spot in zip("AB", find_spots(errors), strict=False):
         window = np.s_[spot.y : spot.y + spot.size, spot.x : spot.x + spot.size]
-        crops = [
-            Picture(
-                name,
-                index,
-                encode(as_shown(image[window]), LOSSLESS),
-                None if index is None else float(errors[index][window].mean()),
-            )
-            for name, index, image in images
-        ]
+        crops = []
+        for name, index, image in images:
+            mae = None if index is None else float(errors[index][window].mean())
+            crops.append(Picture(name, index, encode(as_shown(image[window]), LOSSLESS), mae))
         strips.append(Strip(letter, spot, crops))
-    return FrameView(sample.hidden.number, strips)
+    return strips
 
 
 def view_motion(
     sample: Sample, frames: Mapping[str, Image], contestants: Mapping[str, Contestant]
 ) -> MotionView | None:
     """Draw the motion of every method around a hidden frame, and the doubts; None if no method estimates motion."""
-    interval = _interval_of(sample)
+    interval = sample.interval
     places = {name: index for index, name in enumerate(frames)}
-    pairs = {
-        name: _pair(contestant, interval)
-        for name, contestant in contestants.items()
-        if _moves(contestant) and name in places
-    }
+    moving = {name: each.interpolator for name, each in contestants.items() if name in places and _moves(each)}
+    pairs = {name: each.pair(*interval.prepared_for(each)) for name, each in moving.items()}
     if not pairs:
         return None
     flows = {name: pair.fields[0].flow for name, pair in pairs.items()}
@@ -163,33 +148,21 @@ def view_motion(
         edge=edge,
         stretch=stretch,
         fields=fields,
-        doubts=list(_doubts(sample, frames, contestants, pairs)),
+        doubts=list(_doubts(sample, frames, moving, pairs)),
     )
 
 
-def _interval_of(sample: Sample) -> Interval:
-    return next(each for each in sample.window if sample.hidden.number in {hidden.number for hidden in each.hidden})
-
-
-def _moves(contestant: Contestant) -> bool:
+def _moves(contestant: Contestant) -> TypeGuard[InterpolatorContestant]:
     return isinstance(contestant, InterpolatorContestant) and not isinstance(
         contestant.interpolator.estimator, ZeroMotion
     )
 
 
-def _pair(contestant: Contestant, interval: Interval) -> Pair:
-    assert isinstance(contestant, InterpolatorContestant)
-    return contestant.interpolator.pair(*interval.prepared_for(contestant.interpolator))
-
-
 def _doubts(
-    sample: Sample, frames: Mapping[str, Image], contestants: Mapping[str, Contestant], pairs: Mapping[str, Pair]
+    sample: Sample, frames: Mapping[str, Image], interpolators: Mapping[str, Interpolator], pairs: Mapping[str, Pair]
 ) -> Iterator[tuple[Picture, Picture]]:
     for index, name in enumerate(frames):
-        contestant = contestants[name]
-        if name not in pairs or not isinstance(contestant, InterpolatorContestant):
-            continue
-        synthesizer = contestant.interpolator.synthesizer
+        synthesizer = interpolators[name].synthesizer if name in pairs else None
         if isinstance(synthesizer, FusesHypotheses):
             frame_pair = FramePair(*pairs[name].compensated, *pairs[name].fields)
             confidence = next(synthesizer.fuse(frame_pair, [float(sample.hidden.t)])).confidence
@@ -206,25 +179,7 @@ def find_loss(image: NDArray[Any], picture: bytes) -> float:
 
 
 def find_spots(errors: Sequence[NDArray[Any]]) -> list[Spot]:
-    """Return the square where all methods together err most, and another where the best is farthest ahead.
-
-    Parameters
-    ----------
-    errors : sequence of (H, W)
-        Absolute error of every method.
-
-    Returns
-    -------
-    list of Spot
-        One, if the frame has no room for two. The best is compared with the median of all.
-
-    Examples
-    --------
-    >>> error = np.zeros((100, 200), np.float32)
-    >>> error[10:58, 20:68] = 9
-    >>> find_spots([error])[0][:3]
-    (20, 10, 48)
-    """
+    """Return the square where all methods together err most, and one beside it where the best is farthest ahead."""
     height, width = errors[0].shape
     size = min(max(MIN_CROP, width // 10), height, width)
     means = np.stack([_window_means(error, size) for error in errors])
@@ -269,10 +224,7 @@ def _stretch(edge: float, spacing: int) -> float:
 
 
 def draw_arrows(flow: NDArray[Any], spacing: int, stretch: float) -> tuple[str, str]:
-    """Return motion of (H, W, 2) as SVG paths, in pixels: shafts from where a pixel is, and a point where it goes.
-
-    There is an arrow every `spacing` pixels, `stretch` times as long as the motion.
-    """
+    """Return motion of (H, W, 2) as SVG paths, in pixels: shafts from every `spacing` pixels on, and their tips."""
     shafts, tips = [], []
     for row, vectors in enumerate(flow[np.ix_(*point_places(flow.shape, spacing))]):
         for column, (dx, dy) in enumerate((vectors * stretch).tolist()):

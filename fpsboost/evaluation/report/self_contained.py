@@ -57,10 +57,7 @@ class PlayerData:
 
 
 def templates_of(*packages: str) -> Environment:
-    """Return the templates of packages and those that all pages share.
-
-    In a template, ``text_of(file)`` is a style sheet or a script as it is.
-    """
+    """Return the templates of packages and the shared ones, in which ``text_of(file)`` is a file as it is."""
     loader = ChoiceLoader([PackageLoader(package) for package in (*packages, "fpsboost.evaluation.report")])
     environment = Environment(
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True

@@ -71,13 +71,7 @@ class Style(NamedTuple):
 
 
 def styles_of(names: Sequence[str]) -> list[Style]:
-    """Return the styles of the methods of a page.
-
-    Examples
-    --------
-    >>> styles_of(["nlm", "dis"])[1] == styles_of(["blend", "nearest", "dis"])[2]
-    True
-    """
+    """Return the styles of the methods of a page."""
     ours = method_names()
     taken: list[int] = []
     styles = []
@@ -95,13 +89,7 @@ def styles_of(names: Sequence[str]) -> list[Style]:
 
 
 def break_name(name: str) -> list[str]:
-    """Break a long name into lines behind its punctuation.
-
-    Examples
-    --------
-    >>> break_name("nlm-exhaustive:patch-radius=9,v=0.05")
-    ['nlm-exhaustive:', 'patch-radius=9,', 'v=0.05']
-    """
+    """Break a long name into lines behind its punctuation."""
     lines = [""]
     for part in re.findall(r"[^:,]*[:,]|[^:,]+", name):
         if lines[-1] and len(lines[-1]) + len(part) > MAX_LINE:

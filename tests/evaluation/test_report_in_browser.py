@@ -1,0 +1,452 @@
+"""The page of a comparison in a browser: player, figures, tables, closer looks and the blind test."""
+
+from __future__ import annotations
+
+import math
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import violations
+from comparison_truth import HEIGHT, NAMES, WIDTH
+from playwright.sync_api import expect
+
+from fpsboost.evaluation.hidden_frames import read_samples
+from fpsboost.evaluation.metrics import as_shown
+from fpsboost.evaluation.report.page import DIFFERENT, choose_frames
+
+
+@pytest.fixture
+def opened(chromium):
+    """A function that opens a page; nothing is asked of a network, and no error is reported, as long as it is open."""
+    pages, complaints = [], []
+
+    def watch(request):
+        if not request.url.startswith(("file:", "data:", "blob:")):
+            complaints.append(request.url)
+
+    def open_page(address, width=1200, height=900, **options):
+        page = chromium.new_page(viewport={"width": width, "height": height}, **options)
+        page.on("request", watch)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("console", lambda message: complaints.append(message.text) if message.type != "log" else None)
+        pages.append(page)
+        page.goto(address)
+        expect(page.locator(".place").first).to_contain_text("frame")
+        return page
+
+    yield open_page
+    for page in pages:
+        page.close()
+    assert complaints == []
+
+
+@pytest.fixture
+def page(opened, report_path):
+    return opened(report_path.as_uri(), reduced_motion="reduce")
+
+
+def box_of(locator):
+    box = locator.bounding_box()
+    assert box is not None
+    return box
+
+
+def wipe(page):
+    """Where the right picture begins, per cent from the left."""
+    return float(page.locator(".wipe").input_value())
+
+
+def left(page):
+    return page.locator(".player .tag.left").inner_text()
+
+
+def right(page):
+    return page.locator(".player .tag.right").inner_text()
+
+
+def at_frame(page, number):
+    """Wait until the player shows a frame."""
+    expect(page.locator(".place")).to_have_text(re.compile(rf"^frame {number}\b"))
+
+
+def opening_of(comparison):
+    """The frame that the page opens with."""
+    return next(choice.number for choice in choose_frames(comparison) if DIFFERENT in choice.reasons)
+
+
+# ---------------------------------------------------------------- the player
+
+
+def test_first_screen_has_the_verdict_and_pictures(opened, report_path):
+    """At a desk and on a phone, what comes out and the whole picture are seen without scrolling."""
+    for width, height in ((1200, 900), (390, 844)):
+        page = opened(report_path.as_uri(), width, height)
+        for selector in (".outcome", ".stage", ".play [data-side='right'] >> nth=1"):
+            box = box_of(page.locator(selector).first)
+            assert box["y"] + box["height"] <= height, selector
+
+
+def test_slider_and_pointer_move_the_edge(page):
+    """The slider and a drag in the picture move it."""
+    page.locator(".wipe").fill("30")
+    assert wipe(page) == 30
+    box = box_of(page.locator(".stage"))
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 20)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + 30)
+    page.mouse.up()
+    assert math.isclose(wipe(page), 80, abs_tol=1)
+
+
+def test_keyboard_steps_flips_and_chooses(page, comparison):
+    """Arrows step from frame to frame, F shows one picture and then the other, a digit chooses the right one."""
+    stage = page.locator(".stage")
+    stage.focus()
+    page.keyboard.press("Home")
+    at_frame(page, 0)
+    page.keyboard.press("ArrowRight")
+    at_frame(page, comparison.hidden[0])
+    page.keyboard.press("f")
+    assert wipe(page) == 0
+    page.keyboard.press("f")
+    assert wipe(page) == 100
+    page.keyboard.press("3")
+    assert wipe(page) == 0  # what was chosen is seen
+    assert left(page) == "nearest"
+    page.locator(".wipe").fill("50")
+    assert (left(page), right(page)) == ("truth", "nearest")
+    page.locator(".flip").focus()  # keys are heard on its buttons too, not on sliders, which have their own
+    page.keyboard.press("ArrowLeft")
+    at_frame(page, 0)
+    page.keyboard.press("ArrowRight")
+    at_frame(page, comparison.hidden[0])
+    page.locator(".wipe").focus()
+    page.keyboard.press("ArrowLeft")
+    assert wipe(page) == 49
+    at_frame(page, comparison.hidden[0])
+    page.locator(".wipe").fill("3")
+    assert not page.locator(".tag.left").is_visible()  # a sliver has no name
+    stage.focus()
+    page.keyboard.press("e")
+    assert left(page) == "difference of truth and nearest"
+
+
+def test_player_plays_a_passage(page):
+    """It goes on by itself until it is stopped, at its own speed or a quarter."""
+    page.locator(".stage").focus()
+    page.keyboard.press("Home")
+    at_frame(page, 0)
+    page.locator(".play.round").click()
+    expect(page.locator(".place")).not_to_have_text(re.compile("frame 0\\b"))
+    page.locator(".slow").click()
+    assert page.locator(".play.round").get_attribute("aria-label") == "Pause"
+    page.locator(".play.round").click()
+    expect(page.locator(".play.round")).to_have_attribute("aria-label", "Play")
+
+
+def test_choosing_the_other_sides_picture_swaps(page):
+    """Two equal pictures side by side would show nothing."""
+    page.locator('[data-side="right"]').first.click()
+    assert (left(page), right(page)) == (NAMES[0], "truth")
+
+
+def test_pixels_are_read_and_zoomed(page, comparison):
+    """At 16:1 a picture can be moved, and the values of both pictures under the pointer are told."""
+    at_frame(page, opening_of(comparison))
+    page.locator(".stage").press("Home")
+    at_frame(page, 0)
+    page.locator('[data-zoom="8"]').click()
+    page.locator(".stage").press("+")
+    box = box_of(page.locator(".stage"))
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    expect(page.locator(".pixel")).to_contain_text(re.compile(r"column \d+, row \d+\s*truth about \d+ \d+ \d+"))
+    before = page.locator(".pixel span").first.inner_text()
+    page.locator(".stage").focus()
+    page.keyboard.press("Shift+ArrowRight")
+    expect(page.locator(".pixel span").first).not_to_have_text(before)
+    expect(page.locator(".loss")).to_have_text(re.compile(r"off by about [\d.]+ levels"))
+
+
+def test_page_opens_with_exact_pixels(page, comparison, contestants):
+    """There the values of pixels are the truth's and the method's, and the error map is their difference."""
+    number = opening_of(comparison)
+    at_frame(page, number)
+    expect(page.locator(".loss")).to_have_text("Exact: kept without loss.")
+    (sample,) = read_samples(comparison.clip, comparison.hiding, [number])
+    images = sample.hidden.truth, sample.interpolate(contestants["dis"])
+    truth, interpolated = (as_shown(image).astype(int)[..., ::-1] for image in images)
+    box = box_of(page.locator(".stage"))
+    page.mouse.move(box["x"] + box["width"] * 20.5 / WIDTH, box["y"] + box["height"] * 10.5 / HEIGHT)
+    values = [" ".join(map(str, image[10, 20])) for image in (truth, interpolated)]
+    expect(page.locator(".pixel")).to_have_text(f"column 20, row 10truth {values[0]}dis {values[1]}")
+    page.locator('[data-mode="error"]').click()
+    colours = page.evaluate("""() => {
+        const map = address.clip.player.error();
+        return [...map.getContext("2d").getImageData(0, 0, map.width, map.height).data];
+    }""")
+    none = (np.reshape(colours, (HEIGHT, WIDTH, 4))[..., :3] == [0, 0, 4]).all(axis=-1)
+    error = abs(truth - interpolated).mean(axis=-1)
+    assert (none == (np.round(255 * error / 64) == 0)).all()
+
+
+def seen_at(page, x, y):
+    """The pixel of the picture that lies where the pointer is."""
+    page.mouse.move(x, y)
+    expect(page.locator(".pixel span").first).to_contain_text("column")
+    return page.locator(".pixel span").first.inner_text()
+
+
+def turn_wheel(page, by):
+    page.keyboard.down("Control")
+    page.mouse.wheel(0, by)
+    page.keyboard.up("Control")
+
+
+def test_wheel_zooms_where_the_pointer_is(page):
+    """With Ctrl, and the pixel there stays; without, the page scrolls as ever. A drag moves what is enlarged."""
+    box = box_of(page.locator(".stage"))
+    x, y = box["x"] + 0.3 * box["width"], box["y"] + 0.4 * box["height"]
+    pixel = seen_at(page, x, y)
+    turn_wheel(page, -60)
+    expect(page.locator(".stage")).to_have_class(re.compile("is-zoomed"))
+    page.mouse.move(x + 1, y)
+    assert seen_at(page, x, y) == pixel
+    page.mouse.down()
+    page.mouse.move(x - 90, y)
+    page.mouse.up()
+    assert seen_at(page, x, y) != pixel
+    turn_wheel(page, 300)
+    expect(page.locator('[data-zoom="0"]')).to_have_attribute("aria-pressed", "true")
+    page.mouse.wheel(0, 500)
+    expect(page.locator(".brand")).not_to_be_in_viewport()
+
+
+def test_two_fingers_zoom_the_picture(opened, report_path):
+    """On a phone: what they spread grows with them, and back it fits."""
+    phone = opened(report_path.as_uri(), 390, 844, has_touch=True, is_mobile=True)
+    box = box_of(phone.locator(".stage"))
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    session = phone.context.new_cdp_session(phone)
+
+    def touch(kind, *across):
+        points = [{"x": x + offset, "y": y, "id": index} for index, offset in enumerate(across)]
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    for begin, end, classes in ((20, 80, "is-zoomed"), (80, 10, "^stage ?$")):
+        touch("touchStart", -begin)
+        touch("touchStart", -begin, begin)
+        touch("touchMove", -(begin + end) / 2, (begin + end) / 2)
+        touch("touchMove", -end, end)
+        touch("touchEnd")
+        expect(phone.locator(".stage")).to_have_class(re.compile(classes))
+
+
+def test_closer_look_leads_to_its_frame(page):
+    """The button beside a spot shows its frame in the player, enlarged."""
+    button = page.locator("[data-goes]").last
+    number = int((button.get_attribute("data-goes") or "").split()[0])
+    button.click()
+    at_frame(page, number)
+    expect(page.locator('[data-zoom="4"]')).to_have_attribute("aria-pressed", "true")
+
+
+def test_blind_test_hides_names_and_counts(page, comparison):
+    """No name is told while it lasts, not in the address either; at the end every vote is."""
+    before = page.locator(".place").inner_text()
+    page.get_by_role("button", name="Blind test").click()
+    for vote in ("A, left", "B, right", "No difference"):
+        expect(page.locator(".tag.left")).to_have_text("A")
+        expect(page.locator(".tag.right")).to_have_text("B")
+        assert not page.locator("[data-side='left'], .begins").first.is_visible()
+        assert "A" not in page.url.partition("#")[2]
+        page.get_by_role("button", name="Show the truth").click()
+        assert left(page) == "truth"
+        page.locator(".stage").focus()
+        page.keyboard.press("2")  # would tell
+        assert left(page) == "truth"
+        page.get_by_role("button", name=vote).click()
+    expect(page.locator(".count")).to_have_text("3 votes")
+    page.get_by_role("button", name="End and reveal").click()
+    tally = page.locator(".tally").inner_text()
+    assert tally.startswith(f"{Path(comparison.clip).name}: 3 votes, 1 without a difference")
+    page.evaluate("navigator.clipboard.writeText = async (text) => { window.copied = text; }")
+    page.get_by_role("button", name="Copy the result").click()
+    expect(page.get_by_role("button", name="Copied")).to_be_visible()
+    assert page.evaluate("copied") == tally
+    assert sum(int(won) for won in re.findall(r"preferred in (\d+) of", tally)) == 2
+    assert {name for name in NAMES if name in tally} == set(re.findall(r"^(\S+): preferred", tally, re.MULTILINE))
+    assert (left(page), right(page)) == ("truth", NAMES[0])
+    expect(page.locator(".place")).to_have_text(before)
+
+
+# ---------------------------------------------------------------- figures, tables and the address
+
+
+def test_chart_is_the_timeline(page, comparison):
+    """A click in the chart, or Enter, shows the frame, and a line in every chart says which is shown."""
+    chart = page.locator("#errors .metric:not(.later) .chart.wide")
+    box = box_of(chart)
+    left_side, _, width, _ = map(float, (chart.get_attribute("data-box") or "").split())
+    first, last = map(float, (chart.get_attribute("data-x") or "").split())
+    for number in (comparison.hidden[1], comparison.hidden[0]):
+        across = left_side + width * (number - first) / (last - first)
+        chart.click(position={"x": across * box["width"], "y": box["height"] / 2})
+        at_frame(page, number)
+        line = box_of(chart.locator(".cursor"))
+        assert math.isclose(line["x"] - box["x"], across * box["width"], abs_tol=2)
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Enter")
+    at_frame(page, comparison.hidden[1])
+
+
+def test_pointing_at_a_figure_reads_it(page, comparison):
+    """The nearest frame's values are told, and their points lie on the lines."""
+    chart = page.locator("#errors .metric:not(.later) .chart.wide")
+    chart.focus()
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowRight")
+    reading = chart.locator(".reading").inner_text()
+    assert f"frame {comparison.hidden[1]}" in reading
+    for method in comparison.methods:
+        assert method.name in reading
+        assert f"{method.frames[1].scores.mse:.3g}"[:3] in reading
+    centres = """(chart, chosen) => [...chart.querySelectorAll(chosen)].map(each => each.getBoundingClientRect())
+        .map(box => box.y + box.height / 2 - chart.getBoundingClientRect().y).sort((one, other) => one - other)"""
+    points = chart.evaluate(centres, ".point")
+    second_marks = chart.evaluate(centres, ".series.line use:nth-of-type(2)")
+    assert len(points) == len(comparison.methods)
+    assert np.allclose(points, second_marks, atol=2)
+
+
+def test_legend_hides_a_method(page):
+    """A click takes its line out of every figure, another brings it back."""
+    line = page.locator('#errors .metric:not(.later) .chart.wide .series[data-method="1"]').first
+    assert line.is_visible()
+    button = page.locator('#errors [data-toggles="1"]')
+    button.click()
+    assert not line.is_visible()
+    assert page.locator('#times [data-toggles="1"]').get_attribute("aria-pressed") == "false"
+    button.click()
+    assert line.is_visible()
+
+
+def test_sorting_starts_with_the_best(page):
+    """The first click on a heading, whatever is better there, more or less; the second turns it round."""
+    for heading, column, better in (("SSIM", 4, max), ("MAE", 5, min)):
+        cells = page.locator(f"#overall tbody tr td:nth-child({column})")
+        button = page.locator("#overall .sort", has_text=heading)
+        button.click()
+        values = [float(cell.get_attribute("data-value") or "nan") for cell in cells.all()]
+        assert values[0] == better(values)
+        button.click()
+        assert [float(cell.get_attribute("data-value") or "nan") for cell in cells.all()] == values[::-1]
+    assert page.locator("#by-area th[aria-sort=ascending]").count() == 0
+    page.locator("#by-area .sort").first.click()
+    assert page.locator("#by-area th[aria-sort=ascending]").count() == 1
+
+
+def test_address_keeps_what_is_shown(opened, page, report_path):
+    """An address that is copied shows the same; one that is wrong does no harm."""
+    length = page.evaluate("history.length")
+    page.locator(".stage").focus()
+    for key in ("End", "ArrowLeft", "3", "e"):
+        page.keyboard.press(key)
+    page.locator('[data-zoom="2"]').click()
+    page.locator('[data-shows="psnr"]').click()
+    page.wait_for_url(re.compile("metric=psnr"))
+    assert page.evaluate("history.length") == length  # back leads to where one was before the page
+    other = opened(page.url)
+    expect(other.locator(".place")).to_have_text(page.locator(".place").inner_text())
+    assert left(other) == "difference of truth and nearest"
+    assert other.locator('[data-zoom="2"]').get_attribute("aria-pressed") == "true"
+    assert other.locator('[data-metric="psnr"] .chart.wide').first.is_visible()
+    opened(f"{report_path.as_uri()}#frame=999999&left=nobody&zoom=x&metric=%22]&clip=7")
+
+
+class Names(HTMLParser):
+    """Collects the names of the elements of a page."""
+
+    def __init__(self):
+        super().__init__()
+        self.names: list[str] = []
+
+    def handle_starttag(self, tag, attrs):
+        self.names += [value for name, value in attrs if name == "id" and value]
+
+
+def test_page_of_several_clips(opened, several_path):
+    """One clip is seen at a time, names are unique, address and links keep to it, a table has all and their mean."""
+    parser = Names()
+    parser.feed(several_path.read_text(encoding="utf-8"))
+    assert len(parser.names) == len(set(parser.names))
+    page = opened(several_path.as_uri())
+    first, second = (page.locator(".clip").nth(place) for place in range(2))
+    assert page.locator("h1").inner_text() == "2 clips"
+    assert "in the mean of 2 clips" in page.locator(".outcome").inner_text()
+    expect(first).to_be_visible()
+    expect(second).not_to_be_visible()
+    page.locator("[data-clip='1']").click()
+    expect(second.locator(".place")).to_contain_text("frame")
+    expect(first).not_to_be_visible()
+    page.wait_for_url(re.compile("clip=2"))
+    page.reload()
+    expect(second.locator(".place")).to_contain_text("frame")
+    page.get_by_role("link", name="Summary").click()
+    expect(page.locator("#summary-2")).to_be_in_viewport()
+    page.locator("[data-clip='0']").click()
+    page.goto(f"{several_path.as_uri()}#made-2")  # leads to the clip that has it
+    expect(page.locator("#made-2")).to_be_in_viewport()
+    rows = page.locator("#clips tbody tr")
+    assert rows.count() == len(NAMES)
+    mean, *of_clips = map(float, rows.first.locator("td").evaluate_all("all => all.map(each => each.dataset.value)"))
+    assert math.isclose(mean, sum(of_clips) / 2)
+
+
+# ---------------------------------------------------------------- everybody
+
+
+@pytest.mark.parametrize(("width", "height", "scheme"), [(1200, 900, "light"), (390, 844, "dark")])
+def test_nothing_is_in_the_way_of_anybody(opened, several_path, scheme, width, height):
+    """Axe finds no violation, in a page of several clips, also in the error map and in the blind test."""
+    page = opened(several_path.as_uri(), width, height, color_scheme=scheme, reduced_motion="reduce")
+    for button in (None, "Error map", "Blind test"):
+        if button is not None:
+            page.get_by_role("button", name=button).click()
+        assert violations(page) == []
+    assert page.evaluate("document.documentElement.scrollWidth") == width
+
+
+def test_a_phone_may_zoom_and_sees_every_label(opened, report_path):
+    """360 pixels wide: nothing is wider, no label is cut off, and two fingers zoom the page, or the picture."""
+    phone = opened(report_path.as_uri(), 360, 740)
+    assert phone.evaluate("document.documentElement.scrollWidth") == 360
+    words = phone.locator("meta[name=viewport]").get_attribute("content")
+    assert not re.search("user-scalable|maximum-scale", words)
+    actions = "[...document.querySelectorAll(':not(.stage)')].map(each => getComputedStyle(each).touchAction)"
+    assert set(phone.evaluate(actions)) <= {"auto", "manipulation", "pan-y pinch-zoom"}
+    texts = """[...document.querySelectorAll('.chart.narrow svg text')].filter(each => each.getClientRects().length)
+        .map(each => [each.textContent, each.getBoundingClientRect().left, each.getBoundingClientRect().right])"""
+    labels = phone.evaluate(texts)
+    assert {"frame", *NAMES} <= {text for text, _, _ in labels}
+    assert [text for text, begin, end in labels if begin < 0 or end > 360] == []
+
+
+def test_theme_can_be_chosen(page):
+    """The switch turns light to dark."""
+    colour = "() => getComputedStyle(document.body).backgroundColor"
+    light = page.evaluate(colour)
+    page.locator(".theme").click()
+    assert page.evaluate(colour) != light
+
+
+def test_page_can_be_read_without_script(chromium, report_path):
+    """Every closer look and table is there for a browser that runs no script."""
+    page = chromium.new_page(java_script_enabled=False)
+    page.goto(report_path.as_uri())
+    assert all(crop.is_visible() for crop in page.locator(".crops img").all())
+    assert page.locator("#overall").is_visible()
+    assert not page.locator(".player").is_visible()
+    page.close()
