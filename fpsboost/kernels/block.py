@@ -30,10 +30,7 @@ class SearchPlan(NamedTuple):
 
 @njit(**JIT)
 def sum_of_differences(rows0, rows1, channels, block, dy, dx, limit, kind):
-    """Return the sum of absolute differences of a block and its match, stopping above the limit.
-
-    The match is offset by ``(dx, dy)``.
-    """
+    """Return the sum of absolute differences of a block and its match at ``(dx, dy)``, stopping above the limit."""
     top, left, bottom, right = block
     total = kind(0)
     for y in range(top, bottom):
@@ -50,19 +47,11 @@ def sum_of_differences(rows0, rows1, channels, block, dy, dx, limit, kind):
 def match_blocks(rows0, rows1, channels, block_size, search_range, plan, motion, difference):
     """Find the best match in the second image for every block of the first.
 
-    Parameters
-    ----------
-    rows0, rows1 : (H, W * channels) uint8, uint16 or float32
-    channels : int
-    block_size : int
-        Side of a block, pixels; blocks at the right and at the bottom edge may be smaller.
-    search_range : int
-        Largest motion along x and y, pixels; positions outside of the frame are not considered.
-    plan : SearchPlan
-    motion : (rows, columns, 2) int32
-        Out: ``(dx, dy)``.
-    difference : (rows, columns) int64, for float images float32
-        Out: the sum of absolute differences.
+    - `rows0`, `rows1`: (H, W * channels) uint8, uint16 or float32
+    - `block_size`: side of a block, pixels; blocks at the right and at the bottom edge may be smaller
+    - `search_range`: largest motion along x and y, pixels; positions outside of the frame are not considered
+    - `motion`: ``(dx, dy)``, (rows, columns, 2) int32 out
+    - `difference`: sums of absolute differences, (rows, columns) int64, for float images float32, out
     """
     offsets, turns, repeated = plan
     height, width = rows0.shape[0], rows0.shape[1] // channels

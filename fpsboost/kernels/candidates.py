@@ -33,17 +33,15 @@ class Votes(NamedTuple):
     vectors: NDArray[Any]
     """Motion to the other frame, (points down, points across, 2) float32."""
     gradients: NDArray[Any]
-    """Gradients of the motion, pixels per pixel: of dx and dy along x, then along y; (points down, points across, 2, 2)
-    float32."""
+    """Of dx and dy along x, then along y, pixels per pixel, (points down, points across, 2, 2) float32."""
     accelerations: NDArray[Any]
-    """1 if the acceleration is known, else 0, and the acceleration, pixels per interval squared, or 0; (points down,
-    points across, 3) float32."""
+    """Whether it is known, 0 or 1, and pixels per interval squared, or 0; (points down, points across, 3) float32."""
     trust: NDArray[Any]
     """Weight of each vote, 0 to 1, (points down, points across) float32."""
 
 
 class CollectedVotes(NamedTuple):
-    """Votes for the candidates of each node."""
+    """Votes for the candidates of each node; each node lies at the centre of a cell of `spacing` pixels."""
 
     listed: NDArray[Any]
     """Candidates of each node so far, (rows, columns) int32."""
@@ -52,30 +50,27 @@ class CollectedVotes(NamedTuple):
     places: NDArray[Any]
     """Where the sums of each listed candidate are, (rows, columns, capacity) int32."""
     sums: NDArray[Any]
-    """Sums over the votes of all candidates, in the order in which they were found, (rows * columns * capacity,
-    SUMS_PER_CANDIDATE) float32. As most nodes have few candidates, most of this is never touched."""
+    """Sums over the votes of all candidates in the order in which they were found, (rows * columns * capacity,
+    SUMS_PER_CANDIDATE) float32; as most nodes have few candidates, most of it is never touched."""
     total: NDArray[Any]
     """Number of candidates of all nodes, (1,) int64."""
     spacing: int
-    """Distance between nodes, pixels; each node lies at the centre of a cell of this size."""
 
 
 class Candidates(NamedTuple):
-    """Candidate motions around each node."""
+    """Candidate motions around each node; nodes are `spacing` pixels apart."""
 
     listed: NDArray[Any]
     """Number of candidates, (rows, columns) int32."""
     motions: NDArray[Any]
-    """Motion of each candidate, (rows, columns, room, VALUES_PER_MOTION) float32."""
+    """(rows, columns, room, VALUES_PER_MOTION) float32."""
     weights: NDArray[Any]
-    """Weight of each candidate, (rows, columns, room) float32: at least 0, with a sum of 1; 0 beyond the listed
-    candidates."""
+    """At least 0, with a sum of 1; 0 beyond the listed candidates; (rows, columns, room) float32."""
     spacing: int
-    """Distance between nodes, pixels."""
 
 
 def no_votes(nodes: tuple[int, int], capacity: int, spacing: int) -> CollectedVotes:
-    """Return room for the votes at some rows and columns of nodes, each with a number of candidates at most."""
+    """Return room for the votes at some rows and columns of nodes."""
     shape = (*nodes, capacity)
     votes, places = np.empty(shape, np.float32), np.empty(shape, np.int32)
     sums = np.empty((votes.size, SUMS_PER_CANDIDATE), np.float32)
@@ -86,24 +81,12 @@ def no_votes(nodes: tuple[int, int], capacity: int, spacing: int) -> CollectedVo
 def collect_candidates(points, sign, t, step, support, tolerance, height, width, collected):
     """Add the motion of one frame to the candidates of the nodes.
 
-    Parameters
-    ----------
-    points : Votes
-    sign : float32
-        1 for frame 0, -1 for frame 1: candidates are always motions from frame 0 to frame 1.
-    t : float32
-        Distance in time from the frame, in intervals.
-    step : int
-        Distance between points, pixels.
-    support : float32
-        Maximum distance along x and y between a node and the landing position of a motion that votes for it, pixels;
-        the weight decreases with distance.
-    tolerance : float32
-        Motions that differ by less than this along x and y are merged, pixels.
-    height, width : int
-        Size of the frame.
-    collected : CollectedVotes
-        Updated in place.
+    - `sign`: 1 for frame 0, -1 for frame 1: candidates are always motions from frame 0 to frame 1
+    - `t`: distance in time from the frame, in intervals
+    - `step`: distance between points, pixels
+    - `support`: maximum distance along x and y between a node and the landing position of a motion that votes for it,
+      pixels; the weight decreases with distance
+    - `tolerance`: motions that differ by less than this along x and y are merged, pixels
     """
     vectors, gradients, accelerations, trust = points
     count, votes, places, sums, total, spacing = collected
@@ -170,21 +153,13 @@ def collect_candidates(points, sign, t, step, support, tolerance, height, width,
 
 @njit(cache=True, **JIT)
 def list_candidates(collected, zero_motion_prior, acceleration_tolerance, min_share, min_weight, candidates):
-    """Write the candidates of each node in order of decreasing votes, followed by zero motion.
+    """Write the candidates of each node, as many as fit, in order of decreasing votes, followed by zero motion.
 
-    Parameters
-    ----------
-    collected : CollectedVotes
-    zero_motion_prior : float32
-        Votes for zero motion.
-    acceleration_tolerance : float32
-        Standard deviation of a candidate's accelerations at which their mean is given half its weight, pixels.
-    min_share : float32
-        Added to each candidate's share of all votes.
-    min_weight : float32
-        Amount subtracted from each weight, as a share of the largest weight, so that weights fade out continuously.
-    candidates : Candidates out
-        Their number is limited to `room`.
+    - `zero_motion_prior`: votes for zero motion
+    - `acceleration_tolerance`: standard deviation of a candidate's accelerations at which their mean is given half its
+      weight, pixels
+    - `min_share`: added to each candidate's share of all votes
+    - `min_weight`: subtracted from each weight, as a share of the largest weight, so that weights fade out continuously
     """
     count, votes, places, sums, _, _ = collected
     listed_count, motions, weights, _ = candidates

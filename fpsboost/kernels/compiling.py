@@ -35,13 +35,7 @@ def tell_listeners() -> None:
 
 @contextmanager
 def told_of_compiling(tell: Callable[[], None]) -> Iterator[None]:
-    """Call a function once, when the compilation of the first kernel begins; never if all come from the cache.
-
-    Parameters
-    ----------
-    tell : callable
-        Function to call, in the thread that compiles.
-    """
+    """Call a function once, in the thread that compiles, before the first kernel that the cache does not hold."""
     waiting = [tell]
 
     def listen() -> None:
@@ -71,13 +65,8 @@ def uncollected() -> Iterator[None]:
 def compiled_aside(task: Callable[[], None]) -> Iterator[None]:
     """Run a task in a second process while this one compiles, so that its kernels are in the cache afterwards.
 
-    numba compiles in one thread at a time. The process is started when the compilation of the first kernel begins,
-    and never if all come from the cache. If the task cannot be sent or fails, its kernels are still to be compiled.
-
-    Parameters
-    ----------
-    task : callable
-        Task that calls the kernels. It is pickled.
+    numba compiles in one thread at a time. The process is started when the compilation of the first kernel begins, and
+    never if all come from the cache. If the task cannot be pickled or fails, its kernels are still to be compiled.
     """
     process: subprocess.Popen[bytes] | None = None
 

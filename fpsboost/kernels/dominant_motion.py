@@ -87,17 +87,9 @@ def find_dominant_motion(
 ) -> None:
     """Write where each pixel lies in both frames along the candidate with the largest weight.
 
-    Parameters
-    ----------
-    samples0, samples1 : fpsboost.kernels.window_samples.Samples
-        Planes that are compared.
-    t : float32
-    candidates : fpsboost.kernels.candidates.Candidates
-    weighting : fpsboost.kernels.pixel_weights.Weighting
-    weights : (height, width) float32
-        Zero at first; the largest weights.
-    places : (4, height, width) float32
-        Column and row in frame 0, and in frame 1; not written where no candidate has any weight.
+    - `weights`: the largest weights, (height, width) float32; zero at first
+    - `places`: column and row in frame 0, and in frame 1, (4, height, width) float32; not written where no candidate
+      has any weight
     """
     layer = make_layer(samples0, samples1, (1, 1), band_planes=0, width=0)
     compare_candidates(layer, t, candidates, weighting, make_work(), make_sums(), weights, places)

@@ -27,6 +27,8 @@ AS_GIVEN = None
 CONSTANT = types.IntegerLiteral
 """Type of an argument: an integer that is known when the call is compiled."""
 
+vector = ir.VectorType
+
 INDEX, FLOAT, UINT8 = types.int64, types.float32, types.uint8
 """Types of scalar arguments."""
 
@@ -40,20 +42,9 @@ EIGHT, SIXTEEN = 8, 16
 def instruction(twin: Callable[..., Any], *kinds: Any, returns: Any = types.void) -> Callable[..., Any]:
     """Return a decorator for the function that builds the LLVM IR of an instruction.
 
-    Parameters
-    ----------
-    twin : callable
-        Function that does the same uncompiled. Calls of it in kernels become the LLVM IR.
-    *kinds : numba type, AS_GIVEN or CONSTANT
-        Types of the parameters.
-    returns : numba type
-        Type of the result.
-
-    Returns
-    -------
-    callable
-        Decorator of a function that takes a `Code` and the arguments: arrays as `FlatArray`, records as lists of their
-        fields, constants as numbers, and all else as values of LLVM. It returns the result, if there is one.
+    Calls of `twin` in kernels become this LLVM IR; `kinds` are the types of its parameters: a numba type, AS_GIVEN or
+    CONSTANT. The decorated function takes a `Code` and the arguments: arrays as `FlatArray`, records as lists of their
+    fields, constants as numbers, and all else as values of LLVM. It returns the result, if there is one.
     """
 
     def decorate(build: Callable[..., Any]) -> Callable[..., Any]:
@@ -79,19 +70,8 @@ def instruction(twin: Callable[..., Any], *kinds: Any, returns: Any = types.void
     return decorate
 
 
-def vector(element: ir.Type, count: int) -> ir.VectorType:
-    """Return the type of a vector."""
-    return ir.VectorType(element, count)
-
-
 class FlatArray:
-    """A flat array from one of its elements on; no bounds are checked.
-
-    Attributes
-    ----------
-    element : llvmlite.ir.Type
-        Type of the elements.
-    """
+    """A flat array of an element type, from one of its elements on; no bounds are checked."""
 
     def __init__(self, builder: ir.IRBuilder, data: Any, element: ir.Type) -> None:
         self._builder, self._data, self.element = builder, data, element
@@ -120,12 +100,7 @@ def _alignment(kind: ir.Type) -> int:
 
 
 class Code:
-    """LLVM IR of an instruction while it is built.
-
-    Attributes
-    ----------
-    builder : llvmlite.ir.IRBuilder
-    """
+    """LLVM IR of an instruction while it is built."""
 
     def __init__(self, context: Any, builder: ir.IRBuilder) -> None:
         self._context, self.builder = context, builder

@@ -18,7 +18,7 @@ from fpsboost.kernels.tiles import OffsetLists, Proposals, search_tiles
 
 
 class CoarseMotion(NamedTuple):
-    """Motion in both directions that a coarser level proposes, at places `spacing` pixels apart, from half of it on."""
+    """Motion in both directions that a coarser level proposes, at places `spacing` pixels apart."""
 
     proposed: NDArray[Any]
     """Motion in pixels of that level, (2, places down, places across, 2) float32."""
@@ -29,33 +29,34 @@ class CoarseMotion(NamedTuple):
 
 
 class LevelSettings(NamedTuple):
-    """How a level is searched."""
+    """How a level is searched.
+
+    The radii, `max_offset` and `row_step` are described in `fpsboost.kernels.tiles.search_tiles`, `smoothness` and
+    `slope` in `fpsboost.kernels.semi_global.choose_labels`.
+    """
 
     scale: np.float32
     """Pixels of this level per pixel of the coarser one."""
     spacing: int
     """Distance between the places of the coarser level, pixels of this one."""
     step: int
-    """Distance between points, pixels."""
     refine_radius: int
-    """See `fpsboost.kernels.tiles.search_tiles`, as for the next three."""
     max_offset: int
     patch_radius: int
     row_step: int
     labels: int
     """Offsets among which that of a point is chosen."""
     smoothness: np.float32
-    """See `fpsboost.kernels.semi_global.choose_labels`, as for the next one."""
     slope: np.float32
 
 
 class Points(NamedTuple):
-    """Motion in both directions at points `step` pixels apart, from half of it on."""
+    """Motion in both directions at points `step` pixels apart, the first at step / 2."""
 
     flow: NDArray[Any]
-    """Motion of each point, (2, points down, points across, 2) float32."""
+    """(2, points down, points across, 2) float32."""
     similarity: NDArray[Any]
-    """Similarity of each point, (2, points down, points across) float32."""
+    """(2, points down, points across) float32."""
 
 
 @njit(**FINITE_JIT)
@@ -82,14 +83,7 @@ def share_ties(ties, spacing, step, height, width, shared):
 def search_level(pair, coarse, settings, points):
     """Find the motion of points in both directions, in whole pixels, around what a coarser level proposes.
 
-    Parameters
-    ----------
-    pair : PlanePair
-        As for `fpsboost.kernels.tiles.search_tiles`.
-    coarse : CoarseMotion
-    settings : LevelSettings
-    points : Points out
-        Points `settings.step` pixels apart.
+    The pair is as for `fpsboost.kernels.tiles.search_tiles`; the points are written.
     """
     _, rows, columns = points.similarity.shape
     count, ties = np.empty((rows, columns), np.int32), np.empty((rows, columns), np.float32)

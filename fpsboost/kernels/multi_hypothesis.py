@@ -80,16 +80,12 @@ class Blended(NamedTuple):
 
 
 class Window(NamedTuple):
-    """Window of a node."""
+    """First row and column of the window of a node, which may lie outside of the frame, and the frame's size."""
 
     top: int
-    """First row, may be outside of the frame."""
     left: int
-    """First column."""
     height: int
-    """Rows of the frame."""
     width: int
-    """Columns of the frame."""
 
 
 def blend_hypotheses(
@@ -104,17 +100,8 @@ def blend_hypotheses(
 ) -> None:
     """Write the in-between frame.
 
-    Parameters
-    ----------
-    frame0, frame1 : SampledImage
-    subsampling : (int, int)
-        Rows and columns of pixels per sample of the further planes: (1, 1) for layers, (1 or 2, 2) for chroma.
-    t : float32
-    candidates : fpsboost.kernels.candidates.Candidates
-    weighting : Weighting
-    value_range : ValueRange
-    blended : Blended
-        Written.
+    `subsampling` tells how many rows and columns of pixels there are per sample of the further planes: (1, 1) for
+    layers, (1 or 2, 2) for chroma.
     """
     (channels, _, width), has_confidence = blended.image.shape, blended.confidence.shape[1] > 0
     full = make_layer(frame0.full, frame1.full, (1, 1), channels + 1 + has_confidence, width)
@@ -190,10 +177,7 @@ def add_samples(layer, weight, upsampled):
 
 @njit(**FINITE_JIT)
 def weigh_window(shape, sums, weight):
-    """Compute the weight of a node's window: larger where it is more similar than neighbouring windows.
-
-    It is not so much larger that the border of the window would be visible.
-    """
+    """Weigh the squares of a node's window: more where it is more similar than others, but with no visible border."""
     for i in range(SQUARES_PER_WINDOW):
         weight[i] = shape[i] / math.sqrt(sums[i])
 
@@ -265,8 +249,7 @@ def finish_rows(band, first, last, top, value_range, image):
 def finish_confidence(weights, similarities, first, last, top, confidence):
     """Write rows of the confidence: the weighted mean similarity to the eighth power.
 
-    The power corresponds to a bandwidth of about a third: a few levels of difference hardly
-    change the weights, but are visible.
+    This corresponds to a bandwidth of about a third: a few levels hardly change the weights, but are visible.
     """
     for j in range(first, last):
         for x in range(confidence.shape[1]):
@@ -293,9 +276,8 @@ def shift_rows_up(band, rows):
 def window_shape(spacing: int) -> np.ndarray:
     """Return the weight of each square of a window, (SQUARES_PER_WINDOW,) float32, for nodes some pixels apart.
 
-    It rises smoothly from 0 at the border to 1 where no other window overlaps, and the weights of the windows that
-    overlap at a square add up to 1. Where fewer squares overlap, it rises more slowly at first, so that the first one
-    is no visible step.
+    It rises smoothly from 0 at the border to 1 where no other window overlaps, and the weights of overlapping windows
+    add up to 1. Where fewer squares overlap, it rises more slowly at first, so that the first one is no visible step.
     """
     from_border = SQUARES_PER_ROW / 2 - np.abs(np.arange(SQUARES_PER_ROW) + 0.5 - SQUARES_PER_ROW / 2)
     way = np.minimum(from_border * 2 / (WINDOW - spacing), 1)

@@ -14,26 +14,17 @@ STAYS, STANDS_OUT = 1, 2
 
 
 class Frames(NamedTuple):
-    """Luma of the frames in which a pixel of an overlay is the same, each (H, W) uint8 or uint16."""
+    """Luma of a pair and of the frames before and after it, (H, W) uint8 or uint16; an overlay is the same in all."""
 
     image0: NDArray[Any]
     image1: NDArray[Any]
     before: NDArray[Any]
-    """The frame before the pair."""
     after: NDArray[Any]
-    """The frame after the pair."""
 
 
 @njit(inline="always", **JIT)
 def difference(one, other, as_code):
-    """Return the absolute difference of two code values in their own type: a vector holds more of them than of int64.
-
-    Parameters
-    ----------
-    one, other : uint8 or uint16
-    as_code : type
-        Their type.
-    """
+    """Return the absolute difference of two code values in their type, of which a vector holds more than of int64."""
     return as_code(max(one, other) - min(one, other))
 
 
@@ -93,21 +84,13 @@ def mark_static(frames, y, most, row):
 def mark_overlay(frames, motion, spacing, shortest, same, different, smallest, marks, any_stands_out):
     """Find the pixels that stay the same although their surroundings move.
 
-    Parameters
-    ----------
-    frames : Frames
-    motion : (rows, columns, 2) float32
-        Motion of the surroundings of each block of `spacing` pixels from frame 0 to frame 1, pixels.
-    spacing : int
-    shortest : float32
-        Motion below which the surroundings count as static, pixels.
-    same, different : int
-        Difference in code values up to which a pixel is the same, and above which it is different.
-    smallest : (W,) in the type of the frames
-        Work array.
-    marks : (H, W) uint8 out
-        STAYS where a pixel stays the same; STANDS_OUT where it would also be different if it had moved; else 0.
-    any_stands_out : (1,) bool out
+    - `motion`: of the surroundings of each block of `spacing` pixels, to frame 1, (rows, columns, 2) float32
+    - `shortest`: motion below which the surroundings count as static, pixels
+    - `same`, `different`: difference in code values up to which a pixel is the same, and above which it is different
+    - `smallest`: work array, (W,) in the type of the frames
+    - `marks`: (H, W) uint8 out: STAYS where a pixel stays the same; STANDS_OUT where it would also be different if it
+      had moved; else 0
+    - `any_stands_out`: (1,) bool out
     """
     (height, width), as_code = marks.shape, frames.image0.dtype.type
     most, least = as_code(same), as_code(different)

@@ -2,7 +2,8 @@
 
 The similarities of a row of pixels are summed across in registers as they are computed, and these sums are summed down
 over the last rows, which are kept in a ring. Every sum is that of the patch whose last pixel it stands at, so that
-nothing beyond need be known.
+nothing beyond need be known. Sums of neighbouring offsets are in line in one flat array, and symmetric weights are
+(size,) float32.
 
 From the colours of a pixel to its sum is a long way, on which each instruction waits for the one before. So the loop
 works on several vectors at a time, each at another stage of that way, and runs through the rows of several offsets
@@ -45,16 +46,13 @@ ROWS_AT_ONCE = 6
 
 
 class FramePlanes(NamedTuple):
-    """Flat planes of both frames."""
+    """Flat planes of both frames, scaled as for `similarity`, and the distances between planes."""
 
     first: NDArray[Any]
-    """Scaled components of frame 0, as for `fpsboost.kernels.similarity.similarity`, (values,) float32."""
+    """(values,) float32, both."""
     plane0: int
-    """Distance between planes of frame 0."""
     second: NDArray[Any]
-    """Scaled components of frame 1, (values,) float32."""
     plane1: int
-    """Distance between planes of frame 1."""
 
 
 class OffsetRows(NamedTuple):
@@ -70,7 +68,6 @@ class OffsetRows(NamedTuple):
     step: int
     """Distance between the first pixels of two offsets in frame 1."""
     offsets: int
-    """Number of offsets."""
     width: int
     """Pixels per offset, a multiple of `LANES`."""
 
@@ -89,24 +86,12 @@ class Ring(NamedTuple):
 
 
 def slide_boxes(planes, rows, size, ring, oldest, newest, totals, at):
-    """Move the sums over boxes down by one row, for neighbouring offsets.
+    """Move the sums over boxes, whose side is `size`, down by a new row, for neighbouring offsets.
 
-    Parameters
-    ----------
-    planes : FramePlanes
-    rows : OffsetRows
-        The new row.
-    size : int
-        Side of the box, pixels; a constant.
-    ring : (values,) int32
-        Sums across of the rows in the box, those of all offsets in line; updated in place.
-    oldest, newest : int
-        Index of the row to subtract, and that of the new row; `GAP` values before the new row are overwritten.
-    totals : (values,) int32
-        Sums over the boxes of all offsets in line; updated in place. Those at the first ``size - 1`` pixels of an
-        offset, where no box ends, have no meaning, and the `GAP` values before are overwritten.
-    at : int
-        Index of the first sum.
+    - `ring`: sums across of the rows in the box, (values,) int32; updated in place
+    - `oldest`, `newest`: indices of the row to subtract, and of the new row; `GAP` values before it are overwritten
+    - `totals`: sums over the boxes from index `at` on, (values,) int32; updated in place, and so are the `GAP` values
+      before. The first ``size - 1`` of an offset, where no box ends, have no meaning
     """
     for which in range(rows.offsets):
         similarities = _similarities(planes, rows, which)
@@ -133,16 +118,7 @@ def _build_slide_boxes(code, planes, rows, size, ring, oldest, newest, totals, a
 def sum_windows_across(planes, rows, size, weights, ring, newest):
     """Write the weighted sums across of a row of similarities, for neighbouring offsets.
 
-    Parameters
-    ----------
-    planes, rows, size
-        As for `slide_boxes`.
-    weights : (size,) float32
-        Symmetric.
-    ring : (values,) float32 out
-        Sums of all offsets in line.
-    newest : int
-        Index of the new row; `GAP` values before it are overwritten.
+    The new row begins at index `newest` of `ring`, (values,) float32; `GAP` values before it are overwritten.
     """
     for which in range(rows.offsets):
         similarities = np.zeros(size - 1 + rows.width, np.float32)
@@ -167,19 +143,8 @@ def _build_sum_windows_across(code, planes, rows, size, weights, ring, newest):
 def sum_windows_down(ring, weights, size, price, totals, at, totals_apart, width):
     """Write the weighted sums of `size` rows, minus a penalty, for `ROWS_AT_ONCE` windows one below the other.
 
-    Parameters
-    ----------
-    ring : Ring
-    weights : (size,) float32
-        Symmetric.
-    size : int
-        A constant.
-    price : float32
-    totals : (values,) float32 out
-    at, totals_apart : int
-        Index of the first total of the uppermost window, and distance to that of the next one.
-    width : int
-        Totals of each window, a multiple of `LANES`.
+    The uppermost window has `width` totals, a multiple of `LANES`, from index `at` of `totals`, (values,) float32; the
+    next one's are `totals_apart` on.
     """
     sums, start, slot, slot_size = ring
     slots = size + ROWS_AT_ONCE - 1

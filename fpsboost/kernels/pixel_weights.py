@@ -45,9 +45,8 @@ class Weighting(NamedTuple):
     """Remaining candidates are also skipped once the votes of the next one are below this share of the least
     accumulated weight of any pixel."""
     window_shape: NDArray[Any]
-    """(SQUARES_PER_WINDOW,) float32; see `window_shape`."""
+    """Of `fpsboost.kernels.multi_hypothesis`; (SQUARES_PER_WINDOW,) float32, as `patch_shares`."""
     patch_shares: NDArray[Any]
-    """(SQUARES_PER_WINDOW,) float32; see `patch_shares`."""
 
 
 class NodeSums(NamedTuple):
@@ -74,9 +73,8 @@ class Work(NamedTuple):
     weight: NDArray[Any]
     """Weight of a candidate, or of the window."""
     upsampled: NDArray[Any]
-    """Weight of each sample of a window, (AREA,) float32."""
+    """Weight and sums of each sample of a window, (AREA,) float32."""
     values: NDArray[Any]
-    """Sums of each sample of a window, (AREA,) float32."""
     further_motion: NDArray[Any]
     """(VALUES_PER_MOTION,) float32."""
 
@@ -189,11 +187,9 @@ def smallest(values, room):
 
 @njit(**FINITE_JIT)
 def upsample_squares(squares, across, down, upsampled):
-    """Interpolate the values of the squares at each sample of a window.
+    """Interpolate the values of the squares at each sample, of `across` x `down` pixels.
 
     Without interpolation, steps would be visible where no candidate fits.
-
-    A sample stands for `across` columns and `down` rows of pixels.
     """
     for j in range(WINDOW // down):
         row = j * down // 2

@@ -27,33 +27,25 @@ KEPT_ROWS = HIGH_PASS_SIZE + 1
 
 
 class PlanePair(NamedTuple):
-    """Component planes of two frames with repeated edges."""
+    """Component planes of two frames of `height` x `width` pixels, with edges repeated over `padding` pixels."""
 
     planes0: NDArray[Any]
-    """Frame 0, (3, H + 2 padding, W + 2 padding or more) uint8 or float32."""
+    """(3, H + 2 padding, W + 2 padding or more) uint8 or float32, both."""
     planes1: NDArray[Any]
-    """Frame 1, of the same shape."""
     padding: int
-    """Width of the repeated edges, pixels."""
     height: int
-    """Rows of the frames, H."""
     width: int
-    """Columns of the frames, W."""
     max_similarity: int | np.uint8
     """Similarity of two equal pixels: `truncation` or `UNIT` of `fpsboost.kernels.similarity`."""
 
 
 class FlatPair(NamedTuple):
-    """Planes of two frames as flat arrays."""
+    """Planes of two frames as flat arrays, and the distances between planes and between rows."""
 
     flat0: NDArray[Any]
-    """Frame 0, (size,) uint8 or float32."""
     flat1: NDArray[Any]
-    """Frame 1, of the same size."""
     plane: np.uint64
-    """Distance between planes."""
     stride: int
-    """Distance between rows."""
 
 
 @njit(**FINITE_JIT)
@@ -71,23 +63,7 @@ def opposite(pair):
 
 
 def aligned_empty(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
-    """Return an array like `numpy.empty`, its last axis rounded up to whole cache lines and its first byte aligned.
-
-    Parameters
-    ----------
-    shape : tuple of int
-    dtype : data type
-
-    Returns
-    -------
-    ndarray
-        Contiguous; the last axis may be longer than requested.
-
-    Examples
-    --------
-    >>> aligned_empty((2, 5), np.float32).shape
-    (2, 16)
-    """
+    """Return an array like `numpy.empty`, its last axis rounded up to whole cache lines and its first byte aligned."""
     itemsize = np.dtype(dtype).itemsize
     lanes = CACHE_LINE // itemsize
     rounded = (*shape[:-1], -(-shape[-1] // lanes) * lanes)
@@ -96,16 +72,12 @@ def aligned_empty(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
 
 
 class CodeLevels(NamedTuple):
-    """Meaning of the code values of luma and chroma."""
+    """Code values of black and of neutral chroma, and luma, where white is 1, and chroma per code value."""
 
     black: np.float32
-    """Code value of black."""
     luma_unit: np.float32
-    """Luma per code value, where white is 1."""
     neutral: np.float32
-    """Code value of neutral chroma."""
     chroma_unit: np.float32
-    """Chroma per code value."""
 
 
 class Room(NamedTuple):
@@ -211,19 +183,11 @@ def split_row(pixels, channels, normalise, scale, luma, first, third):
 def split_colours(image, normalise, scale, middle, padding, room, planes):
     """Write half the luma, twice its difference from the local mean, and mean chroma.
 
-    Parameters
-    ----------
-    image : (H, W, C)
-        Gray or BGR; the planes are multiplied by alpha if there is a second or a fourth channel.
-    normalise : float32
-        Factor that scales the image's white to 1.
-    scale, middle : float32
-        Levels that represent a difference of 1, and the level of zero difference from the mean.
-    padding : int
-        Pixels on every side of the planes.
-    room : Room
-    planes : (3, H + 2 padding, W + 2 padding or more) uint8 out
-        With repeated edges.
+    - `image`: (H, W, C), gray or BGR; the planes are multiplied by alpha if there is a second or a fourth channel
+    - `normalise`: factor that scales the image's white to 1
+    - `scale`, `middle`: levels that represent a difference of 1, and the level of zero difference from the mean
+    - `padding`: pixels on every side of the planes
+    - `planes`: (3, H + 2 padding, W + 2 padding or more) uint8 out, with repeated edges
     """
     height, width, channels = image.shape
     rows = np.ascontiguousarray(image).reshape(height, width * channels)
@@ -245,13 +209,7 @@ def split_colours(image, normalise, scale, middle, padding, room, planes):
 def split_planes(y_plane, cb_plane, cr_plane, code_levels, scale, middle, padding, room, planes):
     """Do the same as `split_colours` for an image in planes of luma and chroma.
 
-    Parameters
-    ----------
-    y_plane : (H, W) uint8 or uint16
-    cb_plane, cr_plane : (H, W), or subsampled by 2 along x or along both axes
-    code_levels : CodeLevels
-    scale, middle, padding, room, planes
-        As for `split_colours`.
+    Luma is (H, W) uint8 or uint16, chroma of the same shape or subsampled by 2 along x or along both axes.
     """
     black, luma_unit, neutral, chroma_unit = code_levels
     height, width = y_plane.shape
@@ -295,12 +253,8 @@ def make_room(width: int) -> Room:
 def shrink(rows, small):
     """Write the mean over the area of each pixel of a reduced image; partly covered pixels count in part.
 
-    Parameters
-    ----------
-    rows : (H, W * C) uint8, uint16 or float32
-        Rows of pixels.
-    small : (h, w, C) float32 out
-        With h and w at least 1 and at most H and W.
+    The image is (H, W * C) uint8, uint16 or float32, the reduced one (h, w, C) float32 with h from 1 to H and w from 1
+    to W.
     """
     height, (down, across, channels) = rows.shape[0], small.shape
     width = rows.shape[1] // channels

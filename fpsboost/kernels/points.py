@@ -13,9 +13,8 @@ from fpsboost.kernels.jit import FINITE_JIT, JIT, njit
 
 @njit(inline="always", **FINITE_JIT)
 def minmod(before, after):
-    """Return the smaller in magnitude of two numbers of the same sign, else 0.
-
-    It has no branches, which could not be predicted.
+    """Return the smaller in magnitude of two numbers of the same sign, else 0; without branches, which could not be
+    predicted.
     """
     nothing = np.float32(0)
     return max(min(before, after), nothing) + min(max(before, after), nothing)
@@ -25,13 +24,8 @@ def minmod(before, after):
 def find_gradients(vectors, spacing, gradients):
     """Write the gradients of vectors along both axes, using the minmod limiter; 0 at the ends of an axis.
 
-    Parameters
-    ----------
-    vectors : (rows, columns, 2) float32
-    spacing : float32
-        Distance between points, pixels.
-    gradients : (rows, columns, 2, 2) float32 out
-        Of dx and dy along x, then along y; pixels per pixel.
+    - `vectors`: (rows, columns, 2) float32, `spacing` pixels apart
+    - `gradients`: of dx and dy along x, then along y, pixels per pixel, (rows, columns, 2, 2) float32 out
     """
     rows, columns, _ = vectors.shape
     gradients[:] = 0
@@ -62,16 +56,11 @@ def forward_backward_vector_error(dx, dy, back, spacing, height, width, y, x):
 def measure_forward_backward_errors(vectors, y, x, back, spacing, height, width, distance):
     """Measure the forward-backward error of vectors.
 
-    Parameters
-    ----------
-    vectors : (rows, columns, 2) float32
-        Motion of the pixels in rows `y` and columns `x`.
-    y, x : (rows,), (columns,) int64
-    back : (points down, points across, 2) float32
-        Motion of the other frame, one vector for `spacing` x `spacing` pixels; its edges are repeated.
-    spacing, height, width : int
-    distance : (rows, columns) float32 out
-        Forward-backward error, pixels.
+    - `vectors`: motion of the pixels in rows `y` and columns `x`, (rows, columns, 2) float32
+    - `y`, `x`: (rows,), (columns,) int64
+    - `back`: motion of the other frame, one vector for `spacing` x `spacing` pixels, (points down, points across, 2)
+      float32; its edges are repeated
+    - `distance`: pixels, (rows, columns) float32 out
     """
     for i in range(y.size):
         for j in range(x.size):
@@ -81,45 +70,31 @@ def measure_forward_backward_errors(vectors, y, x, back, spacing, height, width,
 
 
 class RoundTrip(NamedTuple):
-    """Motion to another frame and back."""
+    """Motion to another frame and back, both (points down, points across, 2) float32."""
 
     there: NDArray[Any]
-    """Motion to the other frame, (points down, points across, 2) float32."""
     back: NDArray[Any]
-    """Motion of the other frame, of the same shape."""
 
 
 class FieldLayout(NamedTuple):
-    """Layout of motion fields that have one vector for several pixels."""
+    """Layout of motion fields that have one vector for `spacing` x `spacing` pixels of a frame."""
 
     spacing: int
-    """Pixels along x and y that share a vector."""
     height: int
-    """Rows of the frame."""
     width: int
-    """Columns of the frame."""
 
 
 @njit(cache=True, **JIT)
 def find_accelerations(onward, away, layout, y, x, ratio, consistent, changes):
     """Estimate the acceleration at the frame that two neighbouring pairs share.
 
-    Parameters
-    ----------
-    onward : RoundTrip
-        Motion from the shared frame to the other frame of the pair, and back.
-    away : RoundTrip
-        The same to the other frame of the neighbouring pair.
-    layout : FieldLayout
-        Of all fields.
-    y, x : (rows,), (columns,) int64
-        Rows and columns of the points.
-    ratio : float
-        Duration of the neighbouring pair divided by that of the pair.
-    consistent : float32
-        Maximum forward-backward error of a valid vector, pixels; a valid vector also ends within the frame.
-    changes : (rows, columns, 3) float32 out
-        1 where both vectors are valid, and the acceleration, pixels per interval squared; else 0.
+    - `onward`, `away`: motion from the shared frame to the other frame of the pair, and to that of the neighbouring
+      pair
+    - `y`, `x`: rows and columns of the points, (rows,), (columns,) int64
+    - `ratio`: duration of the neighbouring pair divided by that of the pair
+    - `consistent`: maximum forward-backward error of a valid vector, pixels; a valid vector also ends within the frame
+    - `changes`: 1 where both vectors are valid, and the acceleration, pixels per interval squared; else 0; (rows,
+      columns, 3) float32 out
     """
     (there, back), (far_there, far_back), (spacing, height, width) = onward, away, layout
     # x(1) = v + a / 2 and x(-r) = -r v + r^2 a / 2

@@ -40,18 +40,12 @@ _INTEGERS, _FLOATS = vector(INTEGER, WINDOW_SIDE), vector(REAL, WINDOW_SIDE)
 def window_products(first, start0, second, start1, stride, plane, tail, sums):
     """Sum the products of a window's pixels, each weighted by its similarity, ``(1 + tail tt)^-4``.
 
-    Parameters
-    ----------
-    first, second : (size,) uint8
-        Three planes of both frames.
-    start0, start1 : int
-        Index of the pixel above and to the left of the window's first one, in the first plane; no bounds are checked.
-    stride, plane : int
-        Distances between rows and between planes.
-    tail : float32
-        Rate at which the weight of a pixel falls with tt.
-    sums : (PRODUCT_COUNT,) float32 out
-        Gradients are sums of four one-pixel differences: over two pixels, in both frames.
+    - `first`, `second`: three planes of both frames, (size,) uint8
+    - `start0`, `start1`: index of the pixel above and to the left of the window's first one, in the first plane; no
+      bounds are checked
+    - `stride`, `plane`: distances between rows and between planes
+    - `sums`: (PRODUCT_COUNT,) float32 out; gradients are sums of four one-pixel differences: over two pixels, in both
+      frames
     """
     products = np.zeros((PRODUCT_COUNT, WINDOW_SIDE, WINDOW_SIDE), np.float32)
     for c in range(3):
@@ -140,25 +134,15 @@ def prefetch_rows(flat, place, stride, plane):
 def refine_points(pair, step, tail, damping, largest, steps, refined, flow):
     """Refine the vector of every point by least-squares steps on its window.
 
-    Parameters
-    ----------
-    pair : PlanePair
-        In levels, with at least 8 columns more on the right.
-    step : int
-        Distance between points, pixels.
-    tail : float32
-        Rate at which the weight of a pixel falls with its squared difference in levels.
-    damping : float32
-        Added to the squared gradients; prevents steps in flat areas.
-    largest : float32
-        Maximum step along x and y, pixels.
-    steps : int
-        Maximum number of steps: a vector whose rounded value changes is rounded and refined again.
-    refined : (points down, points across, 2) float32
-        Vectors that were refined before; a vector that rounds to the same whole pixels takes that value. It may be
-        empty.
-    flow : (points down, points across, 2) float32
-        Motion, rounded to whole pixels at first; updated in place.
+    - `pair`: in levels, with at least 8 columns more on the right
+    - `step`: distance between points, pixels
+    - `tail`: rate at which the weight of a pixel falls with its squared difference in levels
+    - `damping`: added to the squared gradients; prevents steps in flat areas
+    - `largest`: maximum step along x and y, pixels
+    - `steps`: maximum number of steps: a vector whose rounded value changes is rounded and refined again
+    - `refined`: vectors that were refined before, (points down, points across, 2) float32, or empty; a vector that
+      rounds to the same whole pixels takes that value
+    - `flow`: motion, rounded to whole pixels at first, (points down, points across, 2) float32; updated in place
     """
     planes0, _, padding, height, width, _ = pair
     flat0, flat1, distance, stride = flatten(pair)

@@ -1,4 +1,9 @@
-"""Source pixels of an in-between pixel: the report's two searches (section 3), and splatting as in video coding."""
+"""Source pixels of an in-between pixel: the report's two searches (section 3), and splatting as in video coding.
+
+In all kernels, `flow` is the motion of the source frame, (H, W, 2) float32, and `t` the distance in time from it, in
+intervals. Sources are written as ``y * W + x``, (H, W) int32, and `lands`, (H, W) bool, tells whether a source lands on
+the target pixel.
+"""
 
 from __future__ import annotations
 
@@ -40,20 +45,7 @@ def landing_error(flow, t, source_y, source_x, y, x):
 def search_iteratively(flow, t, iterations, source, lands):
     """Search the source pixels by fixed-point iteration (Yang et al. 2011): q <- p - t m(q), until q lands on p.
 
-    The iteration starts from q = p.
-
-    Parameters
-    ----------
-    flow : (H, W, 2) float32
-        Motion of the source frame.
-    t : float32
-        Distance in time from the source frame, in intervals.
-    iterations : int
-        Maximum number of iterations; without success, the result of the first iteration is used.
-    source : (H, W) int32
-        Out: ``y * W + x`` of the source pixel.
-    lands : (H, W) bool
-        Out: whether the source lands on the target pixel.
+    The iteration starts from q = p. Without success, the result of the first of the iterations is used.
     """
     height, width = flow.shape[:2]
     half = np.float32(0.5)
@@ -78,20 +70,10 @@ def search_iteratively(flow, t, iterations, source, lands):
 
 @njit(cache=True, **JIT)
 def bin_landings(flow, t, starts, members):
-    """Sort all source pixels by the pixel on which they land at time t.
+    """Sort all source pixels by the pixel on which they land at time t: a counting sort, in raster order within a cell.
 
-    This is a counting sort, in raster order within a cell.
-
-    Landing positions outside of the frame are assigned to the nearest cell inside.
-
-    Parameters
-    ----------
-    flow : (H, W, 2) float32
-    t : float32
-    starts : (H * W + 1,) int32
-        Out: the members of cell c are ``members[starts[c]:starts[c + 1]]``.
-    members : (H * W,) int32
-        Out: source pixels, ``y * W + x``.
+    Landing positions outside of the frame are assigned to the nearest cell inside. The members of cell c, pixels as ``y
+    * W + x``, are ``members[starts[c]:starts[c + 1]]``, (H * W,) and (H * W + 1,) int32 out.
     """
     height, width = flow.shape[:2]
     starts[:] = 0
@@ -114,25 +96,13 @@ def bin_landings(flow, t, starts, members):
 
 @njit(cache=True, **JIT)
 def search_nearest_landing(flow, t, search_radius, starts, members, source, lands):
-    """Search all sources within the search radius for the one that lands nearest to the target.
+    """Search all sources within the radius, along x and y, for the one that lands nearest to the target: exact brute
+    force.
 
-    This is the report's brute force, and exact.
-
-    Cells are visited in square rings around the target until no further ring can hold a nearer landing position, so
-    that the cost depends on how evenly the landing positions are distributed and not on the radius. Of sources that
-    land equally near, the one nearest to the target wins, whatever the direction of the motion, and of several such
-    sources the first in raster order.
-
-    Parameters
-    ----------
-    flow : (H, W, 2) float32
-    t : float32
-    search_radius : int
-        Maximum distance of a source from the target in x and in y, pixels.
-    starts, members
-        From `bin_landings`.
-    source, lands
-        Out: as in `search_iteratively`.
+    Cells of `bin_landings` are visited in square rings around the target until no further ring can hold a nearer
+    landing position, so that the cost depends on how evenly the landing positions are distributed and not on the
+    radius. Of sources that land equally near, the one nearest to the target wins, whatever the direction of the motion,
+    and of several such sources the first in raster order.
     """
     height, width = flow.shape[:2]
     half = np.float32(0.5)
@@ -172,15 +142,7 @@ def search_nearest_landing(flow, t, search_radius, starts, members, source, land
 def fetch_both(image0, image1, t, half, source0, lands0, source1, lands1, out):
     """Write the colour of every target: both sources blended in time, or the only source that lands on it.
 
-    Parameters
-    ----------
-    image0, image1 : (H, W, C)
-    t : float32
-    half : float32
-        Rounding offset: 0.5 if the output is an integer type, else 0.
-    source0, lands0, source1, lands1
-        From the searches in frame 0 and frame 1.
-    out : (H, W, C), dtype of the images
+    The images and the output are (H, W, C) of one type; `half` is 0.5 to round integers, else 0.
     """
     height, width, channels = image0.shape
     for y in range(height):
@@ -203,20 +165,8 @@ def fetch_both(image0, image1, t, half, source0, lands0, source1, lands1, out):
 def splat(flow, similarity, least_similarity, t, source0, source1):
     """Find the most similar pixel that lands on each target at time t, and its position in both frames.
 
-    Where no pixel lands, both positions are the target itself. The kernel runs in one thread, as a pass over the frame
-    is cheap.
-
-    Parameters
-    ----------
-    flow : (H, W, 2) float32
-    similarity : (H, W) float32
-    least_similarity : float32
-        Minimum similarity of a pixel that is splatted.
-    t : float32
-    source0 : (H, W) int32
-        Out: ``y * W + x`` of the pixel in frame 0, the first of several in raster order.
-    source1 : (H, W) int32
-        Out: the pixel of frame 1 to which it moves, clamped to the frame.
+    Where no pixel of at least that similarity, (H, W) float32, lands, both positions are the target itself. Of equally
+    similar pixels, the first in raster order is found; its position in frame 1 is clamped to the frame.
     """
     height, width = similarity.shape
     half = np.float32(0.5)

@@ -39,19 +39,13 @@ def compare_row(flat, start0, start1, radius, count, max_similarity, share, most
 
 @njit(**FINITE_JIT)
 def measure_point_similarity(pair, step, patch_radius, flow, similarity):
-    """Measure the similarity of the small patches at both ends of every point's motion.
+    """Measure the similarity, 0 to 1, of the small patches at both ends of every point's motion.
 
-    Parameters
-    ----------
-    pair : PlanePair
-        In levels; the padding is larger than the radius.
-    step : int
-        Distance between points, pixels.
-    patch_radius : int
-        Radius r of the small patch, at most 7 pixels.
-    flow : (points down, points across, 2) float32
-    similarity : (points down, points across) float32 out
-        Similarity, 0 to 1.
+    - `pair`: in levels; the padding is larger than the radius
+    - `step`: distance between points, pixels
+    - `patch_radius`: radius r of the small patch, at most 7 pixels
+    - `flow`: (points down, points across, 2) float32
+    - `similarity`: (points down, points across) float32 out
     """
     _, _, padding, height, width, max_similarity = pair
     flat0, flat1, plane, stride = flatten(pair)
@@ -77,22 +71,13 @@ def measure_point_similarity(pair, step, patch_radius, flow, similarity):
 
 @njit(**FINITE_JIT)
 def search_residuals(pair, step, max_offset, patch_radius, similarity, elsewhere, min_similarity, better, flow):
-    """Replace the motion of unexplained points by motion to unexplained positions of the other frame.
+    """Replace the motion of unexplained points by motion to unexplained positions of the other frame, in whole pixels.
 
-    Parameters
-    ----------
-    pair, step, patch_radius
-        As for `measure_point_similarity`.
-    max_offset : int
-        Maximum offset along x and y, pixels.
-    similarity, elsewhere : (points down, points across) float32
-        Similarities by `measure_point_similarity`, for this frame and for the other one.
-    min_similarity : float32
-        Similarity at which a point counts as explained.
-    better : float32
-        Minimum increase of the similarity by another motion.
-    flow : (points down, points across, 2) float32
-        Updated in place; motion that is found is in whole pixels.
+    - `max_offset`: maximum offset along x and y, pixels
+    - `similarity`, `elsewhere`: by `measure_point_similarity`, for this frame and for the other one
+    - `min_similarity`: similarity at which a point counts as explained
+    - `better`: minimum increase of the similarity by another motion
+    - `flow`: updated in place
     """
     _, _, padding, height, width, max_similarity = pair
     flat = flatten(pair)
@@ -174,19 +159,12 @@ def search_residuals_bidirectional(pair, step, max_offset, patch_radius, min_sim
 def loosen_ties(flow, before, step, tolerance, weak, ties):
     """Give points with new motion that the other frame confirms a smaller share of the smoothness.
 
-    Parameters
-    ----------
-    flow : (2, points down, points across, 2) float32
-        Motion in both directions after the residual search.
-    before : (2, points down, points across, 2) float32
-        Motion before it; new motion differs by more than a pixel along x or y.
-    step : float32
-        Distance between points, pixels.
-    tolerance : float32
-        Maximum forward-backward error of new motion, pixels.
-    weak : float32
-        Share of the smoothness that applies to points with such motion; 1 applies to all others.
-    ties : (2, points down, points across) float32 out
+    - `flow`, `before`: motion in both directions after and before the residual search, (2, points down, points across,
+      2) float32; new motion differs by more than a pixel along x or y
+    - `step`: distance between points, pixels
+    - `tolerance`: maximum forward-backward error of new motion, pixels
+    - `weak`: share of the smoothness that applies to points with such motion; 1 applies to all others
+    - `ties`: (2, points down, points across) float32 out
     """
     _, rows, columns = ties.shape
     # in units of points: the way back is that of the point nearest to the end of a vector, not of its pixel

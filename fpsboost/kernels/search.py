@@ -53,21 +53,11 @@ class BestOffsets(NamedTuple):
 def keep_best_of_four(totals, at, spacing, ranks, first, best, winners, place, count):
     """Update `best` and `winners` where one of four totals is larger than `best`, or equal at a lower rank.
 
-    Parameters
-    ----------
-    totals : (values,) int32 or float32
-    at, spacing : int
-        Index of the first total of the first offset, and distance to those of the next; no bounds are
-        checked.
-    ranks : (offsets,) int32
-    first : int
-        Index of the first of four ranks, which increase.
-    best, winners : (values,) int32 or float32, (values,) int32
-        Largest totals so far and their ranks; updated in place.
-    place : int
-        Index of the first.
-    count : int
-        Pixels, at least one; as many more as fill the last vector are compared, too.
+    - `totals`: (values,) int32 or float32; the first offset's begin at index `at`, the next ones' `spacing` on; no
+      bounds are checked
+    - `ranks`: (offsets,) int32; four of them, from index `first` on, increase
+    - `best`, `winners`: largest totals so far, from index `place` on, and their ranks, (values,) int32
+    - `count`: pixels, at least one; as many more as fill the last vector are compared, too
     """
     for x in range(-(-count // EIGHT) * EIGHT):
         value, rank = totals[at + x], ranks[first]
@@ -104,14 +94,7 @@ def _build_keep_best(code, totals, at, spacing, ranks, first, best, winners, pla
 
 
 def hide_outside(totals, first, last):
-    """Set `OUTSIDE` totals on either side of the candidates to -1, which never wins.
-
-    Parameters
-    ----------
-    totals : (values,) int32 or float32
-    first, last : int
-        Index of the first candidate, and that after the last one; no bounds are checked.
-    """
+    """Set `OUTSIDE` totals before index `first` and from `last` on to -1, which never wins."""
     totals[first - OUTSIDE : first] = totals[last : last + OUTSIDE] = -1
 
 
@@ -130,19 +113,10 @@ def find_candidates(offset, left, pixels, width):
 
 @lru_cache(maxsize=32)
 def rank_offsets(search_radius: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Order all offsets by length, so that the smallest motion wins a tie.
+    """Order all offsets (dx, dy) within a search radius R by length, so that the smallest motion wins a tie.
 
-    Parameters
-    ----------
-    search_radius : int
-        R, pixels.
-
-    Returns
-    -------
-    ranks : (2R + 1, 2R + 1) int32
-        Rank of the offset (dx, dy) at ``[dy + R, dx + R]``; 0 is no motion.
-    offsets : ((2R + 1)^2, 2) float32
-        ``(dx, dy)`` of every rank. Both arrays are shared by all callers and read-only.
+    Return the rank of each offset, at ``[dy + R, dx + R]``, (2R + 1, 2R + 1) int32, and the offset of each rank,
+    (number of ranks, 2) float32. Both arrays are shared by all callers and read-only.
     """
     dy, dx = np.mgrid[-search_radius : search_radius + 1, -search_radius : search_radius + 1]
     order = np.argsort((dx * dx + dy * dy).ravel(), kind="stable")
@@ -159,26 +133,16 @@ def exhaustive_kernel(  # noqa: C901 (its kernel counts as its own)
 ) -> Callable[..., None]:
     """Compile the exhaustive search for one patch size and window.
 
-    The patch size is a compile-time constant, because the speed depends on unrolled horizontal sums.
+    The patch size (2r + 1) x (2r + 1) is a compile-time constant, because the speed depends on unrolled horizontal
+    sums. `taps` are the one-dimensional weights of a separable window; None for a box. The kernel is ``search(planes0,
+    planes1, height, width, ranks, prices, found01, found10)``, with L = LANES:
 
-    Parameters
-    ----------
-    patch_radius : int
-        Radius r of the patch of (2r + 1) x (2r + 1) pixels.
-    taps : tuple of 2r + 1 float or None
-        One-dimensional weights of a separable window; None for a box.
-
-    Returns
-    -------
-    callable
-        ``search(planes0, planes1, height, width, ranks, prices, found01, found10)``, with L = LANES:
-
-        planes0 : (3, H + 2r, W + 2r + 2L or more) float32, scaled by `colour_scale`, edges repeated
-        planes1 : (3, H + 2r, W + 2r + 4L or more) float32, the same; column L + r is the first of the image
-        ranks : (2R + 1, 2R + 1) int32, from `rank_offsets`
-        prices : (2R + 1, 2R + 1), the type of the similarity, from which they are subtracted; 0 for no motion
-        found01 : BestOffsets, (H, W + L or more)
-        found10 : BestOffsets, (H, W + 2L or more); column L is the first of the image
+    - `planes0`: (3, H + 2r, W + 2r + 2L or more) float32, scaled by `colour_scale`, edges repeated
+    - `planes1`: (3, H + 2r, W + 2r + 4L or more) float32, the same; column L + r is the first of the image
+    - `ranks`: (2R + 1, 2R + 1) int32, from `rank_offsets`
+    - `prices`: (2R + 1, 2R + 1), the type of the similarity, from which they are subtracted; 0 for no motion
+    - `found01`: BestOffsets, (H, W + L or more)
+    - `found10`: BestOffsets, (H, W + 2L or more); column L is the first of the image
     """
     size = 2 * patch_radius + 1
     box = taps is None

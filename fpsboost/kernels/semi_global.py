@@ -26,38 +26,27 @@ _VECTOR = vector(REAL, EIGHT)
 
 
 class Labels(NamedTuple):
-    """Labels of all nodes, flat, with room for a multiple of EIGHT labels at every node."""
+    """Labels of all nodes, flat float32, with room for a multiple of EIGHT labels at every node."""
 
     x: NDArray[Any]
-    """Motion along x, pixels, float32; 0 for labels that a node does not have."""
+    """Motion along x, then along y, pixels; 0 for labels that a node does not have."""
     y: NDArray[Any]
-    """Motion along y."""
     energy: NDArray[Any]
-    """Data costs, float32; `MISSING_LABEL_COST` for labels that a node does not have."""
+    """Data costs; `MISSING_LABEL_COST` for labels that a node does not have."""
     ties: NDArray[Any]
-    """Share of the smoothness that applies to each node, float32."""
+    """Share of the smoothness that applies to each node."""
 
 
 def extend_paths(x, y, energy, costs, total, here, before, room, slope, limit):
     """Extend the cheapest paths to the labels of a node by the labels of the next node.
 
-    Parameters
-    ----------
-    x, y : (size,) float32
-        Motion of all labels, pixels.
-    energy : (size,) float32
-        Cost of each label itself.
-    costs : (size,) float32
-        Cost of the cheapest path to each label, without that of the cheapest of its node; read at `before`, written at
-        `here`.
-    total : (size,) float32
-        To which the costs of the paths to `here` are added.
-    here, before : int
-        Indices of the first label of both nodes; no bounds are checked.
-    room : int
-        Number of labels of a node, a multiple of EIGHT.
-    slope, limit : float32
-        Cost of a change of motion per pixel, and its maximum.
+    - `x`, `y`, `energy`: as in `Labels`
+    - `costs`: cost of the cheapest path to each label, without that of the cheapest of its node, (size,) float32; read
+      at `before`, written at `here`
+    - `total`: to which the costs of the paths to `here` are added, (size,) float32
+    - `here`, `before`: indices of the first label of both nodes; no bounds are checked
+    - `room`: number of labels of a node, a multiple of EIGHT
+    - `slope`, `limit`: cost of a change of motion per pixel, and its maximum
     """
     own, others = slice(here, here + room), range(before, before + room)
     changes = [abs(x[own] - x[other]) + abs(y[own] - y[other]) for other in others]
@@ -110,18 +99,17 @@ def _build_extend_paths(code, x, y, energy, costs, total, here, before, room, sl
 
 
 class Paths(NamedTuple):
-    """Parallel paths through the lattice."""
+    """Parallel paths through the lattice.
+
+    The first begins at node `begin`; its `length` nodes are `step` apart, and the next of the `parallel` paths begins
+    `aside` nodes on.
+    """
 
     begin: int
-    """Index of the first node of the first path."""
     step: int
-    """Distance to the next node of a path."""
     length: int
-    """Nodes of a path."""
     aside: int
-    """Distance to the first node of the next path."""
     parallel: int
-    """Number of paths."""
 
 
 @njit(**FINITE_JIT)
@@ -162,26 +150,13 @@ def add_path_costs(paths, labels, room, smoothness, slope, costs, total):
 def choose_labels(count, motions, similarity, ties, smoothness, slope, costs, flow, chosen):
     """Choose the label of every node with the lowest cost, aggregated over its neighbours; the first of several.
 
-    Parameters
-    ----------
-    count : (rows, columns) int32
-        Labels of each node, at least one.
-    motions : (rows, columns, capacity, 2) float32
-        ``(dx, dy)`` of each label, pixels; undefined beyond `count`.
-    similarity : (rows, columns, capacity) float32
-        Similarity of each label, whose negative is its cost at the node.
-    ties : (rows, columns) float32
-        Share of the smoothness that applies to a node; between two nodes, the smaller of both.
-    smoothness : float32
-        Maximum cost of a change of motion between neighbours.
-    slope : float32
-        Cost of a change of motion per pixel.
-    costs : (rows, columns, capacity rounded up to a multiple of EIGHT) float32 out
-        Sum of the costs of each label over the four directions; undefined beyond `count`.
-    flow : (rows, columns, 2) float32 out
-        Motion of the chosen label.
-    chosen : (rows, columns) float32 out
-        Similarity of the chosen label.
+    - `count`: labels of each node, at least one, (rows, columns) int32
+    - `motions`: ``(dx, dy)`` of each label, pixels, (rows, columns, capacity, 2) float32; undefined beyond `count`
+    - `similarity`: of each label, (rows, columns, capacity) float32; its negative is the cost at the node
+    - `ties`: share of the smoothness that applies to a node, between two the smaller of both, (rows, columns) float32
+    - `smoothness`, `slope`: maximum cost of a change of motion between neighbours, and its cost per pixel
+    - `costs`: (rows, columns, capacity rounded up to a multiple of EIGHT) float32 out; undefined beyond `count`
+    - `flow`, `chosen`: motion and similarity of the chosen label, (rows, columns, 2) and (rows, columns) float32 out
     """
     rows, columns, room = costs.shape
     size, last = costs.size + room, rows * columns - 1  # with a node before the first of every path

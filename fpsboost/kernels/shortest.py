@@ -63,23 +63,13 @@ def compare_along(pair, flat, y, x, dy, dx, radius, columns):
 def find_shortest(pair, step, patch_radius, lanes, support_radius, tolerance, flow, motion):
     """Compare each point's motion with the motions of the points around it, and with zero motion.
 
-    Parameters
-    ----------
-    pair : PlanePair
-        float32, scaled by `colour_scale`; the padding is larger than the radius.
-    step : int
-        Distance between points, pixels.
-    patch_radius : int
-        Radius r of the compared patch, pixels.
-    lanes : int
-        Columns compared at once, at least 2r + 1.
-    support_radius : int
-        Points in each direction whose motion is compared.
-    tolerance : float32
-        Amount by which the similarity of a shorter motion may be lower.
-    flow : (points down, points across, 2) float32
-        Motion; rounded to whole pixels for the comparison.
-    motion : ShortestMotion out
+    - `pair`: float32, scaled by `colour_scale`; the padding is larger than the radius
+    - `step`: distance between points, pixels
+    - `patch_radius`: radius r of the compared patch, pixels
+    - `lanes`: columns compared at once, at least 2r + 1
+    - `support_radius`: points in each direction whose motion is compared
+    - `tolerance`: amount by which the similarity of a shorter motion may be lower
+    - `flow`: (points down, points across, 2) float32; rounded to whole pixels for the comparison
     """
     _, _, _, height, width, max_similarity = pair
     (own, best, shortest), flat = motion, flatten(pair)

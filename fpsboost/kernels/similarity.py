@@ -76,19 +76,10 @@ def truncation(bandwidth: float) -> int:
 def compare_sixteen(first, place0, second, place1, plane, most, sums, before, after):
     """Add the similarities, 0 to `most`, of sixteen pairs of pixels to the sums of sixteen pixels.
 
-    Parameters
-    ----------
-    first, second : (size,) uint8
-    place0, place1 : int
-        Index of the first pixel in the first of three planes; no bounds are checked.
-    plane : int
-        Distance between planes.
-    most : int
-        Similarity of two equal pixels, as returned by `truncation`.
-    sums : (size,) uint16
-        Sums of similarities; updated in place.
-    before, after : int
-        Indices at which the sixteen sums are read and written.
+    - `first`, `second`: (size,) uint8
+    - `place0`, `place1`: index of the first pixel in the first of three planes, `plane` apart; no bounds are checked
+    - `most`: similarity of two equal pixels, as returned by `truncation`
+    - `sums`: (size,) uint16, of which sixteen are read from index `before` on and written from `after` on
     """
     pixels = first[place0:][:SIXTEEN], first[place0 + plane :][:SIXTEEN], first[place0 + 2 * plane :][:SIXTEEN]
     _compare(pixels, second, place1, plane, most, sums, before, after)

@@ -78,17 +78,12 @@ def filter_down(weights, rows, y, out):
 
 @njit(cache=True, **FINITE_JIT)
 def find_coefficients(planes, unit, weights, coefficients):
-    """Compute the B-spline coefficients of planes whose edges are repeated.
+    """Compute the B-spline coefficients of planes, (C, H, W) uint8, uint16 or float32, whose edges are repeated.
 
-    Parameters
-    ----------
-    planes : (C, H, W) uint8, uint16 or float32
-    unit : float32
-        Factor on every value.
-    weights : (stages,) float32
-        At most five; see `filter_weights`.
-    coefficients : (C, H + 2 MARGIN, W + 2 MARGIN or more) float32 out
-        The frame begins MARGIN rows and columns from the corner.
+    - `unit`: factor on every value
+    - `weights`: at most five, by `filter_weights`
+    - `coefficients`: (C, H + 2 MARGIN, W + 2 MARGIN or more) float32 out; the frame begins MARGIN rows and columns from
+      the corner
     """
     (channels, height, _), (_, tall, width) = planes.shape, coefficients.shape
     stages, reach = weights.size, (1 << weights.size) - 1
@@ -117,21 +112,12 @@ def find_coefficients(planes, unit, weights, coefficients):
 
 @cache
 def filter_weights(precision: float) -> np.ndarray:
-    """Return the weights of the filters that turn samples into coefficients, one after the other.
+    """Return the weights of the filters that turn samples into coefficients, one after the other, (stages,) float32.
 
     The prefilter is ``1 / ((1 - p z) (1 - p / z))`` with the pole p, but for a factor, and ``1 / (1 - p z)`` is the
     product of ``1 + (p z)^m`` for m = 1, 2, 4 ... Each m thus gives a symmetric filter: 1 at its centre, and the weight
-    ``p^m / (1 + p^2m)`` at a distance of m on both sides.
-
-    Parameters
-    ----------
-    precision : float
-        Maximum error of the spline at the samples, as a share of the largest difference between two of them.
-
-    Returns
-    -------
-    (stages,) float32
-        Weights for the distances 1, 2, 4 ...
+    ``p^m / (1 + p^2m)`` at a distance of m on both sides. The precision is the maximum error of the spline at the
+    samples, as a share of the largest difference between two of them.
     """
     # the first filter that is left out would add up to twice its power of the pole, at both ends and along both axes
     stages = math.ceil(math.log2(math.log(precision / 4) / math.log(-POLE)))
@@ -158,17 +144,9 @@ def row_filter(length: int) -> Callable[..., None]:
     lanes = vector(REAL, length)
 
     def filter_values(source, begin, step, w0, w1, w2, w3, out, target):
-        """Write ``w0 s[0] + w1 s[1] + w2 s[2] + w3 s[3]`` of `length` values, where ``s[n]`` begins `n` steps on.
+        """Write `length` values from index `target` on, ``w0 s[0] + w1 s[1] + w2 s[2] + w3 s[3]``.
 
-        Parameters
-        ----------
-        source : (size,) float32
-        begin, step : int
-            Index of the first value, and distance between taps; no bounds are checked.
-        w0, w1, w2, w3 : float32
-        out : (size,) float32 out
-        target : int
-            Index of the first value.
+        ``s[n]`` begins at index ``begin + n * step`` of the source; no bounds are checked.
         """
         taps = [source[begin + n * step :][:length] for n in range(4)]
         out[target : target + length] = w0 * taps[0] + w1 * taps[1] + w2 * taps[2] + w3 * taps[3]
@@ -188,7 +166,7 @@ class Source(NamedTuple):
     """One of the two frames, as seen from the frame between them."""
 
     coefficients: NDArray[Any]
-    """Spline coefficients, (C, H + 2 MARGIN, W + 2 MARGIN or more) float32; see `fpsboost.kernels.spline`."""
+    """(C, H + 2 MARGIN, W + 2 MARGIN or more) float32, by `find_coefficients`."""
     motion: NDArray[Any]
     """Motion from each pixel of the frame between to this frame, (H, W, 2) float32."""
     is_visible: NDArray[Any]
@@ -226,14 +204,10 @@ def sample_spline(plane, place):
 def mix_along(source0, source1, t, mixed, squared):
     """Mix both frames in time along their motions; a frame that does not show the surface has no weight.
 
-    Parameters
-    ----------
-    source0, source1 : Source
-    t : float32
-        Weight of frame 1 where both are visible, or none is.
-    mixed : (C, H, W) float32 out
-    squared : (H, W) float32 out
-        Squared difference of the two frames, summed over the planes; 0 where one of them is not visible.
+    - `t`: weight of frame 1 where both are visible, or none is
+    - `mixed`: (C, H, W) float32 out
+    - `squared`: squared difference of the two frames, summed over the planes, (H, W) float32 out; 0 where one of them
+      is not visible
     """
     channels, height, width = mixed.shape
     for i, j in np.ndindex(height, width):

@@ -61,34 +61,20 @@ class OffsetLists(NamedTuple):
 
 
 class TilePoints(NamedTuple):
-    """Points of a tile."""
+    """First row and column of the points of a tile, and their number down and across."""
 
     row: int
-    """First row of points."""
     column: int
-    """First column of points."""
     down: int
-    """Number of rows."""
     across: int
-    """Number of columns."""
 
 
 def insert_eight(dx, dy, similarities, at, lists, size, capacity):
-    """Insert an offset into the lists of eight points, sorted by decreasing similarity.
+    """Insert an offset into the lists of eight points; of neighbouring offsets, only the more similar one is kept.
 
-    Of neighbouring offsets, only the more similar one is kept.
-
-    Parameters
-    ----------
-    dx, dy : float32
-    similarities : (size,) float32
-        Similarity of the offset at every point.
-    at : int
-        Index of the first of the eight points; no bounds are checked.
-    lists : (capacity * VALUES_PER_ENTRY * size,) float32
-        Ordered by entry, value and point; empty entries last, with NOTHING and NOWHERE. Updated in place.
-    size, capacity : int
-        Number of points, and of entries per list.
+    - `similarities`: of the offset at every point, (size,) float32; the first of the eight is at index `at`
+    - `lists`: by decreasing similarity, ordered by entry, value and point, (capacity * VALUES_PER_ENTRY * size,)
+      float32; empty entries last, with NOTHING and NOWHERE; updated in place, no bounds are checked
     """
     for point in range(at, at + EIGHT):
         inserted = [similarities[point], dx, dy]
@@ -138,8 +124,7 @@ def _build_insert_eight(code, dx, dy, similarities, at, lists, size, capacity):
 def gather_offsets(proposals, top, left, bottom, right, refine_radius, max_offset, is_listed, offsets):
     """List the distinct offsets within `refine_radius` of any proposal in a window of places, and return their number.
 
-    `is_listed` has (2 max_offset + 1)^2 flags, false at the start and at the end; `offsets`
-    is a (2, capacity) output.
+    `is_listed` has (2 max_offset + 1)^2 flags, false at the start and at the end; `offsets` is (2, capacity) out.
     """
     count = 1
     offsets[:, 0] = 0  # zero motion is always included
@@ -243,24 +228,16 @@ def find_expected(points, step, expected, spacing, likely, similarities):
 
 @njit(**FINITE_JIT)
 def search_tiles(pair, proposals, step, refine_radius, max_offset, patch_radius, row_step, lists):
-    """Find the most similar offsets at every point of a frame.
+    """Find the most similar offsets, at least one, at every point of a frame.
 
-    Parameters
-    ----------
-    pair : PlanePair
-        In levels, padded by PADDING + patch_radius and LANES more on the right.
-    proposals : Proposals
-    step : int
-        Distance between points, pixels; a divisor of TILE.
-    refine_radius, max_offset : int
-        Search range around each proposal, along x and y together, and maximum offset along x and y, pixels.
-    patch_radius : int
-        Radius r of the patch of (2r + 1) x (2r + 1) pixels.
-    row_step : int
-        1, or 2 to compare every second row of the patches; then `step` is a multiple of 4.
-    lists : OffsetLists out
-        Each has at least one offset. An offset that is more similar than a listed neighbour replaces it, so that most
-        are local maxima.
+    An offset that is more similar than a listed neighbour replaces it, so that most are local maxima.
+
+    - `pair`: in levels, padded by PADDING + patch_radius and LANES more on the right
+    - `step`: distance between points, pixels; a divisor of TILE
+    - `refine_radius`, `max_offset`: search range around each proposal, along x and y together, and maximum offset along
+      x and y, pixels
+    - `patch_radius`: radius r of the patch of (2r + 1) x (2r + 1) pixels
+    - `row_step`: 1, or 2 to compare every second row of the patches; then `step` is a multiple of 4
     """
     _, _, padding, height, width, max_similarity = pair
     flat0, flat1, plane, stride = flatten(pair)

@@ -1,6 +1,7 @@
 """Vector instructions for rows of the windows of `fpsboost.kernels.multi_hypothesis`.
 
-The loops are so short that the compiler would leave them scalar. A row has 16 squares of two by two pixels.
+The loops are so short that the compiler would leave them scalar. A row has 16 squares of two by two pixels. Arrays are
+flat float32; of integers named for a place, each is the index of the first value; no bounds are checked.
 """
 
 from __future__ import annotations
@@ -29,12 +30,7 @@ _SQUARES, _PIXELS = vector(REAL, SQUARES_PER_ROW), vector(REAL, PIXELS_PER_ROW)
 
 
 def sum_five(source, begin, step, out, target):
-    """Write ``E s[0] + s[1] + s[2] + s[3] + E s[4]`` of sixteen values, where E is END_WEIGHT.
-
-    ``s[n]`` begins `n` steps on.
-
-    No bounds are checked in this module.
-    """
+    """Write ``E s[0] + s[1] + s[2] + s[3] + E s[4]``, E = END_WEIGHT, of sixteen values; ``s[n]`` is `n` steps on."""
     taps = [source[begin + n * step :][:SQUARES_PER_ROW] for n in range(5)]
     out[target : target + SQUARES_PER_ROW] = (taps[1] + taps[2] + taps[3]) + np.float32(END_WEIGHT) * (
         taps[0] + taps[4]
@@ -50,19 +46,7 @@ def _build_sum_five(code, source, begin, step, out, target):
 
 
 def pool_row(values, begin, below, share, sums, target):
-    """Add `share` times the sum over the pixels of each of sixteen squares to the sums of the squares.
-
-    Parameters
-    ----------
-    values : (size,) float32
-    begin, below : int
-        Index of the first pixel of the upper row, and distance to that of the lower row.
-    share : float32
-    sums : (size,) float32
-        Updated in place.
-    target : int
-        Index of the first square.
-    """
+    """Add `share` times the sum over the pixels of each of sixteen squares to the sums; the lower row is `below` on."""
     both = values[begin : begin + PIXELS_PER_ROW] + values[begin + below :][:PIXELS_PER_ROW]
     sums[target : target + SQUARES_PER_ROW] += share * (both[::2] + both[1::2])
 
@@ -76,16 +60,7 @@ def _build_pool_row(code, values, begin, below, share, sums, target):
 
 
 def add_row(weights, begin, values, here, sums, there):
-    """Add sixteen values times their weights to the sums.
-
-    Parameters
-    ----------
-    weights, values : (size,) float32
-    begin, here, there : int
-        Indices of the first weight, value and sum.
-    sums : (size,) float32
-        Updated in place.
-    """
+    """Add sixteen values times their weights to the sums."""
     sums[there : there + SQUARES_PER_ROW] += (
         weights[begin : begin + SQUARES_PER_ROW] * values[here : here + SQUARES_PER_ROW]
     )
@@ -97,17 +72,7 @@ def _build_add_row(code, weights, begin, values, here, sums, there):
 
 
 def blend_rows(squares, near, far, out, target):
-    """Write sixteen values interpolated a quarter of the way between two rows of squares.
-
-    Parameters
-    ----------
-    squares : (size,) float32
-    near, far : int
-        Indices of the first square of the nearer and of the farther row.
-    out : (size,) float32 out
-    target : int
-        Index of the first of the sixteen values.
-    """
+    """Write sixteen values interpolated a quarter of the way from the nearer to the farther row of squares."""
     out[target : target + SQUARES_PER_ROW] = _between(squares[near:][:SQUARES_PER_ROW], squares[far:][:SQUARES_PER_ROW])
 
 
@@ -142,14 +107,11 @@ def _quarter_way(code, near, far):
 
 
 class SplinePair(NamedTuple):
-    """Spline coefficients of both frames at a window, and the weights of its samples."""
+    """Spline coefficients of both frames at a window, `stride` per row, and the weights of its samples."""
 
     first: NDArray[Any]
-    """Coefficients of frame 0, (size,) float32."""
     second: NDArray[Any]
-    """Coefficients of frame 1, (size,) float32."""
     stride: int
-    """Distance between rows of coefficients."""
     taps: NDArray[Any]
     """Horizontal and vertical weights in frame 0, then in frame 1, (16,) float32."""
 
@@ -161,20 +123,8 @@ def columns_mixer(columns: int) -> Callable[..., None]:
     def mix_columns(pair, begin0, begin1, tall, t, wide, mixed, distance, target):
         """Sample some columns of two windows, blend them and add up their squared differences.
 
-        Parameters
-        ----------
-        pair : SplinePair
-        begin0, begin1 : int
-            Index of the first of the sixteen coefficients of the first sample, in each frame.
-        tall, wide : int
-            Rows of the window, and distance between its rows in the output.
-        t : float32
-            Weight of the second frame.
-        mixed : (size,) float32 out
-        distance : (size,) float32
-            Sums of squared differences; updated in place.
-        target : int
-            Index of the first column in both.
+        The first of the sixteen coefficients of the first sample are at `begin0` and `begin1`; `t` is the weight of the
+        second frame. The window has `tall` rows, `wide` apart in the output.
         """
         first, second, stride, taps = pair
         samples = []

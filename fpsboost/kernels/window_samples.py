@@ -29,9 +29,8 @@ BLOCK = EIGHT
 MIN_GRADIENT, MAX_GRADIENT = np.float32(0.05), np.float32(0.5)
 """Minimum and maximum motion gradient of a window that is zoomed or rotated, pixels per pixel; the sum over both axes.
 
-Below the minimum, the blocks of a window would move by less than windows overlap anyway. A gradient above the maximum
-is not zoom or rotation, which would have to be by half or by 30 degrees from frame to frame, but the boundary of two
-motions, where the blocks would be torn apart.
+Below the minimum, its blocks would move by less than windows overlap anyway. A gradient above the maximum is not zoom
+or rotation, by half or by 30 degrees from frame to frame, but the boundary of two motions.
 """
 
 
@@ -46,7 +45,7 @@ class Samples(NamedTuple):
 
 
 class FlatPlanes(NamedTuple):
-    """Planes of an image in flat arrays."""
+    """Planes of an image in flat arrays, of `height` x `width` values and `rows` x `stride` coefficients each."""
 
     values: NDArray[Any]
     """(size,) uint8, uint16 or float32."""
@@ -54,61 +53,51 @@ class FlatPlanes(NamedTuple):
     """Spline coefficients of the values times `unit`, with repeated edges, (size,) float32."""
     unit: np.float32
     height: int
-    """Rows of values."""
     width: int
-    """Columns of values."""
     rows: int
-    """Rows of coefficients."""
     stride: int
-    """Columns of coefficients."""
 
 
 class WindowPlace(NamedTuple):
-    """Position of a window in both frames at time t."""
+    """Row and column of a window's first pixel in both frames at time t, the share of frame 1, in plane coordinates."""
 
     y0: np.float32
-    """Row of the first pixel in frame 0, in plane coordinates."""
     x0: np.float32
     y1: np.float32
-    """Row of the first pixel in frame 1."""
     x1: np.float32
     t: np.float32
-    """Time, 0 to 1: the share of frame 1."""
     within: bool
     """Whether the whole window lies inside of both frames."""
 
 
 class Room(NamedTuple):
-    """Work arrays for sampling a window."""
+    """Work arrays for sampling a window, float32."""
 
     rows: NDArray[Any]
-    """((WINDOW + 3) * WINDOW,) float32, rows filtered horizontally."""
+    """Rows filtered horizontally, ((WINDOW + 3) * WINDOW,)."""
     first: NDArray[Any]
-    """Window of frame 0, (AREA,) float32."""
+    """Window of frame 0, then of frame 1, (AREA,)."""
     second: NDArray[Any]
-    """Window of frame 1, (AREA,) float32."""
     taps: NDArray[Any]
-    """(16,) float32, horizontal and vertical weights in frame 0, then in frame 1."""
+    """Horizontal and vertical weights in frame 0, then in frame 1, (16,)."""
     marks: NDArray[Any]
-    """(4, WINDOW) float32, written for windows that are partly outside: 1 for each column inside of frame 0, else 0,
-    each row, and the same for frame 1."""
+    """1 for each column inside of frame 0, else 0, each row, and the same for frame 1, (4, WINDOW); written for windows
+    that are partly outside."""
 
 
 class Layer(NamedTuple):
-    """Planes of one resolution: samples of both frames, work arrays for one window, and sums over windows."""
+    """Planes of one resolution: samples of both frames, work arrays for one window, and sums over windows.
+
+    A sample stands for `across` columns and `down` rows of pixels, and a window has `wide` columns and `tall` rows of
+    samples.
+    """
 
     planes0: FlatPlanes
-    """Planes of frame 0."""
     planes1: FlatPlanes
-    """Planes of frame 1."""
     across: int
-    """Columns of pixels per sample."""
     down: int
-    """Rows of pixels per sample."""
     wide: int
-    """Columns of samples in a window."""
     tall: int
-    """Rows of samples in a window."""
     distance: NDArray[Any]
     """Squared differences of a candidate, summed over the planes, (tall * wide,) float32."""
     mixed: NDArray[Any]
@@ -269,7 +258,7 @@ def mix_fetched(layer, place, motion, room):
 
 @njit(**FINITE_JIT)
 def mix_inside(t, marks, across, down, first, second, mixed):
-    """Blend two windows that are partly outside; samples outside have no weight unless both are outside.
+    """Blend two windows that are partly outside; samples outside have no weight unless both are.
 
     Each sample stands for `across` columns and `down` rows of pixels.
     """
@@ -288,21 +277,8 @@ def mix_inside(t, marks, across, down, first, second, mixed):
 def fetch_window(planes, number, y, x, share, motion, wide, tall, rows, out):
     """Sample a window of a plane; the motion at its centre places its first pixel at (y, x), in plane coordinates.
 
-    Parameters
-    ----------
-    planes : FlatPlanes
-    number : int
-        Number of the plane, from 0.
-    y, x : float32
-        Position, at least 1, and at least a window and 2 pixels from the ends.
-    share : float32
-        Share of the motion from time t to this frame; negative against its direction.
-    motion : (VALUES_PER_MOTION,) float32
-    wide, tall : int
-        Columns and rows of the window.
-    rows : ((tall + 3) * wide,) float32
-        Work array.
-    out : (tall * wide,) float32 out
+    The position is at least 1, and at least a window and 2 pixels from the ends; `share` is that of the motion from
+    time t to this frame, negative against its direction. `rows` is a work array, ((tall + 3) * wide,) float32.
     """
     if is_rigid(motion):
         fetch_rigid(planes, number, y, x, wide, tall, rows, out)
