@@ -53,13 +53,7 @@ class ConversionJob:
     encoding: Encoding = field(default_factory=Encoding)
 
     def target(self, run: RunOptions) -> Target:
-        """Return what the output is.
-
-        Raises
-        ------
-        OptionError
-            There is none, or an option does not apply to it.
-        """
+        """Return what the output is; raise `OptionError` if there is none, or an option does not apply to it."""
         _check_shutter(self.rate, self.method, run)
         target = Target.parse(_resolve_output(self.input, self.output, in_place=run.in_place, overwrite=run.overwrite))
         target.check_encoding(self.encoding)

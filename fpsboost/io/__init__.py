@@ -73,12 +73,8 @@ class RandomAccess(Protocol):
         """Begin reading at a frame, counted from 0. Before the first is read.
 
         Images, times and durations are those of reading from the start, bit by bit. Where that cannot be had without
-        decoding the frames before, they are decoded and dropped, and a remark says why.
-
-        Raises
-        ------
-        InputError
-            There is no such frame, as far as that is known; otherwise while iterating.
+        decoding the frames before, they are decoded and dropped, and a remark says why. Raises `InputError`, here or
+        while iterating, if there is no such frame.
         """
         ...
 

@@ -49,44 +49,21 @@ class Schedule(Protocol):
     def presentation_time(self, start: Fraction, time: Fraction) -> Fraction:
         """Return the presentation time of a source frame: its own time, or the nominal time that was meant.
 
-        All other methods take times returned by this one.
-
-        Parameters
-        ----------
-        start, time : Fraction
-            Times of source frame 0 and of this one as given by the source, seconds.
+        `start` and `time` are those of source frame 0 and of this one as given by the source, seconds. All other
+        methods take times returned by this one.
         """
         ...
 
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
-        """Yield the output frames in [time0, time1), in order.
+        """Yield the output frames in [time0, time1), in order; one whose t is 0 shows the source frame itself.
 
-        Parameters
-        ----------
-        index : int
-            Number of the source frame at `time0`, counted from 0.
-        start : Fraction
-            Time of source frame 0, seconds.
-        time0, time1 : Fraction
-            Times of this source frame and the next one, seconds; time0 < time1.
-
-        Yields
-        ------
-        Step
-            A frame whose t is 0 shows the source frame itself.
+        `index` is the number of the source frame at `time0`, counted from 0, and `time1` the time of the next one;
+        `start` is that of source frame 0, all in seconds.
         """
         ...
 
     def output_position(self, index: int, start: Fraction, time: Fraction) -> Fraction:
-        """Return the position of a source frame among the output frames, counted from 0.
-
-        Parameters
-        ----------
-        index : int
-            Number of the source frame, counted from 0.
-        start, time : Fraction
-            Times of source frame 0 and of this one, seconds.
-        """
+        """Return the position of a source frame among the output frames, counted from 0; see `steps`."""
         ...
 
     def rate(self, source_rate: Fraction) -> Fraction:

@@ -18,7 +18,7 @@ from conversion_options import output_of
 from video_truth import packets_of, pictures_of, samples_of, scene, write_clip
 
 import fpsboost
-from fpsboost.contracts import OutputRange, Summary
+from fpsboost.contracts import OutputRange, SilentObserver, Summary
 from fpsboost.conversion import Job, convert
 from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.frame import ClipInfo, Frame
@@ -53,15 +53,11 @@ class StoppedError(Exception):
     """Raised on purpose."""
 
 
-class Stop:
+class Stop(SilentObserver):
     """An observer that stops the run after so many frames."""
 
     def __init__(self, after: int | None) -> None:
         self._after = after
-
-    def opened(self, info: ClipInfo, expected_frames: int | None) -> None: ...
-
-    def ready(self) -> None: ...
 
     def wrote(self, summary: Summary) -> None:
         if summary.frames_out == self._after:

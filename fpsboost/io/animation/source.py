@@ -80,18 +80,19 @@ class AnimationSource(ClosesOnExit):
             self._file = self.path.open("rb")
         self._keeps_alpha, self._has_alpha = keeps_alpha, False
         self._delays: list[Fraction] = []
-        self._remarks: list[str] = []
+        self.remarks: list[str] = []
         try:
             self._survey(limit or MemoryLimit())
         except BaseException:
             self._file.close()
             raise
         if self._has_alpha and not keeps_alpha:
-            self._remarks.append(
+            self.remarks.append(
                 f"{path} has transparent parts, which the output cannot hold; they were laid over white."
             )
         rate = len(self._delays) / sum(self._delays, Fraction(0))
         time_base = Fraction(1, math.lcm(*(delay.denominator for delay in self._delays)))
+        self.stream_info = StreamInfo(plays=self.plays, files=[self.path])
         self.info = ClipInfo(path, self._height, self._width, rate, time_base, len(self._delays))
 
     def _survey(self, limit: MemoryLimit) -> None:
@@ -117,20 +118,10 @@ class AnimationSource(ClosesOnExit):
         if not self._delays:
             raise InputError(f"{self._name} is damaged or no animation; replace it.")
         if start.startswith(PNG_SIGNATURE) and start[24] == 16:
-            self._remarks.append(f"{self._name} has 16 bits per channel, of which 8 were read.")
+            self.remarks.append(f"{self._name} has 16 bits per channel, of which 8 were read.")
         if not is_whole:
             frames = f"{len(self._delays)} frame{'' if len(self._delays) == 1 else 's'}"
-            self._remarks.append(
-                f"{self._name} is damaged or ends early; {frames} could be decoded and were converted."
-            )
-
-    @property
-    def stream_info(self) -> StreamInfo:
-        return StreamInfo(plays=self.plays, files=[self.path])
-
-    @property
-    def remarks(self) -> list[str]:
-        return list(self._remarks)
+            self.remarks.append(f"{self._name} is damaged or ends early; {frames} could be decoded and were converted.")
 
     def __iter__(self) -> Iterator[Frame]:
         time = Fraction(0)

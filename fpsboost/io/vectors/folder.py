@@ -58,14 +58,8 @@ class VectorFolder:
     (``Vector####.exr``) where the folder holds others too. Files of depth, which may be the same, have one channel, or
     one named Z, Depth, V or Y, or Blender's ``Depth.Z``.
 
-    Attributes
-    ----------
-    convention : VectorConvention or None
-        Given, or found by comparing frames; None to go by the names of the channels.
-    files : list of Path
-        All files of vectors and depth, each in the order of frames.
-    step : int
-        Number of vectors from one output frame to the next: the difference of their numbers, or 1.
+    `convention` is given, or found by comparing frames; None to go by the names of the channels. `step` is the number
+    of vectors from one output frame to the next: the difference of their numbers, or 1.
     """
 
     def __init__(self, path: str | Path, depth: str | Path | None = None, convention: ConventionName = "auto") -> None:
