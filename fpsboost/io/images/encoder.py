@@ -69,23 +69,9 @@ def losses(path: Path, image: Image) -> list[str]:
 
 
 def encode_image(path: Path, image: Image, *, half: bool = True, metadata: ImageMetadata | None = None) -> bytes:
-    """Turn an image into the content of a file.
+    """Turn an image of a type that `check_format` lets pass into the content of a file; `path` says its type.
 
-    Parameters
-    ----------
-    path : Path
-        Its suffix is the type of file; nothing is written there.
-    image : (H, W, C)
-        Of a type that `check_format` lets pass.
-    half : bool
-        Write OpenEXR with 16 bits a number instead of 32.
-    metadata : ImageMetadata, optional
-        What else the file is to say, as far as its type can.
-
-    Raises
-    ------
-    OutputError
-        The library refuses.
+    OpenEXR gets 16 bits a number with `half`, else 32. `OutputError` if the library refuses.
     """
     extension, metadata = path.suffix.lower(), metadata or ImageMetadata()
     if extension == ".exr":
@@ -162,24 +148,8 @@ class ImageFile:
 class ImageEncoder:
     """Encoder of frames into image files.
 
-    Parameters
-    ----------
-    name : str
-        Name of the output in messages.
-    images : NumberedImages or None
-        Images of the source; None if it is a video.
-    anew : bool
-        Whether frames are numbered anew, so that motion vectors lead to other numbers.
-
-    Attributes
-    ----------
-    remarks : list of str
-        Sentences about what the files cannot hold.
-
-    Raises
-    ------
-    InputError
-        The first image cannot be read again.
+    `name` is that of the output in messages; `images` are those of the source, None for a video; with `anew`, frames
+    are numbered anew, so that motion vectors lead to other numbers. Its `remarks` say what the files cannot hold.
     """
 
     def __init__(self, name: str, images: NumberedImages | None, *, anew: bool) -> None:
@@ -195,26 +165,12 @@ class ImageEncoder:
             self._follow(images.files[0])
 
     def check(self, path: Path, image: Image) -> None:
-        """Check that a file can hold an image, and remark on what it loses.
-
-        Raises
-        ------
-        OutputError
-            It cannot.
-        """
+        """Check that a file can hold an image, else raise `OutputError`; remark on what it loses."""
         check_format(path, image)
         self._remark(losses(path, image))
 
     def content(self, path: Path, frame: Frame) -> bytes:
-        """Return the bytes to write: of an original into a file of its own type that file, else an encoded image.
-
-        Raises
-        ------
-        InputError
-            An original cannot be read again.
-        OutputError
-            The file type cannot hold the image.
-        """
+        """Return the bytes to write: of an original into a file of its own type that file, else an encoded image."""
         if isinstance(frame.original, ImageFile):
             source = frame.original.path
             data = content_of(source, "leave the input as it is until all is done")
@@ -231,13 +187,7 @@ class ImageEncoder:
         return encode_image(path, frame.array, half=self._half, metadata=self._metadata)
 
     def passes_in_place(self, path: Path, image: Image) -> None:
-        """Note an original that stays where it is.
-
-        Raises
-        ------
-        InputError
-            It cannot be read again.
-        """
+        """Note an original that stays where it is."""
         self._passes(path, image, is_same=True, in_place=True)
 
     def _passes(self, source: Path, image: Image, *, is_same: bool, in_place: bool = False) -> bool:

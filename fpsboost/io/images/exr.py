@@ -52,18 +52,10 @@ class Window(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ExrPart:
-    """One part of a file: an image with channels of its own.
+    """One part of a file: an image with channels of its own, which may have pixels in another window than is shown.
 
-    Attributes
-    ----------
-    name : str
-        Empty in a file with one part.
-    channels : mapping of str to Precision
-        By the names as they are stored, in the order of the alphabet.
-    data, display : Window
-        Where there are pixels, and what is to be shown.
-    attributes : mapping of str to object
-        All that describes pixels and image, as OpenEXR has it.
+    The name is empty in a file with one part; channels have their stored names, in the order of the alphabet;
+    attributes are all that describes pixels and image, as OpenEXR has it.
     """
 
     name: str
@@ -79,13 +71,7 @@ class ExrPart:
 
 @dataclass(frozen=True, eq=False)
 class ExrHeader:
-    """What a file says of itself.
-
-    Attributes
-    ----------
-    parts : tuple of ExrPart
-        At least one.
-    """
+    """What a file says of itself."""
 
     parts: tuple[ExrPart, ...]
 
@@ -123,11 +109,7 @@ class ExrHeader:
 def read_exr_header(path: Path) -> ExrHeader:
     """Read what a file says of itself, nothing decoded.
 
-    Raises
-    ------
-    InputError
-        It cannot be read, is damaged, has deep pixels, channels with fewer pixels than others, or parts of different
-        sizes.
+    `InputError` if it cannot be read, has deep pixels, subsampled channels, or parts of different sizes.
     """
     import OpenEXR  # noqa: PLC0415  # only who has such files waits for it
 
@@ -200,26 +182,11 @@ def read_exr(
     choose: Callable[[Collection[str]], Collection[str]] = lambda names: names,
     limit: MemoryLimit | None = None,
 ) -> dict[str, NDArray[Any]]:
-    """Read channels of a file, in scanlines or tiles.
+    """Read channels of a file, in scanlines or tiles, as (H, W) float32 by their names.
 
-    Parameters
-    ----------
-    path : Path
-    choose : callable, optional
-        Told the names of all channels, names the ones to read; all without it.
-    limit : MemoryLimit, optional
-        What may be taken; what is available without it.
-
-    Returns
-    -------
-    dict of str to (H, W) float32
-        By the names of channels, in a file of several parts with that of their part before it. As large as the display
-        window; zero where the file has no data. Infinity and NaN are as they are stored.
-
-    Raises
-    ------
-    InputError
-        It cannot be read, is damaged or too large, or is of a kind that holds no plain image.
+    `choose` is told the names of all channels and names the ones to read; in a file of several parts, that of its part
+    stands before each. Planes are as large as the display window, and zero where the file has no data; infinity and NaN
+    stay. `InputError` if the file is damaged, too large, or of a kind that holds no plain image.
     """
     header = read_exr_header(path)
     planes = read_channels(path, header, list(choose(list(header.channels))), limit)
@@ -229,22 +196,7 @@ def read_exr(
 def read_channels(
     path: Path, header: ExrHeader, names: Sequence[str], limit: MemoryLimit | None = None
 ) -> dict[str, NDArray[Any]]:
-    """Read channels of a file in their own types.
-
-    Parameters
-    ----------
-    path : Path
-    header : ExrHeader
-        Of the file.
-    names : sequence of str
-        Full names of channels.
-    limit : MemoryLimit, optional
-
-    Returns
-    -------
-    dict of str to (H, W) float16, float32 or uint32
-        In the order of the names; otherwise as for `read_exr`.
-    """
+    """Read channels of a file by their full names, as (H, W) float16, float32 or uint32; otherwise as `read_exr`."""
     import OpenEXR  # noqa: PLC0415
 
     limit = limit or MemoryLimit()
@@ -269,28 +221,16 @@ def read_channels(
 
 
 def write_exr(path: Path, channels: Mapping[str, NDArray[Any]], *, half: bool = True) -> None:
-    """Write a file; see `encode_exr`.
-
-    Raises
-    ------
-    OutputError
-        It cannot be written.
-    """
+    """Write a file; see `encode_exr`."""
     data = encode_exr(channels, half=half)
     with explained(OutputError, "write", path, "check the free space and the permissions"):
         path.write_bytes(data)
 
 
 def encode_exr(channels: Mapping[str, NDArray[Any]], *, half: bool = True) -> bytes:
-    """Turn planes into the content of a file: scanlines, compressed without loss (ZIP).
+    """Turn planes, (H, W) all of one size, into the content of a file: scanlines, compressed without loss (ZIP).
 
-    Parameters
-    ----------
-    channels : mapping of str to (H, W)
-        All of one size.
-    half : bool
-        Store 16 bits a number, which hold about three digits and end at 65504 (what is larger becomes infinity),
-        instead of float32.
+    With `half`, numbers have 16 bits, which hold about three digits and end at 65504 (what is larger becomes infinity).
     """
     import OpenEXR  # noqa: PLC0415
 
@@ -301,18 +241,11 @@ def encode_exr(channels: Mapping[str, NDArray[Any]], *, half: bool = True) -> by
 
 
 def encode_exr_like(header: ExrHeader, planes: Mapping[str, NDArray[Any]]) -> bytes:
-    """Turn planes into the content of a file that says the same as another one, in the same parts.
+    """Turn planes by full names into the content of a file that says the same as another one, in the same parts.
 
     Parts, names, types, compression and its level, line order, tiles and all attributes that OpenEXR's library knows
     are those of the other file, except that it has data for the whole display window, no smaller copies of its images,
     and no channels without a plane.
-
-    Parameters
-    ----------
-    header : ExrHeader
-        Of the other file.
-    planes : mapping of str to (H, W)
-        By the full names of channels that the other file has, all of the size of its display window.
     """
     import OpenEXR  # noqa: PLC0415
 

@@ -78,24 +78,10 @@ def content_of(path: Path, advice: str = "check that it exists and that you may 
 
 
 def read_image(path: Path, limit: MemoryLimit | None = None, *, upright: bool = False) -> Image:
-    """Read one image as it is stored.
+    """Read one image as it is stored, (H, W, C) uint8, uint16 or float32.
 
-    Parameters
-    ----------
-    path : Path
-    limit : MemoryLimit, optional
-        What may be taken; what is available without it.
-    upright : bool
-        Turn it as its EXIF orientation says. A TIFF is turned anyway.
-
-    Returns
-    -------
-    (H, W, C) uint8, uint16 or float32
-
-    Raises
-    ------
-    InputError
-        It cannot be read, is damaged or too large, or has another type of pixels.
+    With `upright` it is turned as its EXIF orientation says; a TIFF is turned anyway. `InputError` if it is damaged,
+    too large, or has another type of pixels.
     """
     if extension_of(path.name) == ".exr":
         return read_picture(path, limit)
@@ -141,14 +127,9 @@ def _turned(image: Image, orientation: int) -> Image:
 class Storage:
     """How a file stores its image.
 
-    Attributes
-    ----------
-    kind : str
-        ``with a palette``, ``as CMYK``; empty where it is as it is read.
-    can_pass : bool
-        Whether every viewer shows of the file what `read_image` makes of it: upright, no colours for print.
-    has_more : bool
-        Whether it holds several pictures: pages of a TIFF, frames of an animation. The first is read.
+    The kind is ``with a palette``, ``as CMYK``; empty where the image is stored as it is read. It can pass where every
+    viewer shows what `read_image` makes of it: upright, no colours for print. It has more where it holds pages or
+    frames beside the first.
     """
 
     kind: str = ""
@@ -157,13 +138,7 @@ class Storage:
 
 
 def storage_of(path: Path) -> Storage:
-    """Return how a file that could be read stores its image.
-
-    Raises
-    ------
-    InputError
-        It cannot be read again.
-    """
+    """Return how a file that could be read stores its image."""
     if extension_of(path.name) == ".exr":
         return Storage()
     with opened(path) as (file, spec):

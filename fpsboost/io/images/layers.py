@@ -57,15 +57,9 @@ CRYPTOMATTE = "crypto"
 
 @dataclass(frozen=True)
 class LayerNames:
-    """A layer by its name.
+    """A layer by its name, which is empty for colours without a layer's name.
 
-    Attributes
-    ----------
-    name : str
-        Empty for colours without a layer's name.
-    kind : LayerKind
-    channels : mapping of str to Precision
-        Full names in the order of the file, and their types.
+    Channels are full names in the order of the file, and their types.
     """
 
     name: str
@@ -88,18 +82,10 @@ class LayerNames:
 
 @dataclass(frozen=True)
 class ExrContents:
-    """What a file holds.
+    """What a file holds: full names of the picture's channels (B, G, R, A or Y, A, or none), and all other layers.
 
-    Attributes
-    ----------
-    picture : list of str
-        Full names of its channels in the order B, G, R, A or Y, A; empty if there is no picture.
-    pictures : list of str
-        Names of all layers that may be meant by the picture; the first is taken.
-    layers : list of LayerNames
-        All others.
-    views : frozenset of str
-        Names of the eyes of a stereo camera, if the file has several.
+    Pictures are the names of all layers that may be meant by the picture, the first of which is taken; views those of
+    the eyes of a stereo camera, if the file has several.
     """
 
     picture: list[str]
@@ -189,21 +175,10 @@ def _word_of(layer: str) -> str:
 
 
 def find_layer(names: Collection[str], parts: str, preferred: str) -> str | None:
-    """Find the name prefix of the only layer that has all these channels.
+    """Find the name prefix of the only layer that has all these channels, one letter each: ``XYZW``.
 
-    Parameters
-    ----------
-    names : collection of str
-        Channels of a file.
-    parts : str
-        One letter for each channel of the layer, ``XYZW``.
-    preferred : str
-        The last word of the layer's name where several layers have these letters.
-
-    Returns
-    -------
-    str or None
-        "" for plain names; None where there is no such layer, or several.
+    It is "" for plain names. Of several layers the one whose last word is `preferred` counts; None if that leaves none
+    or several.
 
     Examples
     --------
@@ -245,21 +220,10 @@ def read_picture(path: Path, limit: MemoryLimit | None = None) -> Image:
 
 @dataclass(frozen=True)
 class Passes:
-    """The layers of a sequence that are read beside its picture.
+    """The layers of a sequence that are read beside its picture, and what every file must have like the first.
 
-    Attributes
-    ----------
-    first : Path
-        The file that all others must be like.
-    layers : tuple of LayerNames
-    are_all : bool
-        Whether no file may have more.
-    pictures : tuple of str
-        Names of all layers that may be meant by the picture; the first is taken.
-    left_out : tuple of str
-        Channels of neither the picture nor these layers.
-    needs_float : bool
-        Whether half would lose some of the picture's precision.
+    No file may have more if they `are_all`; `pictures` are as in `ExrContents`, `left_out` the channels of neither the
+    picture nor these layers; `needs_float` says that half would lose some of the picture's precision.
     """
 
     first: Path
@@ -271,19 +235,10 @@ class Passes:
 
     @classmethod
     def chosen(cls, path: Path, names: str) -> Self:
-        """Return the layers that a user has named.
+        """Return the layers that a user has named: ``all``, ``beauty``, or names with commas between them.
 
-        Parameters
-        ----------
-        path : Path
-            An OpenEXR file, the first of its sequence.
-        names : str
-            ``all``, ``beauty``, or names of layers with commas between them, each with its view layer or without.
-
-        Raises
-        ------
-        InputError
-            There is no such layer, or the layers show the views of a stereo camera.
+        `path` is the first file of the sequence. A name may leave out its view layer. `InputError` if there is no such
+        layer, or the layers show the views of a stereo camera.
         """
         header = read_exr_header(path)
         contents = contents_of(header)
@@ -304,13 +259,7 @@ class Passes:
         )
 
     def read(self, path: Path, limit: MemoryLimit | None) -> LayeredImage:
-        """Read the picture of a file and these layers.
-
-        Raises
-        ------
-        InputError
-            It cannot be read, or has other layers than the first file.
-        """
+        """Read the picture of a file and these layers; `InputError` if it has other layers than the first file."""
         header = read_exr_header(path)
         picture = _picture_channels(path, header)
         self._check_alike(path, header)
@@ -338,14 +287,7 @@ class Passes:
 
 
 def encode_like(header: ExrHeader, image: FrameImage) -> bytes:
-    """Turn an image into the content of a file that says the same as another one; see `encode_exr_like`.
-
-    Parameters
-    ----------
-    header : ExrHeader
-        Of a file with such a picture and at least these layers.
-    image : (H, W, C) float32, or LayeredImage
-    """
+    """Turn an image into the content of a file like another one, with that picture and at least these layers."""
     colour = view(image).array()
     channels = contents_of(header).picture
     places = (0, 3) if len(channels) == 2 else range(len(channels))

@@ -21,13 +21,7 @@ def image_library() -> Any:
 
 @contextmanager
 def name_for_libraries(path: Path) -> Iterator[str]:
-    """Yield a name of a file that the libraries take while the block lasts: Linux has names that are no UTF-8.
-
-    Raises
-    ------
-    InputError
-        It cannot be read.
-    """
+    """Yield a name of a file that the libraries take while the block lasts: Linux has names that are no UTF-8."""
     with explained(InputError, "read", path, "check that it exists and that you may read it"):
         file = path.open("rb")
     with file:
@@ -37,13 +31,7 @@ def name_for_libraries(path: Path) -> Iterator[str]:
 
 @contextmanager
 def opened(path: Path) -> Iterator[tuple[Any, Any]]:
-    """Open an image while the block lasts, its alpha as it is stored; yield the file and what its header says.
-
-    Raises
-    ------
-    InputError
-        It cannot be read, or is damaged.
-    """
+    """Open an image while the block lasts, its alpha as it is stored; yield the file and what its header says."""
     library = image_library()
     hints = library.ImageSpec()
     hints.attribute("oiio:UnassociatedAlpha", 1)

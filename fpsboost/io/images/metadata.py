@@ -36,23 +36,8 @@ _per_inch = {"in": 1.0, "inch": 1.0, "cm": 2.54}
 class ImageMetadata:
     """What a file says beside its pixels; everything may be absent.
 
-    Attributes
-    ----------
-    profile : bytes
-        ICC profile.
-    dots_per_inch : (float, float) or None
-        Across and down.
-    exif : bytes
-        With its own header, which is that of TIFF.
-    xmp : bytes
-    orientation : int
-        How the image must be turned to stand upright, EXIF's number; 1 where it does.
-    chunks : tuple of (bytes, bytes)
-        Names and contents of a PNG's chunks on its colours and its pixels' shape.
-    bits : int
-        Bits per value of a DPX; 0 for others.
-    has_exr_attributes : bool
-        Whether it is OpenEXR and says something of its colours or its pixels' shape.
+    The resolution is across and down; EXIF has its own header, which is that of TIFF; the orientation is EXIF's number;
+    chunks are those of a PNG on its colours and its pixels' shape, bits those per value of a DPX.
     """
 
     profile: bytes = b""
@@ -70,13 +55,7 @@ class ImageMetadata:
 
 
 def metadata_of(path: Path) -> ImageMetadata:
-    """Read the metadata of a readable image; ignore damaged metadata.
-
-    Raises
-    ------
-    InputError
-        It cannot be read again.
-    """
+    """Read the metadata of a readable image; ignore damaged metadata."""
     if extension_of(path.name) == ".exr":
         return ImageMetadata(has_exr_attributes=read_exr_header(path).describes_colours)
     with opened(path) as (file, spec):

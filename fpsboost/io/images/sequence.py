@@ -29,19 +29,10 @@ def find_placeholder(name: str) -> re.Match[str] | None:
 
 @dataclass(frozen=True, slots=True)
 class Numbering:
-    """How the images of one sequence are named.
+    """How the images of one sequence are named: prefix, number and suffix, the last with the file type.
 
-    Attributes
-    ----------
-    folder : Path
-    prefix : str
-        What stands before the number.
-    digits : int
-        Numbers are padded with zeros to this width, and grow beyond it; 1 for no padding.
-    suffix : str
-        What stands behind the number, with the file type: ``.png``, ``_left.png``.
-    signed : bool
-        A dash before the number is a minus, as Blender writes frames before 0: ``-0001.png``.
+    Numbers are padded with zeros to `digits` and grow beyond it; 1 is no padding. With `signed`, a dash before the
+    number is a minus, as Blender writes frames before 0: ``-0001.png``.
     """
 
     folder: Path
@@ -52,12 +43,7 @@ class Numbering:
 
     @classmethod
     def parse(cls, pattern: str) -> Self:
-        """Read a pattern, ``shot_%04d.png`` or ``shot_####.png``.
-
-        Raises
-        ------
-        OptionError
-            There is no place for a number in the last component.
+        """Read a pattern, ``shot_%04d.png`` or ``shot_####.png``; `OptionError` without a place for a number.
 
         Examples
         --------
@@ -90,30 +76,14 @@ class Numbering:
         return int(match[1])
 
     def find(self, *, any_padding: bool = False) -> list[tuple[int, Path]]:
-        """List the existing images of this naming with their numbers, in the order of the numbers.
-
-        Raises
-        ------
-        OSError
-            The folder cannot be read.
-        """
+        """List the existing images of this naming with their numbers, in the order of the numbers."""
         numbers = ((self.number_in(name, any_padding=any_padding), name) for name in list_files(self.folder))
         return sorted((number, self.folder / name) for number, name in numbers if number is not None)
 
 
 @dataclass(frozen=True)
 class FileSequence:
-    """The files of one sequence, in order.
-
-    Attributes
-    ----------
-    files : list of Path
-        At least one.
-    numbering : Numbering or None
-        How they are named; None where the names have no numbers.
-    numbers : list of int
-        Those in the names, rising; empty where there are none.
-    """
+    """The files of one sequence, at least one, in order; without numbering and numbers if names have none."""
 
     files: list[Path]
     numbering: Numbering | None = None
@@ -129,15 +99,7 @@ class FileSequence:
         return sum((later - earlier) // step - 1 for earlier, later in pairwise(self.numbers))
 
     def check_complete(self, step: int, advice: str) -> None:
-        """Raise `InputError`, which names the first file that is missing between two others.
-
-        Parameters
-        ----------
-        step : int
-            Of the numbers.
-        advice : str
-            What to do besides adding it.
-        """
+        """Raise `InputError`, which names the first file that is missing and says what else to do, if one is."""
         missing = self.missing(step)
         if self.numbering is None or not missing:
             return
@@ -149,28 +111,11 @@ class FileSequence:
 
 @dataclass(frozen=True)
 class NumberedImages:
-    """Images that are read as a clip: their files, names and numbers.
+    """Images that are read as a clip: at least one file, their numbering and numbers if names have any.
 
-    Attributes
-    ----------
-    files : list of Path
-        The images in order; at least one.
-    numbering : Numbering or None
-        How they are named; None where the names have no numbers.
-    numbers : list of int
-        The images' numbers; empty where there are none.
-    step : int
-        By how much they rise; 1 with `fills_gaps`, where there are none, and for a single image.
-    first_number : int
-        Number of the first image of the whole sequence; 1 where there are none.
-    skipped : int
-        Files of the sequence before these.
-    fills_gaps : bool
-        Whether the numbers are the clock, so that images may be missing.
-    needs_float : bool
-        Whether OpenEXR's half would lose some of their precision.
-    layers : tuple of LayerNames
-        Layers that are read beside the picture.
+    The numbers rise by `step`, 1 for a single image and with `fills_gaps`, where numbers are the clock, so that images
+    may be missing. `first_number` is that of the whole sequence, which has `skipped` files before these; `needs_float`
+    says that OpenEXR's half would lose precision; `layers` are those read beside the picture.
     """
 
     files: list[Path]
@@ -189,18 +134,10 @@ class NumberedImages:
         return sum(len(layer.channels) for layer in self.layers)
 
     def numbers_for(self, factor: Fraction) -> tuple[int, int] | None:
-        """Return which numbers the frames of the output have if the images keep theirs.
+        """Return first number and step of the output if images keep their numbers.
 
-        Parameters
-        ----------
-        factor : Fraction
-            Output frames per image, or per number where gaps are filled.
-
-        Returns
-        -------
-        (first, step) or None
-            None where they are numbered anew: the images have no numbers, theirs leave no room, or `factor` does not
-            divide their step.
+        `factor` is output frames per image, or per number where gaps are filled. None where they are numbered anew: the
+        images have no numbers, theirs leave no room, or `factor` does not divide their step.
         """
         step = self.step / factor
         if not self.numbers or (self.step == 1 and not self.fills_gaps) or step.denominator > 1:
@@ -211,14 +148,7 @@ class NumberedImages:
 def order_names(folder: Path, names: Sequence[str]) -> FileSequence:
     """Put the files of one sequence, at least one, in order; names without any number go by the alphabet.
 
-    Some numbers may be missing; see `FileSequence.check_complete`.
-
-    Raises
-    ------
-    InputError
-        Several sequences, or numbers of different widths.
-    OSError
-        The folder cannot be read.
+    Some numbers may be missing. `InputError` if there are several sequences, or numbers of different widths.
     """
     groups, plain = _group_names(names)
     plain_types = {f"*{os.path.splitext(name)[1]}" for name in plain}
@@ -241,15 +171,7 @@ def order_names(folder: Path, names: Sequence[str]) -> FileSequence:
 
 
 def find_numbered(numbering: Numbering) -> FileSequence:
-    """List the existing files of a naming in the order of their numbers, of which some may be missing.
-
-    Raises
-    ------
-    InputError
-        There are none.
-    OSError
-        The folder cannot be read.
-    """
+    """List the existing files of a naming in the order of their numbers; `InputError` if there are none."""
     files = numbering.find()
     if not files:
         raise InputError(f"No image is named like {numbering.folder / numbering.pattern}; check the pattern.")
@@ -272,10 +194,7 @@ def _across_zero(folder: Path, groups: dict[tuple[str, str], list[str]]) -> File
 
 
 def _signed(numbering: Numbering) -> FileSequence | None:
-    """Return the files of a numbering with those below 0; None if there are none, or if they are not adjacent.
-
-    A dash that separates a name from its number then is none.
-    """
+    """Return the files of a numbering with those below 0; None if there are none, or if a dash is a separator."""
     signed = replace(numbering, signed=True)
     sequence = _in_order(signed, signed.find())
     is_one = (
@@ -287,13 +206,7 @@ def _signed(numbering: Numbering) -> FileSequence | None:
 
 
 def list_files(folder: Path) -> list[str]:
-    """Return names of the files in a folder, without folders, by the alphabet.
-
-    Raises
-    ------
-    OSError
-        The folder cannot be read.
-    """
+    """Return names of the files in a folder, without folders, by the alphabet."""
     with os.scandir(folder) as entries:
         return sorted(entry.name for entry in entries if entry.is_file())
 

@@ -34,22 +34,11 @@ class ImageSink:
     one the images are moved at the end, and moved back should that fail. A later run can go on with images that are
     there when this one is stopped, and with moving them.
 
-    Parameters
-    ----------
-    output : Output
-        Its path is a folder, made if it is not there, or a pattern in an existing folder. In a folder the naming of an
-        image source is continued; frames of a video become ``000001.png``. Where its factor divides the step of the
-        source's numbers, the images keep those, with their padding, and the others get the numbers between. JPEG is
-        written with quality 95, everything else without loss: OpenEXR as half where the source is, else as float. With
-        `overwrite`, images of the same naming are replaced, later ones too, and anything else in the folder stays.
-
-    Raises
-    ------
-    OptionError
-        There are no numbers for the frames between, in place.
-    OutputError
-        The target exists (without `overwrite`), is the source, is being written by another run, or cannot hold or
-        receive the images; or nothing is missing, in place.
+    The output's path is a folder, made if it is not there, or a pattern in an existing folder. In a folder the naming
+    of an image source is continued; frames of a video become ``000001.png``. Where the factor divides the step of the
+    source's numbers, the images keep those, with their padding, and the others get the numbers between. JPEG is written
+    with quality 95, everything else without loss: OpenEXR as half where the source is, else as float. With `overwrite`,
+    images of the same naming are replaced, later ones too, and anything else in the folder stays.
     """
 
     holds_last_frame = False
@@ -243,18 +232,7 @@ class ImageSink:
         self._names.append(path.name)
 
     def join(self, files: Sequence[Path]) -> None:
-        """Take image files that were written elsewhere, all of the output's in order, instead of frames.
-
-        Parameters
-        ----------
-        files : sequence of Path
-            They stay where they are.
-
-        Raises
-        ------
-        OutputError
-            They are not named as the images of this output, or cannot be copied.
-        """
+        """Take image files that were written elsewhere, in order, instead of frames; they stay where they are."""
         with explained(OutputError, "write to", self._path, "check the free space and the permissions"):
             for file in files:
                 path = self._numbering.path(self._next)
@@ -315,18 +293,7 @@ class ImageSink:
 
 
 class ImagePartSink:
-    """Sink that writes the images of a part, with their final names, in a folder that appears when they are complete.
-
-    Parameters
-    ----------
-    output : Output
-        With a part. Its path is that of all images.
-
-    Raises
-    ------
-    OutputError
-        The images cannot be written; see also `fpsboost.io.part.PartFolder`.
-    """
+    """Sink for a part: its images appear with their final names in a folder once they are complete."""
 
     holds_last_frame = False
 
@@ -374,13 +341,7 @@ class ImagePartSink:
         self._folder.leave(error, max(self._frames_there, len(self._names)))
 
     def write(self, frame: Frame) -> None:
-        """Write the next image; its time does not matter.
-
-        Raises
-        ------
-        InputError, OutputError
-            An original cannot be read again, or the image cannot be written.
-        """
+        """Write the next image; its time does not matter."""
         path = self._numbering.path(self._next)
         self._next += self._step
         self._encoder.check(path, frame.array)

@@ -55,20 +55,10 @@ SCENE_LINEAR = (".exr", ".hdr")
 class ImageReading:
     """How numbered images are read.
 
-    Parameters
-    ----------
-    upright : bool
-        Turn images as their EXIF orientation says, for targets that cannot say it; frames then have no original.
-    fill_gaps : bool
-        Take the numbers for the clock, so that images may be missing.
-    in_place : bool
-        Frames are to be made beside the images: those that a stopped run has begun to put there do not count.
-    passes : str
-        Layers of OpenEXR files that are read beside the picture; see `Passes.chosen`.
-    linear : bool
-        Say that the colours of OpenEXR and HDR are scene-linear, by images with layers, be it none.
-    view : {'none', 'srgb'}
-        View transform of OpenEXR and HDR.
+    `upright` turns them as EXIF says, for targets that cannot say it; frames then have no original. `fill_gaps` takes
+    numbers for the clock, so that images may be missing. `in_place`: frames that a stopped run has begun to put beside
+    the images do not count. `passes`: see `Passes.chosen`. `linear` says that colours of OpenEXR and HDR are scene-
+    linear, by images with layers, be it none.
     """
 
     upright: bool = False
@@ -80,32 +70,10 @@ class ImageReading:
 
 
 class ImageSource(ClosesOnExit):
-    """Read a folder or a pattern of images, one at a time.
+    """Read a folder or a pattern of images at a rate above 0, one at a time.
 
-    Parameters
-    ----------
-    path : str
-        A folder that holds one sequence, or a pattern. In a folder, files that are no images and hidden files are
-        ignored.
-    rate : Fraction
-        Frames per second; images do not say.
-    reading : ImageReading, optional
-    limit : MemoryLimit, optional
-        What may be taken; what is available without it.
-
-    Attributes
-    ----------
-    images : NumberedImages
-        The images that are read.
-
-    Raises
-    ------
-    OptionError
-        The rate is not above 0, there are gaps to fill among names without numbers, or layers are named and the files
-        are no OpenEXR.
-    InputError
-        No images, several sequences, a gap, or an unreadable first image; while iterating, an unreadable image or one
-        that differs from the first in size, type or layers.
+    In a folder, which holds one sequence, files that are no images and hidden files are ignored. `InputError` for a
+    gap, or an unreadable image, or one that differs from the first in size, type or layers.
     """
 
     def __init__(
@@ -216,13 +184,7 @@ class ImageSource(ClosesOnExit):
         return [self._time_of(number) for number in range(len(self._places))]
 
     def begin_at(self, number: int) -> None:
-        """See `fpsboost.io.RandomAccess.begin_at`; of the images before, only the first one is read.
-
-        Raises
-        ------
-        InputError
-            There is no such image.
-        """
+        """See `fpsboost.io.RandomAccess.begin_at`; of the images before, only the first one is read."""
         if number >= len(self.images.files):
             raise InputError(f"{self.info.name} has {len(self.images.files)} images, and none has the number {number}.")
         self._first = number
@@ -241,13 +203,7 @@ class ImageSource(ClosesOnExit):
         return image
 
     def keep(self, first: int, last: int | None) -> None:
-        """See `fpsboost.io.trim.Sliceable.keep`; places count numbers where gaps are filled.
-
-        Raises
-        ------
-        InputError
-            There are no such images.
-        """
+        """See `fpsboost.io.trim.Sliceable.keep`; places count numbers where gaps are filled."""
         kept = [index for index, place in enumerate(self._places) if first <= place and (last is None or place < last)]
         if not kept:
             reason = "ends before `start`" if first > self._places[-1] else "has none between `start` and `end`"
@@ -314,15 +270,7 @@ def is_pattern(path: str) -> bool:
 
 
 def find_images(path: str) -> FileSequence:
-    """Find the images that a folder or a pattern stands for, some of which may be missing.
-
-    Raises
-    ------
-    InputError
-        As `scan_folder`; or the path is neither, or nothing is named like the pattern.
-    OSError
-        The folder cannot be read.
-    """
+    """Find the images that a folder or a pattern stands for, some of which may be missing."""
     place = Path(path)
     if place.is_dir():
         return scan_folder(place)
@@ -334,15 +282,7 @@ def find_images(path: str) -> FileSequence:
 
 
 def find_numbers(path: str) -> range | None:
-    """Find the numbers of images where they rise by one step; None where there are none, or no images.
-
-    Raises
-    ------
-    InputError
-        As `find_images`.
-    OSError
-        The folder cannot be read.
-    """
+    """Find the numbers of images where they rise by one step; None where there are none, or no images."""
     if not Path(path).is_dir() and (Path(path).is_file() or not is_pattern(path)):
         return None
     sequence = find_images(path)
@@ -352,19 +292,7 @@ def find_numbers(path: str) -> range | None:
 
 
 def scan_folder(folder: Path) -> FileSequence:
-    """Find the one sequence in a folder; images without any number in their names go by the alphabet.
-
-    Returns
-    -------
-    FileSequence
-
-    Raises
-    ------
-    InputError
-        No images, several sequences, or numbers of different widths.
-    OSError
-        The folder cannot be read.
-    """
+    """Find the one sequence in a folder; images without any number in their names go by the alphabet."""
     names = [name for name in list_files(folder) if extension_of(name) in IMAGE_SUFFIXES and not name.startswith(".")]
     if not names:
         raise InputError(f"{folder} holds no images ({', '.join(IMAGE_SUFFIXES)}); name a folder that does.")
