@@ -7,7 +7,7 @@ shots joined by cuts, fades, dissolves; or one shot with a flash, a whip pan, a 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import cv2
@@ -119,33 +119,16 @@ def colour(random: np.random.Generator, low: float = 0.0, high: float = 1.0) -> 
 
 @dataclass(frozen=True)
 class Shot:
-    """A camera over a scenery: `frame(k)` is what it sees at time k.
-
-    Attributes
-    ----------
-    canvas : (H, W, 3) float32
-    place : (x, y)
-        Of the frame's centre at time 0, pixels of the canvas.
-    path : callable
-        ``path(t)`` is the camera's move since, ``(dx, dy, zoom, degrees)``.
-    shutter : float
-        How long a frame is exposed, of the time to the next.
-    actor : callable or None
-        ``actor(t, image)`` draws into the frame what moves in front.
-    bars : int
-        Rows of black at top and bottom.
-    noise : float
-        Deviation of the camera's noise, with 1 for white.
-    """
+    """A camera over a scenery: `frame(k)` is what it sees at time k."""
 
     canvas: Array
-    place: tuple[float, float]
-    path: Callable[[float], tuple[float, float, float, float]]
-    shutter: float = 0.3
-    actor: Callable[[float, Array], None] | None = None
-    bars: int = 0
-    noise: float = 0.008
-    seed: int = field(default=0)
+    place: tuple[float, float]  # of the frame's centre at time 0, pixels of the canvas
+    path: Callable[[float], tuple[float, float, float, float]]  # the camera's move since: dx, dy, zoom, degrees
+    shutter: float = 0.3  # how long a frame is exposed, of the time to the next
+    actor: Callable[[float, Array], None] | None = None  # draws into the frame at a time what moves in front
+    bars: int = 0  # rows of black at top and bottom
+    noise: float = 0.008  # deviation of the camera's noise, with 1 for white
+    seed: int = 0
 
     def frame(self, t: float) -> Array:
         """Float32, with 1 for white."""
@@ -351,16 +334,7 @@ def one_shot_or_more(name: str, make: Callable[[np.random.Generator], Shot]) -> 
 
 
 KINDS = (
-    hard_cuts,
-    equally_bright,
-    other_angles,
-    rapid,
-    slides,
-    through_black,
-    dissolve,
-    flash,
-    whip_pan,
-    zoom,
+    *(hard_cuts, equally_bright, other_angles, rapid, slides, through_black, dissolve, flash, whip_pan, zoom),
     one_shot_or_more("fast pans", fast),
     one_shot_or_more("among trees", tracking),
 )

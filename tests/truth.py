@@ -161,13 +161,11 @@ def translation(
     )
 
 
-def moving_object(
-    height: int, width: int, *, box: tuple[int, int, int, int], dx: int, dy: int, dtype: type = np.uint8, seed: int = 0
-) -> Clip:
+def moving_object(height: int, width: int, *, box: tuple[int, int, int, int], dx: int, dy: int) -> Clip:
     """A rectangle of noise, ``box = (top, left, bottom, right)`` at time 0, moving over still noise."""
-    background = noise(height, width, 3, dtype, seed)
+    background = noise(height, width)
     top, left, bottom, right = box
-    thing = noise(bottom - top, right - left, 3, dtype, seed + 1)
+    thing = noise(bottom - top, right - left, seed=1)
 
     def covered(t: float) -> Array:
         mask = np.zeros((height, width), bool)
@@ -193,9 +191,6 @@ def layers(
     shift: tuple[float, float],
     background: tuple[float, float] = (0, 0),
     bright: bool = False,
-    channels: int = 3,
-    dtype: type = np.uint8,
-    seed: int = 0,
 ) -> Clip:
     """A smooth rectangle, ``box`` at time 0, that moves by `shift` over a smooth background with a motion of its own.
 
@@ -211,12 +206,12 @@ def layers(
         return down.clip(0, 1) * across.clip(0, 1)
 
     def at(t: float) -> Array:
-        behind = waves(x - t * background[0], y - t * background[1], channels, seed)
-        front = waves(x - t * shift[0], y - t * shift[1], channels, seed + 1)
+        behind = waves(x - t * background[0], y - t * background[1])
+        front = waves(x - t * shift[0], y - t * shift[1], seed=1)
         covered = share(t)[..., np.newaxis]
         if bright:
             behind, front = 0.3 + 0.15 * behind, 0.6 + 0.4 * front
-        return as_type(behind * (1 - covered) + front * covered, dtype)
+        return as_type(behind * (1 - covered) + front * covered, np.uint8)
 
     covered0, covered1 = share(0) > 0, share(1) > 0
     flow01, flow10 = np.empty((height, width, 2)), np.empty((height, width, 2))
@@ -230,21 +225,14 @@ def layers(
 
 
 def accelerating(
-    height: int,
-    width: int,
-    *,
-    velocity: tuple[float, float],
-    acceleration: tuple[float, float],
-    channels: int = 3,
-    dtype: type = np.uint8,
-    seed: int = 0,
+    height: int, width: int, *, velocity: tuple[float, float], acceleration: tuple[float, float]
 ) -> Callable[[float], Array]:
     """A smooth texture at any time: moved by ``v t + a t^2 / 2``."""
     y, x = np.mgrid[0:height, 0:width].astype(float)
 
     def at(t: float) -> Array:
         dx, dy = (v * t + a * t * t / 2 for v, a in zip(velocity, acceleration, strict=True))
-        return as_type(waves(x - dx, y - dy, channels, seed), dtype)
+        return as_type(waves(x - dx, y - dy), np.uint8)
 
     return at
 

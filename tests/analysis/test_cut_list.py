@@ -5,6 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -86,16 +87,12 @@ def test_a_cut_lies_before_the_frame_that_is_named(rate, way):
 
 def cuts_in(path: Path, target: Path, cuts: CutList, start: str | None) -> int:
     """How many cuts a conversion comes across."""
-    part = Trim(None if start is None else parse_position(start, "--start"))
-    method = Interpolator(ZeroMotion(), Blend(), cuts=cuts, compensate_illumination=False)
-    return convert(
-        str(path),
-        str(target),
-        method=method,
-        encoding=Encoding(preset="ultrafast"),
-        decoding=DecodeOptions(trim=part),
-        run=RunOptions(overwrite=True),
-    ).scene_cuts
+    options: dict[str, Any] = {
+        "method": Interpolator(ZeroMotion(), Blend(), cuts=cuts, compensate_illumination=False),
+        "encoding": Encoding(preset="ultrafast"),
+        "decoding": DecodeOptions(trim=Trim(None if start is None else parse_position(start, "--start"))),
+    }
+    return convert(str(path), str(target), **options, run=RunOptions(overwrite=True)).scene_cuts
 
 
 @pytest.fixture(scope="module")
