@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import av
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -89,7 +90,7 @@ def write_clip(
         packets += other_packets
         if audio:
             seconds = sound_seconds or float((end - times[0]) * time_base)
-            packets += _sound(audio, seconds)
+            packets += tone(audio, samples=round(seconds * 48000))
         packets += [_line(lines, *line) for line in subtitles]
         mux_in_order(output, packets)
     return path
@@ -149,24 +150,21 @@ def _line(stream: Any, start: int, length: int, text: bytes) -> Any:
     return packet
 
 
-def _sound(stream: Any, seconds: float) -> list[Any]:
-    samples = round(seconds * 48000)
+def tone(stream: Any, start: int = 0, samples: int = 19200) -> list[Any]:
+    """Encode a tone of 48 kHz that begins at sample `start`."""
     wave = (np.sin(np.arange(samples) / 20) * 0.3).astype(np.float32)
     packets = []
-    for start in range(0, samples, 960):
-        part = np.ascontiguousarray(np.stack([wave[start : start + 960]] * 2))
+    for at in range(0, samples, 960):
+        part = np.ascontiguousarray(np.stack([wave[at : at + 960]] * 2))
         frame = av.AudioFrame.from_ndarray(part, format="fltp", layout="stereo")
-        frame.sample_rate, frame.pts, frame.time_base = 48000, start, Fraction(1, 48000)
+        frame.sample_rate, frame.pts, frame.time_base = 48000, start + at, Fraction(1, 48000)
         packets += stream.encode(frame)
     return packets + stream.encode(None)
 
 
 def png() -> bytes:
     """A small PNG file."""
-    encoder = av.CodecContext.create("png", "w")
-    encoder.width, encoder.height, encoder.pix_fmt, encoder.time_base = 16, 16, "rgb24", Fraction(1, 25)
-    frame = av.VideoFrame.from_ndarray(scene(0, 16, 16), format="bgr24").reformat(format="rgb24")
-    return b"".join(bytes(packet) for packet in [*encoder.encode(frame), *encoder.encode(None)])
+    return cv2.imencode(".png", scene(0, 16, 16))[1].tobytes()
 
 
 def packets_of(path: Path, kind: str, number: int = 0) -> list[tuple[Fraction, bytes]]:
@@ -206,13 +204,12 @@ def pictures_of(path: Path) -> list[av.VideoFrame]:
 
 def samples_of(picture: av.VideoFrame) -> list[NDArray[Any]]:
     """The planes of a planar picture without padding."""
-    dtype = np.dtype(np.uint8 if picture.format.components[0].bits <= 8 else np.uint16)
-    return [
-        np.frombuffer(memoryview(plane), dtype)
-        .reshape(-1, plane.line_size // dtype.itemsize)[: plane.height, : plane.width]
-        .copy()
-        for plane in picture.planes
-    ]
+    return [plane.copy() for plane in plane_arrays(picture)]
+
+
+def bytes_of(picture: av.VideoFrame) -> bytes:
+    """All samples of a planar picture, one plane after the other."""
+    return b"".join(plane.tobytes() for plane in plane_arrays(picture))
 
 
 def spoil_packets(path: Path, numbers: Sequence[int], kind: str = "video") -> None:

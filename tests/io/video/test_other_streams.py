@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import av
-import numpy as np
 import pytest
-from video_truth import add_pictures, mux_in_order, packets_of, write_clip
+from video_truth import add_pictures, mux_in_order, packets_of, tone, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import OutputError
@@ -250,7 +249,7 @@ def test_labels_survive_two_changes_of_container(tmp_path):
         for sound, language, title, role in zip(sounds, ("fra", "deu"), ("main", "remarks"), (1, 0), strict=True):
             sound.metadata.update({"language": language, "title": title})
             sound.disposition = role
-        mux_in_order(output, packets + [packet for sound in sounds for packet in tone(sound, 0)])
+        mux_in_order(output, packets + [packet for sound in sounds for packet in tone(sound)])
     assert double(start, tmp_path / "over.mkv") == []
     assert double(tmp_path / "over.mkv", tmp_path / "end.mp4") == []
     for path in (tmp_path / "over.mkv", tmp_path / "end.mp4"):
@@ -273,17 +272,6 @@ def test_labels_survive_two_changes_of_container(tmp_path):
 
 
 # ----------------------------------------------------------------------------------------------- where the sound stands
-
-
-def tone(stream: Any, start: int) -> list[Any]:
-    """Encode 19200 samples that begin at sample `start`."""
-    packets = []
-    for at in range(0, 19200, 960):
-        wave = np.ascontiguousarray(np.stack([np.sin(np.arange(at, at + 960) / 20).astype(np.float32) * 0.3] * 2))
-        frame = av.AudioFrame.from_ndarray(wave, format="fltp", layout="stereo")
-        frame.sample_rate, frame.pts, frame.time_base = 48000, start + at, Fraction(1, 48000)
-        packets += stream.encode(frame)
-    return packets + stream.encode(None)
 
 
 def write_sound(path: Path, sound_start: int, video_start: int, *, sound_first: bool) -> Path:
@@ -345,7 +333,7 @@ def write_tags(path: Path, tags: dict[str, str], languages: Sequence[str] = (), 
         sounds = [output.add_stream("aac", rate=48000) for _ in languages]
         for sound, language in zip(sounds, languages, strict=True):
             sound.metadata["language"] = language
-        mux_in_order(output, packets + [packet for sound in sounds for packet in tone(sound, 0)])
+        mux_in_order(output, packets + [packet for sound in sounds for packet in tone(sound)])
     return path
 
 

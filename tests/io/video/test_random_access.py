@@ -11,7 +11,7 @@ from typing import Any
 import av
 import numpy as np
 import pytest
-from video_truth import copy_packets, samples_of, spoil_packets, write_clip
+from video_truth import bytes_of, copy_packets, spoil_packets, write_clip
 
 from fpsboost.contracts import FrameSource
 from fpsboost.errors import InputError
@@ -64,7 +64,7 @@ UNEVEN = [0, 1, 2, 5, 6, 7, 8, 13, 14, 15, 16, 17, 18, 30, 31, 32, 33, 34, 35, 3
 def content(frame: Frame) -> tuple[Any, ...]:
     """What must not change: time, duration, and every sample of the image and of the decoder's picture."""
     original = frame.original
-    planes = [plane.tobytes() for plane in samples_of(original)] if isinstance(original, av.VideoFrame) else original
+    planes = bytes_of(original) if isinstance(original, av.VideoFrame) else original
     return frame.time, frame.duration, np.asarray(frame.image).tobytes(), planes
 
 

@@ -11,7 +11,7 @@ import av
 import numpy as np
 import pytest
 from conversion_options import output_of
-from video_truth import QUARTER_TURN, packets_of, pictures_of, png, samples_of, scene, write_clip
+from video_truth import QUARTER_TURN, bytes_of, packets_of, pictures_of, png, scene, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError, OutputError
@@ -20,28 +20,18 @@ from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding, parse_bitrate, parse_encoder_options
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
-from fpsboost.timing.schedule import ByFactor, OutputTiming
+from fpsboost.timing.rate import OutputRate
+from fpsboost.timing.schedule import OutputTiming
 
 FAST = Encoding(preset="ultrafast")
 LOSSLESS = Encoding(crf=0, preset="ultrafast")
 B_FRAMES = Encoding(preset="veryfast")
-TWICE = ByFactor(Fraction(2))
+INFO = ClipInfo("x", 48, 64, Fraction(25), Fraction(1, 25), None)
 
 
-def double(source_path: Path, target: Path, encoding: Encoding = FAST, overwrite: bool = False) -> list[str]:
-    """Show every source frame twice, each time for half as long; return the remarks of the sink."""
-    with VideoSource(source_path) as source:
-        info = source.info
-        timing = OutputTiming(TWICE.rate(info.rate), TWICE.time_base(info.time_base))
-        with VideoSink(output_of(target, source, timing, encoding=encoding, overwrite=overwrite)) as sink:
-            last = None
-            for frame in itertools.chain(source, [None]):
-                if last is not None:
-                    half = ((frame.time if frame else last.time + last.duration) - last.time) / 2
-                    sink.write(Frame(last.image, last.time, half, last.original))
-                    sink.write(Frame(last.image, last.time + half, half, last.original))
-                last = frame
-    return sink.remarks
+def double(source_path: Path, target: Path, encoding: Encoding = FAST) -> list[str]:
+    """Convert in the cheapest way; return what was said."""
+    return convert(str(source_path), str(target), method="nearest", encoding=encoding).remarks
 
 
 def write_images(target: Path, images: list[np.ndarray], encoding: Encoding = FAST) -> list[str]:
@@ -85,7 +75,8 @@ def test_variable_rate_keeps_length(tmp_path, encoding):
     """Uneven frames, a long last one and reordering still add up to the source's length."""
     times = [0, 3, 4, 9, 10, 16, 17, 18, 30, 31, 32, 40]
     clip = write_clip(tmp_path / "in.mp4", times=times, end=52, time_base=Fraction(1, 100))
-    double(clip, tmp_path / "out.mp4", encoding)
+    rate = OutputRate(keep_timing=True)
+    convert(str(clip), str(tmp_path / "out.mp4"), rate=rate, method="nearest", encoding=encoding)
     length, found = facts(tmp_path / "out.mp4")
     assert length == Fraction(52, 100)
     pairs = itertools.pairwise([*times, 52])
@@ -115,23 +106,6 @@ def test_writing_leaves_the_original_alone(tmp_path):
                 before = picture.pts, picture.duration, picture.time_base, picture.pict_type
                 sink.write(frame)
                 assert (picture.pts, picture.duration, picture.time_base, picture.pict_type) == before
-
-
-@pytest.mark.parametrize("pixel_format", ["yuv420p", "yuv420p10le"])
-def test_made_frames_look_like_originals(tmp_path, pixel_format):
-    """A frame that goes through BGR differs from its original by no more than rounding, and not on average."""
-    clip = write_clip(tmp_path / "in.mp4", times=[0, 1], pixel_format=pixel_format)
-    with VideoSource(clip) as source:
-        timing = OutputTiming(Fraction(25), source.info.time_base)
-        encoding = Encoding(crf=0, preset="ultrafast")
-        with VideoSink(output_of(tmp_path / "out.mp4", source, timing, encoding=encoding)) as sink:
-            for frame in source:
-                sink.write(Frame(frame.image, frame.time, frame.duration))
-    for before, after in zip(pictures_of(clip), pictures_of(tmp_path / "out.mp4"), strict=True):
-        assert after.format.name == pixel_format
-        for a, b in zip(samples_of(before), samples_of(after), strict=True):
-            assert abs((a.astype(float) - b).mean()) < 0.15
-            assert np.abs(a.astype(float) - b).max() <= (2 if pixel_format == "yuv420p" else 8)
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".mov", ".mkv"])
@@ -187,14 +161,13 @@ def test_cover_art_is_kept(tmp_path, suffix):
 
 def test_places_that_cannot_be_written(tmp_path):
     """A folder and an unknown suffix each get their sentence."""
-    clip = write_clip(tmp_path / "in.mp4")
     (tmp_path / "folder.mp4").mkdir()
     for target, sentence in (
         (tmp_path / "folder.mp4", "is a folder"),
         (tmp_path / "out.xyz", "no suffix of a video file"),
     ):
         with pytest.raises(OutputError, match=sentence):
-            double(clip, target)
+            write_images(target, [scene(0)])
 
 
 @pytest.mark.parametrize("images", [[], [scene(0), scene(0, 64, 64)]], ids=["none", "two sizes"])
@@ -294,8 +267,7 @@ def test_lossless_is_lossless(tmp_path, codec, pixel_format):
     before, after = pictures_of(clip), pictures_of(tmp_path / "out.mkv")
     for k, picture in enumerate(after):
         assert picture.format.name == pixel_format
-        pairs = zip(samples_of(picture), samples_of(before[k // 2]), strict=True)
-        assert all(np.array_equal(a, b) for a, b in pairs)
+        assert bytes_of(picture) == bytes_of(before[k // 2])
 
 
 @pytest.mark.parametrize(
@@ -453,9 +425,8 @@ def test_lost_pixel_shape_is_said(tmp_path):
 
 def test_times_must_increase(tmp_path):
     """Two frames on one tick of the clock are refused."""
-    info = ClipInfo("x", 48, 64, Fraction(25), Fraction(1, 25), None)
     timing = OutputTiming(Fraction(25), Fraction(1, 25))
-    with VideoSink(Output(str(tmp_path / "out.mp4"), info, timing, encoding=FAST)) as sink:
+    with VideoSink(Output(str(tmp_path / "out.mp4"), INFO, timing, encoding=FAST)) as sink:
         sink.write(Frame(scene(0), Fraction(0), Fraction(1, 25)))
         with pytest.raises(OutputError, match="choose a lower rate"):
             sink.write(Frame(scene(0), Fraction(1, 100), Fraction(1, 25)))
@@ -463,9 +434,8 @@ def test_times_must_increase(tmp_path):
 
 def test_matroska_is_too_coarse_for_extreme_rates(tmp_path):
     """More than a thousand frames per second do not fit a clock of milliseconds."""
-    info = ClipInfo("x", 48, 64, Fraction(25), Fraction(1, 25), None)
     with pytest.raises(OutputError, match="counts time in milliseconds and cannot hold 2500"):
-        VideoSink(Output(str(tmp_path / "out.mkv"), info, OutputTiming(Fraction(2500), Fraction(1, 2500))))
+        VideoSink(Output(str(tmp_path / "out.mkv"), INFO, OutputTiming(Fraction(2500), Fraction(1, 2500))))
 
 
 @pytest.mark.parametrize(
