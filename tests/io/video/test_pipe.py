@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -565,21 +564,3 @@ def test_frames_come_out_as_they_are_made(tmp_path):
             assert process.wait(60) == 0
         finally:
             process.kill()
-
-
-@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs the ffmpeg program")
-@pytest.mark.parametrize("pixel_format", ["yuv420p", "yuv444p12le", "gray16le"])
-def test_between_two_ffmpegs(piped, tmp_path, pixel_format):
-    """FFmpeg writes what we read and reads what we write."""
-    make = ["ffmpeg", "-v", "error", "-f", "lavfi", "-i", "testsrc2=size=70x50:rate=30000/1001:duration=0.2"]
-    made = subprocess.run(
-        [*make, "-pix_fmt", pixel_format, "-strict", "-1", "-f", "yuv4mpegpipe", "-"], capture_output=True, check=True
-    )
-    done = piped(made.stdout, "-", "-", *NEAREST)
-    assert frames_in(done.stdout)[1][::2] == frames_in(made.stdout)[1]
-    store = ["ffmpeg", "-v", "error", "-i", "-", "-c:v", "ffv1", str(tmp_path / "out.mkv")]
-    subprocess.run(store, input=done.stdout, check=True)
-    pictures = pictures_of(tmp_path / "out.mkv")
-    assert len(pictures) == 12
-    planes = [bytes_of(picture) for picture in pictures]
-    assert planes == frames_in(done.stdout)[1]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -143,16 +142,7 @@ def test_light_beyond_white_is_said(tmp_path):
 def test_lossless_rgb_video(tmp_path):
     """A screen capture in RGB comes back from H.264, too; without --lossless it says what few players show."""
     image = noise(np.uint8)
-    clip = tmp_path / "in.mkv"
-    with av.open(str(clip), "w") as output:
-        video = output.add_stream("ffv1", rate=10, width=64, height=48)
-        video.pix_fmt = "bgr0"
-        packets = []
-        for index in range(2):
-            picture = av.VideoFrame.from_ndarray(image, format="bgr24").reformat(format="bgr0")
-            picture.pts, picture.time_base = index, Fraction(1, 10)
-            packets += video.encode(picture)
-        output.mux(packets + video.encode(None))
+    clip = write_clip(tmp_path / "in.mkv", times=range(2), codec="ffv1", pixel_format="bgr0", picture=lambda *_: image)
     (remark,) = convert(str(clip), str(tmp_path / "out.mp4"), factor=1).remarks
     assert "out.mp4 was written as yuv444p to keep the colours of its source, which few players show" in remark
     encoding = Encoding(pixel_format="yuv420p")

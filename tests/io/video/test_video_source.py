@@ -13,7 +13,17 @@ import numpy as np
 import pytest
 from av.video.reformatter import VideoReformatter
 from PIL import ExifTags, Image
-from video_truth import QUARTER_TURN, bytes_of, pictures_of, samples_of, scene, spoil_packets, write_clip
+from video_truth import (
+    QUARTER_TURN,
+    bytes_of,
+    copy_packets,
+    pictures_of,
+    samples_of,
+    scene,
+    spoil_packets,
+    tone,
+    write_clip,
+)
 
 from fpsboost.errors import InputError
 from fpsboost.io.video.pictures import turned_upright
@@ -149,16 +159,12 @@ def test_nothing_decodes(tmp_path):
 
 def test_repeated_time_is_dropped_with_a_remark(tmp_path):
     """A frame that is shown no later than the one before it is left out."""
-    clip = tmp_path / "in.mkv"
-    with av.open(str(clip), "w") as output:
-        video = output.add_stream("ffv1", rate=25, width=32, height=32)
-        for index, milliseconds in enumerate((0, 40, 40, 80)):
-            frame = av.VideoFrame.from_ndarray(scene(index, 32, 32), format="bgr24").reformat(format="yuv420p")
-            frame.pts = index
-            for packet in video.encode(frame):
-                packet.time_base, packet.pts, packet.dts = Fraction(1, 1000), milliseconds, milliseconds
-                output.mux(packet)
-    frames, remarks = read(clip)
+
+    def repeat_one(number: int, packet: av.Packet) -> None:
+        packet.pts = packet.dts = (0, 40, 40, 80)[number]
+
+    whole = write_clip(tmp_path / "whole.mkv", times=range(4), codec="ffv1")
+    frames, remarks = read(copy_packets(whole, tmp_path / "in.mkv", repeat_one))
     assert [frame.time for frame in frames] == [0, Fraction(40, 1000), Fraction(80, 1000)]
     assert "1 frame no later" in remarks[0]
 
@@ -171,10 +177,7 @@ def test_what_cannot_be_opened(tmp_path):
     empty.touch()
     sound = tmp_path / "sound.wav"
     with av.open(str(sound), "w") as output:
-        stream = output.add_stream("pcm_s16le", rate=48000)
-        frame = av.AudioFrame.from_ndarray(np.zeros((1, 1920), np.int16), format="s16", layout="stereo")
-        frame.sample_rate = 48000
-        output.mux(stream.encode(frame))
+        output.mux(tone(output.add_stream("pcm_s16le", rate=48000)))
     for path, sentence in (
         (tmp_path / "none.mp4", "does not exist"),
         (tmp_path, "is a folder"),
