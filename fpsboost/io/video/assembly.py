@@ -57,7 +57,6 @@ class Assembly:
 
     @property
     def remarks(self) -> list[str]:
-        """Remarks on what the file could not hold."""
         return self._others.remarks if self._others else []
 
     def finish(self, chunks: Sequence[Chunk]) -> None:

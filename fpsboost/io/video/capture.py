@@ -79,7 +79,6 @@ class CaptureSource(ArraySource):
         ]
 
     def close(self) -> None:
-        """Close the file or the device."""
         self._capture.release()
 
 

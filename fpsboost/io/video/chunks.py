@@ -76,7 +76,6 @@ class ChunkWriter:
         self._write(bytes(packet))
 
     def finish(self, frames: int) -> Chunk:
-        """Close the chunk of `frames` frames and rename it to its final name."""
         self._file.write(TRAILER.pack(b"done", frames, self._sum))
         self._file.flush()
         os.fsync(self._file.fileno())
@@ -217,7 +216,6 @@ class VideoChunks:
 
     @property
     def details(self) -> str:
-        """Encoder, pixel format and options."""
         return "" if self._encoder is None else f"{self._name}: {self._encoder.details}"
 
     @property
@@ -275,7 +273,6 @@ class VideoChunks:
             self._encoder.close()
 
     def _encode(self, encoder: VideoEncoder, frame: Frame, pts: int, duration: int) -> None:
-        """Encode one frame into the current chunk; times are in ticks."""
         if self._writer is None:
             assert self._folder is not None
             extradata = bytes(encoder.stream.codec_context.extradata or b"")

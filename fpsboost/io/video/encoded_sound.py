@@ -196,7 +196,6 @@ class EncodedSound:
         self._tick = Fraction(0)
 
     def converted(self, packet: av.Packet[Any]) -> list[av.Packet[Any]]:
-        """Return the output packets that are ready after one packet of the source, in order."""
         assert packet.dts is not None
         self._tick = tick = Fraction(packet.time_base)
         pts = packet.dts if packet.pts is None else packet.pts
@@ -352,7 +351,6 @@ class _Run:
         return _traits_of(frame) == self._traits
 
     def stretched(self, frame: av.AudioFrame) -> Iterator[av.AudioFrame]:
-        """Push the next frame and yield the frames that are ready."""
         frame.pts, frame.time_base = self._taken, Fraction(1, self._rate_in)
         self._taken += frame.samples
         self._graph.push(frame)

@@ -78,7 +78,6 @@ class VideoEncoder:
 
     @property
     def details(self) -> str:
-        """Encoder, pixel format and options."""
         options = " ".join(f"{name}={value}" for name, value in self._options.items())
         return f"{self._encoder}, {self.pixel_format}, {options}"
 

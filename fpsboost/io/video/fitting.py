@@ -194,7 +194,6 @@ def keeps_data(container: str, stream: av.stream.Stream) -> bool:
 
 
 def _listed(container: str, stream: av.stream.Stream) -> bool:
-    """Return whether a container's list of codecs names a stream's codec."""
     context: Any = stream.codec_context
     return context is not None and holds(container, context.codec.name)
 

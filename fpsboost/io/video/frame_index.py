@@ -284,7 +284,6 @@ class HeaderReader:
         self.is_blank = False
 
     def read(self, count: int) -> bytes:
-        """Return at most this many bytes; none at the end of the file."""
         count = min(count, self._size - self._place, len(BLANK_BLOCK))
         if count <= 0:
             return b""

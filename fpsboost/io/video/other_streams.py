@@ -111,7 +111,6 @@ class OtherStreams:
                 self._output.mux(packet)
 
     def check_labels(self, path: Path) -> None:
-        """Add remarks on the labels of the source's streams that are missing in the finished file."""
         with open_input(str(path.absolute())) as file:
             for index, labels in self._labels.items():
                 lost = lost_labels(labels, file.streams[labels.index]) if labels.index < len(file.streams) else []

@@ -167,7 +167,6 @@ class PictureReader:
         return False
 
     def _reopen(self) -> None:
-        """Begin again at the very first frame."""
         self.pictures.close()
         self._demuxer.reopen()
         self.pictures = self._from_here()

@@ -294,7 +294,6 @@ class FormatUnifier:
 
     @property
     def stopped_by(self) -> str | None:
-        """Sentence about the first change of size or pixel format."""
         if self._first_change is None:
             return None
         return (

@@ -106,7 +106,6 @@ def _deepest(offered: list[str], wanted: str, *, exact: bool) -> str:
 
 
 def _loss_remarks(name: str, encoder: str, chosen: str, source: str, *, exact: bool) -> list[str]:
-    """Return the remarks on bit depth and chroma resolution that a format does not hold."""
     finer = _chroma_of(av.VideoFormat(source)) > _chroma_of(av.VideoFormat(chosen))
     deeper = _bits_held(chosen, source, exact=exact) < depth_of(source)
     lost = ["depth"] * deeper + ["colour resolution"] * finer
@@ -135,7 +134,6 @@ def _bits_held(name: str, source: str, *, exact: bool) -> int:
 
 
 def _chroma_of(format: av.VideoFormat) -> float:
-    """Return the number of chroma samples per pixel and plane."""
     if is_gray(format):
         return 0
     if format.is_rgb:

@@ -22,7 +22,6 @@ class Damage:
     untimed: int = 0  # frames
 
     def remarks(self, name: str, frames: int) -> list[str]:
-        """Return remarks on the errors of a file of which `frames` frames could be read."""
         losses = (
             (self.undecodable, "packet", "could not be decoded"),
             (self.unreadable, "place", "could not be read"),

@@ -45,7 +45,6 @@ class _ChunkSink:
 
     @property
     def details(self) -> str:
-        """Encoder, pixel format and options."""
         return self._video.details
 
     @property

@@ -95,7 +95,6 @@ class VideoSource(ClosesOnExit):
             self._prepare_for_images()
 
     def _read_header(self) -> ClipInfo:
-        """Read what is known before anything is decoded: the clock, the file's description, and the clip's."""
         container, stream = self._demuxer.container, self._demuxer.stream
         context = stream.codec_context
         self._limit.check(self._name, context.width, context.height)

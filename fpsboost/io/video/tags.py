@@ -171,7 +171,6 @@ def _is_language_duplicate(key: str, tags: Mapping[str, str]) -> bool:
 
 
 def _lost_tags(tags: Mapping[str, str], container: str, options: dict[str, str]) -> list[str]:
-    """Return the names of the tags that cannot be read back from a file of a container."""
     kept, _ = _tags_read_back(tags, container, options)
     return [name for name in tags if kept and name.lower() not in kept]
 

@@ -74,7 +74,6 @@ class VideoTraits:
 
     @property
     def has_hdr_data(self) -> bool:
-        """Whether there is HDR metadata beyond the colour tags."""
         return (self.mastering_display, self.light_level) != (None, None) or self.has_dynamic_hdr
 
 
