@@ -180,30 +180,26 @@ def from_json(kind: Any, value: Any) -> Any:
     >>> from_json(OutputRate, as_json(OutputRate(Fraction(5, 2)))).factor
     Fraction(5, 2)
     """
+    kinds = get_args(kind)
     if value is None:
         return None
-    choices = [each for each in get_args(kind) if each is not type(None)] if _is_union(kind) else [kind]
-    if Fraction in choices:
+    if Fraction in (kind, *kinds):
         return Fraction(value)
-    (kind, *_) = choices
+    if type(None) in kinds:
+        return from_json(next(each for each in kinds if each is not type(None)), value)
     if is_dataclass(kind):
         hints = get_type_hints(kind)
-        return kind(**{name: from_json(hints[name], each) for name, each in value.items()})  # type: ignore[operator]
-    return _collection(kind, value) if get_args(kind) else value
+        return kind(**{name: from_json(hints[name], item) for name, item in value.items()})  # type: ignore[operator]
+    return _collection(get_origin(kind), kinds, value)
 
 
-def _collection(kind: Any, value: Any) -> Any:
-    """Return a list, tuple or dict; values of a Literal as they are."""
-    items = get_args(kind)
-    if get_origin(kind) is dict:
-        return {items[0](key): from_json(items[1], each) for key, each in value.items()}
-    if get_origin(kind) is list:
-        return [from_json(items[0], each) for each in value]
-    if get_origin(kind) is tuple:
-        kinds = [items[0]] * len(value) if items[-1] is Ellipsis else items
+def _collection(kind: Any, kinds: Any, value: Any) -> Any:
+    """Return a dict, list or tuple of values of these kinds; anything else as it is."""
+    if kind is dict:
+        return {kinds[0](key): from_json(kinds[1], item) for key, item in value.items()}
+    if kind is list:
+        return [from_json(kinds[0], item) for item in value]
+    if kind is tuple:
+        kinds = kinds[:1] * len(value) if kinds[-1] is Ellipsis else kinds
         return tuple(from_json(each, item) for each, item in zip(kinds, value, strict=True))
     return value
-
-
-def _is_union(kind: Any) -> bool:
-    return type(None) in get_args(kind) or Fraction in get_args(kind)

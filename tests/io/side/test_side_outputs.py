@@ -261,21 +261,17 @@ def test_a_renderers_vectors_are_followed(tmp_path):
     assert means[1] < 60
 
 
-def test_no_motion_is_said(tmp_path):
-    """Vectors that are all 0 come with a remark."""
-    source = save_pan(tmp_path / "in", range(1, 4))
-    summary = convert(str(source), str(tmp_path / "out"), method="blend", run=beside(save_motion=tmp_path / "m"))
-    assert any("No motion was found" in remark for remark in summary.remarks)
-
-
-def test_no_made_frame_is_said(tmp_path):
-    """Where all frames are originals there is nothing to write."""
-    source = save_pan(tmp_path / "in", range(1, 4))
-    summary = convert(
-        str(source), str(tmp_path / "out"), factor=1, method="blend", run=beside(confidence=tmp_path / "c")
-    )
-    assert any("No frame was made" in remark for remark in summary.remarks)
-    assert names_in(tmp_path) == ["in", "out"]
+@pytest.mark.parametrize(
+    ("option", "factor", "sentence"),
+    [("save_motion", 2, "No motion was found"), ("confidence", 1, "No frame was made")],
+)
+def test_what_is_empty_is_said(tmp_path, option, factor, sentence):
+    """Vectors that are all 0 come with a remark; where all frames are originals, there is nothing to write."""
+    source = str(save_pan(tmp_path / "in", range(1, 4)))
+    run = beside(**{option: tmp_path / "beside"})
+    summary = convert(source, str(tmp_path / "out"), factor=factor, method="blend", run=run)
+    assert any(sentence in remark for remark in summary.remarks)
+    assert (tmp_path / "beside").exists() == (factor == 2)
 
 
 # ------------------------------------------------------------------------------------------------- whole or not at all
