@@ -33,12 +33,7 @@ DECODERS = (
 )
 """FFmpeg's decoders of what people film and render."""
 
-known_digests: Mapping[str, str] = MappingProxyType(
-    {
-        "nlm": "6870d30a1ebd8a53",
-        "nlm-fast": "0f3e3a90e8420481",
-    }
-)
+known_digests: Mapping[str, str] = MappingProxyType({"nlm": "6870d30a1ebd8a53", "nlm-fast": "0f3e3a90e8420481"})
 """First digits of the digests of `fpsboost.parts.self_test` by method, 8-bit BGR; AVX2 and AVX-512 give the same."""
 
 MAX_ERROR = 4.0
@@ -49,21 +44,13 @@ Part = Literal["programs", "codecs", "machine", "kernels", "self-test"]
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that was looked at.
-
-    Attributes
-    ----------
-    part : {'programs', 'codecs', 'machine', 'kernels', 'self-test'}
-    name, value : str
-        What it is, and what was found.
-    advice : str
-        Where it does not work, a sentence that says what to do; else empty.
-    """
+    """Something that was looked at."""
 
     part: Part
     name: str
     value: str
     advice: str = ""
+    """Sentence that says what to do where it does not work; else empty."""
 
 
 def diagnose() -> Iterator[Finding]:

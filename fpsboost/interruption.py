@@ -38,11 +38,6 @@ def interrupt(number: int, frame: FrameType | None) -> None:
 
     LLVM calls back from machine code, which swallows an exception, as a compiled library may while it is imported: the
     signal is then raised again a moment later.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        Always, but not while LLVM calls back or a module is imported.
     """
     modules = {caller.f_globals.get("__name__") for caller, _ in walk_stack(frame)}
     if CANNOT_STOP & modules:

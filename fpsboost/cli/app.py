@@ -132,7 +132,7 @@ def convert(
         )
     gc.disable()  # until kernels are compiled or loaded: importing and loading them makes many objects and few cycles
     # imported here so that --help and --version need not wait for OpenCV, numba and FFmpeg
-    from fpsboost.cli.batch import convert_each, convert_in_place  # noqa: PLC0415
+    from fpsboost.cli.batch import convert_all, convert_each  # noqa: PLC0415
     from fpsboost.cluster.options import convert_where  # noqa: PLC0415
     from fpsboost.preparation import ConversionJob  # noqa: PLC0415
     from fpsboost.streaming import one_opencv_thread  # noqa: PLC0415
@@ -161,10 +161,11 @@ def convert(
     of_one_clip += run_options.side.given
     if of_one_clip:
         raise OptionError(f"{' and '.join(of_one_clip)} goes with one clip; convert several inputs one by one.")
+    quiet, verbose = not messages.prints_text, messages.verbose
     if run_options.in_place:
-        convert_in_place(inputs, run, quiet=not messages.prints_text, verbose=messages.verbose)
+        convert_all(inputs, [None] * len(inputs), run, quiet=quiet, verbose=verbose)
     else:
-        convert_each(inputs, paths[-1], run, quiet=not messages.prints_text, verbose=messages.verbose)
+        convert_each(inputs, paths[-1], run, quiet=quiet, verbose=verbose)
 
 
 app.command(

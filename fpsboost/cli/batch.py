@@ -28,11 +28,6 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
     """Choose an output path in a folder, which need not exist, for each input.
 
     A video keeps its name, and its suffix if that can be written; images go into a folder of their folder's name.
-
-    Raises
-    ------
-    OptionError
-        A path is a pipe, `folder` is not a folder, or two outputs would have the same name.
     """
     if folder in PIPES or any(path in PIPES for path in inputs):
         raise OptionError("A pipe is one clip; convert several inputs with names, into a folder.")
@@ -65,15 +60,6 @@ def convert_each(inputs: Sequence[str], folder: str, convert: Convert, *, quiet:
 
     The folder is made if it is missing, and removed again if it is still empty at the end. An error of one input is
     printed, and the next one follows.
-
-    Raises
-    ------
-    OptionError
-        See `plan_outputs`.
-    OutputError
-        The folder cannot be made.
-    KeyboardInterrupt
-        With a note on how many inputs were converted.
     """
     outputs = plan_outputs(inputs, folder)
     is_new = not os.path.isdir(folder)
@@ -82,21 +68,17 @@ def convert_each(inputs: Sequence[str], folder: str, convert: Convert, *, quiet:
     with explained(OutputError, "make the folder", folder, "check the path and the permissions"):
         Path(folder).mkdir(exist_ok=True)
     try:
-        _convert_all(inputs, outputs, convert, quiet=quiet, verbose=verbose)
+        convert_all(inputs, outputs, convert, quiet=quiet, verbose=verbose)
     finally:
         if is_new:
             with suppress(OSError):
                 Path(folder).rmdir()  # fails unless it is empty
 
 
-def convert_in_place(inputs: Sequence[str], convert: Convert, *, quiet: bool, verbose: bool) -> None:
-    """Convert several image sequences, each into its own folder; otherwise like `convert_each`."""
-    _convert_all(inputs, [None] * len(inputs), convert, quiet=quiet, verbose=verbose)
-
-
-def _convert_all(
+def convert_all(
     inputs: Sequence[str], outputs: Sequence[str | None], convert: Convert, *, quiet: bool, verbose: bool
 ) -> None:
+    """Convert every input to its output, or into its own folder where that is None; see `convert_each`."""
     messages = console()
     done, failed = 0, []
     try:

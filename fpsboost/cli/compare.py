@@ -330,10 +330,8 @@ class Progressing:
         self._progress.stop()
 
     def begin(self, name: str, frames: int | None) -> None:
-        """See `fpsboost.evaluation.compare.Observer.begin`."""
         self._task = self._progress.add_task(literal(name), total=frames)
 
     def advance(self) -> None:
-        """See `fpsboost.evaluation.compare.Observer.advance`."""
         if self._task is not None:
             self._progress.advance(self._task)

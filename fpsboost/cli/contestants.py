@@ -30,16 +30,6 @@ def split_methods(texts: Sequence[str]) -> list[NamedMethod]:
     """Parse ``--methods``: names separated by commas, each with options after a colon.
 
     No name contains an equals sign and every option does, so commas can separate both methods and options.
-
-    Raises
-    ------
-    OptionError
-        A name or an option is missing, or an option is given twice.
-
-    Examples
-    --------
-    >>> [each.text for each in split_methods(["nlm,nlm-exhaustive:patch-radius=9,v=0.05,dis", "blend"])]
-    ['nlm', 'nlm-exhaustive:patch-radius=9,v=0.05', 'dis', 'blend']
     """
     methods: list[NamedMethod] = []
     for text in texts:
@@ -67,13 +57,7 @@ def _with_option(method: NamedMethod, text: str, part: str) -> NamedMethod:
 
 
 def choose(texts: Sequence[str], vectors: VectorFolder | None) -> tuple[dict[str, Contestant], dict[str, str]]:
-    """Return the methods of ``--methods``, and those that cannot be run with the reason.
-
-    Raises
-    ------
-    OptionError
-        A method or one of its options is unknown, and the message lists the known ones; or a value is out of range.
-    """
+    """Return the methods of ``--methods``, and those that cannot be run with the reason."""
     from fpsboost.evaluation.contestants import MINTERPOLATE, Minterpolate, method_names  # noqa: PLC0415
     from fpsboost.method_table import vector_methods  # noqa: PLC0415
 
@@ -81,10 +65,7 @@ def choose(texts: Sequence[str], vectors: VectorFolder | None) -> tuple[dict[str
     contestants: dict[str, Contestant] = {}
     skipped: dict[str, str] = {}
     for method in split_methods(texts):
-        candidates = [method]
-        if method.text == "all":
-            candidates = [NamedMethod(name, name, {}) for name in names]
-        for candidate in candidates:
+        for candidate in [NamedMethod(name, name, {}) for name in names] if method.text == "all" else [method]:
             if candidate.name not in names:
                 raise OptionError(f"There is no method {candidate.name!r}; choose from {', '.join(names)}, or all.")
             if candidate.name in vector_methods and vectors is None:
@@ -101,13 +82,7 @@ def choose(texts: Sequence[str], vectors: VectorFolder | None) -> tuple[dict[str
 
 def _make(method: NamedMethod, vectors: VectorFolder | None) -> Contestant:
     from fpsboost.evaluation.contestants import MINTERPOLATE, InterpolatorContestant, Minterpolate  # noqa: PLC0415
-    from fpsboost.method_table import (  # noqa: PLC0415
-        configure,
-        find_method,
-        may_use_vectors,
-        methods,
-        read_options,
-    )
+    from fpsboost.method_table import configure, find_method, may_use_vectors, methods, read_options  # noqa: PLC0415
 
     if method.name == MINTERPOLATE:
         return Minterpolate.with_options(method.options)
@@ -165,13 +140,7 @@ class Others(NamedTuple):
 
 
 def name_others(frames: Sequence[str], peers: Sequence[str]) -> Others:
-    """Parse ``--frames NAME=FOLDER`` and ``--peer NAME=COMMAND``, each given any number of times.
-
-    Raises
-    ------
-    OptionError
-        A name is missing, given twice or that of a method, or a command lacks its folders.
-    """
+    """Parse ``--frames NAME=FOLDER`` and ``--peer NAME=COMMAND``, each given any number of times."""
     from fpsboost.evaluation.contestants import method_names  # noqa: PLC0415
     from fpsboost.evaluation.peers import split_command  # noqa: PLC0415
 

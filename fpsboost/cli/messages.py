@@ -14,7 +14,6 @@ import traceback
 import unicodedata
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
-from types import TracebackType
 from typing import IO, Self, TextIO
 
 from rich.console import Console
@@ -42,13 +41,7 @@ def console(*, quiet: bool = False) -> Console:
 
 
 def literal(text: str) -> str:
-    r"""Return a text escaped so that Rich prints it literally; file names and titles may contain terminal controls.
-
-    Examples
-    --------
-    >>> print(literal("\x1b[31m.mp4"), literal("a\nb"))
-    \x1b[31m.mp4 a\nb
-    """
+    """Return a text escaped so that Rich prints it literally; file names and titles may contain terminal controls."""
     return escape(_escape_controls(text))
 
 
@@ -110,18 +103,12 @@ class LibraryTexts:
             self._before = sys.stderr
             self._before.flush()
             sys.stderr = open(
-                os.dup(self._terminal),
-                "w",
-                buffering=1,
-                encoding=self._before.encoding,
-                errors=self._before.errors,
+                os.dup(self._terminal), "w", buffering=1, encoding=self._before.encoding, errors=self._before.errors
             )
         os.dup2(self._texts.fileno(), STANDARD_ERROR)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         if self._texts is None:
             return
         os.dup2(self._terminal, STANDARD_ERROR)
@@ -138,10 +125,8 @@ class LibraryTexts:
         if self._texts is None:
             return []
         self._texts.seek(0)
-        text = self._texts.read().decode(errors="replace")
-        return list(
-            dict.fromkeys(_prefix_of_opencv.sub("", line).strip() for line in text.splitlines() if line.strip())
-        )
+        lines = self._texts.read().decode(errors="replace").splitlines()
+        return list(dict.fromkeys(_prefix_of_opencv.sub("", line).strip() for line in lines if line.strip()))
 
     def sentence(self) -> str:
         """Return the first lines as one sentence; empty if there are none."""

@@ -54,22 +54,9 @@ class MethodOptions:
     match_grain: bool = option(False, "Make in-between frames as grainy as their neighbours.")
     vectors: str | None = option(None, "Folder of rendered vectors, one file per output frame.", metavar="DIR")
     depth: str | None = option(None, "Folder of rendered depth, for reproject-scene.", metavar="DIR")
-    vector_convention: ConventionName = option(
-        "auto",
-        "Their convention: blender, nuke, ...",
-        flag="vectors-as",
-    )
+    vector_convention: ConventionName = option("auto", "Their convention: blender, nuke, ...", flag="vectors-as")
 
     def interpolator(self, tuning: TuningOptions) -> Interpolator:
-        """Return the method with its options.
-
-        Raises
-        ------
-        OptionError
-            The method is unknown, or has no such option.
-        InputError
-            The vectors cannot be read.
-        """
         from fpsboost.io.vectors.folder import VectorFolder  # noqa: PLC0415
         from fpsboost.method_table import configure, find_method  # noqa: PLC0415
 
@@ -123,15 +110,7 @@ class CutOptions:
         return {name: value for name, (value, default) in values.items() if value != default}
 
     def applied_to(self, interpolator: Interpolator) -> Interpolator:
-        """Return the interpolator with these options applied.
-
-        Raises
-        ------
-        OptionError
-            Options contradict each other, or the file of cuts is not a list of positions.
-        InputError
-            The file of cuts cannot be read.
-        """
+        """Return the interpolator with these options applied."""
         from fpsboost.analysis.scene_cuts import CutDetector, read_cuts  # noqa: PLC0415
 
         names = [name for name in self.given if name != "--at-cuts"]

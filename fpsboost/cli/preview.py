@@ -48,7 +48,7 @@ def preview(
     """
     from fpsboost.io.target import Target  # noqa: PLC0415
     from fpsboost.preparation import ConversionJob  # noqa: PLC0415
-    from fpsboost.preview.page import check_page, check_video, estimate_sentence, write_page, write_video  # noqa: PLC0415  # noqa: PLC0415
+    from fpsboost.preview.page import check_page, check_video, estimate_sentence, write_page, write_video  # noqa: PLC0415
     from fpsboost.preview.trial import preview as run  # noqa: PLC0415
 
     if input in PIPES:
@@ -72,10 +72,8 @@ def preview(
         )
         result.remarks = [in_flags(remark) for remark in result.remarks]
         status.update("writing the page")
-        words = ["fpsboost", input, output, *_method_words(options)]
-        write_page(
-            place, result, shlex.join([*words, *words_of_options(decoding, rate, cuts)]), overwrite=options.overwrite
-        )
+        words = ["fpsboost", input, output, *_method_words(options), *words_of_options(decoding, rate, cuts)]
+        write_page(place, result, shlex.join(words), overwrite=options.overwrite)
         if options.side_by_side is not None:
             write_video(options.side_by_side, result, overwrite=options.overwrite)
     for remark in result.remarks:
@@ -94,27 +92,20 @@ def _stem(input: str) -> str:
 
 
 def _methods(options: PreviewOptions, cuts: CutOptions) -> dict[str, Interpolator]:
-    """Return the methods by their names.
-
-    Raises
-    ------
-    OptionError
-        One is unknown, or none of this package.
-    """
+    """Return the methods by their names; raise `OptionError` if one is none of this package."""
     from fpsboost.evaluation.contestants import InterpolatorContestant  # noqa: PLC0415
     from fpsboost.interpolator import Interpolator  # noqa: PLC0415
 
     contestants, skipped = choose(options.methods, None)
-    makers_of_ours = {
-        name: contestant for name, contestant in contestants.items() if isinstance(contestant, InterpolatorContestant)
-    }
-    others = [*skipped, *(name for name in contestants if name not in makers_of_ours)]
+    methods, others = dict[str, Interpolator](), list(skipped)
+    for name, contestant in contestants.items():
+        if isinstance(contestant, InterpolatorContestant):
+            method = replace(cuts.applied_to(contestant.interpolator), match_grain=options.match_grain)
+            methods[name] = method if options.duplicates == "interpolate" else replace(method, duplicates=None)
+        else:
+            others.append(name)
     if others:
         raise OptionError(f"A preview cannot show {', '.join(others)}; leave it out of --methods.")
-    methods = dict[str, Interpolator]()
-    for name, contestant in makers_of_ours.items():
-        method = replace(cuts.applied_to(contestant.interpolator), match_grain=options.match_grain)
-        methods[name] = method if options.duplicates == "interpolate" else replace(method, duplicates=None)
     return methods
 
 

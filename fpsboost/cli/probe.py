@@ -101,10 +101,8 @@ def facts(result: Probe) -> dict[str, str]:
     every = "" if result.declared_frames in (None, result.frames) else f" of the {result.declared_frames} declared"
     lines = {"size": f"{result.width}x{result.height}", **(look_lines(result.look) if result.look else {})}
     lines["rate"] = f"{result.rate:.6g} fps ({result.exact_rate}), {'varies' if result.varies else 'constant'}"
-    lines["intervals"] = " / ".join(
-        f"{1000 * interval:.4g}" for interval in (result.shortest, result.median, result.longest)
-    )
-    lines["intervals"] += " ms (shortest / median / longest)"
+    intervals = " / ".join(f"{1000 * each:.4g}" for each in (result.shortest, result.median, result.longest))
+    lines["intervals"] = f"{intervals} ms (shortest / median / longest)"
     lines["duration"] = f"{result.duration:.3f} s" + (f", starts at {result.start:.3f} s" if result.start else "")
     lines["frames"] = f"{result.frames}{every}"
     if result.number_step is not None and result.number_step > 1:
@@ -119,18 +117,11 @@ def facts(result: Probe) -> dict[str, str]:
 
 def look_lines(look: Look) -> dict[str, str]:
     """Return how the frames are stored and to be displayed, as names and values."""
-    tags = [
-        f"{name} {tag}" for name, tag in zip(("matrix", "primaries", "transfer"), tags_of(look), strict=True) if tag
-    ]
+    tags = [f"{name} {tag}" for name in ("matrix", "primaries", "transfer") if (tag := getattr(look, name))]
     return {
         "pixels": f"{look.pixel_format}, aspect {look.pixel_aspect}, rotation {look.rotation:g} degrees",
         "colour": ", ".join([*(tags or ["no tags"]), "full range" if look.full_range else "limited range"]),
     }
-
-
-def tags_of(look: Look) -> tuple[str | None, str | None, str | None]:
-    """Return the colour tags: matrix, primaries, transfer."""
-    return look.matrix, look.primaries, look.transfer
 
 
 def cut_times(cuts: list[float]) -> str:

@@ -6,7 +6,6 @@ import gc
 import json
 import sys
 from contextlib import ExitStack
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeRemainingColumn
@@ -28,7 +27,6 @@ class FramesPerSecondColumn(ProgressColumn):
     """Progress column with the output frames per second so far."""
 
     def render(self, task: Task) -> Text:
-        """See `rich.progress.ProgressColumn.render`."""
         speed = task.finished_speed or task.speed
         return Text("" if speed is None else f"{speed:.1f} frames/s", style="progress.data.speed")
 
@@ -39,15 +37,14 @@ def collect_from_here_on() -> None:
     gc.enable()
 
 
-class Reporter:
+class Reporter(ExitStack):
     """Observer that shows a conversion: a bar on a terminal, nothing when piped, a summary at the end."""
 
     def __init__(self, output: str, *, quiet: bool, verbose: bool) -> None:
+        super().__init__()
         self._console = console(quiet=quiet)
-        self._output = output
-        self._verbose = verbose
+        self._output, self._verbose = output, verbose
         self._info: ClipInfo | None = None
-        self._listening = ExitStack()
         self._task: TaskID | None = None
         self._progress = Progress(
             TextColumn("{task.description}"),
@@ -61,34 +58,25 @@ class Reporter:
         )
 
     def __enter__(self) -> Self:
-        self._progress.start()
+        self.enter_context(self._progress)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._listening.close()
-        self._progress.stop()
-
     def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
-        """See `fpsboost.conversion.Observer.opened`."""
         self._info = info
         if self._verbose:
             count = "an unknown number of" if info.frame_count is None else info.frame_count
             self._say(f"{info.name}: {info.width}x{info.height}, {count} frames at {readable(info.rate)} fps")
-        self._listening.enter_context(told_of_compiling(self._say_compiling))
+        self.enter_context(told_of_compiling(self._say_compiling))
         self._task = self._progress.add_task(
             literal(self._output), total=expected_frames, start=False, frames=expected_frames or "?"
         )
 
     def ready(self) -> None:
-        """See `fpsboost.conversion.Observer.ready`."""
         collect_from_here_on()
         if self._task is not None:
             self._progress.start_task(self._task)
 
     def wrote(self, summary: Summary) -> None:
-        """See `fpsboost.conversion.Observer.wrote`."""
         if self._task is not None:
             self._progress.update(self._task, completed=summary.frames_out)
 
@@ -129,41 +117,24 @@ class Reporter:
         self._console.print(sentence(text))
 
 
-class JsonReporter:
-    """Observer that prints a conversion as JSON for the program that has started it, one object a line.
-
-    Parameters
-    ----------
-    output : str
-        Path of the output.
-    """
+class JsonReporter(ExitStack):
+    """Observer that prints a conversion as JSON for the program that has started it, one object a line."""
 
     def __init__(self, output: str) -> None:
+        super().__init__()
         self._output, self._frames = output, 0
         self._expected: int | None = None
-        self._listening = ExitStack()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._listening.close()
 
     def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
-        """See `fpsboost.contracts.Observer.opened`."""
         self._expected = expected_frames
-        self._listening.enter_context(told_of_compiling(self._say_compiling))
+        self.enter_context(told_of_compiling(self._say_compiling))
         self._print("opened")
 
     def ready(self) -> None:
-        """See `fpsboost.contracts.Observer.ready`."""
         collect_from_here_on()
         self._print("ready")
 
     def wrote(self, summary: Summary) -> None:
-        """See `fpsboost.contracts.Observer.wrote`."""
         self._frames = summary.frames_out
         self._print("converting", fps=_speed(summary))
 
@@ -182,14 +153,7 @@ class JsonReporter:
             "least_certain": _least_certain(summary),
         }
         remarks = [in_flags(remark) for remark in summary.remarks]
-        self._print(
-            "done",
-            fps=_speed(summary),
-            done=True,
-            output=self._output,
-            **counts,
-            remarks=remarks,
-        )
+        self._print("done", fps=_speed(summary), done=True, output=self._output, **counts, remarks=remarks)
 
     def _say_compiling(self) -> None:
         self._print("compiling")

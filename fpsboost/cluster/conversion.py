@@ -12,7 +12,7 @@ from pathlib import Path
 
 from fpsboost import ClipInfo, ConversionJob, FpsboostError, OptionError, OutputError, Part, RunOptions, Summary, join
 from fpsboost.cluster.scheduler import Executor, run_parts
-from fpsboost.cluster.worker import LOCK_INTERVAL, PartTask
+from fpsboost.cluster.worker import LOCK_INTERVAL
 from fpsboost.contracts import SilentObserver
 from fpsboost.errors import CompleteAlreadyError, InUseError, explained
 from fpsboost.io.fingerprint import JobFingerprint
@@ -34,7 +34,6 @@ class JobInParts:
 
     @property
     def output(self) -> str:
-        """Path of the output."""
         assert self.job.output is not None
         return self.job.output
 
@@ -43,40 +42,15 @@ class JobInParts:
         """Folder of the folders of the parts."""
         return part_folder(self.output, Part(1, 1)).parent
 
-    def task(self, part: Part) -> PartTask:
-        """Return the task of a part, as a worker gets it."""
-        return PartTask(self.job, part, self.run.threads, self.run.limit)
-
 
 StartExecutor = Callable[[JobInParts], AbstractContextManager[Executor]]
 """Starts workers, which stop when the block is left."""
 
 
 def convert_in_parts(job: ConversionJob, run: RunOptions, workers: int, start: StartExecutor) -> Summary:
-    """Convert a clip in parts; the result is that of `fpsboost.convert_job`.
+    """Convert a clip in parts, whose number follows from that of the workers; the result is that of `convert_job`.
 
     Parts that earlier runs of the same job have made are taken over; all are removed when they are joined.
-
-    Parameters
-    ----------
-    job : ConversionJob
-    run : RunOptions
-        `threads` is the number for each worker.
-    workers : int
-        Number of workers, by which the number of parts is chosen.
-    start : callable
-
-    Returns
-    -------
-    Summary
-        Its `utilisation` says how busy the workers were.
-
-    Raises
-    ------
-    OptionError
-        Such an output cannot be made in parts.
-    InputError, OutputError, ClusterError
-        See `fpsboost.errors`.
     """
     begin = time.perf_counter()
     parts = JobInParts(job, run)

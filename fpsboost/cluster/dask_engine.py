@@ -19,7 +19,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from types import TracebackType
 from typing import Any, Self
 from uuid import uuid4
 
@@ -30,15 +29,7 @@ from distributed.security import Security
 from fpsboost import ConversionJob, OptionError, OutputError, Part, RunOptions, Summary
 from fpsboost.cluster.conversion import JobInParts, convert_in_parts
 from fpsboost.cluster.scheduler import MAX_LOST_WORKERS, Done, Failed, Progress, Report
-from fpsboost.cluster.worker import (
-    Outcome,
-    WorkerOrder,
-    job_facts,
-    job_key,
-    make_on_worker,
-    read_piece,
-    remove_private,
-)
+from fpsboost.cluster.worker import Outcome, PartTask, WorkerOrder, job_facts, job_key, make_on_worker, read_piece
 from fpsboost.errors import ClusterError, explained
 from fpsboost.io.part import part_folder, remove_if_empty
 from fpsboost.io.staging import sync
@@ -102,9 +93,7 @@ class DaskExecutor:
         self._client.subscribe_topic(self._topic, self._handle_event)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self.cancel()
         self._fetching.shutdown()
         with suppress(Exception):  # the scheduler may be gone
@@ -113,7 +102,7 @@ class DaskExecutor:
         remove_if_empty(self._mark.parent)
 
     def workers(self) -> Sequence[str]:
-        """See `fpsboost.cluster.scheduler.Executor.workers`; asks the scheduler now and then."""
+        """Return the names of the workers; the scheduler is asked for them now and then."""
         now = time.monotonic()
         if now - self._asked < WORKERS_INTERVAL:
             return self._workers
@@ -136,8 +125,7 @@ class DaskExecutor:
         return self._workers
 
     def submit(self, part: Part, worker: str, attempt: int) -> None:
-        """See `fpsboost.cluster.scheduler.Executor.submit`."""
-        task = self._parts.task(part)
+        task = PartTask(self._parts.job, part, self._parts.run.threads, self._parts.run.limit)
         order = WorkerOrder(pickle.dumps(task), self._facts, str(self._mark), self._topic)
         key = f"{self._topic}-{part.number}-of-{part.count}-{attempt}"
         future = self._client.submit(make_on_worker, order, key=key, workers=[worker], pure=False)
@@ -145,7 +133,7 @@ class DaskExecutor:
         future.add_done_callback(lambda done: self._handle_end(part, worker, done))
 
     def wait(self) -> list[Report]:
-        """See `fpsboost.cluster.scheduler.Executor.wait`; raises `ClusterError` if the scheduler is gone."""
+        """Return the reports that have come; raises `ClusterError` if the scheduler is gone."""
         received: list[Report | Exception] = []
         with suppress(Empty):
             received.append(self._reports.get(timeout=WAIT_SECONDS))
@@ -161,7 +149,7 @@ class DaskExecutor:
         return reports
 
     def cancel(self) -> None:
-        """See `fpsboost.cluster.scheduler.Executor.cancel`; another client that waits for a task keeps it running."""
+        """Release all tasks; another client that waits for one keeps it running."""
         for part in list(self._running):
             self._release(part)
         self._fetching.shutdown(cancel_futures=True)
@@ -183,8 +171,7 @@ class DaskExecutor:
     def _handle_event(self, event: tuple[float, Mapping[str, Any]]) -> None:
         """Handle what a worker has logged."""
         _, message = event
-        number, count = map(int, message["part"].split("/"))
-        self._reports.put(Progress(Part(number, count), message["frames"]))
+        self._reports.put(Progress(Part(*map(int, message["part"].split("/"))), message["frames"]))
 
     def _handle_end(self, part: Part, worker: str, future: Future[Outcome]) -> None:
         """Handle the end of a task; called in a thread of Dask."""
@@ -199,8 +186,10 @@ class DaskExecutor:
         except (OSError, TimeoutError, KilledWorker, CancelledError):  # a worker that has died with its result
             self._reports.put(Failed(part, worker))
             return
-        except Exception as error:
-            self._reports.put(Failed(part, worker, _unreadable(worker, error)))
+        except Exception as error:  # it cannot even read its task
+            reason = f"{type(error).__name__}: {error}"
+            sentence = f"The worker at {worker} cannot run fpsboost ({reason}); install the same version there."
+            self._reports.put(Failed(part, worker, ClusterError(sentence)))
             return
         if outcome.is_stopped:
             self._reports.put(Failed(part, worker))
@@ -226,7 +215,7 @@ class DaskExecutor:
                 if not folder.is_dir():
                     copy.rename(folder)
             if outcome.is_private:
-                self._client.run(remove_private, outcome.folder, workers=[worker], on_error="ignore")
+                self._client.run(shutil.rmtree, outcome.folder, ignore_errors=True, workers=[worker], on_error="ignore")
             self._reports.put(Done(part))
         except _WorkerLostError:
             self._reports.put(Failed(part, worker))
@@ -239,9 +228,7 @@ class DaskExecutor:
         with target.open("wb") as file:
             for begin in range(0, size, PIECE_BYTES):
                 try:
-                    pieces = self._client.run(
-                        read_piece, path, begin, min(PIECE_BYTES, size - begin), workers=[worker], on_error="raise"
-                    )
+                    pieces = self._client.run(read_piece, path, begin, PIECE_BYTES, workers=[worker], on_error="raise")
                 except Exception as error:
                     raise _WorkerLostError from error
                 file.write(pieces[worker])
@@ -255,13 +242,6 @@ class DaskExecutor:
 
 class _WorkerLostError(Exception):
     """Raised where a worker does not answer."""
-
-
-def _unreadable(worker: str, error: Exception) -> ClusterError:
-    """Return the error for a worker that cannot even read its task."""
-    return ClusterError(
-        f"The worker at {worker} cannot run fpsboost ({type(error).__name__}: {error}); install the same version there."
-    )
 
 
 @contextmanager

@@ -19,28 +19,10 @@ LOCAL = "local"
 class ClusterOptions:
     """Where the parts of a conversion are made; by default in threads of one process.
 
-    Parameters
-    ----------
-    cluster : str, optional
-        Address of a Dask scheduler, ``tls://host:port`` or ``tcp://host:port``, or ``local`` for workers on this
-        machine, one per core. Certificates are those of Dask's configuration.
-
-    Raises
-    ------
-    OptionError
-        It is no such address.
-
-    Examples
-    --------
-    >>> ClusterOptions("tls://scheduler:8786").cluster
-    'tls://scheduler:8786'
+    The address is that of a Dask scheduler; ``local`` means workers on this machine, one per core.
     """
 
-    cluster: str | None = option(
-        None,
-        "Convert on Dask workers: tls://HOST:PORT, or local.",
-        metavar="ADDRESS",
-    )
+    cluster: str | None = option(None, "Convert on Dask workers: tls://HOST:PORT, or local.", metavar="ADDRESS")
 
     def __post_init__(self) -> None:
         if self.cluster is not None and self.cluster != LOCAL and not re.match(r"(tcp|tls)://[^/]+:\d+$", self.cluster):
@@ -50,15 +32,7 @@ class ClusterOptions:
 
 
 def convert_where(where: ClusterOptions, job: ConversionJob, run: RunOptions) -> Summary:
-    """Convert a clip where options say; the output is the same everywhere.
-
-    Raises
-    ------
-    OptionError
-        Dask is not installed.
-    FpsboostError
-        See `fpsboost.convert` and `fpsboost.cluster.convert`.
-    """
+    """Convert a clip where options say; the output is the same everywhere."""
     # imported here because the command line reads the options for --help
     from fpsboost import convert_job  # noqa: PLC0415
 

@@ -72,20 +72,12 @@ class Executor(Protocol):
 
 @dataclass
 class Utilisation:
-    """Seconds in which workers made parts and in which they were there, summed over workers.
-
-    Attributes
-    ----------
-    busy_seconds, available_seconds : float
-    tail_seconds : float
-        Duration from when a worker first finds no part left to the end.
-    most_workers : int
-        Largest number of workers at a time.
-    """
+    """Seconds in which workers made parts and in which they were there, summed over workers."""
 
     busy_seconds: float = 0.0
     available_seconds: float = 0.0
     tail_seconds: float = 0.0
+    """Duration from when a worker first finds no part left to the end."""
     most_workers: int = 0
 
     def add(self, seconds: float, *, busy: int, workers: int, is_tail: bool) -> None:
@@ -128,7 +120,7 @@ class _Run:
     """State of a conversion in parts."""
 
     def __init__(self, planned: Sequence[PlannedPart], executor: Executor, wrote: Callable[[int], None]) -> None:
-        self.waiting = sorted(planned, key=lambda each: (-each.cost, each.part.number))
+        self.waiting = _largest_first(planned)
         self.running: dict[Part, str] = {}
         self.executor, self.utilisation, self.complete = executor, Utilisation(), 0
         self._wrote, self._planned = wrote, {each.part: each for each in planned}
@@ -178,13 +170,17 @@ class _Run:
             self._count(report.part, planned.frames)
             return
         _count_failure(self._attempts[report.part], report)
-        self.waiting = sorted([*self.waiting, planned], key=lambda each: (-each.cost, each.part.number))
+        self.waiting = _largest_first([*self.waiting, planned])
 
     def _count(self, part: Part, frames: int) -> None:
         """Count the frames of a part; one that is made again counts only what it has more than before."""
         if frames > self._frames[part]:
             self._frames[part] = frames
             self._wrote(sum(self._frames.values()))
+
+
+def _largest_first(planned: Sequence[PlannedPart]) -> list[PlannedPart]:
+    return sorted(planned, key=lambda each: (-each.cost, each.part.number))
 
 
 def _count_failure(attempts: _Attempts, report: Failed) -> None:
@@ -205,28 +201,9 @@ def _count_failure(attempts: _Attempts, report: Failed) -> None:
 
 
 def run_parts(planned: Sequence[PlannedPart], executor: Executor, wrote: Callable[[int], None]) -> Utilisation:
-    """Make parts on workers until all are complete.
+    """Make parts on workers until all are complete; `wrote` gets the number of output frames that all have together.
 
-    Parameters
-    ----------
-    planned : sequence of PlannedPart
-        Parts to make.
-    executor : Executor
-    wrote : callable
-        Called with the number of output frames that all parts have together, whenever it has grown.
-
-    Returns
-    -------
-    Utilisation
-
-    Raises
-    ------
-    InputError, OptionError
-        A part fails with one; others would, too.
-    ClusterError
-        A part has lost too many workers, or the workers are out of reach.
-    FpsboostError
-        A part has failed too often. Whatever ends the run stops all workers, and a note says how to go on.
+    Whatever ends the run stops all workers, and a note says how to go on.
     """
     run = _Run(planned, executor, wrote)
     try:

@@ -10,7 +10,6 @@ import hashlib
 import json
 import os
 import pickle
-import shutil
 import time
 import traceback
 from collections.abc import Callable, Mapping
@@ -39,16 +38,7 @@ LOCK_INTERVAL = 1.0
 
 @dataclass(frozen=True)
 class PartTask:
-    """Part to make, and what a worker may use for it.
-
-    Attributes
-    ----------
-    job : ConversionJob
-    part : Part
-    threads : int or None
-        Pairs of frames that are worked on at a time; see `fpsboost.RunOptions`.
-    limit : MemoryLimit or None
-    """
+    """Part to make, and what a worker may use for it."""
 
     job: ConversionJob
     part: Part
@@ -57,56 +47,37 @@ class PartTask:
 
     @property
     def output(self) -> str:
-        """Path of the whole output."""
         assert self.job.output is not None
         return self.job.output
 
 
 @dataclass(frozen=True)
 class WorkerOrder:
-    """Order to a worker to make a part.
-
-    Attributes
-    ----------
-    task : bytes
-        Pickled `PartTask`: read only after the facts agree, since another version may not be able to.
-    facts : mapping of str to str
-        Versions, input and options of the client, which the worker must share.
-    mark : str
-        Path of a file in the folder of the parts, which a worker can see if storage is shared.
-    topic : str
-        Topic of Dask under which progress is logged.
-    """
+    """Order to a worker to make a part."""
 
     task: bytes
+    """Pickled `PartTask`: read only after the facts agree, since another version may not be able to."""
     facts: Mapping[str, str]
+    """Versions, input and options of the client, which the worker must share."""
     mark: str
+    """Path of a file in the folder of the parts, which a worker can see if storage is shared."""
     topic: str
+    """Topic of Dask under which progress is logged."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of an order; it has a folder unless there is an error or it was stopped.
-
-    Attributes
-    ----------
-    folder : str
-        Path of the part, on the worker.
-    is_private : bool
-        Whether it lies in the worker's own folder, since storage is not shared.
-    sizes : dict of str to int
-        Sizes of the part's files by their names, bytes.
-    error : Exception or None
-        The error that ended the part.
-    is_stopped : bool
-        Whether the worker was closed meanwhile, or nobody wanted the part any more.
-    """
+    """Result of an order; it has a folder unless there is an error or it was stopped."""
 
     folder: str = ""
+    """Path of the part, on the worker."""
     is_private: bool = False
+    """Whether it lies in the worker's own folder, since storage is not shared."""
     sizes: Mapping[str, int] | None = None
+    """Sizes of the part's files by their names, bytes."""
     error: Exception | None = None
     is_stopped: bool = False
+    """Whether the worker was closed meanwhile, or nobody wanted the part any more."""
 
 
 class _CancelledPartError(Exception):
@@ -145,14 +116,9 @@ def _carry_out(order: WorkerOrder, worker: Worker, check: Callable[[], None]) ->
 
 
 class WorkerObserver(SilentObserver):
-    """Observer of a part that reports its progress now and then.
+    """Observer that reports now and then how many output frames a part has.
 
-    Parameters
-    ----------
-    report : callable
-        Called with the number of output frames that the part has.
-    check : callable
-        Called for every frame and while another run holds the part; raises an exception to stop.
+    `check` is called for every frame and while another run holds the part; it raises an exception to stop.
     """
 
     def __init__(self, report: Callable[[int], None], check: Callable[[], None]) -> None:
@@ -160,7 +126,6 @@ class WorkerObserver(SilentObserver):
         self._next = 0.0
 
     def wrote(self, summary: Summary) -> None:
-        """See `fpsboost.Observer.wrote`."""
         self.check()
         now = time.monotonic()
         if now >= self._next:
@@ -169,18 +134,7 @@ class WorkerObserver(SilentObserver):
 
 
 def make_part(task: PartTask, observer: WorkerObserver) -> Path:
-    """Make a part, after what an earlier attempt has finished; wait if another run makes it.
-
-    Returns
-    -------
-    Path
-        The part's folder; it may have been complete before.
-
-    Raises
-    ------
-    FpsboostError
-        See `fpsboost.convert`.
-    """
+    """Make a part, after what an earlier attempt has finished, and return its folder; wait if another run makes it."""
     run = RunOptions(chunk=task.part, resume=True, threads=task.threads, limit=task.limit, observer=observer)
     with one_opencv_thread():
         while True:
@@ -196,13 +150,7 @@ def make_part(task: PartTask, observer: WorkerObserver) -> Path:
 
 
 def job_facts(job: ConversionJob) -> dict[str, str]:
-    """Return everything that must be the same wherever parts of a job are made; see `fpsboost.parts.manifest.facts_of`.
-
-    Raises
-    ------
-    InputError
-        The input cannot be read here.
-    """
+    """Return what must be the same wherever parts of a job are made; see `fpsboost.parts.manifest.facts_of`."""
     run = RunOptions()
     with opened_clip(job, run) as clip:
         return facts_of(job, run, clip, prepare(job, run, clip))
@@ -268,8 +216,3 @@ def read_piece(path: str, begin: int, size: int) -> bytes:
     with open(path, "rb") as file:
         file.seek(begin)
         return file.read(size)
-
-
-def remove_private(folder: str) -> None:
-    """Remove a part from the own folder of a worker; called by the client."""
-    shutil.rmtree(folder, ignore_errors=True)

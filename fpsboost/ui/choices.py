@@ -54,7 +54,6 @@ class Choices:
         return cls(**{name: given[name] for name in kinds})
 
     def job(self, files: Files) -> ConversionJob:
-        """Return the conversion."""
         files.check_picked(self.input)
         output = files.output(self.folder, self.name)
         if self.rate == "fps":
@@ -70,7 +69,6 @@ class Choices:
 
     @property
     def encoding(self) -> Encoding:
-        """How video is encoded."""
         encoding = Encoding(codec=self.codec or None, lossless=self.quality == "lossless", audio=self.sound)
         if not CRF_STEPS[self.quality]:
             return encoding
@@ -79,7 +77,6 @@ class Choices:
         return replace(encoding, crf=encoders[codec].crf + CRF_STEPS[self.quality])
 
     def words(self, job: ConversionJob) -> list[str]:
-        """Return the job as words of the command line."""
         given = [job.rate, MethodOptions(self.method), job.decoding, job.encoding, RunOptions(overwrite=self.overwrite)]
         return ["fpsboost", job.input, job.output or "", *words_of_options(*given)]
 

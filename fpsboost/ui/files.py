@@ -83,7 +83,6 @@ class Files:
             raise InputError(f"{path} was not picked on this page; pick it first.")
 
     def output(self, folder: str, name: str) -> str:
-        """Return the path of an output."""
         place = self.inside(folder)
         file = name.rstrip("/\\")
         if not file or file in (".", "..") or file != Path(file).name or "\\" in file or "\0" in file:

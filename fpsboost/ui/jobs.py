@@ -175,7 +175,6 @@ class Queue:
         return " ".join(lines) or f"The conversion ended with code {code} and without a message.", code
 
     def _end(self, job: Job, message: str, code: int) -> None:
-        """Note how a run has ended."""
         with self._changed:
             self._process = None
             is_stopped = self._closed or job.state == "stopping"

@@ -46,7 +46,6 @@ class Desk:
     _looking: Lock = field(default_factory=Lock)
 
     def folder(self, data: Json) -> Json:
-        """Return the content of a folder."""
         return self.files.listing(str(data.get("path") or self.start))
 
     def pick(self, data: Json) -> Json:
@@ -80,7 +79,6 @@ class Desk:
         }
 
     def add(self, data: Json) -> Json:
-        """Add a conversion to the queue."""
         choices = Choices.of(data)
         job = choices.job(self.files)
         choices.check(job)

@@ -115,7 +115,6 @@ class FPSBOOST_OT_convert(Commanding, bpy.types.Operator):
     bl_label = "Convert"
 
     def command(self, context: Any) -> list[str]:
-        """See `Commanding.command`."""
         scene = context.scene
         folders = folders_of(scene)
         check_renders(folders.renders, rendered_frames(scene))
@@ -123,7 +122,6 @@ class FPSBOOST_OT_convert(Commanding, bpy.types.Operator):
         return convert_command(program_of(context), folders, scene.fpsboost.frame_step, vectors=vectors)
 
     def finished(self, context: Any) -> str:
-        """See `Commanding.finished`."""
         return f"All frames are in {folders_of(context.scene).made}."
 
 
@@ -134,7 +132,6 @@ class FPSBOOST_OT_plan(Commanding, bpy.types.Operator):
     bl_label = "Plan"
 
     def command(self, context: Any) -> list[str]:
-        """See `Commanding.command`."""
         scene = context.scene
         folders = folders_of(scene)
         check_renders(folders.renders, rendered_frames(scene))
@@ -142,7 +139,6 @@ class FPSBOOST_OT_plan(Commanding, bpy.types.Operator):
         return plan_command(program_of(context), folders, scene.fpsboost.budget)
 
     def finished(self, context: Any) -> str:
-        """See `Commanding.finished`."""
         folders = folders_of(context.scene)
         replace_folder(folders.plan)
         plan = read_plan(folders.plan)
@@ -157,7 +153,6 @@ class FPSBOOST_OT_merge(Commanding, bpy.types.Operator):
     bl_label = "Merge"
 
     def command(self, context: Any) -> list[str]:
-        """See `Commanding.command`."""
         folders = folders_of(context.scene)
         plan = read_plan(folders.plan)
         check_size(plan, *render_size(context.scene))
@@ -168,7 +163,6 @@ class FPSBOOST_OT_merge(Commanding, bpy.types.Operator):
         return merge_command(program_of(context), folders)
 
     def finished(self, context: Any) -> str:
-        """See `Commanding.finished`."""
         folders = folders_of(context.scene)
         replace_folder(folders.merged)
         strip_scene = load_sequence(context, folders.merged)

@@ -76,13 +76,7 @@ classes = (FpsboostPreferences, FpsboostSettings)
 
 
 def folders_of(scene: Any) -> Folders:
-    """Return the folders of a scene's round trip.
-
-    Raises
-    ------
-    RoundTripError
-        They are relative to a file that is not saved yet, or no folder is given.
-    """
+    """Return the folders of a scene's round trip."""
     folder = scene.fpsboost.folder
     if not folder:
         raise RoundTripError("The folder of the round trip is missing; choose one.")

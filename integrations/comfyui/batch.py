@@ -7,7 +7,6 @@ methods of the tensors suffice.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from types import TracebackType
 from typing import Any, Protocol, Self
 
 import cv2
@@ -48,30 +47,10 @@ def frames_of(images: Tensor) -> Iterator[NDArray[Any]]:
 
 
 class BatchSink:
-    """Sink that writes frames into a batch of its own, with the confidence of every pixel.
+    """Sink that writes frames into a batch of its own, with the confidence of every pixel; 1 for frames of the source.
 
-    Parameters
-    ----------
-    like : Tensor
-        A batch of images of the same size.
-    count : int
-        Number of frames that will come.
-    memory : MemoryLimit
-        Bytes available for the frames, and for interpolating them.
-
-    Attributes
-    ----------
-    images : (count, H, W, C) tensor
-        float32, in the machine's own memory.
-    confidence : (count, H, W) tensor
-        The same; 1 for frames of the source.
-    memory_left : MemoryLimit
-        Bytes available for interpolating them.
-
-    Raises
-    ------
-    InputError
-        There is not enough memory for them.
+    `images` (count, H, W, C) and `confidence` (count, H, W) are float32, in the machine's own memory. Of `memory`,
+    which is for the frames and for interpolating them, `memory_left` remains.
     """
 
     holds_last_frame = False
@@ -103,7 +82,5 @@ class BatchSink:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Do nothing: the batch is handed over whole, or not at all where an exception ends the run."""

@@ -16,11 +16,6 @@ class HostObserver:
     """Observer that moves ComfyUI's progress bar, and ends the run with ComfyUI's own exception when it is cancelled.
 
     Outside of ComfyUI it does neither.
-
-    Parameters
-    ----------
-    count : int
-        Number of images that will come out.
     """
 
     def __init__(self, count: int) -> None:

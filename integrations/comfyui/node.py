@@ -81,27 +81,10 @@ class FrameInterpolation:
     def interpolate(
         self, images: Tensor, multiplier: int, method: str, scene_cuts: SceneCuts, duplicates: Duplicates
     ) -> tuple[Tensor, Tensor]:
-        """Make the images between the images of a batch.
+        """Make the images between the images of a batch, (N, H, W, C), RGB or RGBA, 0 to 1.
 
-        Parameters
-        ----------
-        images : (N, H, W, C) tensor
-            RGB or RGBA, 0 to 1.
-        multiplier : int
-        method : str
-            A name from `fpsboost.methods`.
-        scene_cuts : {'repeat', 'blend', 'extrapolate', 'one scene'}
-        duplicates : {'interpolate', 'keep'}
-
-        Returns
-        -------
-        (N', H, W, C) tensor, (N', H, W) tensor
-            Images and confidence, float32.
-
-        Raises
-        ------
-        InputError
-            `images` is no batch of images, or the result does not fit into memory.
+        Returns images (N', H, W, C) and confidence (N', H, W), float32; raises `InputError` if the result does not fit
+        into memory.
         """
         check_batch(images)
         count, height, width, _ = images.shape

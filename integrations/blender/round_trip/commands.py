@@ -11,7 +11,7 @@ import re
 import shutil
 import subprocess
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .errors import RoundTripError
@@ -23,15 +23,7 @@ MAX_KEPT_LINES = 50
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of a command.
-
-    Attributes
-    ----------
-    frames : int
-        Frames that are done.
-    expected_frames : int or None
-        Frames in total; None if that is not known.
-    """
+    """Progress of a command."""
 
     frames: int
     expected_frames: int | None
@@ -46,18 +38,7 @@ class Progress:
 
 
 def find_program(given: str) -> str:
-    """Return the path of the program fpsboost.
-
-    Parameters
-    ----------
-    given : str
-        A path from the preferences, or empty for the one on PATH.
-
-    Raises
-    ------
-    RoundTripError
-        There is no such program.
-    """
+    """Return the path of the program fpsboost: that from the preferences, or the one on PATH if none is given."""
     found = shutil.which(given or "fpsboost")
     if found is not None:
         return found
@@ -69,14 +50,7 @@ def find_program(given: str) -> str:
 def convert_command(program: str, folders: Folders, factor: int, *, vectors: bool) -> list[str]:
     """Return the command that makes the frames between the rendered ones, with all their passes.
 
-    Parameters
-    ----------
-    program : str
-    folders : Folders
-    factor : int
-        Every how many frames one was rendered.
-    vectors : bool
-        Whether the rendered frames have a Vector pass, which surfaces are to follow.
+    `vectors` says whether the rendered frames have a Vector pass, which surfaces are to follow.
     """
     what = ["--factor", str(factor), "--passes", "all", "--confidence", str(folders.confidence)]
     follow = ["--vectors", str(folders.renders), "--vectors-as", "blender"] if vectors else []
@@ -86,12 +60,7 @@ def convert_command(program: str, folders: Folders, factor: int, *, vectors: boo
 def plan_command(program: str, folders: Folders, budget: float) -> list[str]:
     """Return the command that plans which regions to render, into a new folder; see `replace_folder`.
 
-    Parameters
-    ----------
-    program : str
-    folders : Folders
-    budget : float
-        Part of the pixels that may be rendered, percent.
+    `budget` is the part of the pixels that may be rendered, percent.
     """
     return [program, "plan", str(folders.renders), str(unfinished(folders.plan)), "--budget", f"{budget:.6g}%"]
 
@@ -120,14 +89,7 @@ def parse_progress(line: str) -> Progress | None:
 
 
 def explain_failure(lines: Sequence[str], exit_code: int) -> str:
-    """Return the program's own sentence about why it failed.
-
-    Parameters
-    ----------
-    lines : sequence of str
-        Lines that it wrote to standard error, without those about its progress.
-    exit_code : int
-    """
+    """Return the program's own sentence about why it failed, from its lines that are not about progress."""
     said = [line.removeprefix("fpsboost:").strip() for line in lines if line.startswith("fpsboost:")]
     if not said:
         last = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing.")
@@ -147,29 +109,10 @@ class Run:
     """A running command.
 
     A thread reads its messages, so that the program never waits for a reader and Blender never for the program.
-
-    Parameters
-    ----------
-    command : sequence of str
-    environment : mapping, optional
-        Environment variables; by default those of this process.
-
-    Attributes
-    ----------
-    progress : Progress or None
-        The last one that the program reported.
-    lines : list of str
-        Its last other lines.
-    is_stopped : bool
-        Whether `stop` was called.
-
-    Raises
-    ------
-    RoundTripError
-        The system cannot start the program.
+    `progress` is the last one that it reported, `lines` are its last other lines.
     """
 
-    def __init__(self, command: Sequence[str], environment: Mapping[str, str] = os.environ) -> None:
+    def __init__(self, command: Sequence[str]) -> None:
         self.progress: Progress | None = None
         self.lines: list[str] = []
         self.is_stopped = False
@@ -179,7 +122,7 @@ class Run:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
-                env={**environment, "PYTHONUTF8": "1", "NO_COLOR": "1"},
+                env={**os.environ, "PYTHONUTF8": "1", "NO_COLOR": "1"},
                 encoding="utf-8",
                 errors="replace",
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),  # no console window on Windows
@@ -210,13 +153,7 @@ class Run:
         self._process.terminate()
 
     def finish(self) -> None:
-        """Wait for the end of the program.
-
-        Raises
-        ------
-        RoundTripError
-            It has failed; the message is its own sentence.
-        """
+        """Wait for the end of the program; raise `RoundTripError` with its own sentence if it has failed."""
         self._process.wait()
         self._reader.join()
         if self._process.returncode != 0:

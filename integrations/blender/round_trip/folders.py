@@ -13,13 +13,7 @@ from .errors import RoundTripError
 
 @dataclass(frozen=True)
 class Folders:
-    """The folders of a round trip, all in one.
-
-    Attributes
-    ----------
-    base : Path
-        The folder that the user chose.
-    """
+    """The folders of a round trip, all in the one that the user chose."""
 
     base: Path
 
@@ -71,13 +65,7 @@ def remove_unfinished(folder: Path) -> None:
 
 
 def replace_folder(folder: Path) -> None:
-    """Put the finished output of a command in the place of that of an earlier round.
-
-    Raises
-    ------
-    RoundTripError
-        A file of the earlier one cannot be removed.
-    """
+    """Put the finished output of a command in the place of that of an earlier round."""
     try:
         unfinished(folder).stat()  # it must be there before anything is removed
         if folder.exists():
@@ -90,14 +78,7 @@ def replace_folder(folder: Path) -> None:
 
 
 def numbered_files(folder: Path, suffix: str) -> dict[int, Path]:
-    """Return the files of a folder whose names end with a number, by that number, in its order.
-
-    Parameters
-    ----------
-    folder : Path
-        May be missing.
-    suffix : str
-        Extension with its dot, in lower case.
+    """Return the files of a folder, which may be missing, whose names end with a number, by that number, in its order.
 
     Examples
     --------
@@ -116,15 +97,7 @@ def _numbered(folder: Path, suffix: str) -> Iterator[tuple[int, Path]]:
 
 
 def check_renders(folder: Path, frames: Sequence[int]) -> None:
-    """Raise `RoundTripError` unless a folder holds these frames and no others.
-
-    Parameters
-    ----------
-    folder : Path
-        Rendered frames as OpenEXR.
-    frames : sequence of int
-        Numbers of the frames that are to be rendered.
-    """
+    """Raise `RoundTripError` unless a folder holds these frames as OpenEXR, and no others."""
     present = numbered_files(folder, ".exr")
     missing = [frame for frame in frames if frame not in present]
     if missing:

@@ -24,17 +24,7 @@ class Border(NamedTuple):
 
 @dataclass(frozen=True)
 class Region:
-    """A part of a frame that is to be rendered.
-
-    Attributes
-    ----------
-    frame : int
-        Number of the frame.
-    name : str
-        Name of the rendered image, without extension.
-    x, y, width, height : int
-        Pixels, y down.
-    """
+    """A part of a frame that is to be rendered, pixels, y down; its image has the name, without extension."""
 
     frame: int
     name: str
@@ -46,14 +36,7 @@ class Region:
 
 @dataclass(frozen=True)
 class Plan:
-    """Regions to render, in the order of their frames.
-
-    Attributes
-    ----------
-    width, height : int
-        Size of a frame, pixels.
-    regions : tuple of Region
-    """
+    """Regions to render, in the order of their frames, whose size is in pixels."""
 
     width: int
     height: int
@@ -83,13 +66,7 @@ class Plan:
 
 
 def read_plan(folder: Path) -> Plan:
-    """Read the plan that ``fpsboost plan`` has written into a folder.
-
-    Raises
-    ------
-    RoundTripError
-        There is none, or it is not one.
-    """
+    """Read the plan that ``fpsboost plan`` has written into a folder."""
     path = folder / PLAN_FILE
     try:
         return parse_plan(json.loads(path.read_text(encoding="utf-8")))
@@ -121,14 +98,9 @@ def check_size(plan: Plan, width: int, height: int) -> None:
 
 
 def remove_outdated(folder: Path, planned_at: float) -> list[Path]:
-    """Remove regions that were rendered for an earlier plan, and return their paths.
+    """Remove regions that were rendered before a plan (seconds since the epoch), and return their paths.
 
-    Parameters
-    ----------
-    folder : Path
-        Where regions are rendered to; may be missing. Images with other names are left alone.
-    planned_at : float
-        Time of the plan, seconds since the epoch.
+    The folder may be missing. Images with other names are left alone.
     """
     rendered = [path for path in sorted(folder.glob("*.exr")) if re.fullmatch(r"\d{4,}(_\d+)?", path.stem)]
     outdated = [path for path in rendered if path.stat().st_mtime < planned_at]
