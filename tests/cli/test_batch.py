@@ -20,33 +20,21 @@ from fpsboost.io import staging
 CHEAP = ("--method", "nearest", "--no-cuts", "--preset", "ultrafast")
 
 
+@pytest.fixture
+def two_clips(tmp_path) -> None:
+    """Clips of three frames, a.mp4 and b.mp4."""
+    for name in ("a.mp4", "b.mp4"):
+        write_clip(tmp_path / name, times=range(3))
+
+
 def test_names_and_endings(monkeypatch, tmp_path):
     """Videos keep their names, and endings that can be written; images go into a folder named like theirs."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "renders").mkdir()
-    inputs = [
-        "x/a.mp4",
-        "b.MOV",
-        "c.avi",
-        "noending",
-        "two.dots.webm",
-        "d.gif",
-        "renders/",
-        "shots/s_####.png",
-        "./f_%04d.exr",
-    ]
-    expected = [
-        "a.mp4",
-        "b.MOV",
-        "c.mkv",
-        "noending.mkv",
-        "two.dots.webm",
-        "d.gif",
-        "renders/",
-        "shots/",
-        f"{tmp_path.name}/",
-    ]
-    assert plan_outputs(inputs, "out/") == [f"out{os.sep}{name}" for name in expected]
+    outputs = {"x/a.mp4": "a.mp4", "b.MOV": "b.MOV", "c.avi": "c.mkv", "noending": "noending.mkv", "d.gif": "d.gif"}
+    outputs |= {"two.dots.webm": "two.dots.webm", "renders/": "renders/", "shots/s_####.png": "shots/"}
+    outputs |= {"./f_%04d.exr": f"{tmp_path.name}/"}
+    assert plan_outputs(list(outputs), "out/") == [f"out{os.sep}{name}" for name in outputs.values()]
 
 
 @pytest.mark.parametrize(
@@ -84,10 +72,9 @@ def test_all_kinds_at_once(fpsboost_, tmp_path, save_images):
     save_images(tmp_path / "renders", count=3)
     result = fpsboost_("a.mp4", "--method", "nearest", "b.avi", "renders", "--no-cuts", "out/")
     assert (result.code, result.out) == (0, "")
-    for line, place, name, counts in zip(
-        result.lines, ("1/3", "2/3", "3/3"), ("a.mp4", "b.mkv", "renders/"), ((3, 6), (4, 8), (3, 5)), strict=False
-    ):
-        assert re.fullmatch(SUMMARY.format(f"{place} out/{name}", *counts), line)
+    done = (("1/3 out/a.mp4", 3, 6), ("2/3 out/b.mkv", 4, 8), ("3/3 out/renders/", 3, 5))
+    for line, counts in zip(result.lines, done, strict=False):
+        assert re.fullmatch(SUMMARY.format(*counts), line)
     assert result.lines[3:] == ["All 3 inputs were converted."]
     assert len(packets_of(tmp_path / "out" / "a.mp4", "video")) == 6
     assert len(pictures_of(tmp_path / "out" / "b.mkv")) == 8
@@ -96,28 +83,21 @@ def test_all_kinds_at_once(fpsboost_, tmp_path, save_images):
     ]
 
 
+@pytest.mark.usefixtures("two_clips")
 def test_one_bad_file_does_not_stop_the_rest(fpsboost_, tmp_path):
     """Its sentence, the others' lines, how many failed and which, exit code 1."""
-    write_clip(tmp_path / "a.mp4", times=range(3))
-    (tmp_path / "b.mp4").write_bytes(b"nonsense")
-    write_clip(tmp_path / "c.mp4", times=range(3))
-    result = fpsboost_("a.mp4", "b.mp4", "none.mp4", "c.mp4", "out", *CHEAP)
+    (tmp_path / "bad.mp4").write_bytes(b"nonsense")
+    result = fpsboost_("a.mp4", "bad.mp4", "none.mp4", "b.mp4", "out", *CHEAP)
     assert (result.code, result.out) == (1, "")
-    assert [line.split(":")[0] for line in result.lines] == [
-        "1/4 out/a.mp4",
-        "fpsboost",
-        "fpsboost",
-        "4/4 out/c.mp4",
-        "fpsboost",
-    ]
-    assert result.lines[-1] == "fpsboost: 2 of 4 inputs failed: b.mp4, none.mp4."
-    assert sorted(os.listdir(tmp_path / "out")) == ["a.mp4", "c.mp4"]
+    begins = [line.split(":")[0] for line in result.lines]
+    assert begins == ["1/4 out/a.mp4", "fpsboost", "fpsboost", "4/4 out/b.mp4", "fpsboost"]
+    assert result.lines[-1] == "fpsboost: 2 of 4 inputs failed: bad.mp4, none.mp4."
+    assert sorted(os.listdir(tmp_path / "out")) == ["a.mp4", "b.mp4"]
 
 
+@pytest.mark.usefixtures("two_clips")
 def test_existing_outputs_fail_by_themselves(fpsboost_, tmp_path):
     """What was converted before is refused and kept, what is new is made; --overwrite makes both."""
-    for name in ("a.mp4", "b.mp4"):
-        write_clip(tmp_path / name, times=range(3))
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "a.mp4").write_bytes(b"precious")
     assert fpsboost_("a.mp4", "b.mp4", "out", *CHEAP).code == 1
@@ -127,10 +107,9 @@ def test_existing_outputs_fail_by_themselves(fpsboost_, tmp_path):
     assert len(packets_of(tmp_path / "out" / "a.mp4", "video")) == 6
 
 
+@pytest.mark.usefixtures("two_clips")
 def test_a_batch_that_is_started_again_does_the_rest(fpsboost_, tmp_path):
     """With --resume, what is complete counts as converted."""
-    for name in ("a.mp4", "b.mp4"):
-        write_clip(tmp_path / name, times=range(3))
     assert fpsboost_("a.mp4", "none.mp4", "out/", *CHEAP).code == 1
     before = (tmp_path / "out" / "a.mp4").stat()
     result = fpsboost_("a.mp4", "b.mp4", "out/", "--resume", *CHEAP)
@@ -140,10 +119,9 @@ def test_a_batch_that_is_started_again_does_the_rest(fpsboost_, tmp_path):
     assert (tmp_path / "out" / "b.mp4").exists()
 
 
+@pytest.mark.usefixtures("two_clips")
 def test_inputs_are_never_replaced(fpsboost_, tmp_path, snapshot):
     """The folder of the inputs as the target: nothing happens to them, even with --overwrite."""
-    for name in ("a.mp4", "b.mp4"):
-        write_clip(tmp_path / name, times=range(3))
     before = snapshot(tmp_path)
     result = fpsboost_("a.mp4", "b.mp4", ".", "--overwrite", *CHEAP)
     assert result.code == 1
@@ -151,10 +129,9 @@ def test_inputs_are_never_replaced(fpsboost_, tmp_path, snapshot):
     assert snapshot(tmp_path) == before
 
 
-def test_quiet_says_only_what_fails(fpsboost_, tmp_path):
+@pytest.mark.usefixtures("two_clips")
+def test_quiet_says_only_what_fails(fpsboost_):
     """Nothing at all when all goes well, else the sentences and the count."""
-    for name in ("a.mp4", "b.mp4"):
-        write_clip(tmp_path / name, times=range(3))
     done = fpsboost_("a.mp4", "b.mp4", "out", "--quiet", *CHEAP)
     assert (done.code, done.out, done.err) == (0, "", "")
     result = fpsboost_("a.mp4", "none.mp4", "new", "--quiet", *CHEAP)
@@ -192,10 +169,9 @@ def test_options_that_do_not_fit_one_input(fpsboost_, tmp_path, save_images):
     assert os.listdir(tmp_path / "out") == ["a.mp4"]
 
 
-def test_a_bar_says_which_of_how_many(fpsboost_, tmp_path, monkeypatch):
+@pytest.mark.usefixtures("two_clips")
+def test_a_bar_says_which_of_how_many(fpsboost_, monkeypatch):
     """On a terminal the bar carries the place in the row."""
-    for name in ("a.mp4", "b.mp4"):
-        write_clip(tmp_path / name, times=range(3))
     monkeypatch.setenv("FORCE_COLOR", "1")
     result = fpsboost_("a.mp4", "b.mp4", "out", *CHEAP)
     plain = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", result.err)
@@ -225,61 +201,41 @@ def test_one_input_and_a_folder_is_still_images(fpsboost_, tmp_path):
     assert sorted(os.listdir(tmp_path / "out")) == [f"{number:06d}.png" for number in range(1, 6)]
 
 
-def test_help_shows_how_to_name_several(fpsboost_):
-    """The usage lines are short and whole."""
-    result = fpsboost_("--help")
-    assert result.out.splitlines()[:3] == [
-        "Usage: fpsboost [OPTIONS] IN OUT",
-        "       fpsboost [OPTIONS] IN... FOLDER",
-        "       fpsboost COMMAND",
-    ]
+def stop_after(monkeypatch, target, name):
+    """Stop the run, once, after a function has done its work."""
+    function, interrupted = getattr(target, name), []
+
+    def call(*arguments, **keywords):
+        result = function(*arguments, **keywords)
+        if not interrupted:
+            interrupted.append(name)
+            if name == "open":
+                result.close()
+            raise KeyboardInterrupt
+        return result
+
+    monkeypatch.setattr(target, name, call)
 
 
-@pytest.mark.parametrize("moment", ["mkdir", "open", "lock", "stat"])
-def test_nothing_stays_of_a_run_that_is_stopped_while_it_locks_its_folder(tmp_path, monkeypatch, moment):
+@pytest.mark.parametrize(
+    ("target", "name"), [(Path, "mkdir"), (Path, "open"), (staging, "_lock"), (os.path, "samestat")]
+)
+def test_nothing_stays_of_a_run_that_is_stopped_while_it_locks_its_folder(tmp_path, monkeypatch, target, name):
     """At each step between making the hidden folder and holding it."""
     place = tmp_path / ".out.mp4.unfinished"
-    interrupted = []
-
-    def stopping(function):
-        def call(*arguments, **keywords):
-            result = function(*arguments, **keywords)
-            if not interrupted:
-                interrupted.append(function)
-                if name == "open":
-                    result.close()
-                raise KeyboardInterrupt
-            return result
-
-        return call
-
-    target, name = {
-        "mkdir": (Path, "mkdir"),
-        "open": (Path, "open"),
-        "lock": (staging, "_lock"),
-        "stat": (os.path, "samestat"),
-    }[moment]
-    monkeypatch.setattr(target, name, stopping(getattr(target, name)))
+    stop_after(monkeypatch, target, name)
     with pytest.raises(KeyboardInterrupt):
         staging.StagingDirectory(place, "output", "out.mp4", None).open()
     assert not place.exists()
 
 
 def test_a_run_that_is_stopped_leaves_the_folder_of_another(tmp_path, monkeypatch):
-    """It is stopped while it waits for the lock that the other one holds."""
-    other = staging.StagingDirectory(tmp_path / ".out.unfinished", "output", "out", None)
+    """It is stopped before it tries to take the lock that the other one holds."""
+    mine, other = (staging.StagingDirectory(tmp_path / ".out.unfinished", "output", "out", None) for _ in range(2))
     other.open()
-    lock, interrupted = staging._lock, []
-
-    def stop_first(file):
-        if not interrupted:
-            interrupted.append(file)
-            raise KeyboardInterrupt
-        lock(file)
-
-    monkeypatch.setattr(staging, "_lock", stop_first)
+    stop_after(monkeypatch, Path, "open")
     with pytest.raises(KeyboardInterrupt):
-        staging.StagingDirectory(tmp_path / ".out.unfinished", "output", "out", None).open()
+        mine.open()
     assert other.folder.is_dir()
     other.close(keep=False)
     assert not other.folder.exists()

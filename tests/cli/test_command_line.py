@@ -32,9 +32,7 @@ ORBIT = ROOT / "samples" / "orbit.mp4"
 CHEAP = ("--method", "nearest")
 SAY_COMPILING = progress.Reporter._say_compiling  # before a fixture silences it
 
-pytestmark = [
-    pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens"),  # said only under pytest
-]
+pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")  # said only under pytest
 
 
 @pytest.fixture
@@ -43,41 +41,43 @@ def clip(tmp_path) -> Path:
     return write_clip(tmp_path / "in.mp4", times=range(6))
 
 
-def start(folder: Path, *arguments: object) -> subprocess.CompletedProcess[bytes]:
-    """Run the command line in a process of its own, with its output piped."""
-    command = [sys.executable, "-m", "fpsboost", *map(str, arguments)]
-    return subprocess.run(command, cwd=folder, env=environment(), capture_output=True, timeout=100, check=False)
+def run_code(folder: Path, code: str, **variables: str) -> subprocess.CompletedProcess[bytes]:
+    """Run code, with more environment variables, in a process of its own, with its output piped."""
+    command, kept = [sys.executable, "-c", code], environment() | variables
+    return subprocess.run(command, cwd=folder, env=kept, capture_output=True, timeout=100, check=False)
+
+
+RUN = """
+        sys.argv = ["fpsboost", "in.mp4", "out.mp4"]
+        from fpsboost.__main__ import main
+        main()
+"""
 
 
 # ----------------------------------------------------------------------------------------------------------- what works
 
 
-def test_plain_run_says_one_line(fpsboost_, clip, tmp_path):
-    """Success is exit code 0, one line about it on stderr, and a file."""
-    result = fpsboost_("in.mp4", "out.mp4", *CHEAP)
-    assert (result.code, result.out) == (0, "")
-    assert len(result.lines) == 1
-    assert re.fullmatch(SUMMARY.format(r"out\.mp4", 6, 12), result.lines[0])
-    assert len(packets_of(tmp_path / "out.mp4", "video")) == 12
-
-
 def test_piped_run_is_plain_text(clip, tmp_path):
-    """A whole process that nobody watches: no bar, no colour, no control characters, one line."""
-    done = start(tmp_path, "in.mp4", "out.mp4", *CHEAP)
+    """A whole process that nobody watches: exit code 0, a file, no bar, no colour, no control characters, one line."""
+    command = [sys.executable, "-m", "fpsboost", "in.mp4", "out.mp4", *CHEAP]
+    done = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, timeout=100, check=False)
     assert (done.returncode, done.stdout) == (0, b"")
     assert re.fullmatch(SUMMARY.format(r"out\.mp4", 6, 12) + "\r?\n", done.stderr.decode())
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mp4", "out.mp4"]
+    assert len(packets_of(tmp_path / "out.mp4", "video")) == 12
 
 
 def test_a_terminal_gets_a_bar(fpsboost_, clip, monkeypatch):
-    """On a terminal there is a bar with numbers, and the same line at the end."""
+    """On a terminal there is a bar with numbers, and the same line at the end; a name still is only a name."""
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "100")
-    result = fpsboost_("in.mp4", "[bold]out.mp4", *CHEAP)
+    result = fpsboost_("in.mp4", "[bold]\x1b]0;title\x07.mp4", *CHEAP)
     assert result.code == 0
+    assert not {"\x1b]", "\x07"} & set(re.findall(r"\x1b\]|\x07", result.err))
     plain = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", result.err)
-    assert re.search(r"\[bold\]out\.mp4 .*[0-9]+/12", plain)
-    assert re.search(SUMMARY.format(r"\[bold\]out\.mp4", 6, 12), plain)
+    name = r"\[bold\]\\x1b\]0;title\\x07\.mp4"
+    assert re.search(name + " .*[0-9]+/12", plain)
+    assert re.search(SUMMARY.format(name, 6, 12), plain)
     assert "\x1b[?25h" in result.err.split("\x1b[?25l")[-1]  # the cursor is back
 
 
@@ -109,14 +109,6 @@ def test_verbose_says_what_is_used(fpsboost_, clip):
     assert result.lines[-3].startswith("out.mp4: libx264, yuv420p, preset=medium")
     assert re.fullmatch(r"On average [\d.]+ of \d+ cores were busy\.", result.lines[-2])
     assert re.fullmatch(SUMMARY.format(r"out\.mp4", 6, 12), result.lines[-1])
-
-
-def test_verbose_shows_a_traceback(fpsboost_):
-    """Someone who looks for a fault gets all of it, and the same sentence and exit code."""
-    result = fpsboost_("none.mp4", "out.mp4", "--verbose")
-    assert (result.code, result.out) == (1, "")
-    assert "Traceback" in result.err
-    assert result.lines[-1].startswith("fpsboost: none.mp4 does not exist")
 
 
 def test_opencv_has_one_thread_during_a_conversion(fpsboost_, clip, tmp_path, monkeypatch):
@@ -161,10 +153,7 @@ def test_compiling_is_said_when_kernels_are_compiled_and_only_then(fpsboost_, cl
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("module", ["fpsboost.cli.app", "cyclopts", "numba", "fpsboost.io"])
 def test_it_can_be_stopped_while_modules_are_imported(clip, tmp_path, tmp_path_factory, number, module):
-    """One sentence and exit code 130, whichever module is about to be imported when it happens.
-
-    Compiling may have been announced by then.
-    """
+    """One sentence and exit code 130, whichever module is about to be imported; compiling may have been announced."""
     code = f"""if True:
         import os, sys
         class Stopping:
@@ -172,15 +161,8 @@ def test_it_can_be_stopped_while_modules_are_imported(clip, tmp_path, tmp_path_f
                 if name == {module!r}:
                     sys.meta_path.remove(self)
                     os.kill(os.getpid(), {int(number)})
-        sys.meta_path.insert(0, Stopping())
-        sys.argv = ["fpsboost", "in.mp4", "out.mp4"]
-        from fpsboost.__main__ import main
-        main()
-    """
-    kept = environment() | {"NUMBA_CACHE_DIR": str(tmp_path_factory.mktemp("cache"))}
-    result = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, env=kept, capture_output=True, timeout=100, check=False
-    )
+        sys.meta_path.insert(0, Stopping()){RUN}"""
+    result = run_code(tmp_path, code, NUMBA_CACHE_DIR=str(tmp_path_factory.mktemp("cache")))
     said = result.stderr.splitlines()
     assert (result.returncode, result.stdout, said[-1]) == (130, b"", b"Stopped; nothing was written.")
     assert all(line.startswith(b"Compiling") for line in said[:-1])
@@ -217,15 +199,8 @@ def test_it_can_be_stopped_while_llvm_calls_back(clip, tmp_path):
         def keep_and_stop(module, code):
             os.kill(os.getpid(), {int(signal.SIGINT)})
             keep(module, code)
-        JITCodeLibrary._object_compiled_hook = keep_and_stop
-        sys.argv = ["fpsboost", "in.mp4", "out.mp4"]
-        from fpsboost.__main__ import main
-        main()
-    """
-    kept = environment() | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    result = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, env=kept, capture_output=True, timeout=100, check=False
-    )
+        JITCodeLibrary._object_compiled_hook = keep_and_stop{RUN}"""
+    result = run_code(tmp_path, code, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
     assert (result.returncode, result.stdout) == (130, b"")
     assert result.stderr.splitlines()[-1] == b"Stopped; nothing was written."
     assert b"Traceback" not in result.stderr
@@ -274,17 +249,11 @@ def test_images_in_and_out(fpsboost_, tmp_path, save_images):
 
 
 def test_video_options_reach_the_encoder(fpsboost_, tmp_path):
-    """Codec, quality, speed, and sound left out."""
-    write_clip(tmp_path / "in.mp4", times=range(4), sound="aac")
-    result = fpsboost_(
-        "in.mp4", "out.webm", "--codec", "vp9", "--crf", "40", "--preset", "8", "--no-audio", "--no-subtitles", *CHEAP
-    )
-    assert result.code == 0, result.err
-    assert len(packets_of(tmp_path / "out.webm", "video")) == 8
-
-
-def test_more_video_options_reach_the_encoder(fpsboost_, clip, tmp_path):
-    """Pixel format, losslessness, and options of the encoder's own, which may be several."""
+    """Codec, quality, speed, sound left out, pixel format, losslessness, and several options of the encoder's own."""
+    write_clip(tmp_path / "in.mp4", times=range(6), sound="aac")
+    options = ("--codec", "vp9", "--crf", "40", "--preset", "8", "--no-audio", "--no-subtitles")
+    assert fpsboost_("in.mp4", "out.webm", *options, *CHEAP).code == 0
+    assert len(packets_of(tmp_path / "out.webm", "video")) == 12
     options = ("--pix-fmt", "yuv444p", "--lossless", "--encoder-option", "g=4", "--encoder-option", "bf=0")
     assert fpsboost_("in.mp4", "out.mp4", *options, *CHEAP).code == 0
     pictures = pictures_of(tmp_path / "out.mp4")
@@ -337,15 +306,10 @@ MISTAKES: dict[str, tuple[str, str]] = {
     "unknown ending": ("in.mp4 out.xyz", "out.xyz"),
     "a single image as output": ("in.mp4 out.png", "out.png"),
     "unknown method": ("in.mp4 out.mp4 --method magic", "magic"),
-    "factor 0": ("in.mp4 out.mp4 --factor 0", "--factor"),
     "factor=-1": ("in.mp4 out.mp4 --factor=-1", "--factor"),
-    "factor abc": ("in.mp4 out.mp4 --factor abc", "--factor"),
     "factor 1e5000": ("in.mp4 out.mp4 --factor 1e5000", "--factor"),
-    "factor nan": ("in.mp4 out.mp4 --factor nan", "--factor"),
-    "factor 1/0": ("in.mp4 out.mp4 --factor 1/0", "--factor"),
     "factor empty": ("in.mp4 out.mp4 --factor ''", "--factor"),
     "fps 0": ("in.mp4 out.mp4 --fps 0", "--fps"),
-    "fps too high": ("in.mp4 out.mp4 --fps 1e6", "--fps"),
     "fps fast": ("in.mp4 out.mp4 --fps fast", "--fps"),
     "factor and fps": ("in.mp4 out.mp4 --factor 2 --fps 50", "--fps"),
     "images without a rate": ("single out.mp4", "--input-fps"),
@@ -548,22 +512,8 @@ def test_errors_of_the_program_itself_are_not_hidden(fpsboost_, clip, tmp_path, 
 
 # ----------------------------------------------------------------------------------------------------------- file names
 
-ODD_NAMES = [
-    "with space",
-    "Zoë 映画",
-    "100% done",
-    "50%d",
-    "take #2",
-    "[red]x[",
-    "it's",
-    'say "hi"',
-    "a;b&c",
-    "-x",
-    "~",
-]
 
-
-@pytest.mark.parametrize("name", [n for n in ODD_NAMES if os.name != "nt" or not set(n) & set('"')])
+@pytest.mark.parametrize("name", ["with space", "Zoë 映画", "50%d", "take #2", "[red]x[", "it's", "a;b&c", "-x", "~"])
 def test_odd_names(fpsboost_, tmp_path, name):
     """They are taken as they are, as input and output, and printed as they are."""
     write_clip(tmp_path / f"{name}.mp4", times=range(3))
@@ -656,6 +606,11 @@ def test_help_fits_a_small_terminal(fpsboost_, monkeypatch):
     broken = [row for row in rows if row.startswith("│    ")]
     method = next(number for number, row in enumerate(rows) if "--method" in row)
     assert broken == rows[method + 1 : method + 6]
+    assert lines[:3] == [
+        "Usage: fpsboost [OPTIONS] IN OUT",
+        "       fpsboost [OPTIONS] IN... FOLDER",
+        "       fpsboost COMMAND",
+    ]
     groups = re.findall(r"^╭─ (.*?) ─", "\n".join(lines), re.MULTILINE)
     assert groups == [
         "Arguments",
@@ -677,7 +632,4 @@ def test_what_needs_no_work_is_light(tmp_path, run):
     """Neither the package nor its command line loads OpenCV, numba or FFmpeg before there is work."""
     heavy = "{'cv2', 'numba', 'av', 'skimage', 'numpy'}"
     code = f"import sys; from fpsboost.cli import app; {run}\nprint({heavy} & set(sys.modules), file=sys.stderr)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True
-    )
-    assert done.stderr.strip() == "set()"
+    assert run_code(tmp_path, code).stderr.strip() == b"set()"

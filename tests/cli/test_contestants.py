@@ -16,16 +16,6 @@ from fpsboost.method_table import configure, methods, read_options
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
 
 
-@pytest.fixture
-def folder(tmp_path):
-    """Five frames of a texture that moves by two pixels."""
-    texture = cv2.GaussianBlur(noise(32, 64), (0, 0), 0.8)
-    (tmp_path / "clip").mkdir()
-    for number in range(5):
-        cv2.imwrite(str(tmp_path / "clip" / f"{number}.png"), texture[:, 2 * number : 48 + 2 * number])
-    return str(tmp_path / "clip")
-
-
 @pytest.mark.parametrize(
     ("texts", "found"),
     [
@@ -142,9 +132,10 @@ def test_other_tools_need_names_and_folders(frames, peers, sentence):
         name_others(frames, peers)
 
 
-def test_the_command_compares_one_method_with_several_options(fpsboost_, folder):
+def test_the_command_compares_one_method_with_several_options(fpsboost_, tmp_path, save_images):
     """Each under the name that was given; options may stand behind several ``-m``."""
-    result = fpsboost_("compare", folder, "-m", "dis:preset=fast,dis,blend", "-m", "dis:preset=ultrafast")
+    save_images(tmp_path / "clip")
+    result = fpsboost_("compare", "clip", "-m", "dis:preset=fast,dis,blend", "-m", "dis:preset=ultrafast")
     assert result.code == 0, result.err
     for word in ("preset=fast", "preset=ultrafast", "│ dis ", "│ blend "):
         assert word in result.out

@@ -11,9 +11,7 @@ from video_truth import write_clip
 
 from fpsboost.cli.messages import literal
 
-pytestmark = [
-    pytest.mark.skipif(os.name == "nt", reason="Windows has no such names"),
-]
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows has no such names")
 
 NAME = "a\x1b[31m\n\u202eb"
 SEEN = r"a\x1b[31m\n\u202eb"
@@ -52,22 +50,12 @@ def test_control_characters_in_names_are_seen(fpsboost_, tmp_path, arguments, co
     assert not re.search(r"^\\u202eb|a\\x1b\[31m$", said, re.MULTILINE)
 
 
-def test_control_characters_on_a_bar(fpsboost_, tmp_path, monkeypatch):
-    """Where a terminal is coloured and moved on purpose, a name still is only a name."""
-    write_clip(tmp_path / "in.mp4", times=range(3))
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setenv("COLUMNS", "120")
-    result = fpsboost_("in.mp4", "\x1b]0;title\x07.mkv", *CHEAP)
-    assert result.code == 0
-    assert "\x1b]" not in result.err
-    assert "\x07" not in result.err
-    assert re.search(r"\\x1b\]0;title\\x07\.mkv .*/6", result.err)
-
-
-def test_a_traceback_is_harmless_too(fpsboost_):
-    """With --verbose, the message at its end is the same as in the sentence."""
+def test_verbose_shows_a_traceback(fpsboost_):
+    """Someone who looks for a fault gets all of it, with the same sentence and exit code, and controls escaped."""
     result = fpsboost_("none\x1b[31m.mp4", "out.mp4", "--verbose")
+    assert (result.code, result.out) == (1, "")
     assert "Traceback" in result.err
+    assert result.lines[-1].startswith("fpsboost: none")
     assert "\x1b" not in result.err
     assert result.err.count(r"none\x1b[31m.mp4 does not exist") == 2
 

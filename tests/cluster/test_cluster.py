@@ -18,7 +18,6 @@ import pytest
 from video_truth import packets_of, write_clip
 
 from fpsboost.cluster import convert, scheduler
-from fpsboost.cluster.options import ClusterOptions
 from fpsboost.cluster.scheduler import MAX_FAILURES, MAX_LOST_WORKERS, Done, Failed, Progress, Report, run_parts
 from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.conversion import convert_job
@@ -180,14 +179,13 @@ class Clip:
 
     def is_whole(self, output: Path) -> bool:
         """Return whether another output is that of one process, and nothing else is left beside it."""
-        if output.is_dir():
-            same = [path.read_bytes() for path in sorted(output.iterdir())] == [
-                path.read_bytes() for path in sorted(self.whole.iterdir())
-            ]
-        else:
-            same = packets_of(output, "video") == packets_of(self.whole, "video")
-            same &= packets_of(output, "audio") == packets_of(self.whole, "audio")
-        return same and [path.name for path in output.parent.iterdir()] == [output.name]
+        made, expected = (
+            [each.read_bytes() for each in sorted(path.iterdir())]
+            if path.is_dir()
+            else [packets_of(path, kind) for kind in ("video", "audio")]
+            for path in (output, self.whole)
+        )
+        return made == expected and [path.name for path in output.parent.iterdir()] == [output.name]
 
 
 @pytest.fixture(autouse=True)
@@ -442,20 +440,6 @@ def test_an_output_that_exists_is_refused_before_anything_is_made(client, video,
     assert not part_folder(str(target), Part(1, 1)).parent.exists()
 
 
-def test_an_address_without_a_protocol_is_refused():
-    """In a sentence that names the option."""
-    with pytest.raises(OptionError, match="such as tls://host:8786, not host:8786"):
-        ClusterOptions("host:8786")
-
-
-def test_processes_are_refused_on_the_command_line(fpsboost_):
-    """The sentence says what to use instead."""
-    result = fpsboost_("in.mp4", "out.mp4", "--processes", 2)
-    assert result.code == 2
-    assert "--processes no longer exists" in result.err
-    assert "--cluster local" in result.err
-
-
 def test_workers_of_this_machine_on_the_command_line(fpsboost_, images, output):
     """The same images, and how busy the workers were."""
     result = fpsboost_(images.job.input, output, "--method", "blend", "--cluster", "local", "--verbose")
@@ -464,19 +448,21 @@ def test_workers_of_this_machine_on_the_command_line(fpsboost_, images, output):
     assert images.is_whole(output)
 
 
-def test_a_scheduler_that_is_not_there(fpsboost_, images, output, monkeypatch):
-    """One sentence with its address."""
+@pytest.mark.parametrize(
+    ("arguments", "code", "sentence"),
+    [
+        (["--cluster", "tcp://127.0.0.1:1"], 1, "There is no scheduler at tcp://127.0.0.1:1"),
+        (["--cluster", "tls://127.0.0.1:1"], 1, "tls://127.0.0.1:1 needs certificates"),
+        (["--cluster", "host:8786"], 2, "such as tls://host:8786, not host:8786"),
+        (["--processes", "2"], 2, "--processes no longer exists: threads use all cores; for processes"),
+    ],
+)
+def test_what_the_command_line_refuses(fpsboost_, images, output, monkeypatch, arguments, code, sentence):
+    """A scheduler that is not there, encryption without certificates, no address, and what is no option any more."""
     monkeypatch.setattr(dask_engine, "CONNECT_SECONDS", 0.2)
-    result = fpsboost_(images.job.input, output, "--cluster", "tcp://127.0.0.1:1")
-    assert result.code == 1
-    assert "There is no scheduler at tcp://127.0.0.1:1" in result.err
-
-
-def test_encryption_without_certificates(fpsboost_, images, output):
-    """The sentence names what Dask's configuration lacks."""
-    result = fpsboost_(images.job.input, output, "--cluster", "tls://127.0.0.1:1")
-    assert result.code == 1
-    assert "tls://127.0.0.1:1 needs certificates" in result.err
+    result = fpsboost_(images.job.input, output, *arguments)
+    assert result.code == code
+    assert sentence in result.err
 
 
 def test_dask_that_is_not_installed(fpsboost_, images, output, monkeypatch):

@@ -110,25 +110,17 @@ def test_commands_are_those_of_the_documentation():
     ]
 
 
-@pytest.mark.parametrize("line", ["", "Note: text", "[1]", "3", '{"frames": "many"}', '{"other": 1}', '{"frames": 1'])
-def test_other_lines_are_no_progress(line):
-    """Anything but a JSON object with a number of frames is a message."""
-    assert commands.parse_progress(line) is None
-
-
-@pytest.mark.parametrize(
-    ("line", "fraction", "text"),
-    [
-        ('{"frame": 3, "frames": 12}', 0.25, "3 of 12 frames"),
-        ('{"frame": 3, "frames": null}', 0, "3 of ? frames"),
-        ('{"frame": 13, "frames": 12}', 1, "13 of 12 frames"),
-    ],
-)
-def test_progress_is_a_fraction_and_a_text(line, fraction, text):
-    """Which a bar shows; more frames than expected fill it."""
-    progress = commands.parse_progress(line)
-    assert progress.fraction == fraction
-    assert str(progress) == text
+def test_progress_is_a_fraction_and_a_text():
+    """Which a bar shows; more frames than expected fill it. Anything but an object with numbers is a message."""
+    for expected, shown in (
+        ("12", (0.25, "3 of 12 frames")),
+        ("null", (0, "3 of ? frames")),
+        ("2", (1, "3 of 2 frames")),
+    ):
+        progress = commands.parse_progress(f'{{"frame": 3, "frames": {expected}}}')
+        assert (progress.fraction, str(progress)) == shown
+    for line in ("", "Note: text", "[1]", "3", '{"frames": "many"}', '{"other": 1}', '{"frames": 1'):
+        assert commands.parse_progress(line) is None
 
 
 def test_a_failure_is_told_in_the_programs_words():
@@ -189,6 +181,8 @@ def test_a_plan_names_a_file_for_every_region():
     plan = regions.parse_plan(PLAN)
     assert [(each.frame, each.name) for each in plan.regions] == [(2, "0002_1"), (2, "0002_2"), (4, "0004")]
     assert plan.regions[2] == regions.Region(4, "0004", 0, 0, 64, 36)
+    with pytest.raises(RoundTripError, match="64x36, but the scene renders 64x40"):
+        regions.check_size(plan, 64, 40)
 
 
 @pytest.mark.parametrize("module", [commands, folders, regions, settings], ids=lambda module: module.__name__)
@@ -217,12 +211,6 @@ def test_what_is_no_plan_is_said(tmp_path):
         (tmp_path / "plan.json").write_text(text)
         with pytest.raises(RoundTripError, match="is no plan"):
             regions.read_plan(tmp_path)
-
-
-def test_a_plan_of_another_size_is_refused():
-    """Borders are fractions, so they would mean other pixels."""
-    with pytest.raises(RoundTripError, match="64x36, but the scene renders 64x40"):
-        regions.check_size(regions.parse_plan(PLAN), 64, 40)
 
 
 def test_regions_of_an_earlier_plan_are_removed_and_those_rendered_are_kept(tmp_path):
@@ -255,25 +243,23 @@ def test_an_earlier_output_is_replaced_when_the_new_one_is_finished(tmp_path):
 
 
 def test_settings_are_put_back():
-    """Through text, in their order, as they were."""
-    owners = {"render": SimpleNamespace(filepath="/tmp/", use_border=True)}
-    wanted = [settings.Setting("render", "filepath", "/out/"), settings.Setting("render", "use_border", False)]
-    text = settings.to_text(settings.change(owners, wanted))
+    """Through text, in their order; what was changed since is the user's now, as is that of an owner that is gone."""
+    owners = {"render": SimpleNamespace(filepath="/tmp/", use_border=True), "layer": SimpleNamespace(use=False)}
+    path, *others = wanted = [
+        settings.Setting("render", "filepath", "/out/"),
+        settings.Setting("render", "use_border", False),
+        settings.Setting("layer", "use", True),
+    ]
+    changes = settings.from_text(settings.to_text(settings.change(owners, wanted)))
     assert vars(owners["render"]) == {"filepath": "/out/", "use_border": False}
-    assert settings.restore(owners, settings.from_text(text)) == []
+    assert settings.restore(owners, changes) == []
     assert vars(owners["render"]) == {"filepath": "/tmp/", "use_border": True}
-    assert settings.from_text("") == []
-
-
-def test_settings_that_were_changed_since_are_left_alone():
-    """They are the user's now; so are those of an owner that is gone."""
-    owners = {"render": SimpleNamespace(filepath="/tmp/"), "layer": SimpleNamespace(use=False)}
-    wanted = [settings.Setting("render", "filepath", "/out/"), settings.Setting("layer", "use", True)]
-    changes = settings.change(owners, wanted)
+    settings.change(owners, wanted)
     owners["render"].filepath = "/mine/"
     del owners["layer"]
-    assert settings.restore(owners, changes) == wanted
-    assert owners["render"].filepath == "/mine/"
+    assert settings.restore(owners, changes) == [path, others[-1]]
+    assert vars(owners["render"]) == {"filepath": "/mine/", "use_border": True}
+    assert settings.from_text("") == []
 
 
 # ----------------------------------------------------------------------------------------------------- the extension
@@ -360,22 +346,21 @@ def refusal_of(operator: Any, context: Any) -> str:
     return text
 
 
-def test_scenes_that_cannot_be_prepared_are_refused(extension, tmp_path):
+@pytest.mark.parametrize(
+    ("owner", "name", "value", "words"),
+    [
+        (None, "frame_start", -2, "at least 0"),
+        (None, "frame_end", 2, "Only frame 1 would"),
+        ("render", "use_multiview", True, "Stereoscopy"),
+        ("fpsboost", "folder", "//trip/", "save it"),
+        ("fpsboost", "folder", "", "folder of the round trip is missing"),
+    ],
+)
+def test_scenes_that_cannot_be_prepared_are_refused(extension, tmp_path, owner, name, value, words):
     """Negative numbers, one frame, stereoscopy, and a folder beside a file that is not saved."""
-    for attributes, words in (({"frame_start": -2}, "at least 0"), ({"frame_end": 2}, "Only frame 1 would")):
-        scene = make_scene(tmp_path)
-        vars(scene).update(attributes)
-        assert words in refusal_of(extension.preparing.FPSBOOST_OT_prepare(), make_context(scene, None))
     scene = make_scene(tmp_path)
-    scene.render.use_multiview = True
-    assert "Stereoscopy" in refusal_of(extension.preparing.FPSBOOST_OT_prepare(), make_context(scene, None))
-    scene = make_scene(Path("//trip"))
-    scene.fpsboost.folder = "//trip/"
-    assert "save it" in refusal_of(extension.preparing.FPSBOOST_OT_prepare(), make_context(scene, None))
-    scene.fpsboost.folder = ""
-    assert "folder of the round trip is missing" in refusal_of(
-        extension.preparing.FPSBOOST_OT_prepare(), make_context(scene, None)
-    )
+    setattr(getattr(scene, owner) if owner else scene, name, value)
+    assert words in refusal_of(extension.preparing.FPSBOOST_OT_prepare(), make_context(scene, None))
 
 
 def test_what_will_be_missing_is_said_before_rendering(extension, tmp_path):
@@ -464,7 +449,6 @@ def renders(bpy: ModuleType) -> list[Any]:
     done: list[Any] = []
 
     def render(*how: str, write_still: bool, scene: str) -> set[str]:
-        render.scene.frames.append(render.scene.frame_current)
         settings = render.scene.render
         Path(settings.filepath + ".exr").write_bytes(b"")
         done.append((render.scene.frame_current, Path(settings.filepath).name, settings.border_min_x))
@@ -477,9 +461,7 @@ def renders(bpy: ModuleType) -> list[Any]:
 @pytest.mark.parametrize("by", ["script", "button"])
 def test_the_planned_regions_are_rendered_and_the_scene_is_as_before(extension, bpy, planned, renders, by):
     """One render a region, into a file of its own; frame, border and path are put back."""
-    scene = make_scene(planned, remembered="[]")
-    scene.frames = []
-    bpy.ops.render.render.scene = scene
+    scene = bpy.ops.render.render.scene = make_scene(planned, remembered="[]")
     context, before = make_context(scene, None), repr(scene.render)
     operator = extension.rendering.FPSBOOST_OT_render_regions()
     if by == "script":
@@ -495,9 +477,7 @@ def test_the_planned_regions_are_rendered_and_the_scene_is_as_before(extension, 
 
 def test_a_render_that_was_stopped_goes_on(extension, bpy, planned, renders):
     """After Esc within a render nothing else starts; the next call renders what is missing."""
-    scene = make_scene(planned, remembered="[]")
-    scene.frames = []
-    bpy.ops.render.render.scene = scene
+    scene = bpy.ops.render.render.scene = make_scene(planned, remembered="[]")
     context = make_context(scene, None)
     operator = extension.rendering.FPSBOOST_OT_render_regions()
     operator.invoke(context, None)
@@ -522,11 +502,8 @@ def test_a_render_that_fails_is_reported(extension, bpy, planned):
     for by in ("execute", "invoke"):
         context = make_context(scene, None)
         operator = extension.rendering.FPSBOOST_OT_render_regions()
-        if by == "execute":
-            assert operator.execute(context) == {"CANCELLED"}
-        else:
-            operator.invoke(context, None)
-            assert follow(operator, context) == {"CANCELLED"}
+        ended = operator.execute(context) if by == "execute" else operator.invoke(context, None)
+        assert (ended if by == "execute" else follow(operator, context)) == {"CANCELLED"}
         assert ("ERROR", "Error: Cannot render, no camera") in operator.reports
         assert not scene.render.use_border
 

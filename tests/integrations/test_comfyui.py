@@ -82,18 +82,12 @@ def test_images_between_are_those_of_the_library(run, multiplier):
     assert 0.5 < between.mean() < 1
 
 
-def test_a_single_image_stays_as_it_is(run):
-    """As in ComfyUI's own node, whose formula gives one image for one."""
-    images = batch(1)
-    made, confidence = run(images)
-    np.testing.assert_array_equal(made, images)
+def test_a_single_image_and_alpha_stay_as_they_are(run):
+    """One image gives one as in ComfyUI's own node; four channels come out as four, in the order they came in."""
+    made, confidence = run(batch(1))
+    np.testing.assert_array_equal(made, batch(1))
     np.testing.assert_array_equal(confidence, np.ones((1, 48, 64)))
-
-
-def test_alpha_is_kept(run):
-    """Four channels come out as four, in the order in which they came in."""
-    alpha = np.full((3, 48, 64, 1), 0.5, np.float32)
-    images = np.concatenate([batch(3), alpha], axis=3)
+    images = np.concatenate([batch(3), np.full((3, 48, 64, 1), 0.5, np.float32)], axis=3)
     made, _ = run(images)
     np.testing.assert_array_equal(made[::2], images)
     np.testing.assert_allclose(made[..., 3], 0.5, atol=1e-3)

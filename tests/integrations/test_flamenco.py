@@ -35,11 +35,8 @@ COMPILE = """
 """
 
 SETTINGS = {
-    "input": "/films/in film.mov",
-    "output": "/films/out.mp4",
-    "options": "--factor 2 --threads 8",
-    "parts": 3,
-    "command": "fpsboost",
+    **{"input": "/films/in film.mov", "output": "/films/out.mp4"},
+    **{"options": "--factor 2 --threads 8", "parts": 3, "command": "fpsboost"},
 }
 
 

@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -55,17 +54,12 @@ def openjd(*arguments: object, **environment: str) -> subprocess.CompletedProces
     )
 
 
-@pytest.fixture
-def program(tmp_path: Path) -> Callable[[str], Path]:
-    """A function that writes Python code as an executable program."""
-
-    def write(code: str) -> Path:
-        path = tmp_path / "program"
-        path.write_text(f"#!{sys.executable}\n{code}")
-        path.chmod(0o755)
-        return path
-
-    return write
+def program(folder: Path, code: str) -> Path:
+    """Write Python code as an executable program."""
+    path = folder / "program"
+    path.write_text(f"#!{sys.executable}\n{code}")
+    path.chmod(0o755)
+    return path
 
 
 def run_job(tmp_path: Path, command: Path | str, *, step: str = "Join", **values: Any) -> Any:
@@ -88,11 +82,11 @@ def test_the_template_is_valid():
 
 
 @pytest.mark.skipif(os.name == "nt", reason="runs a script as a program")
-def test_each_part_is_a_task_and_the_last_step_joins_them(tmp_path, program):
+def test_each_part_is_a_task_and_the_last_step_joins_them(tmp_path):
     """In order, with quoted options split as in a shell, and with a name that needs quotes passed as it is."""
     source, target = tmp_path / "in film's.mov", tmp_path / "out.mp4"
     options = "--method blend --encoder-option 'key=a b'"
-    done = run_job(tmp_path, program(RECORDING), Input=source, Output=target, Parts=3, Options=options)
+    done = run_job(tmp_path, program(tmp_path, RECORDING), Input=source, Output=target, Parts=3, Options=options)
     assert done.returncode == 0, done.stdout + done.stderr
     *parts, join = recorded(tmp_path)
     options = ["--method", "blend", "--encoder-option", "key=a b", "--progress", "json"]
@@ -103,40 +97,34 @@ def test_each_part_is_a_task_and_the_last_step_joins_them(tmp_path, program):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="runs a script as a program")
-def test_progress_is_said_as_the_scheduler_reads_it(tmp_path, program):
+def test_progress_is_said_as_the_scheduler_reads_it(tmp_path):
     """In percent and in words; remarks, and what is no progress, go to the log as they are."""
     place = {"Input": tmp_path / "in.mov", "Output": tmp_path / "out.mp4", "Parts": 1}
-    done = run_job(tmp_path, program(RECORDING), step="Parts", **place)
+    done = run_job(tmp_path, program(tmp_path, RECORDING), step="Parts", **place)
     said = [re.sub(r"^[\d:.]+\t", "", line) for line in done.stdout.splitlines()]
-    assert [line for line in said if line.startswith("openjd_progress")] == [
-        "openjd_progress: 0",
-        "openjd_progress: 50",
-        "openjd_progress: 100",
-    ]
-    assert [line for line in said if line.startswith("openjd_status")] == [
-        "openjd_status: converting",
-        "openjd_status: done",
-    ]
+    for name, values in (("progress", ["0", "50", "100"]), ("status", ["converting", "done"])):
+        prefix = f"openjd_{name}: "
+        assert [line.removeprefix(prefix) for line in said if line.startswith(prefix)] == values
     assert {"Note: 2 frames were damaged.", "A sentence for people."} <= set(said)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="runs a script as a program")
-def test_a_part_that_fails_fails_its_task(tmp_path, program, monkeypatch):
+def test_a_part_that_fails_fails_its_task(tmp_path, monkeypatch):
     """And nothing is joined."""
     monkeypatch.setenv("EXIT_CODE", "1")
     place = {"Input": tmp_path / "in.mov", "Output": tmp_path / "out.mp4", "Parts": 2}
-    assert run_job(tmp_path, program(RECORDING), **place).returncode != 0
+    assert run_job(tmp_path, program(tmp_path, RECORDING), **place).returncode != 0
     assert [arguments[0] for arguments in recorded(tmp_path)] == [str(tmp_path / "in.mov")]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="sends SIGTERM")
-def test_a_task_that_is_cancelled_stops_the_program(tmp_path, program):
+def test_a_task_that_is_cancelled_stops_the_program(tmp_path):
     """The embedded script hands SIGTERM on and waits for the end, so that nothing runs on behind it."""
     (step, _) = yaml.safe_load(TEMPLATE.read_text(encoding="utf-8"))["steps"]
     (script,) = step["script"]["embeddedFiles"]
     path = tmp_path / script["filename"]
     path.write_text(script["data"])
-    command = [sys.executable, path, "", program(WAITING)]
+    command = [sys.executable, path, "", program(tmp_path, WAITING)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "ready\n"
         process.send_signal(signal.SIGTERM)

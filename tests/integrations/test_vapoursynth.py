@@ -33,11 +33,8 @@ from fpsboost.integrations.vapoursynth import interpolate  # noqa: E402
 
 SIZE = 48, 64
 PIXEL_FORMATS = {
-    "YUV420P8": "yuv420p",
-    "YUV420P10": "yuv420p10le",
-    "YUV422P8": "yuv422p",
-    "YUV422P12": "yuv422p12le",
-    "YUV444P16": "yuv444p16le",
+    **{"YUV420P8": "yuv420p", "YUV420P10": "yuv420p10le", "YUV422P8": "yuv422p"},
+    **{"YUV422P12": "yuv422p12le", "YUV444P16": "yuv444p16le"},
 }
 UNTAGGED = {"_ChromaLocation": 1}
 """What FFmpeg takes untagged video of this size for, where VapourSynth takes it for something else."""
@@ -133,28 +130,22 @@ def test_yuv_equals_our_own_conversion(format, tmp_path):
     assert_equal(all_planes(output), converted(path, keep_duplicates, Fraction(5, 2)))
 
 
-def test_the_default_method_equals_our_own_conversion(tmp_path):
-    """With motion, paths that bend, and a cut, across which nothing is made."""
+@pytest.mark.parametrize(("options", "props"), [({}, []), ({"method": "dis-warp"}, [UNTAGGED])])
+def test_methods_equal_our_own_conversion(tmp_path, options, props):
+    """With motion and a cut; one that takes no planes gets BGR by the clip's matrix, range and chroma location."""
     pictures = [scene(3 * n) for n in range(5)] + [scene(40 + 3 * n)[::-1, ::-1] ** 2 for n in range(4)]
     path = write_lossless(tmp_path / "in.mkv", "yuv420p", pictures)
-    output = interpolate(source_of(read_planes(path), "YUV420P8").clip)
-    assert_equal(all_planes(output), converted(path, replace(methods["nlm"], duplicates=None), Fraction(2)))
+    output = interpolate(source_of(read_planes(path), "YUV420P8", props).clip, **options)
+    method = replace(methods[options.get("method", "nlm")], duplicates=None)
+    assert_equal(all_planes(output), converted(path, method, Fraction(2)))
 
 
-def test_methods_for_arrays_equal_our_own_conversion(tmp_path):
-    """A method that takes no planes gets BGR by the clip's matrix, range and chroma location, and back."""
-    path = write_lossless(tmp_path / "in.mkv", "yuv420p", [scene(4 * n) for n in range(5)])
-    output = interpolate(source_of(read_planes(path), "YUV420P8", [UNTAGGED]).clip, method="dis-warp")
-    assert_equal(all_planes(output), converted(path, replace(methods["dis-warp"], duplicates=None), Fraction(2)))
-
-
-@pytest.mark.parametrize(("format", "dtype"), [("RGB24", np.uint8), ("RGB48", np.uint16), ("RGBS", np.float32)])
-def test_rgb_equals_our_own_conversion(format, dtype):
+@pytest.mark.parametrize(
+    ("format", "dtype", "gain"), [("RGB24", np.uint8, 1), ("RGB48", np.uint16, 257), ("RGBS", np.float32, 0.3)]
+)
+def test_rgb_equals_our_own_conversion(format, dtype, gain):
     """Planes are BGR arrays of the clip's own type."""
-    images = [
-        (scene(4 * n).astype(dtype) * dtype(1 if dtype is np.uint8 else 0.3 if dtype is np.float32 else 257))
-        for n in range(4)
-    ]
+    images = [scene(4 * n).astype(dtype) * dtype(gain) for n in range(4)]
     clip = source_of([[image[..., plane] for plane in (2, 1, 0)] for image in images], format).clip
     expected = [[image[..., plane] for plane in (2, 1, 0)] for image in stream(images, method=keep_duplicates)]
     assert_equal(all_planes(interpolate(clip, method="blend")), expected)
@@ -301,7 +292,7 @@ def test_scene_changes_are_found_and_set():
 
 
 @pytest.mark.parametrize(
-    "options",
+    ("options", "sentence"),
     [
         ({"method": "best"}, "There is no method 'best'; choose one of nlm, "),
         ({"factor_num": 0}, "`factor` must be above 0 and at most 1000, not 0."),
@@ -311,12 +302,10 @@ def test_scene_changes_are_found_and_set():
         ({"fps_num": 0}, "`fps` must be above 0 and at most 100000, not 0."),
     ],
 )
-def test_options_are_refused_with_the_command_lines_sentences(options):
+def test_options_are_refused_with_the_command_lines_sentences(options, sentence):
     """As an error of the host, when the script is read."""
-    given, sentence = options
-    with pytest.raises(vs.Error) as refused:
-        interpolate(gray().clip, **given)
-    assert str(refused.value).startswith(f"fpsboost: {sentence}")
+    with pytest.raises(vs.Error, match=f"^fpsboost: {sentence}"):
+        interpolate(gray().clip, **options)
 
 
 @pytest.mark.parametrize(
@@ -339,15 +328,10 @@ def test_clips_are_refused(options, sentence):
         interpolate(vs.core.std.BlankClip(**options))
 
 
-def test_a_variable_rate_has_no_rate_to_reach():
-    """`fps_num` needs the rate of the clip."""
-    clip = vs.core.std.BlankClip(fpsnum=0, fpsden=1)
+def test_what_cannot_be_known_or_taken_is_an_error_of_the_host():
+    """`fps_num` needs the clip's rate; a colour matrix that nobody can mix in stops the request for the frame."""
     with pytest.raises(vs.Error, match=r"say it with std\.AssumeFPS"):
-        interpolate(clip, fps_num=60)
-
-
-def test_a_frame_that_cannot_be_taken_is_an_error_of_the_host():
-    """A colour matrix that nobody can mix in stops the request for the frame, with the command line's sentence."""
+        interpolate(vs.core.std.BlankClip(fpsnum=0, fpsden=1), fps_num=60)
     output = interpolate(gray(props=[{"_Matrix": 14}]).clip, method="blend")
     with pytest.raises(vs.Error, match="colour matrix number 14, which is not supported"):
         output.get_frame(1)

@@ -95,20 +95,3 @@ def test_a_pan_of_whole_pixels_moves_them_unchanged(raster: ModuleType) -> None:
     show = layers.stack(view, [(textures.scenery(np.random.default_rng(5), (560, 100), view.density), layers.pan(8))])
     before, after = (cv2.resize(show(time), (480, 54), interpolation=cv2.INTER_AREA) for time in (1, 1.5))
     np.testing.assert_allclose(after[:, 4:], before[:, :-4], atol=0.002)
-
-
-def test_a_can_turns_as_a_cylinder_does(raster: ModuleType) -> None:
-    """A thin mark on the label is seen where a pinhole camera sees that place of a cylinder."""
-    objects = importlib.import_module("constructed.objects")
-    view, radius, distance = raster.Raster(480, 270), 40.0, 400.0
-    x, _ = raster.find_places((2 * np.pi * radius, 60), view.density)
-    mark = np.exp(-((x / 0.8) ** 2))  # in the label's middle, which is half a turn from its seam
-    label = raster.Texture(np.dstack([mark] * 3).astype(np.float32), view.density)
-    can = objects.spin_can(view, label, radius, 60, distance)
-    for degrees in (150, 180, 205):
-        pixels = can(degrees).pixels
-        row = pixels[pixels.shape[0] // 2, :, 0]
-        places = raster.find_places((radius * 2.4, 1), view.density)[0][0]
-        angle = np.radians(degrees - 180)
-        seen = distance * radius * np.sin(angle) / (distance - radius * np.cos(angle))
-        assert places[row.argmax()] == pytest.approx(seen, abs=0.5)
