@@ -17,7 +17,7 @@ from rich.console import Console
 from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import InputError
 from fpsboost.evaluation.contestants import InterpolatorContestant
-from fpsboost.evaluation.further_metrics import Meters, summarise
+from fpsboost.evaluation.further_metrics import Meters
 from fpsboost.evaluation.further_metrics import metrics as further_metrics
 from fpsboost.evaluation.hidden_frames import Hiding, Interval
 from fpsboost.evaluation.metrics import low_percentile, mean, means, score
@@ -211,7 +211,7 @@ def measure_further(clip: Clip, made: Made, metrics: Sequence[str]) -> Figures:
     for hidden, image in zip(meters.passing(iter(clip.intervals)), made.images, strict=True):
         meters.add(hidden.truth, image)
     measured = meters.values(len(clip.hidden))
-    return summarise(metrics, [measured[index] for index in clip.scored])
+    return means([measured[index] for index in clip.scored])
 
 
 def cells(row: Mapping[str, float], metrics: Sequence[str] = ()) -> list[str]:

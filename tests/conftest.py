@@ -92,6 +92,32 @@ def chromium() -> Iterator[Any]:
         yield browser
 
 
+@pytest.fixture
+def opened(chromium: Any) -> Iterator[Any]:
+    """A function that opens a page with a player; nothing is asked of a network, and no error is reported meanwhile."""
+    pages: list[Any] = []
+    complaints: list[str] = []
+
+    def watch(request: Any) -> None:
+        if not request.url.startswith(("file:", "data:", "blob:")):
+            complaints.append(request.url)
+
+    def open_page(address: str, width: int = 1200, height: int = 900, **options: Any) -> Any:
+        page = chromium.new_page(viewport={"width": width, "height": height}, **options)
+        page.on("request", watch)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("console", lambda message: complaints.append(message.text) if message.type != "log" else None)
+        pages.append(page)
+        page.goto(address)
+        page.locator(".place", has_text="frame").first.wait_for()
+        return page
+
+    yield open_page
+    for page in pages:
+        page.close()
+    assert complaints == []
+
+
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the threads look for each other every few milliseconds, so that many short clips do not add up."""

@@ -186,7 +186,6 @@ class _Facts:
     hidden: list[int] = field(default_factory=list)
     times: list[float] = field(default_factory=list)
     shares: list[list[float]] = field(default_factory=list)
-    """Shares of the areas of each hidden frame."""
     unknown: list[int] = field(default_factory=list)
     """Hidden frames of intervals whose pictures are not known."""
     repeats: list[int] = field(default_factory=list)

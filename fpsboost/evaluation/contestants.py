@@ -41,7 +41,6 @@ class InterpolatedFrame(NamedTuple):
     """A hidden frame as a method interpolated it, and its cost."""
 
     number: int
-    """Number of the frame in the clip, counted from 0."""
     image: Image
     seconds: float
     """Elapsed time, seconds; NaN if unknown."""

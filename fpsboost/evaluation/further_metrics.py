@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from importlib.util import find_spec
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError
 from fpsboost.evaluation.filter_metrics import VmafMeter, XpsnrMeter, missing_filter
 from fpsboost.evaluation.hidden_frames import Hidden, Interval
-from fpsboost.evaluation.metrics import as_shown, mean
+from fpsboost.evaluation.metrics import as_shown
 from fpsboost.image import Image
 
 ALWAYS = ("psnr", "psnr_p5", "ssim", "mae", "mse")
@@ -156,8 +156,3 @@ class Meters:
         """Return the metrics of each of so many interpolated frames by name."""
         columns = {name: meter.values() for name, meter in self._meters.items()}
         return [{name: column[place] for name, column in columns.items()} for place in range(frames)]
-
-
-def summarise(names: Sequence[str], rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Return the mean of each named metric over the frames that count."""
-    return {name: mean([row[name] for row in rows]) for name in names}

@@ -84,8 +84,7 @@ def as_shown(image: Image) -> NDArray[Any]:
 
 def mean_scores(scores: Sequence[Scores]) -> Scores:
     """Return the mean of every figure; PSNR as the mean of decibels, as benchmarks have it."""
-    rows = [asdict(each) for each in scores]
-    return Scores(**{name: mean([row[name] for row in rows]) for name in rows[0]})
+    return Scores(**means([asdict(each) for each in scores]))
 
 
 def mean(values: Sequence[float]) -> float:

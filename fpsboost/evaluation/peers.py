@@ -43,14 +43,12 @@ READ_AT_MOST = 4096
 
 @dataclass(frozen=True)
 class PeerFrames:
-    """Frames of another tool, one image for each hidden frame, by its number."""
+    """Frames of another tool, one image for each hidden frame, by its number; seconds are those per frame."""
 
     files: Mapping[int, Path]
     description: str
-    """Where they come from."""
     seconds: float = UNKNOWN
     cpu_seconds: float = UNKNOWN
-    """Time per frame."""
     looks_far: ClassVar[bool] = False  # whatever the tool looked at: its images stay the same
     any_time: ClassVar[bool] = False  # it was given frames without times
 

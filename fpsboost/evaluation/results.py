@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from fpsboost.evaluation.contestants import Contestant
-from fpsboost.evaluation.further_metrics import summarise
 from fpsboost.evaluation.hidden_frames import Hiding
-from fpsboost.evaluation.metrics import Scores, low_percentile, mean, mean_scores
+from fpsboost.evaluation.metrics import Scores, low_percentile, mean, mean_scores, means
 from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
 
 MIN_SHARE = 0.02
@@ -32,9 +31,7 @@ class FrameResult:
     """Mean absolute error in and out of each area of `fpsboost.evaluation.regions.AREAS`, levels of 255; NaN where an
     area is empty."""
     search_radius: int | None = None
-    """Search radius of the motion, pixels; None if the method has none."""
     metrics: dict[str, float] = field(default_factory=dict)
-    """Further metrics by name."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +48,6 @@ class Comparison:
     """Everything that a report says, and nothing else."""
 
     clip: str
-    """Path as the user gave it."""
     kind: str
     """Size and type of the frames: ``640x360, 3 channels, 8-bit``."""
     hiding: Hiding
@@ -59,10 +55,8 @@ class Comparison:
     cuts: list[int]
     """Hidden frames across a scene cut, which no method can know: no mean counts them."""
     shares: dict[str, float]
-    """Mean share of the frame that each area takes."""
     methods: list[MethodResult]
     skipped: dict[str, str]
-    """Methods that could not be run, and why."""
     made_with: dict[str, str] = field(default_factory=dict)
     """Versions and machine."""
     rendered: tuple[str, ...] = ()
@@ -79,7 +73,6 @@ class Comparison:
     clip_frames: int = 0
     """Number of frames from the first shown one to the last."""
     metrics: tuple[str, ...] = ()
-    """Names of further metrics."""
 
     @property
     def areas(self) -> list[tuple[str, str]]:
@@ -129,7 +122,7 @@ class Comparison:
 
     def further(self, method: MethodResult) -> dict[str, float]:
         """Return the further metrics of a method by name, means over the frames that count."""
-        return summarise(self.metrics, [frame.metrics for frame in self.counted(method)])
+        return means([frame.metrics for frame in self.counted(method)])
 
     def mean_seconds(self, method: MethodResult) -> tuple[float, float]:
         """Return the mean seconds and CPU seconds of a method per frame."""

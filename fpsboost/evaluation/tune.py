@@ -62,12 +62,11 @@ class Trial:
 
 @dataclass(frozen=True)
 class Tuning:
-    """Trials on a clip."""
+    """Trials on some frames of a clip."""
 
     clip: str
     method: str
     frames: list[int]
-    """Numbers of the frames that were interpolated."""
     sweeps: dict[str, list[Trial]]
     """Trials by the option that was swept: ``search_radius``, where the method has one; ``patch_radius``, with each
     window where it has several; ``v``."""

@@ -46,11 +46,8 @@ class Verdict:
     psnr: float
     """Mean PSNR of the best, dB."""
     frames: int
-    """Number of frames that count."""
     ahead: list[Difference]
-    """Leads of the best over each of the others, the nearest first."""
     level: list[str]
-    """Methods that are level with the best."""
     cheapest: str
     """Method with the least CPU time of those within `NEGLIGIBLE_DIFFERENCE` of the best, itself included."""
     cpu_seconds: dict[str, float]
@@ -59,7 +56,6 @@ class Verdict:
     factor: int
     """Number of frames in the range, and of output frames for each: one more than were hidden at once."""
     sentences: list[str]
-    """All that in words: who is ahead, at what price, and what to take."""
 
     @property
     def text(self) -> str:

@@ -34,7 +34,6 @@ class LeastCertain(NamedTuple):
     time: str
     passage: int
     place: int
-    """Place of the frame in the player."""
     picture: str
     doubt: str | None
     """Picture of the uncertain places; None if the method has no confidence."""

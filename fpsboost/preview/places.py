@@ -131,9 +131,7 @@ class _Span:
     end: Fraction | None
     """Seconds after the clip's first frame; `end` is None if unknown."""
     count: int
-    """Number of frames in a passage."""
     duration: Fraction
-    """Duration of a passage, seconds."""
 
     def latest(self, start: Fraction) -> Fraction:
         """Return a time, or an earlier one from which a whole passage is left."""

@@ -56,7 +56,6 @@ class Estimate(NamedTuple):
     most: float
     """Seconds per frame: if all cores were always busy, and as measured."""
     cpu: float
-    """CPU seconds per frame."""
 
 
 @dataclass
@@ -65,12 +64,10 @@ class Preview:
 
     info: ClipInfo
     rate: Fraction
-    """Nominal frames per second of the output."""
     stretch: Fraction
     """Duration of the output as a multiple of the source's."""
     selection: Selection
     trials: dict[str, list[Trial]]
-    """One trial for each passage, by method."""
     estimates: dict[str, Estimate]
     is_video: bool
     """Whether the conversion, and so the estimate, encodes video."""

@@ -29,11 +29,9 @@ class View:
     """Frames of a passage as encoded pictures."""
 
     traits: VideoTraits | None = None
-    """Pixel shape and rotation of video."""
     times: list[Fraction] = field(default_factory=list)
     """Seconds after the passage's first frame, on the source's clock."""
     pictures: list[bytes] = field(default_factory=list)
-    """Pictures as JPEG."""
     end: Fraction = Fraction(0)
     """End of the last frame, seconds."""
 

@@ -65,7 +65,6 @@ class TileGrid:
     width: int
     """Size of a frame, pixels."""
     tile: int
-    """Side of a tile, pixels."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -149,14 +148,12 @@ def _joined(rectangles: Iterable[Rectangle]) -> list[Rectangle]:
 
 @dataclass(frozen=True)
 class RenderCost:
-    """Cost of rendering, in any unit."""
+    """Cost of rendering a pixel and of starting a frame, and the largest cost of all, in any unit."""
 
     pixel: float
-    """Cost of one pixel."""
     frame: float
     """Cost of every frame of which anything is rendered, beside its pixels."""
     budget: float
-    """Maximum of all."""
 
     def of(self, areas: NDArray[Any]) -> NDArray[Any]:
         """Return the cost of frames of which so many pixels are rendered, (F,) float64."""

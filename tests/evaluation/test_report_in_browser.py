@@ -19,31 +19,6 @@ from fpsboost.evaluation.report.page import DIFFERENT, choose_frames
 
 
 @pytest.fixture
-def opened(chromium):
-    """A function that opens a page; nothing is asked of a network, and no error is reported, as long as it is open."""
-    pages, complaints = [], []
-
-    def watch(request):
-        if not request.url.startswith(("file:", "data:", "blob:")):
-            complaints.append(request.url)
-
-    def open_page(address, width=1200, height=900, **options):
-        page = chromium.new_page(viewport={"width": width, "height": height}, **options)
-        page.on("request", watch)
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("console", lambda message: complaints.append(message.text) if message.type != "log" else None)
-        pages.append(page)
-        page.goto(address)
-        expect(page.locator(".place").first).to_contain_text("frame")
-        return page
-
-    yield open_page
-    for page in pages:
-        page.close()
-    assert complaints == []
-
-
-@pytest.fixture
 def page(opened, report_path):
     return opened(report_path.as_uri(), reduced_motion="reduce")
 

@@ -294,15 +294,8 @@ def test_page_loads_nothing(page):
 
 
 @pytest.fixture
-def browser_page(chromium, page):
-    opened = chromium.new_page(viewport={"width": 390, "height": 844}, reduced_motion="reduce")
-    errors: list[str] = []
-    opened.on("pageerror", lambda error: errors.append(str(error)))
-    opened.on("console", lambda message: errors.append(message.text))
-    opened.goto(page.as_uri())
-    yield opened
-    assert errors == []
-    opened.close()
+def browser_page(opened, page):
+    return opened(page.as_uri(), 390, 844, reduced_motion="reduce")
 
 
 def test_page_plays_steps_and_jumps(browser_page):

@@ -66,7 +66,6 @@ class Form(NamedTuple):
     size: tuple[float, float]
     """Width and height, inches."""
     text: float
-    """Size of the text, points."""
 
 
 FORMS = (Form("wide", (11.6, 3.9), 9.4), Form("narrow", (4.7, 3.7), 10.6))
@@ -102,7 +101,6 @@ class Chart(NamedTuple):
     x_range: tuple[float, float]
     y_range: tuple[float, float]
     logarithmic: bool
-    """Whether y is logarithmic."""
     is_labelled: bool = True
     """Whether every name that belongs into the figure had room there."""
 

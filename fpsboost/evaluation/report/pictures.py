@@ -38,12 +38,10 @@ class Picture:
     """One encoded picture."""
 
     name: str
-    """Name of the method, or ``truth``."""
     method: int | None
     """Place among the methods; None for the truth."""
     uri: str
     mae: float | None = None
-    """Mean absolute error of a crop, levels of 255."""
 
 
 class Spot(NamedTuple):
@@ -74,7 +72,6 @@ class MotionPicture:
     tips: str
     """SVG paths, in pixels of the frame: shafts, and where they point to."""
     longest: float
-    """Length of the longest vector, pixels."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +79,6 @@ class MotionView:
     """Motion between two shown frames as the methods estimate it, and their doubts."""
 
     number: int
-    """Number of the hidden frame."""
     between: tuple[int, int]
     """Numbers of the shown frames."""
     width: int

@@ -27,18 +27,14 @@ class PlayerData:
     """Frames that the player of a page shows, as player.js takes them."""
 
     names: list[str]
-    """Names of the views of every frame."""
     width: int
     height: int
-    """Size of a frame, pixels."""
     fps: float
-    """Frames per second."""
     frames: list[dict[str, Any]] = field(default_factory=list)
     """For each frame its ``number``, ``passage``, ``note``, the places of its ``images`` in `uris` (one of each view,
     or one for all of them), and optionally ``loss``, the mean absolute error that compression leaves in its first
     picture, levels of 255."""
     opening: int | None = None
-    """Number of the frame that is shown first; None for the first one."""
     _places: dict[str, int] = field(default_factory=dict)
 
     @property

@@ -65,7 +65,6 @@ class Style(NamedTuple):
     on_dark: str
     """Colours on light and on dark paper, ``#rrggbb``."""
     mark: int
-    """Place in `MARKERS`."""
     line: Any
     """Matplotlib's line style."""
 
