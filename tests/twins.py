@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -28,11 +29,8 @@ def box_weights(patch_radius: int) -> Array:
 
 def gaussian_weights(patch_radius: int) -> Array:
     """(2r + 1, 2r + 1) weights that sum to 1, variance half the size of the similarity area."""
-    size = 2 * patch_radius + 1
-    weights = np.empty((size, size))
-    for y in range(size):
-        for x in range(size):
-            weights[y, x] = math.exp(-((y - patch_radius) ** 2 + (x - patch_radius) ** 2) / (2 * 0.5 * size))
+    away = np.arange(-patch_radius, patch_radius + 1.0)
+    weights = np.exp(-np.add.outer(away**2, away**2) / (2 * 0.5 * away.size))
     return weights / weights.sum()
 
 
@@ -64,18 +62,13 @@ def patch_scores(
     near, far = (patch_radius,) * 2, (patch_radius + radius,) * 2
     padded0 = np.pad(image0.astype(float), (near, near, (0, 0)), "edge")
     padded1 = np.pad(image1.astype(float), (far, far, (0, 0)), "edge")
-    size = 2 * patch_radius + 1
-    scores = np.full((height, width, 2 * radius + 1, 2 * radius + 1), -1.0)
-    for y in range(height):
-        for x in range(width):
-            patch = padded0[y : y + size, x : x + size]
-            for dy in range(-radius, radius + 1):
-                for dx in range(-radius, radius + 1):
-                    if not repeat_target and not (0 <= y + dy < height and 0 <= x + dx < width):
-                        continue
-                    top, left = y + dy + radius, x + dx + radius
-                    other = padded1[top : top + size, left : left + size]
-                    scores[y, x, dy + radius, dx + radius] = (weights * similarity(patch, other, v)).sum()
+    y, x = np.ogrid[-radius : height - radius, -radius : width - radius]
+    scores = np.empty((height, width, 2 * radius + 1, 2 * radius + 1))
+    for dy, dx in np.ndindex(scores.shape[2:]):
+        other = padded1[dy : dy + padded0.shape[0], dx : dx + padded0.shape[1]]
+        patches = np.lib.stride_tricks.sliding_window_view(similarity(padded0, other, v), weights.shape)
+        inside = (y + dy >= 0) & (y + dy < height) & (x + dx >= 0) & (x + dx < width)
+        scores[:, :, dy, dx] = np.where(inside | repeat_target, (patches * weights).sum(axis=(2, 3)), -1)
     return scores
 
 
@@ -85,19 +78,14 @@ def best_offset(scores: Array, sign: int = 1) -> tuple[Array, Array, Array]:
     Offsets are tried from the centre outwards, dy in the outer loop; `sign` -1 tries the opposite offsets.
     """
     height, width, side = scores.shape[:3]
-    radius = side // 2
-    order = [sign * k for k in offsets_from_the_centre(radius)]
-    flow, best, lead = np.zeros((height, width, 2)), np.full((height, width), -1.0), np.zeros((height, width))
-    for y in range(height):
-        for x in range(width):
-            for dy in order:
-                for dx in order:
-                    if scores[y, x, dy + radius, dx + radius] > best[y, x]:
-                        best[y, x] = scores[y, x, dy + radius, dx + radius]
-                        flow[y, x] = dx, dy
-            second, first = np.sort(scores[y, x].ravel())[-2:]
-            lead[y, x] = first - second
-    return flow, best, lead
+    order = [sign * k for k in offsets_from_the_centre(side // 2)]
+    flow, best = np.zeros((height, width, 2)), np.full((height, width), -1.0)
+    for dy, dx in product(order, order):
+        score = scores[:, :, dy + side // 2, dx + side // 2]
+        flow[score > best] = dx, dy
+        best = np.maximum(best, score)
+    second, first = np.moveaxis(np.sort(scores.reshape(height, width, -1))[..., -2:], -1, 0)
+    return flow, best, first - second
 
 
 def clamped(value: float, size: int) -> int:
@@ -174,19 +162,10 @@ def fetched(
     image0: Array, image1: Array, t: float, source0: Array, found0: Array, source1: Array, found1: Array
 ) -> Array:
     """Both sources blended in time, or the only one that was found; not rounded."""
-    height, width, channels = image0.shape
-    out = np.empty(image0.shape)
-    for y in range(height):
-        for x in range(width):
-            a = image0.reshape(-1, channels)[source0[y, x]].astype(float)
-            b = image1.reshape(-1, channels)[source1[y, x]].astype(float)
-            if found0[y, x] and not found1[y, x]:
-                out[y, x] = a
-            elif found1[y, x] and not found0[y, x]:
-                out[y, x] = b
-            else:
-                out[y, x] = (1 - t) * a + t * b
-    return out
+    pairs = (image0, source0), (image1, source1)
+    a, b = (image.reshape(-1, image.shape[2])[source].astype(float) for image, source in pairs)
+    share = np.where(found0 == found1, t, found1)[..., np.newaxis]
+    return (1 - share) * a + share * b
 
 
 def matched_blocks(image0: Array, image1: Array, block_size: int, search_range: int) -> tuple[Array, Array]:
@@ -700,33 +679,23 @@ def smaller_change(before: float, after: float) -> float:
     return min(before, after, key=abs)
 
 
-def clipped(value: float, most: float = 255) -> float:
-    """A level as near to a value as levels go, not yet rounded."""
-    return min(max(value, 0), most)
-
-
-def luma_and_chroma(pixel: list[float]) -> tuple[float, float]:
-    """Of one pixel with 1 for white: luma by BT.601, and the mean of both differences of colour with 0.5 for gray.
+def luma_and_chroma(image: Array) -> tuple[Array, Array]:
+    """Luma by BT.601, and the mean of both differences of colour with 0.5 for gray, of an image with 1 for white.
 
     Gray, gray and alpha, BGR, or BGR and alpha; both are multiplied by alpha, and 0 is the chroma of gray images.
     """
-    alpha = pixel[-1] if len(pixel) in {2, 4} else 1.0
-    if len(pixel) < 3:
-        return pixel[0] * alpha, 0.0
-    blue, green, red = pixel[:3]
+    *colours, alpha = np.moveaxis(image, 2, 0) if image.shape[2] in {2, 4} else (*np.moveaxis(image, 2, 0), 1.0)
+    if len(colours) == 1:
+        return colours[0] * alpha, np.zeros(image.shape[:2])
+    blue, green, red = colours
     luma = 0.299 * red + 0.587 * green + 0.114 * blue
     return luma * alpha, ((0.713 * (red - luma) + 0.564 * (blue - luma)) / 2) * alpha + 0.5
 
 
-def split_levels(image: Array, white: float, scale: float) -> tuple[Array, Array, Array]:
+def split_levels(image: Array, white: float, scale: float) -> list[Array]:
     """Luma, and levels of half of it and of chroma, (H, W) each and not rounded; `scale` levels are 1."""
-    height, width = image.shape[:2]
-    luma, first, third = (np.empty((height, width)) for _ in range(3))
-    for y in range(height):
-        for x in range(width):
-            luma[y, x], chroma = luma_and_chroma([float(value) / white for value in image[y, x]])
-            first[y, x], third[y, x] = clipped(luma[y, x] / 2 * scale), clipped(chroma * scale)
-    return luma, first, third
+    luma, chroma = luma_and_chroma(image.astype(float) / white)
+    return [luma, (luma / 2 * scale).clip(0, 255), (chroma * scale).clip(0, 255)]
 
 
 def split_codes(planes: list[Array], levels: tuple[float, float, float, float], scale: float) -> list[Array]:
@@ -735,33 +704,19 @@ def split_codes(planes: list[Array], levels: tuple[float, float, float, float], 
     A sample of chroma belongs to all pixels that it was taken of.
     """
     black, luma_span, neutral, chroma_span = levels
-    height, width = planes[0].shape
-    down, across = (-(-size // length) for size, length in zip((height, width), planes[1].shape, strict=True))
-    luma, first, third = (np.empty((height, width)) for _ in range(3))
-    for y in range(height):
-        for x in range(width):
-            cb, cr = (float(plane[y // down, x // across]) for plane in planes[1:])
-            luma[y, x] = (float(planes[0][y, x]) - black) / luma_span
-            first[y, x] = clipped(luma[y, x] / 2 * scale)
-            third[y, x] = clipped((((cb + cr) / 2 - neutral) / chroma_span + 0.5) * scale)
-    return [luma, first, third]
+    y, x = (
+        np.arange(size) // -(-size // length) for size, length in zip(planes[0].shape, planes[1].shape, strict=True)
+    )
+    luma = (planes[0].astype(float) - black) / luma_span
+    cb, cr = (plane[np.ix_(y, x)].astype(float) for plane in planes[1:])
+    chroma = ((cb + cr) / 2 - neutral) / chroma_span + 0.5
+    return [luma, (luma / 2 * scale).clip(0, 255), (chroma * scale).clip(0, 255)]
 
 
 def local_mean(values: Array, size: int) -> Array:
     """The mean of the box of this side around each place, mirrored beyond the edges but for the edge itself."""
     padded = np.pad(values.astype(float), size // 2, "reflect")
-    height, width = values.shape
-    return np.array([[padded[y : y + size, x : x + size].mean() for x in range(width)] for y in range(height)])
-
-
-def with_repeated_edges(plane: Array, above: int, left: int, shape: tuple[int, int]) -> Array:
-    """A larger plane in which each place has what the nearest one of the smaller has."""
-    height, width = plane.shape
-    larger = np.empty(shape)
-    for y in range(shape[0]):
-        for x in range(shape[1]):
-            larger[y, x] = plane[min(max(y - above, 0), height - 1), min(max(x - left, 0), width - 1)]
-    return larger
+    return np.lib.stride_tricks.sliding_window_view(padded, (size, size)).mean(axis=(2, 3))
 
 
 def finished(sums: Array, weights: Array, white: float, lowest: float, highest: float, straight_alpha: bool) -> Array:
@@ -769,13 +724,7 @@ def finished(sums: Array, weights: Array, white: float, lowest: float, highest: 
 
     Each is divided by its weight, all but the last by the last if alpha was multiplied in, and kept in range.
     """
-    channels, rows, width = sums.shape
-    values = np.empty(sums.shape)
-    for c in range(channels):
-        for y in range(rows):
-            for x in range(width):
-                value = float(sums[c, y, x]) / float(weights[y, x])
-                if straight_alpha and c < channels - 1:
-                    value /= max(float(sums[channels - 1, y, x]) / float(weights[y, x]), 1e-6)
-                values[c, y, x] = min(max(value * white, lowest), highest)
-    return values
+    values = sums.astype(float) / weights
+    if straight_alpha:
+        values[:-1] /= np.maximum(values[-1], 1e-6)
+    return (values * white).clip(lowest, highest)

@@ -46,14 +46,6 @@ def test_ties_go_to_the_nearest_place():
         np.testing.assert_array_equal(matched(image0, image1, 3, 4)[0], matched_blocks(image0, image1, 3, 4)[0])
 
 
-def test_the_full_search_tries_everything_once():
-    """The shortest offsets first."""
-    offsets, turns, repeated = search_plan("full", 3)
-    assert sorted(map(tuple, offsets.tolist())) == [(y, x) for y in range(-3, 4) for x in range(-3, 4)]
-    assert (np.diff((offsets**2).sum(axis=1)) >= 0).all()
-    assert (turns.tolist(), repeated.tolist()) == ([0, 49], [False])
-
-
 @pytest.mark.parametrize(
     ("search_range", "steps"), [(1, [1]), (7, [4, 2, 1]), (8, [8, 4, 2, 1]), (24, [16, 8, 4, 2, 1])]
 )

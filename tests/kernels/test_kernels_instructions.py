@@ -280,16 +280,6 @@ def test_lists_are_kept_as_offset_by_offset(capacity, count, largest, seed):
             assert entries == (expected[point] if at <= point < at + EIGHT else [])
 
 
-@pytest.mark.parametrize("capacity", [1, 8])
-def test_what_is_no_better_than_the_last_changes_nothing(capacity):
-    """A full list stays as it is."""
-    offsets = [(3 * k, 0) for k in range(capacity)]
-    similarities = np.tile(np.linspace(1, 0.5, capacity, dtype=np.float32)[:, np.newaxis], EIGHT)
-    before = lists_of(offsets, similarities, 0, EIGHT, capacity, insert)
-    after = lists_of([*offsets, (-50, 0)], [*similarities, similarities[-1]], 0, EIGHT, capacity, insert)
-    np.testing.assert_array_equal(before, after)
-
-
 @pytest.mark.parametrize("largest", [16, 256])
 def test_products_are_summed_over_a_window(largest):
     """As pixel by pixel, with the largest differences that bytes can have, too."""

@@ -90,34 +90,6 @@ def test_a_dot_before_a_moving_background_stands_out():
     assert np.argwhere(marks == 0).tolist() == [[8, 4]]
 
 
-@pytest.mark.parametrize("frame", [1, 2, 3])
-@pytest.mark.parametrize(("level", "mark_there"), [(208, STANDS_OUT), (192, STANDS_OUT), (209, 0), (191, 0)])
-def test_a_dot_must_be_there_in_every_frame(frame, level, mark_there):
-    """To eight levels, up or down, in the second, the earlier and the later frame."""
-    images = dots()
-    images[frame][5, 9] = level
-    assert mark(images, steady((12, 20), 20, 0, 3), 20)[5, 9] == mark_there
-
-
-@pytest.mark.parametrize("frame", [0, 1, 2, 3])
-@pytest.mark.parametrize("side", [-1, 1])
-@pytest.mark.parametrize(("level", "mark_there"), [(174, STANDS_OUT), (175, STAYS), (225, STAYS), (226, STANDS_OUT)])
-def test_a_dot_does_not_stand_out_where_its_like_is_found(frame, side, level, mark_there):
-    """Within 25 levels, in any frame, where its surroundings' motion leads or comes from."""
-    images = dots()
-    images[frame][5 + 2 * side, 9] = level
-    assert mark(images, steady((12, 20), 20, 0, 2), 20)[5, 9] == mark_there
-
-
-@pytest.mark.parametrize(
-    ("motion", "still"), [((0, 0), True), ((0.99, -0.99), True), ((1, 0), False), ((0, -1), False)]
-)
-def test_still_surroundings_have_no_marks(motion, still):
-    """Below a pixel of motion nothing is looked at, however much it stands out."""
-    images = dots()
-    assert (not mark(images, steady((12, 20), 20, *motion), 20).any()) == still
-
-
 def test_motion_out_of_the_frame_says_nothing():
     """Wherever it leads, also far away, pixels only stay."""
     images = dots()

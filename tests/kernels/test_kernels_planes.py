@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from truth import noise
-from twins import local_mean, split_codes, split_levels, uncompiled, with_repeated_edges
+from twins import local_mean, split_codes, split_levels, uncompiled
 
 from fpsboost.kernels.planes import HIGH_PASS_SIZE, CodeLevels, make_room, shrink, split_colours, split_planes
 from fpsboost.kernels.similarity import WHITE, level_scale, truncation
@@ -39,7 +39,7 @@ def assert_split(expected: list[np.ndarray], scale: np.float32, planes: np.ndarr
     for plane, levels in zip(planes, (first, high_pass, third), strict=True):
         inside = plane[PADDING : PADDING + height, PADDING : PADDING + width]
         assert_rounded(inside, levels)
-        np.testing.assert_array_equal(plane, with_repeated_edges(inside, PADDING, PADDING, plane.shape))
+        np.testing.assert_array_equal(plane, np.pad(inside, ((PADDING, PADDING), (PADDING, PADDING + 5)), "edge"))
 
 
 @pytest.mark.parametrize("scale", SCALES)
@@ -76,18 +76,6 @@ def test_splitting_planes_equals_its_slow_twin(dtype, levels, steps, size, scale
     units = (np.float32(value) for value in (black, 1 / luma_span, neutral, 1 / chroma_span))
     split_planes(*codes, CodeLevels(*units), scale, MIDDLE, np.int64(PADDING), make_room(size[1]), planes)
     assert_split(split_codes(codes, levels, scale), scale, planes)
-
-
-@pytest.mark.parametrize(("ground", "dot", "around", "level"), [(0, 1, 71, 255), (1, 0, 185, 0), (1, 2, 71, 255)])
-def test_the_high_pass_is_rounded_and_clipped(ground, dot, around, level):
-    """Twice the difference from the mean of nine columns: a ninth of a dot's; the dot is black or white."""
-    row = np.full((1, 23, 1), ground, np.float32)
-    row[0, 11] = dot
-    planes = empty_planes((1, 23))
-    uncompiled(split_colours)(row, np.float32(1), np.float32(255), MIDDLE, PADDING, make_room(23), planes)
-    expected = np.full(23, 128)
-    expected[7:16], expected[11] = around, level
-    np.testing.assert_array_equal(planes[1, PADDING, PADDING : PADDING + 23], expected)
 
 
 @pytest.mark.parametrize(("v", "most"), [(0.0001, 1), (0.05, 51), (0.09, 92), (0.25, 255), (2.0, 255)])

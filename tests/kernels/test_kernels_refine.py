@@ -75,16 +75,6 @@ def test_further_steps_start_from_the_nearest_whole_pixel(steps):
     np.testing.assert_array_equal(refine(*components, 6, flow, steps=steps), expected)
 
 
-def test_a_second_step_finds_what_is_more_than_a_pixel_away():
-    """From a pixel and more off in x and y, two steps lead nearer than one, to 0.1 pixels on average."""
-    components, flow = moved((40, 56), (2.3, -1.2)), np.broadcast_to(np.float32([1, 0]), (*points((40, 56), 8), 2))
-    one, two = (
-        np.linalg.norm(refine(*components, 8, flow, steps=steps) - np.float32([2.3, -1.2]), axis=-1)[1:-1, 1:-1]
-        for steps in (1, 2)
-    )
-    assert two.mean() < min(0.1, one.mean() / 2)
-
-
 @pytest.mark.parametrize("shift", [(0.25, -0.1), (0.4, 0.4), (3.3, -1.8), (-0.45, 0.0)])
 def test_fractions_of_a_pixel_are_found(shift):
     """From the nearest whole pixel, a smooth texture's vector is right to 0.05 pixels on average."""

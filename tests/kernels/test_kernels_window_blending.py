@@ -12,7 +12,6 @@ from truth import noise, waves
 from twins import (
     blended,
     faded_window,
-    fading,
     finished,
     heaviest,
     spline_coefficients,
@@ -290,46 +289,6 @@ def test_what_stands_still_is_copied(size, spacing):
     mean, confidence = blend(image, image, 0.5, candidates, scale=5.0, sharpness=30.0, enough=0.99, spacing=spacing)
     np.testing.assert_allclose(mean, image, atol=1e-6)
     np.testing.assert_allclose(confidence, 1, atol=1e-5)
-
-
-def test_weights_are_shares():
-    """Motions that are equally similar have shares by their weights."""
-    x = np.arange(64)
-    image0, image1 = np.zeros((16, 64, 1), np.float32), np.zeros((16, 64, 1), np.float32)
-    image0[..., 0] = x / 64
-    candidates = nodes_of((16, 64), [(0.3, -2, 0, 0, 0), (0.6, 2, 0, 0, 0), (0.1, 0, 0, 0, 0)])
-    mean, _ = blend(image0, image1, 0.25, candidates, scale=0.0, sharpness=30.0, enough=2.0)
-    expected = 0.75 * (x - 0.25 * (0.6 * 2 - 0.3 * 2)) / 64
-    np.testing.assert_allclose(mean[8, 8:-8, 0], expected[8:-8], atol=1e-5)
-
-
-def test_a_window_fades_into_its_neighbours():
-    """Nodes with motions of their own: between their middles, one goes over into the other without a step.
-
-    Between squares, what they count fades, too.
-    """
-    image0, image1 = np.zeros((16, 48, 1), np.float32), np.zeros((16, 48, 1), np.float32)
-    image0[..., 0] = np.arange(48) / 48
-    candidates = nodes_of((16, 48))
-    for column, dx in enumerate((0, 4, 0)):
-        candidates[0, column] = [[1, dx, 0, 0, 0]]
-    mean, _ = blend(image0, image1, 0.25, candidates, scale=0.0, sharpness=30.0, enough=2.0)
-    shift = np.arange(48) - mean[8, :, 0] * 48 / 0.75
-    between = np.arange(8, 24)
-    squares = np.array([fading(place) for place in range(8)])
-    fadings = np.interp(np.arange(16), np.arange(16)[::2] + 0.5, squares)
-    fadings[-1] = 0.75 * squares[-1] + 0.25 * fading(8)
-    np.testing.assert_allclose(shift[between], fadings, atol=1e-4)
-    np.testing.assert_allclose(shift[24:40], shift[between][::-1], atol=1e-4)
-
-
-def test_an_acceleration_bends_the_path():
-    """At half of the way, what speeds up is an eighth of its acceleration behind."""
-    y, x = np.mgrid[0:16, 0:48].astype(float)
-    image0, image1 = (waves(x - shift, y, 1, seed=2).astype(np.float32) for shift in (0, 3))
-    candidates = nodes_of((16, 48), [(1, 3, 0, 4, 0)])
-    mean, _ = blend(image0, image1, 0.5, candidates, scale=5.0, sharpness=25.0, enough=2.0)
-    np.testing.assert_allclose(mean[:, 8:-8], waves(x - 1.5 + 0.5, y, 1, seed=2)[:, 8:-8], atol=1e-4)
 
 
 @pytest.mark.parametrize("gradient", [(0.1, 0, 0, 0.1), (0, 0.06, -0.06, 0), (-0.05, 0.02, 0.04, 0.08)])
