@@ -49,27 +49,8 @@ def check_size(target: str, extension: str, info: ClipInfo) -> None:
         )
 
 
-def check_format(path: Path, image: Image) -> None:
-    """Raise `OutputError` where a type of file cannot hold the image's type or its alpha."""
-    extension = path.suffix.lower()
-    if image.dtype not in types_kept[extension]:
-        other = ".tif or .exr" if image.dtype == np.float32 else ".png or .tif"
-        kind = type_names[image.dtype]
-        raise OutputError(f"{path.name} cannot hold {kind} images; use {other}, as in shot_######{other[-4:]}.")
-    if image.shape[2] == 4 and not keeps_alpha(extension):
-        raise OutputError(f"{path.name} cannot hold alpha; use .png or .tif, as in shot_######.png.")
-
-
-def losses(path: Path, image: Image) -> list[str]:
-    """Return sentences on what encoding an image loses although `check_format` lets it pass."""
-    name = {".webp": "WebP", ".hdr": "HDR"}.get(path.suffix.lower())
-    if name is not None and image.shape[2] == 1:
-        return [f"{name} has no gray: gray images were written as colour with three equal channels."]
-    return []
-
-
 def encode_image(path: Path, image: Image, *, half: bool = True, metadata: ImageMetadata | None = None) -> bytes:
-    """Turn an image of a type that `check_format` lets pass into the content of a file; `path` says its type.
+    """Turn an image of a type that `ImageEncoder.check` lets pass into the content of a file; `path` says its type.
 
     OpenEXR gets 16 bits a number with `half`, else 32. `OutputError` if the library refuses.
     """
@@ -166,8 +147,15 @@ class ImageEncoder:
 
     def check(self, path: Path, image: Image) -> None:
         """Check that a file can hold an image, else raise `OutputError`; remark on what it loses."""
-        check_format(path, image)
-        self._remark(losses(path, image))
+        extension, kind = path.suffix.lower(), type_names[image.dtype]
+        if image.dtype not in types_kept[extension]:
+            other = ".tif or .exr" if image.dtype == np.float32 else ".png or .tif"
+            raise OutputError(f"{path.name} cannot hold {kind} images; use {other}, as in shot_######{other[-4:]}.")
+        if image.shape[2] == 4 and not keeps_alpha(extension):
+            raise OutputError(f"{path.name} cannot hold alpha; use .png or .tif, as in shot_######.png.")
+        name = {".webp": "WebP", ".hdr": "HDR"}.get(extension)
+        if name is not None and image.shape[2] == 1:
+            self._remark([f"{name} has no gray: gray images were written as colour with three equal channels."])
 
     def content(self, path: Path, frame: Frame) -> bytes:
         """Return the bytes to write: of an original into a file of its own type that file, else an encoded image."""

@@ -379,21 +379,15 @@ def _numbering_of(output: Output) -> Numbering:
     path, images = output.path, output.stream.images
     if is_pattern(path) and not Path(path).is_dir():
         return Numbering.parse(path)
+    folder, frame_count = Path(path), output.expected_frames
     *_, is_anew, _ = _numbers_of(output)
-    if images is not None and images.numbering is not None and not is_anew:
-        return replace(images.numbering, folder=Path(path))
-    return _name_in_folder(Path(path), images, output.expected_frames)
-
-
-def _name_in_folder(folder: Path, images: NumberedImages | None, frame_count: int | None) -> Numbering:
-    """Continue the source's naming, with as many digits as keep the order of names the order of frames."""
+    # as many digits as keep the order of names the order of frames
     first = 1 if images is None else images.first_number
     digits = VIDEO_DIGITS if frame_count is None else len(str(first + frame_count - 1))
-    if images is None:
-        return Numbering(folder, "", max(digits, VIDEO_DIGITS), ".png")
-    if images.numbering is None:
-        return Numbering(folder, "", max(digits, VIDEO_DIGITS), images.files[0].suffix)
-    return replace(images.numbering, folder=folder, digits=max(digits, images.numbering.digits))
+    if images is None or images.numbering is None:
+        return Numbering(folder, "", max(digits, VIDEO_DIGITS), ".png" if images is None else images.files[0].suffix)
+    kept = images.numbering.digits
+    return replace(images.numbering, folder=folder, digits=max(digits, kept) if is_anew else kept)
 
 
 def _link_or_copy(here: Path, there: Path) -> None:

@@ -273,7 +273,12 @@ def find_images(path: str) -> FileSequence:
     """Find the images that a folder or a pattern stands for, some of which may be missing."""
     place = Path(path)
     if place.is_dir():
-        return scan_folder(place)
+        names = [
+            name for name in list_files(place) if extension_of(name) in IMAGE_SUFFIXES and not name.startswith(".")
+        ]
+        if not names:
+            raise InputError(f"{place} holds no images ({', '.join(IMAGE_SUFFIXES)}); name a folder that does.")
+        return order_names(place, names)
     if is_pattern(path):
         return find_numbered(Numbering.parse(path))
     if place.exists():
@@ -289,11 +294,3 @@ def find_numbers(path: str) -> range | None:
     if not sequence.numbers or sequence.missing(sequence.step):
         return None
     return range(sequence.numbers[0], sequence.numbers[-1] + 1, sequence.step)
-
-
-def scan_folder(folder: Path) -> FileSequence:
-    """Find the one sequence in a folder; images without any number in their names go by the alphabet."""
-    names = [name for name in list_files(folder) if extension_of(name) in IMAGE_SUFFIXES and not name.startswith(".")]
-    if not names:
-        raise InputError(f"{folder} holds no images ({', '.join(IMAGE_SUFFIXES)}); name a folder that does.")
-    return order_names(folder, names)

@@ -52,6 +52,7 @@ def write(folder: Path, suffix: str, count: int = 3, mode: str = "RGB", **option
 
 def double(folder: Path, out: Path) -> tuple[list[Path], list[str]]:
     """Convert a folder; the images that come out, and the remarks."""
+    out.parent.mkdir(exist_ok=True)
     summary = fpsboost.convert(str(folder), str(out), method="blend", run=RunOptions(overwrite=True))
     return sorted(path for path in out.parent.iterdir() if path.match(out.name.replace("####", "*"))), summary.remarks
 
@@ -60,7 +61,6 @@ def double(folder: Path, out: Path) -> tuple[list[Path], list[str]]:
 def test_frames_that_pass_keep_their_file(tmp_path, suffix):
     """A frame that goes into a file of the same type is that file, to the byte, the made ones say the same."""
     sources = write(tmp_path / "in", suffix, icc_profile=PROFILE, dpi=(300, 200), exif=exif())
-    (tmp_path / "out").mkdir()
     outputs, remarks = double(tmp_path / "in", tmp_path / "out" / f"new_####{suffix}")
     assert remarks == []
     assert [path.read_bytes() for path in outputs[::2]] == [path.read_bytes() for path in sources]
@@ -78,7 +78,6 @@ def test_frames_that_pass_keep_their_file(tmp_path, suffix):
 def test_from_type_to_type(tmp_path, source, target):
     """Profile and resolution go along from each type to each other; what does not is said once."""
     write(tmp_path / "in", source, icc_profile=PROFILE, **({} if source == ".webp" else {"dpi": (150, 150)}))
-    (tmp_path / "out").mkdir()
     outputs, remarks = double(tmp_path / "in", tmp_path / "out" / f"new_####{target}")
     for path in outputs:
         with Image.open(path) as image:
@@ -95,7 +94,6 @@ def test_large_profiles_in_jpeg(tmp_path):
     """A profile that needs several segments comes out whole."""
     profile = PROFILE + bytes(range(256)) * 600
     write(tmp_path / "in", ".jpg", icc_profile=profile)
-    (tmp_path / "out").mkdir()
     for path in double(tmp_path / "in", tmp_path / "out" / "new_####.jpg")[0]:
         with Image.open(path) as image:
             assert image.info["icc_profile"] == profile
@@ -123,7 +121,6 @@ def test_words_on_colour_of_png(tmp_path):
     for path in sources:
         data = path.read_bytes()
         path.write_bytes(data[:33] + b"".join(chunk(*word) for word in words) + data[33:])
-    (tmp_path / "out").mkdir()
     outputs, remarks = double(tmp_path / "in", tmp_path / "out" / "new_####.png")
     assert remarks == []
     for path in outputs:
@@ -137,7 +134,6 @@ def test_metadata_follow_their_frames(tmp_path):
     sources = write(tmp_path / "in", ".png", dpi=(100, 100))
     with Image.open(sources[1]) as image:
         image.save(sources[1], dpi=(200, 200))
-    (tmp_path / "out").mkdir()
     outputs, _ = double(tmp_path / "in", tmp_path / "out" / "new_####.png")
     assert [round(metadata_of(path).dots_per_inch[0]) for path in outputs] == [100, 100, 200, 200, 100]
 
@@ -148,7 +144,6 @@ def test_profiles_that_no_longer_fit(tmp_path, suffix, mode):
     profile = bytearray(PROFILE)
     profile[16:20] = b"GRAY" if mode == "LA" else b"CMYK"
     sources = write(tmp_path / "in", suffix, mode=mode, icc_profile=bytes(profile))
-    (tmp_path / "out").mkdir()
     outputs, remarks = double(tmp_path / "in", tmp_path / "out" / f"new_####{suffix}")
     assert any("cannot hold the colour profile" in remark for remark in remarks)
     with Image.open(outputs[1]) as image:
@@ -161,7 +156,6 @@ def test_profiles_that_no_longer_fit(tmp_path, suffix, mode):
 def test_orientation(tmp_path, orientation):
     """Images keep the orientation of their EXIF; a video, which has none, shows them upright as Pillow does."""
     sources = write(tmp_path / "in", ".jpg", exif=exif(orientation), quality=95)
-    (tmp_path / "out").mkdir()
     for suffix in (".jpg", ".png", ".webp", ".tif"):
         for path in double(tmp_path / "in", tmp_path / "out" / f"new_####{suffix}")[0]:
             with Image.open(path) as image:
@@ -180,7 +174,6 @@ def test_orientation(tmp_path, orientation):
 def test_a_turned_tiff_is_written_anew(tmp_path):
     """OpenCV turns a TIFF while it reads: all images come out upright, of one size, with no word of turning."""
     write(tmp_path / "in", ".tif", tiffinfo={ORIENTATION: 6})
-    (tmp_path / "out").mkdir()
     outputs, _ = double(tmp_path / "in", tmp_path / "out" / "new_####.tif")
     for path in outputs:
         with Image.open(path) as image:
@@ -197,7 +190,6 @@ def test_attributes_of_exr(tmp_path):
             kind = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **header}
             with OpenEXR.File(kind, planes) as file:
                 file.write(str(tmp_path / name / f"shot_{index}.exr"))
-    (tmp_path / "out").mkdir()
     outputs, _ = double(tmp_path / "in", tmp_path / "out" / "new_####.exr")
     for path in outputs:
         attributes = read_exr_header(path).parts[0].attributes

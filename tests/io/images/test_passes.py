@@ -195,23 +195,33 @@ def save(path: Path, planes: dict[str, np.ndarray], *, several: bool = False, **
     }
     typed["ViewLayer.ids.id"] = planes["IndexOB.X"].astype(np.uint32)
     header = {"compression": OpenEXR.PIZ_COMPRESSION, "type": OpenEXR.scanlineimage, **said}
-    layers = sorted({name.rpartition(".")[0] for name in typed})
-    if several:
-        parts = [
-            OpenEXR.Part(
-                dict(header), {n.rpartition(".")[2]: p for n, p in typed.items() if n.startswith(layer)}, layer
-            )
-            for layer in layers
-        ]
-    with OpenEXR.File(parts) if several else OpenEXR.File(header, typed) as file:
+    if not several:
+        write(path, typed, **header)
+        return
+    parts = [
+        OpenEXR.Part(dict(header), {n.rpartition(".")[2]: p for n, p in typed.items() if n.startswith(layer)}, layer)
+        for layer in sorted({name.rpartition(".")[0] for name in typed})
+    ]
+    with OpenEXR.File(parts) as file:
+        file.write(str(path))
+
+
+def write(path: Path, planes: dict[str, np.ndarray], **header: object) -> None:
+    with OpenEXR.File(
+        {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **header}, planes
+    ) as file:
         file.write(str(path))
 
 
 @pytest.fixture
-def clip(tmp_path: Path) -> Path:
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "in").mkdir()
+    return tmp_path / "in"
+
+
+@pytest.fixture
+def clip(folder: Path) -> Path:
     """Frames 1, 3 and 5."""
-    folder = tmp_path / "in"
-    folder.mkdir()
     for number in (1, 3, 5):
         planes = planes_at((number - 1) / 2)
         save(folder / f"shot_{number:04d}.exr", planes, **{"cryptomatte/a/manifest": "{}", "Frame": f"{number}"})
@@ -234,18 +244,17 @@ def names(folder: Path) -> Iterator[str]:
 
 @pytest.mark.parametrize("several", [False, True])
 @pytest.mark.parametrize("method", ["blend", "nlm"])
-def test_every_layer_comes_back(tmp_path, method, several):
+def test_every_layer_comes_back(folder, tmp_path, method, several):
     """Originals are the same files; frames between have the same parts, channels, types and attributes."""
-    (tmp_path / "in").mkdir()
     for number in (1, 3, 5):
-        save(tmp_path / "in" / f"{number}.exr", planes_at((number - 1) / 2), several=several, owner="me")
-    summary = convert(tmp_path / "in", tmp_path / "out", method=method)
+        save(folder / f"{number}.exr", planes_at((number - 1) / 2), several=several, owner="me")
+    summary = convert(folder, tmp_path / "out", method=method)
     assert list(names(tmp_path / "out")) == [f"{number}.exr" for number in range(1, 6)]
     for number in (1, 3, 5):
-        assert (tmp_path / "out" / f"{number}.exr").read_bytes() == (tmp_path / "in" / f"{number}.exr").read_bytes()
+        assert (tmp_path / "out" / f"{number}.exr").read_bytes() == (folder / f"{number}.exr").read_bytes()
     for number in (2, 4):
         made = tmp_path / "out" / f"{number}.exr"
-        headers = [read_exr_header(path) for path in (tmp_path / "in" / f"{number - 1}.exr", made)]
+        headers = [read_exr_header(path) for path in (folder / f"{number - 1}.exr", made)]
         assert [repr(part.attributes) for part in headers[0].parts] == [
             repr(part.attributes) for part in headers[1].parts
         ]
@@ -288,31 +297,27 @@ def test_other_types_of_file_hold_the_picture(clip, tmp_path):
     [
         ({"method": "dis-warp"}, OptionError, r"makes no layers.*choose nlm.*`passes='beauty'`"),
         ({"passes": "Gloss"}, InputError, r"shot_0001\.exr has no layer 'Gloss'"),
+        (
+            {"passes": "all", "out": "#.tif"},
+            OptionError,
+            r"makes layers of OpenEXR images, which the output of .* cannot",
+        ),
     ],
 )
 def test_what_cannot_be_made_is_refused(clip, tmp_path, options, error, sentence):
     """In one sentence that says what to do, and nothing is written."""
+    before = sorted(tmp_path.rglob("*"))
     with pytest.raises(error, match=sentence):
-        convert(clip, tmp_path / "out", **options)
-    assert not (tmp_path / "out").exists()
+        convert(clip, tmp_path / str(options.pop("out", "out")), **options)
+    assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_layers_do_not_fit_into_other_types_of_file(clip, tmp_path):
-    """Where they are asked for by name."""
-    (tmp_path / "out").mkdir()
-    with pytest.raises(
-        OptionError, match=r"`passes` makes layers of OpenEXR images, which the output of .* cannot hold"
-    ):
-        convert(clip, tmp_path / "out" / "#.tif", passes="all")
-
-
-def test_layers_are_asked_of_openexr_alone(tmp_path):
+def test_layers_are_asked_of_openexr_alone(folder, tmp_path):
     """Other images and videos have none."""
-    (tmp_path / "in").mkdir()
     for number in (1, 2):
-        cv2.imwrite(str(tmp_path / "in" / f"{number}.png"), np.zeros((8, 8), np.uint8))
+        cv2.imwrite(str(folder / f"{number}.png"), np.zeros((8, 8), np.uint8))
     with pytest.raises(OptionError, match=r"`passes` names layers of OpenEXR files"):
-        convert(tmp_path / "in", tmp_path / "out", passes="Depth")
+        convert(folder, tmp_path / "out", passes="Depth")
     (tmp_path / "a.mp4").write_bytes(b"")
     with pytest.raises(OptionError, match=r"`passes` is for a folder or a pattern of images"):
         convert(tmp_path / "a.mp4", tmp_path / "out", passes="all")
@@ -339,43 +344,36 @@ def test_missing_frames_are_made_beside_the_rendered_ones(clip):
     assert content(clip / "shot_0002.exr").keys() == content(clip / "shot_0001.exr").keys()
 
 
-def test_of_several_pictures_the_first_leads_and_that_is_said(tmp_path):
+def test_of_several_pictures_the_first_leads_and_that_is_said(folder, tmp_path):
     """Two view layers, each with its combined colours."""
-    (tmp_path / "in").mkdir()
     for number in (1, 2):
         planes = {f"{layer}.Combined.{each}": texture(number) for layer in ("A", "B") for each in "RGB"}
-        with OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, planes) as file:
-            file.write(str(tmp_path / "in" / f"{number}.exr"))
-    summary = convert(tmp_path / "in", tmp_path / "out")
+        write(folder / f"{number}.exr", planes)
+    summary = convert(folder, tmp_path / "out")
     assert any(
         "hold several pictures (A.Combined, B.Combined), the first of which leads" in each for each in summary.remarks
     )
 
 
-def test_pixels_outside_of_the_display_window_are_said_to_stay_behind(tmp_path):
+def test_pixels_outside_of_the_display_window_are_said_to_stay_behind(folder, tmp_path):
     """Frames between have theirs in the display window, all of it."""
-    (tmp_path / "in").mkdir()
     corners = np.array([-4, -4], np.int32), np.array([27, 27], np.int32)
     shown = np.array([0, 0], np.int32), np.array([23, 23], np.int32)
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     for number in (1, 2):
         planes = {each: texture(number, 32, 32) for each in ("R", "G", "B", "Z")}
-        with OpenEXR.File({**header, "dataWindow": corners, "displayWindow": shown}, planes) as file:
-            file.write(str(tmp_path / "in" / f"{number}.exr"))
-    summary = convert(tmp_path / "in", tmp_path / "out")
+        write(folder / f"{number}.exr", planes, dataWindow=corners, displayWindow=shown)
+    summary = convert(folder, tmp_path / "out")
     assert any("pixels elsewhere than in the display window" in remark for remark in summary.remarks)
     assert content(tmp_path / "out" / "2.exr")["Z"].shape == (24, 24)
 
 
-def test_half_of_a_pass_ends_where_half_does(tmp_path):
+def test_half_of_a_pass_ends_where_half_does(folder, tmp_path):
     """Nothing becomes infinite between two frames that are not."""
-    (tmp_path / "in").mkdir()
     for number in (1, 2, 3):
         planes = {"R": np.full((16, 16), 65504, np.float16), "G": np.zeros((16, 16), np.float16)}
         planes |= {"B": np.zeros((16, 16), np.float16), "Light.Y": np.full((16, 16), 65504, np.float16)}
-        with OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, planes) as file:
-            file.write(str(tmp_path / "in" / f"{number}.exr"))
-    convert(tmp_path / "in", tmp_path / "out")
+        write(folder / f"{number}.exr", planes)
+    convert(folder, tmp_path / "out")
     for path in (tmp_path / "out").iterdir():
         assert read_exr(path, lambda names: ["Light.Y"])["Light.Y"].max() == 65504
 
@@ -388,12 +386,11 @@ def test_memory_is_counted_by_layers(clip, tmp_path):
     assert convert(clip, tmp_path / "out", limit=limit, passes="beauty").frames_in == 3
 
 
-def test_vectors_are_said_to_lead_from_original_to_original(tmp_path):
+def test_vectors_are_said_to_lead_from_original_to_original(folder, tmp_path):
     """Where frames are numbered anew, so that there are more frames on the way."""
-    (tmp_path / "in").mkdir()
     for number in (1, 2, 3):
         planes = planes_at(number) | {f"Vector.{each}": texture(k) for k, each in enumerate("XYZW")}
-        save(tmp_path / "in" / f"{number}.exr", planes)
-    summary = convert(tmp_path / "in", tmp_path / "out")
+        save(folder / f"{number}.exr", planes)
+    summary = convert(folder, tmp_path / "out")
     assert any(remark.startswith("Motion vectors lead from one original to the next") for remark in summary.remarks)
     assert Fraction(summary.frames_out) == 5

@@ -30,7 +30,6 @@ from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
 from fpsboost.probing import probe
 from fpsboost.timing.position import Trim, parse_position
-from fpsboost.timing.rate import OutputRate
 
 HEIGHT, WIDTH = 12, 16
 BLEND = replace(methods["blend"], cuts=None)
@@ -72,8 +71,8 @@ def made(folder: Path, name: str) -> float:
     return float((read_image(folder / name).astype(float) - picture(0)).mean() / PER_NUMBER)
 
 
-def run(source: Path | str, target: Path | str | None = None, **options: object) -> Summary:
-    return convert(str(source), None if target is None else str(target), **{"method": BLEND, **grouped(**options)})
+def run(source: Path | str, target: Path | str | None = None, method: object = BLEND, **options: object) -> Summary:
+    return convert(str(source), None if target is None else str(target), method=method, **grouped(**options))
 
 
 # ----------------------------------------------------------------------------------------------------------------- step
@@ -462,7 +461,7 @@ def test_the_command_line_in_place(tmp_path, fpsboost_):
 
 
 def save_pass(folder: Path, numbers: Iterable[int], dx: float = 1.0, size: tuple[int, int] = (HEIGHT, WIDTH)) -> Path:
-    """Vectors that go `dx` pixels to the right from number to number, and say their number in y... of nothing else."""
+    """Vectors that go `dx` pixels to the right from number to number."""
     for number in numbers:
         save_vectors(folder / f"Vector{number:04d}.exr", constant(*size, -dx, 0), constant(*size, dx, 0))
     return folder
@@ -525,47 +524,30 @@ def moved(number: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("step", "factor", "images", "vectors"),
+    ("options", "images", "vectors"),
     [
-        (2, 2, range(3, 12, 2), range(1, 20)),
-        (4, 2, range(3, 16, 4), range(1, 20)),
-        (2, 2, range(3, 12, 2), range(3, 12, 2)),
-        (2, 2, range(10, 19, 2), range(1, 20)),
+        ({"factor": 2}, range(3, 12, 2), range(1, 20)),
+        ({"factor": 2}, range(3, 16, 4), range(1, 20)),
+        ({"factor": 2}, range(3, 12, 2), range(3, 12, 2)),
+        ({"factor": 2}, range(10, 19, 2), range(1, 20)),
+        ({"fill_gaps": True}, [1, 2, 5, 8], range(12)),
     ],
 )
-def test_stepped_renders_with_vectors(tmp_path, step, factor, images, vectors):
+@pytest.mark.parametrize("method", ["reproject-image", "reproject-scene"])
+def test_numbered_renders_with_vectors(tmp_path, method, options, images, vectors):
     """The true frames, from vectors of all numbers or, for the report's search, of the images' alone."""
     (tmp_path / "in").mkdir()
     for number in images:
         save(tmp_path / "in" / f"{number:04d}.png", moved(number))
     folder = VectorFolder(save_pass(tmp_path / "v", vectors, size=SIZE))
-    inner = slice(8, -8)
-    for method in ("reproject-image", "reproject-scene"):
-        target = tmp_path / method
-        if method == "reproject-scene" and set(vectors) == set(images):
-            with pytest.raises(InputError, match=rf"Vector{images[0] + 1:04d}\.exr is missing"):
-                convert(str(tmp_path / "in"), str(target), factor=factor, method=find_method(method, folder))
-            continue
-        convert(str(tmp_path / "in"), str(target), factor=factor, method=find_method(method, folder))
-        for number in range(images[0], images[-1] + 1, step // factor):
-            found = read_image(target / f"{number:04d}.png")
-            np.testing.assert_array_equal(found[inner, inner], moved(number)[inner, inner])
-
-
-def test_gaps_with_vectors(tmp_path):
-    """Frames of uneven gaps, each with the vectors of its number."""
-    numbers = [1, 2, 5, 8]
-    (tmp_path / "in").mkdir()
+    if method == "reproject-scene" and vectors == images:
+        with pytest.raises(InputError, match=rf"Vector{images[0] + 1:04d}\.exr is missing"):
+            run(tmp_path / "in", tmp_path / "out", method=find_method(method, folder), **options)
+        return
+    run(tmp_path / "in", tmp_path / "out", method=find_method(method, folder), **options)
+    numbers = range(images[0], images[-1] + 1, 1 if "fill_gaps" in options else (images[1] - images[0]) // 2)
+    assert names_in(tmp_path / "out") == [f"{number:04d}.png" for number in numbers]
     for number in numbers:
-        save(tmp_path / "in" / f"{number:04d}.png", moved(number))
-    folder = VectorFolder(save_pass(tmp_path / "v", range(0, 12), size=SIZE))
-    convert(
-        str(tmp_path / "in"),
-        str(tmp_path / "out"),
-        method=find_method("reproject-scene", folder),
-        rate=OutputRate(fill_gaps=True),
-    )
-    for number in range(1, 9):
         found = read_image(tmp_path / "out" / f"{number:04d}.png")
         np.testing.assert_array_equal(found[8:-8, 8:-8], moved(number)[8:-8, 8:-8])
 
