@@ -24,16 +24,8 @@ def main() -> None:
         place = arguments.index(flag)
         options[flag] = arguments[place + 1]
         del arguments[place : place + 2]
-    unknown = options.keys() - {
-        "--factor",
-        "--passes",
-        "--confidence",
-        "--progress",
-        "--budget",
-        "--plan",
-        "--vectors",
-        "--vectors-as",
-    }
+    known = {"--factor", "--passes", "--confidence", "--progress", "--budget", "--plan", "--vectors", "--vectors-as"}
+    unknown = options.keys() - known
     if unknown:
         fail(f"Unknown option: {unknown.pop()}. See fpsboost --help.", 2)
     command = arguments.pop(0) if arguments[0] in {"plan", "merge"} else "convert"

@@ -258,10 +258,7 @@ class PreviewOptions:
         parse=parse_positions,
     )
     methods: tuple[str, ...] = option(
-        ("nlm",),
-        "As in compare: with commas between them and options\nbehind a colon.",
-        short="m",
-        metavar="NAMES",
+        ("nlm",), "As in compare: with commas between them and options\nbehind a colon.", short="m", metavar="NAMES"
     )
     duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate or keep.")
     match_grain: bool = option(False, "Make in-between frames as grainy as their neighbours.")

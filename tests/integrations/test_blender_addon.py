@@ -526,13 +526,8 @@ def python_with_bpy() -> str | None:
 @pytest.mark.skipif(python_with_bpy() is None, reason="there is no module bpy; see PYTHON_WITH_BPY")
 def test_the_round_trip_in_blender(program, tmp_path):
     """A small scene goes all the way without a window, and all its settings are as before."""
-    script = TESTS / "blender_round_trip.py"
-    told = subprocess.run(
-        [str(python_with_bpy()), script, EXTENSION, program, tmp_path / "trip"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [str(python_with_bpy()), TESTS / "blender_round_trip.py", EXTENSION, program, tmp_path / "trip"]
+    told = subprocess.run(command, capture_output=True, text=True, check=False)
     found = re.search(r"^RESULT (.*)$", told.stdout, re.MULTILINE)
     assert found, told.stdout + told.stderr
     result = json.loads(found[1])

@@ -20,12 +20,8 @@ SCRIPT = Path(__file__).parents[2] / "samples" / "round_trip.py"
 def test_the_round_trip_makes_frames_better(tmp_path):
     """At a small size on the glass cube: within the budget, and with a smaller error of the frames between."""
     size = ["--size", "96x54", "--frames", "5", "--samples", "4", "--budget", "25%"]
-    told = subprocess.run(
-        [sys.executable, SCRIPT, tmp_path / "out", "--scene", "glass", *size],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [sys.executable, SCRIPT, tmp_path / "out", "--scene", "glass", *size]
+    told = subprocess.run(command, capture_output=True, text=True, check=False)
     found = re.search(r"error ([\d.]+) -> ([\d.]+), ([\d.]+)% of the pixels", told.stdout)
     assert found, told.stdout + told.stderr
     before, after, share = map(float, found.groups())
