@@ -47,15 +47,16 @@ def moved(size, shift, seed=5):
     st.integers(1, 20),
     st.integers(4, 9),
     st.sampled_from([1, 50]),
+    st.sampled_from([1.0, 0.25]),
     st.integers(0, 2**32),
 )
-def test_refinement_equals_its_slow_twin(height, width, step, damping, seed):
+def test_refinement_equals_its_slow_twin(height, width, step, damping, largest, seed):
     """Any frames and whole vectors, also such as lead out of the frame, move by the twin's step."""
     random = np.random.default_rng(seed)
     components = [noise(height, width, 3, np.uint8, seed + k) // 2 for k in (0, 1)]
     flow = random.integers(-6, 7, (*points((height, width), step), 2)).astype(np.float32)
-    found = refine(*components, step, flow, damping * DAMPING)
-    np.testing.assert_allclose(found, refined(*components, step, TAIL, damping * DAMPING, 1.0, flow), atol=1e-3)
+    found = refine(*components, step, flow, damping * DAMPING, largest)
+    np.testing.assert_allclose(found, refined(*components, step, TAIL, damping * DAMPING, largest, flow), atol=1e-3)
 
 
 @pytest.mark.parametrize("steps", [2, 3])
@@ -90,14 +91,6 @@ def test_equal_frames_stay_where_they_are():
     still = np.zeros((*points((24, 30), 8), 2), np.float32)
     assert not refine(image, image, 8, still).any()
     assert not refine(np.full_like(image, 50), np.full_like(image, 80), 8, still).any()
-
-
-def test_no_step_is_longer_than_allowed():
-    """Along x and along y."""
-    components = moved((24, 40), (2.5, -2.5), seed=1)
-    still = np.zeros((*points((24, 40), 8), 2), np.float32)
-    found = refine(*components, 8, still, largest=0.25)
-    assert np.abs(found).max() == 0.25
 
 
 def test_vectors_that_lead_far_away_do_no_harm():

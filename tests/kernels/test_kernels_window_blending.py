@@ -266,15 +266,18 @@ def test_chroma_zooms_and_turns_with_luma(down):
     np.testing.assert_allclose(moved_y[6:-6, 6:-6], expected[6:-6, 6:-6], atol=0.4)
 
 
-def test_once_all_pixels_are_similar_enough_the_rest_is_left_out():
-    """In the order of the list: the true motion comes first and is taken alone, as the twin does it."""
-    size = (16, 16)
+@pytest.mark.parametrize(
+    ("shares", "other", "sharpness", "limit"),
+    [((0.8, 0.2), 4, 2.0, {"enough": 0.5}), ((0.95, 0.05), 9, 0.0, {"enough": 2.0, "negligible": 0.2})],
+)
+def test_the_rest_is_left_out(shares, other, sharpness, limit):
+    """Once all pixels are similar enough, or already have five times as much; the true motion comes first."""
     y, x = np.mgrid[0:16, 0:16].astype(float)
     image0, image1 = (waves(x - k, y, 1, seed=2).astype(np.float32) for k in (0, 2))
-    candidates = nodes_of(size, [(0.8, 2, 0, 0, 0), (0.2, 4, 0, 0, 0)])
-    options = {"scale": 1.0, "sharpness": 2.0}
-    alone, _ = blend(image0, image1, 0.5, candidates, **options, enough=0.5)
-    expected, _ = blended(split(image0), split(image1), 0.5, candidates, **options, enough=0.5)
+    candidates = nodes_of((16, 16), [(shares[0], 2, 0, 0, 0), (shares[1], other, 0, 0, 0)])
+    options = {"scale": 1.0, "sharpness": sharpness}
+    alone, _ = blend(image0, image1, 0.5, candidates, **options, **limit)
+    expected, _ = blended(split(image0), split(image1), 0.5, candidates, **options, **limit)
     np.testing.assert_allclose(alone, np.dstack(expected), atol=1e-4)
     np.testing.assert_allclose(alone[:, 6:-6], waves(x - 1, y, 1, seed=2)[:, 6:-6], atol=1e-4)
     together, _ = blend(image0, image1, 0.5, candidates, **options, enough=2.0)
@@ -323,20 +326,6 @@ def test_a_window_is_not_torn_by_motion_that_changes_too_fast():
     )
     np.testing.assert_array_equal(steep, rigid)
     assert np.abs(zoomed - rigid).max() > 0.01
-
-
-def test_motions_of_negligible_weight_are_left_out():
-    """As the twin does it: what every pixel already has five times as much of is not tried."""
-    size = (16, 16)
-    y, x = np.mgrid[0:16, 0:16].astype(float)
-    image0, image1 = (waves(x - k, y, 1, seed=2).astype(np.float32) for k in (0, 2))
-    candidates = nodes_of(size, [(0.95, 2, 0, 0, 0), (0.05, 9, 0, 0, 0)])
-    options = {"scale": 1.0, "sharpness": 0.0, "enough": 2.0}
-    alone, _ = blend(image0, image1, 0.5, candidates, **options, negligible=0.2)
-    expected, _ = blended(split(image0), split(image1), 0.5, candidates, **options, negligible=0.2)
-    np.testing.assert_allclose(alone, np.dstack(expected), atol=1e-4)
-    together, _ = blend(image0, image1, 0.5, candidates, **options)
-    assert np.abs(together - alone).max() > 0.01
 
 
 def test_decay_is_the_exponential():
