@@ -68,27 +68,15 @@ def regular(count: int, rate: Fraction = Fraction(25), start: Fraction = Fractio
 
 
 class FakeSource:
-    """Frames from memory; raises `error` in place of frame `fail_at`."""
+    """Frames from memory."""
 
-    def __init__(
-        self,
-        frames: Iterable[Frame],
-        rate: Fraction = Fraction(25),
-        fail_at: int | None = None,
-        error: BaseException | None = None,
-        frame_count: int | None = None,
-    ) -> None:
-        self.info = ClipInfo("fake.mp4", *SIZE, rate, Fraction(1, 100), frame_count)
+    def __init__(self, frames: Iterable[Frame]) -> None:
+        self.info = ClipInfo("fake.mp4", *SIZE, Fraction(25), Fraction(1, 100), None)
         self.remarks: list[str] = []
-        self._frames, self._fail_at, self._error = frames, fail_at, error
+        self._frames = frames
 
     def __iter__(self) -> Iterator[Frame]:
-        for index, frame in enumerate(self._frames):
-            if index == self._fail_at and self._error:
-                raise self._error
-            yield frame
-        if self._fail_at == -1 and self._error:
-            raise self._error
+        yield from self._frames
         self.remarks.append("The source was guessed at.")
 
     def close(self) -> None: ...
@@ -322,13 +310,17 @@ class FailingSynthesizer:
 
 
 @pytest.mark.parametrize("kind", [OnPurposeError, InputError, KeyboardInterrupt, MemoryError])
-@pytest.mark.parametrize("fail_at", [0, 1, 2, 15, -1])
+@pytest.mark.parametrize("fail_at", [0, 1, 2, 15, 20])
 def test_an_error_of_the_source_surfaces(fail_at, kind):
     """The very error comes out of the loop, at the first frame, in the middle and after the last."""
     error = kind("on purpose")
-    source = FakeSource(regular(20), fail_at=fail_at, error=error)
+
+    def failing() -> Iterator[Frame]:
+        yield from regular(fail_at)
+        raise error
+
     with pytest.raises(kind) as caught:
-        run_conversion(source, BLEND, FakeSink(), ByFactor(Fraction(2)))
+        run_conversion(FakeSource(failing()), BLEND, FakeSink(), ByFactor(Fraction(2)))
     assert caught.value is error
 
 

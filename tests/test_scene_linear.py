@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -32,16 +31,24 @@ def light(number: int) -> np.ndarray:
     return (2 ** (8 * waves(x - 3 * number, y) - 6)).astype(np.float32)
 
 
+def write_light(path: Path, image: np.ndarray) -> None:
+    """Write light as an OpenEXR file of whole floats, in a folder that need not exist."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_exr(path, dict(zip("BGR", np.moveaxis(image, -1, 0), strict=True)), half=False)
+
+
+def read_light(path: Path) -> np.ndarray:
+    """Read light from an OpenEXR file."""
+    planes = read_exr(path)
+    return np.dstack([planes[name] for name in "BGR"])
+
+
 def made(folder: Path, exposure: float) -> np.ndarray:
     """The frame between two frames of such a scene, as light of exposure 1."""
-    source = folder / "in"
-    source.mkdir(parents=True)
     for number in range(3):
-        image = light(2 * number) * np.float32(exposure)
-        write_exr(source / f"{number:04d}.exr", {name: image[..., i] for i, name in enumerate("BGR")}, half=False)
-    convert(str(source), str(folder / "out"))
-    planes = read_exr(folder / "out" / "0001.exr")
-    return np.dstack([planes[name] for name in "BGR"]) / np.float32(exposure)
+        write_light(folder / "in" / f"{number:04d}.exr", light(2 * number) * np.float32(exposure))
+    convert(str(folder / "in"), str(folder / "out"))
+    return read_light(folder / "out" / "0001.exr") / np.float32(exposure)
 
 
 def test_the_same_scene_in_any_exposure_moves_the_same(tmp_path):
@@ -78,9 +85,8 @@ def test_brighter_is_brighter(value, exposure):
 def test_a_view_transform_for_previews(tmp_path):
     """Light as sRGB shows it, in video; without the option it stays linear, which is said."""
     source = tmp_path / "in"
-    source.mkdir()
     for number in range(2):
-        write_exr(source / f"{number}.exr", {name: np.full((32, 32), 0.18, np.float32) for name in "BGR"})
+        write_light(source / f"{number}.exr", np.full((32, 32, 3), 0.18, np.float32))
     encoding, decoding = Encoding(codec="ffv1", pixel_format="gbrp16le"), DecodeOptions(input_fps=24, view="srgb")
     summary = convert(str(source), str(tmp_path / "view.mkv"), encoding=encoding, decoding=decoding)
     assert not any("looks dark" in remark for remark in summary.remarks)
@@ -110,17 +116,11 @@ def test_views_that_do_not_apply_are_refused(tmp_path):
 
 def test_comparisons_and_streams_make_what_conversions_make(tmp_path):
     """Frames of dark light, as files, as arrays, and hidden and made again."""
-    source = tmp_path / "in"
-    source.mkdir()
-    for number in range(3):
-        image = light(number) / np.float32(256)
-        write_exr(source / f"{number:04d}.exr", {name: image[..., i] for i, name in enumerate("BGR")}, half=False)
-    (tmp_path / "half").mkdir()
-    for number in (0, 2):
-        shutil.copy(source / f"{number:04d}.exr", tmp_path / "half")
+    for folder, numbers in {"in": (0, 1, 2), "half": (0, 2)}.items():
+        for number in numbers:
+            write_light(tmp_path / folder / f"{number:04d}.exr", light(number) / np.float32(256))
     convert(str(tmp_path / "half"), str(tmp_path / "out"))
-    planes = read_exr(tmp_path / "out" / "0001.exr")
-    expected = np.dstack([planes[name] for name in "BGR"])
-    (again,) = InterpolatorContestant(methods["nlm"]).interpolate(Hiding().intervals(str(source)))
+    expected = read_light(tmp_path / "out" / "0001.exr")
+    (again,) = InterpolatorContestant(methods["nlm"]).interpolate(Hiding().intervals(str(tmp_path / "in")))
     np.testing.assert_array_equal(again.image, expected)
     np.testing.assert_array_equal(list(stream(str(tmp_path / "half")))[1], expected)

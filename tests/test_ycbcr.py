@@ -28,11 +28,11 @@ FORMATS = ["yuv420p", "yuv422p", "yuv444p", "yuv420p10le", "yuvj420p"]
 LOSSLESS = Encoding(lossless=True, preset="ultrafast")
 
 
-def planar(image: np.ndarray, pixel_format: str = "yuv420p") -> YCbCrImage:
+def planar(image: np.ndarray, pixel_format: str = "yuv420p", location: str = "left") -> YCbCrImage:
     """An image of BGR in planes, by BT.709."""
     full_range, deep = pixel_format.startswith("yuvj"), pixel_format.endswith("10le")
-    coding = Coding(10 if deep else 8, 1, full_range, "left", pixel_format)
-    return in_planes(from_bgr(image, pixel_format, 1, full_range), coding)
+    coding = Coding(10 if deep else 8, 1, full_range, location, pixel_format)
+    return in_planes(from_bgr(image, pixel_format, 1, full_range, chroma_location=location), coding)
 
 
 def smooth(size: tuple[int, int] = (72, 96), **motion: float) -> list[np.ndarray]:
@@ -69,9 +69,7 @@ def test_a_picture_comes_back_from_its_planes(pixel_format):
 @pytest.mark.parametrize("pixel_format", FORMATS)
 def test_planes_without_a_library_become_bgr(pixel_format, location):
     """As FFmpeg converts them, to 1 % of white on average, wherever chroma lies."""
-    full_range, deep = pixel_format.startswith("yuvj"), pixel_format.endswith("10le")
-    coding = Coding(10 if deep else 8, 1, full_range, location, pixel_format)
-    image = in_planes(from_bgr(smooth()[0], pixel_format, 1, full_range, chroma_location=location), coding)
+    image = planar(smooth()[0], pixel_format, location)
     converted, expected = image.to_bgr(), bgr_of(image)
     assert converted.dtype == expected.dtype
     assert np.abs(converted.astype(float) - expected).mean() < 0.01 * np.iinfo(expected.dtype).max
@@ -185,8 +183,7 @@ def test_an_overlay_is_left_alone_in_planes():
     clip = affine(96, 160, shift=(12, 0))
     frames = []
     for k in range(4):
-        image = clip.at(float(k)) if k > 1 else (clip.image0, clip.image1)[k]
-        image = image.copy()
+        image = clip.at(float(k)).copy()
         image[40:44, 60:100] = (40, 220, 240)
         frames.append(FrameCache(planar(image)))
     nlm = methods["nlm"]
