@@ -111,15 +111,6 @@ def test_a_part_whose_worker_dies_is_made_again_and_counted_once():
     assert counts == [7, 8, 10, 13, 18]
 
 
-def test_a_part_that_kills_every_worker_ends_the_run():
-    """After a bounded number of workers, with a sentence that names the part and the last worker."""
-    script = Script(lambda part, worker, attempt: [Failed(part, worker)], names=["host:1"])
-    with pytest.raises(ClusterError, match=r"10 workers died while they made part 1/1, the last one at host:1;"):
-        run_parts(planned(4), script, ignore)
-    assert len(script.submitted) == MAX_LOST_WORKERS
-    assert script.is_cancelled
-
-
 def test_a_part_that_fails_goes_to_another_worker():
     """A full disk may be one worker's own."""
 
@@ -131,22 +122,22 @@ def test_a_part_that_fails_goes_to_another_worker():
     assert len(script.submitted) == 3 + sum(worker == "a" for _, worker, _ in script.submitted)
 
 
-def test_a_part_that_fails_everywhere_ends_the_run():
-    """After a bounded number of attempts, with its error and how to go on."""
-    script = Script(lambda part, worker, attempt: [Failed(part, worker, OutputError("The disk is full."))])
-    with pytest.raises(OutputError, match="The disk is full") as caught:
+@pytest.mark.parametrize(
+    ("error", "attempts", "message"),
+    [
+        (None, MAX_LOST_WORKERS, r"10 workers died while they made part 1/1, the last one at host:1;"),
+        (OutputError("The disk is full."), MAX_FAILURES, "The disk is full"),
+        *((kind("others would have it"), 1, "others") for kind in (InputError, OptionError, ClusterError)),
+    ],
+)
+def test_a_part_that_fails_everywhere_ends_the_run(error, attempts, message):
+    """After a bounded number of workers or attempts, at once where others would fail too; a note says how to go on."""
+    script = Script(lambda part, worker, attempt: [Failed(part, worker, error)], names=["host:1"])
+    with pytest.raises(ClusterError if error is None else type(error), match=message) as caught:
         run_parts(planned(4), script, ignore)
-    assert len(script.submitted) == MAX_FAILURES
-    assert notes_of(caught.value) == "0 of 1 parts are complete; `resume` goes on with them."
-
-
-@pytest.mark.parametrize("error", [InputError("damaged"), OptionError("unknown"), ClusterError("differs")])
-def test_an_error_that_others_would_have_too_ends_the_run_at_once(error):
-    """Nothing is gained by another attempt."""
-    script = Script(lambda part, worker, attempt: [Failed(part, worker, error)])
-    with pytest.raises(type(error)):
-        run_parts(planned(4, 4, 4), script, ignore)
-    assert len(script.submitted) == 2
+    assert (len(script.submitted), script.is_cancelled) == (attempts, True)
+    note = "0 of 1 parts are complete; `resume` goes on with them."
+    assert notes_of(caught.value) == ("" if isinstance(error, InputError | OptionError) else note)
 
 
 def test_an_interruption_stops_all_workers():

@@ -461,11 +461,11 @@ def test_jobs_wait_for_the_one_before(client, desk, films):
 @pytest.mark.usefixtures("waiting_process")
 def test_queue_has_a_limit(desk, tmp_path):
     """No more jobs than the limit are taken."""
-    outputs = [str(tmp_path / f"{number}.mp4") for number in range(MAX_JOBS + 1)]
-    for output in outputs[1:]:
+    first, *others = [str(tmp_path / f"{number}.mp4") for number in range(MAX_JOBS + 1)]
+    for output in others:
         desk.queue.add(["fpsboost", "in.mp4", output], output)
     with pytest.raises(OptionError, match="remove some first"):
-        desk.queue.add(["fpsboost", "in.mp4", outputs[0]], outputs[0])
+        desk.queue.add(["fpsboost", "in.mp4", first], first)
 
 
 def test_animation_begins_anew():
