@@ -69,6 +69,14 @@ def test_what_is_read_nevertheless_is_a_note(tmp_path, fpsboost_, monkeypatch):
     assert fpsboost_("in", "out2", "-m", "blend", "-q").err == ""
 
 
+def test_nothing_is_printed_at_the_end(tmp_path, save_images):
+    """OpenImageIO would name its objects that are left."""
+    save_images(tmp_path / "in", count=2)
+    command = [sys.executable, "-m", "fpsboost", tmp_path / "in", tmp_path / "out", "-q", "-m", "blend"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout + done.stderr == ""
+
+
 def test_texts_are_cleaned_and_counted():
     """OpenCV's clock differs from line to line; everything after is as it was before."""
     before = sys.stderr

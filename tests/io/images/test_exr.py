@@ -11,6 +11,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from conversion_options import output_of
+from exr_truth import save_exr, tiles, window
 
 from fpsboost.errors import InputError, OutputError
 from fpsboost.frame import Frame
@@ -35,16 +36,7 @@ def planes(names: str) -> dict[str, np.ndarray]:
 
 
 def save(path: Path, channels: dict[str, np.ndarray], **header: object) -> Path:
-    """Write a file of any kind that the library can make."""
-    kind = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **header}
-    with OpenEXR.File(kind, dict(channels)) as file:
-        file.write(str(path))
-    return path
-
-
-def window(left: int, top: int, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Two corners, as the library takes them."""
-    return np.array([left, top], np.int32), np.array([left + width - 1, top + height - 1], np.int32)
+    return save_exr(path, ("", channels), **header)
 
 
 # ------------------------------------------------------------------------------------------------------------ the files
@@ -96,9 +88,7 @@ def test_every_compression_is_read(tmp_path, name):
 
 def test_tiles_and_whole_numbers_are_read(tmp_path):
     """Tiles as well as scanlines, and unsigned integers as numbers."""
-    tiles = OpenEXR.TileDescription()
-    tiles.xSize = tiles.ySize = 16
-    path = save(tmp_path / "a.exr", planes("Y"), type=OpenEXR.tiledimage, tiles=tiles)
+    path = save(tmp_path / "a.exr", planes("Y"), **tiles(16))
     np.testing.assert_array_equal(read_exr(path)["Y"], plane())
     path.write_bytes(path.read_bytes()[:-2])
     with pytest.raises(InputError, match="damaged"):

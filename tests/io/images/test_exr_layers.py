@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
+from exr_truth import save_exr, tiles, window
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -42,23 +43,7 @@ def blender() -> Channels:
 
 
 def save(*parts: tuple[str, Channels], path: Path = HERE, **header: object) -> Path:
-    """Write a file; of one part if that has no name."""
-    kind = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **header}
-    copies = [(name, {each: plane.copy() for each, plane in channels.items()}) for name, channels in parts]
-    whole = [OpenEXR.Part(dict(kind), channels, name) for name, channels in copies]
-    with OpenEXR.File(whole) if parts[0][0] else OpenEXR.File(kind, copies[0][1]) as file:
-        file.write(str(path))
-    return path
-
-
-def tiles(side: int) -> dict[str, object]:
-    description = OpenEXR.TileDescription()
-    description.xSize = description.ySize = side
-    return {"type": OpenEXR.tiledimage, "tiles": description}
-
-
-def window(left: int, top: int, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    return np.array([left, top], np.int32), np.array([left + width - 1, top + height - 1], np.int32)
+    return save_exr(path, *parts, **header)
 
 
 # --------------------------------------------------------------------------------------------------------- which layers

@@ -10,8 +10,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-import OpenEXR
 import pytest
+from exr_truth import save_exr
 from PIL import Image, ImageCms, ImageOps
 from video_truth import pictures_of, scene
 
@@ -186,10 +186,8 @@ def test_attributes_of_exr(tmp_path):
     for name, header in (("in", said), ("plain", {})):
         (tmp_path / name).mkdir()
         for index in range(3):
-            planes = {"Y": np.ascontiguousarray(scene(index)[..., 0] / np.float32(255))}
-            kind = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **header}
-            with OpenEXR.File(kind, planes) as file:
-                file.write(str(tmp_path / name / f"shot_{index}.exr"))
+            planes = {"Y": scene(index)[..., 0] / np.float32(255)}
+            save_exr(tmp_path / name / f"shot_{index}.exr", ("", planes), **header)
     outputs, _ = double(tmp_path / "in", tmp_path / "out" / "new_####.exr")
     for path in outputs:
         attributes = read_exr_header(path).parts[0].attributes

@@ -12,6 +12,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from conversion_options import grouped
+from exr_truth import save_exr, window
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -194,23 +195,10 @@ def save(path: Path, planes: dict[str, np.ndarray], *, several: bool = False, **
         for name, plane in planes.items()
     }
     typed["ViewLayer.ids.id"] = planes["IndexOB.X"].astype(np.uint32)
-    header = {"compression": OpenEXR.PIZ_COMPRESSION, "type": OpenEXR.scanlineimage, **said}
-    if not several:
-        write(path, typed, **header)
-        return
-    parts = [
-        OpenEXR.Part(dict(header), {n.rpartition(".")[2]: p for n, p in typed.items() if n.startswith(layer)}, layer)
-        for layer in sorted({name.rpartition(".")[0] for name in typed})
-    ]
-    with OpenEXR.File(parts) as file:
-        file.write(str(path))
-
-
-def write(path: Path, planes: dict[str, np.ndarray], **header: object) -> None:
-    with OpenEXR.File(
-        {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **header}, planes
-    ) as file:
-        file.write(str(path))
+    header = {"compression": OpenEXR.PIZ_COMPRESSION, **said}
+    layers = sorted({name.rpartition(".")[0] for name in typed}) if several else []
+    parts = [(each, {n.rpartition(".")[2]: p for n, p in typed.items() if n.startswith(each)}) for each in layers]
+    save_exr(path, *(parts or [("", typed)]), **header)
 
 
 @pytest.fixture
@@ -348,7 +336,7 @@ def test_of_several_pictures_the_first_leads_and_that_is_said(folder, tmp_path):
     """Two view layers, each with its combined colours."""
     for number in (1, 2):
         planes = {f"{layer}.Combined.{each}": texture(number) for layer in ("A", "B") for each in "RGB"}
-        write(folder / f"{number}.exr", planes)
+        save_exr(folder / f"{number}.exr", ("", planes))
     summary = convert(folder, tmp_path / "out")
     assert any(
         "hold several pictures (A.Combined, B.Combined), the first of which leads" in each for each in summary.remarks
@@ -357,11 +345,10 @@ def test_of_several_pictures_the_first_leads_and_that_is_said(folder, tmp_path):
 
 def test_pixels_outside_of_the_display_window_are_said_to_stay_behind(folder, tmp_path):
     """Frames between have theirs in the display window, all of it."""
-    corners = np.array([-4, -4], np.int32), np.array([27, 27], np.int32)
-    shown = np.array([0, 0], np.int32), np.array([23, 23], np.int32)
+    windows = {"dataWindow": window(-4, -4, 32, 32), "displayWindow": window(0, 0, 24, 24)}
     for number in (1, 2):
         planes = {each: texture(number, 32, 32) for each in ("R", "G", "B", "Z")}
-        write(folder / f"{number}.exr", planes, dataWindow=corners, displayWindow=shown)
+        save_exr(folder / f"{number}.exr", ("", planes), **windows)
     summary = convert(folder, tmp_path / "out")
     assert any("pixels elsewhere than in the display window" in remark for remark in summary.remarks)
     assert content(tmp_path / "out" / "2.exr")["Z"].shape == (24, 24)
@@ -372,7 +359,7 @@ def test_half_of_a_pass_ends_where_half_does(folder, tmp_path):
     for number in (1, 2, 3):
         planes = {"R": np.full((16, 16), 65504, np.float16), "G": np.zeros((16, 16), np.float16)}
         planes |= {"B": np.zeros((16, 16), np.float16), "Light.Y": np.full((16, 16), 65504, np.float16)}
-        write(folder / f"{number}.exr", planes)
+        save_exr(folder / f"{number}.exr", ("", planes))
     convert(folder, tmp_path / "out")
     for path in (tmp_path / "out").iterdir():
         assert read_exr(path, lambda names: ["Light.Y"])["Light.Y"].max() == 65504
