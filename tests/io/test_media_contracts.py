@@ -145,6 +145,7 @@ def open_files_below(folder: Path) -> list[str]:
 
 @pytest.mark.parametrize("name", ["none.mp4", "none.mkv", "none", "none_####.png", "none/in.mp4", "none/%04d.tif"])
 def test_what_is_missing_is_named(tmp_path, name):
+    """A missing file, folder or sequence is an InputError that names it."""
     with pytest.raises(InputError, match="none"):
         open_source(
             str(tmp_path / name),
@@ -268,6 +269,7 @@ def test_output_appears_whole_at_the_end(source_path, target, tmp_path, snapshot
 
 
 def test_preparing_touches_nothing(source_path, target, tmp_path, snapshot):
+    """A sink that is never entered leaves no trace."""
     before = snapshot(tmp_path)
     source, _ = open_pair(source_path, target)
     source.close()
@@ -319,6 +321,7 @@ def is_of_this_run(name: str, source_path: Path) -> bool:
 
 @pytest.mark.parametrize("fail_at", [0, COUNT])
 def test_a_failed_overwriting_changes_nothing(source_path, target, tmp_path, snapshot, fail_at):
+    """An exception while overwriting leaves what stood there before."""
     put_something(target)
     before = snapshot(tmp_path)
     with pytest.raises(RuntimeError):
@@ -327,6 +330,7 @@ def test_a_failed_overwriting_changes_nothing(source_path, target, tmp_path, sna
 
 
 def test_without_frames_there_is_no_output(source_path, target, tmp_path, snapshot):
+    """A sink that gets no frame leaves nothing behind, with an error or without."""
     before = snapshot(tmp_path)
     source, sink = open_pair(source_path, target)
     with source, suppress(FpsboostError), sink:
@@ -336,6 +340,7 @@ def test_without_frames_there_is_no_output(source_path, target, tmp_path, snapsh
 
 @pytest.mark.parametrize("name", ["out.mp4", "out.mkv", "out.gif", "frames", "out_####.png"])
 def test_a_missing_folder_is_named(source_path, tmp_path, name):
+    """The folder of the output must exist; the message says which one does not."""
     with pytest.raises(OutputError, match=r"none.* does not exist"):
         open_pair(source_path, (name, tmp_path / "none" / name))
     assert not (tmp_path / "none").exists()

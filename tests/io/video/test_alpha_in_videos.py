@@ -194,10 +194,12 @@ def test_alpha_there_and_back(pixel_format, full_range):
     ],
 )
 def test_what_can_hold_alpha(encoding, container, expected):
+    """Encoder, pixel format and container must all have a place for it."""
     assert encodes_alpha(encoding, container) is expected
 
 
 def test_lost_alpha_is_said_once(tmp_path):
+    """Also where the file is read from several places."""
     clip = write_clip(tmp_path / "in.webm", "libvpx-vp9", "yuva420p", VP9)
     part = Trim(parse_position("0.1", "--start"))
     summary = fpsboost.convert(

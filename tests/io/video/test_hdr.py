@@ -94,6 +94,7 @@ def test_what_cannot_keep_them_says_so(tmp_path):
 
 
 def test_one_without_the_other(tmp_path):
+    """A light level alone arrives alone."""
     clip = write_hdr(tmp_path / "in.mp4", "cll=1000,400")
     traits, summary = converted(clip, tmp_path / "out.mp4", Encoding(preset="ultrafast"))
     assert (traits.mastering_display, traits.light_level, summary.remarks) == (None, LIGHT, [])

@@ -399,6 +399,7 @@ def test_languages_get_three_letters(tmp_path, suffix, expected):
 
 
 def test_lost_labels_are_said(tmp_path):
+    """A language that the container cannot say is named with its stream."""
     clip = write_tags(tmp_path / "in.mkv", {}, ["Klingon", "bre"])
     target = tmp_path / "out.mov"
     assert double(clip, target) == [

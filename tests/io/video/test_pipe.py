@@ -255,6 +255,7 @@ def test_interlaced_streams_are_told():
 
 @pytest.mark.parametrize("missing", [1, 4000, 4607, 4609, 4613])
 def test_a_truncated_stream(missing):
+    """The whole frames are there, and one remark says that the last one was not."""
     data = stream_of(3)
     with PipeSource(BytesIO(data[:-missing])) as source:
         assert len(list(source)) == 2
@@ -277,6 +278,7 @@ def test_something_between_the_frames():
 
 
 def test_a_source_is_read_once():
+    """A second iteration is refused with a sentence."""
     with PipeSource(BytesIO(stream_of(2))) as source:
         list(source)
         with pytest.raises(InputError, match="only once"):
@@ -318,6 +320,7 @@ def test_pixel_format_of_a_stream():
     [Encoding(codec="h264"), Encoding(crf=3, preset="slow"), Encoding(lossless=True), Encoding(bitrate=10**6)],
 )
 def test_a_stream_has_no_encoder(encoding):
+    """Options of encoders are refused by name."""
     with pytest.raises(OptionError, match=rf"takes no {' or '.join(encoding.given)}; leave that out"):
         write_frames([scene(0)], encoding)
 
@@ -383,6 +386,7 @@ def test_uneven_times_are_told(piped, tmp_path):
 
 
 def test_frames_that_do_not_fit():
+    """A frame of another size, and no frame at all, are OutputErrors."""
     with pytest.raises(OutputError, match="cannot take a frame of 64x64"):
         write_frames([scene(0), scene(0, 64, 64)])
     with pytest.raises(OutputError, match="there were no frames"):
@@ -471,6 +475,7 @@ def test_from_file_to_file_by_redirection(tmp_path):
     ],
 )
 def test_refusals(piped, tmp_path, data, arguments, code, word):
+    """One sentence, its exit code, and no file."""
     method = () if arguments[0] == "compare" else NEAREST
     done = piped(data, *arguments, *method)
     assert done.returncode == code
@@ -545,6 +550,7 @@ def wait_for_reading(process: subprocess.Popen[bytes]) -> None:
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes are asked in another way on Windows")
 def test_frames_come_out_as_they_are_made(tmp_path):
+    """The first frames are there while the input is still open."""
     with start(tmp_path, "-", "-", *NEAREST) as process:
         try:
             data = stream_of(5)

@@ -214,6 +214,7 @@ def test_images(tmp_path, save_images, fill_gaps):
 
 
 def test_an_image_unlike_the_first_is_an_error(tmp_path, save_images):
+    """Whatever image reading begins at."""
     save_images(tmp_path, count=3)
     save_images(tmp_path, "shot_{:04d}.png", count=1, dtype=np.uint16)
     with ImageSource(str(tmp_path), Fraction(24)) as source:
@@ -224,6 +225,7 @@ def test_an_image_unlike_the_first_is_an_error(tmp_path, save_images):
 
 @pytest.mark.parametrize("name", ["B-frames.mp4", "open groups.mp4", "hevc.mp4", "mpeg2.mov", "prores.mov"])
 def test_packets_are_listed_without_reading_them(tmp_path, name, monkeypatch):
+    """What the header alone says is what the packets say."""
     clip = write_clip(tmp_path / name, times=UNEVEN, **CODECS[name])
     listed = read_index(clip, 0)
     monkeypatch.setattr("fpsboost.io.video.frame_index.has_whole_header", lambda path: False)
@@ -244,6 +246,7 @@ def test_times_in_ticks_are_a_sequence():
 
 
 def test_who_can_begin_anywhere(tmp_path, save_images):
+    """Videos and images, and not what comes once."""
     save_images(tmp_path)
     assert isinstance(VideoSource(write_clip(tmp_path / "in.mp4")), RandomAccess)
     assert isinstance(ImageSource(str(tmp_path), Fraction(24)), RandomAccess)

@@ -223,6 +223,7 @@ def test_of_several_videos_the_best_is_read(tmp_path, sizes, default, taken):
 
 
 def test_a_stream_can_be_chosen(tmp_path):
+    """By its number in the file."""
     clip = write_two(tmp_path / "in.mkv", ((32, 32), (64, 64)))
     with VideoSource(clip, decoding=DecodeOptions(stream=0)) as source:
         assert (source.info.width, len(list(source))) == (32, 4)
@@ -341,6 +342,7 @@ def test_options_that_mean_nothing_are_refused(tmp_path, save_images):
 
 
 def test_the_command_line(fpsboost_, tmp_path):
+    """Every option arrives."""
     write_fields(tmp_path / "in.mkv", ["tff"] * 4)
     cheap = ("-m", "nearest", "--preset", "ultrafast", "-y")
     assert "8 -> 16 frames" in fpsboost_("in.mkv", "out.mp4", "--deinterlace", *cheap).err

@@ -94,6 +94,7 @@ def test_x265_says_nothing_of_the_processor():
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="cores cannot be taken away here")
 def test_cores_do_not_matter():
+    """A process with one core makes the packets that this one makes."""
     program = (
         "import os, sys, hashlib; os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})\n"
         "from test_repeatable_encoding import *\n"

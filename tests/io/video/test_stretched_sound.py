@@ -216,6 +216,7 @@ def test_sound_that_starts_at_another_time(tmp_path, start, suffix):
 
 @pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
 def test_a_pause_stays_a_pause(tmp_path, suffix):
+    """Where the sound is interrupted, what comes behind is where it belongs."""
     clip, target = write_sounds(tmp_path / "in.mkv", left_out=(0.5, 0.8)), tmp_path / f"out{suffix}"
     slow(clip, target)
     expected = [2 * click + CLICK for click in CLICKS]

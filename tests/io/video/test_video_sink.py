@@ -96,6 +96,7 @@ def test_matroska_keeps_milliseconds(tmp_path, suffix):
 
 
 def test_writing_leaves_the_original_alone(tmp_path):
+    """Times and labels of the decoder's picture are the same before and after."""
     clip = write_clip(tmp_path / "in.mp4")
     with VideoSource(clip) as source:
         timing = OutputTiming(Fraction(50), Fraction(1, 25600))
@@ -134,6 +135,7 @@ def test_sound_of_a_transport_stream_fits_elsewhere(tmp_path, suffix):
 
 
 def test_subtitles_are_copied(tmp_path):
+    """Lines keep their words and times, or are left out when that is asked for."""
     lines = [(0, 100, b"one"), (120, 80, b"two"), (300, 90, b"three")]
     clip = write_clip(tmp_path / "in.mkv", subtitles=lines)
     double(clip, tmp_path / "out.mkv")
@@ -147,6 +149,7 @@ def test_subtitles_are_copied(tmp_path):
 
 @pytest.mark.parametrize("suffix", [".mkv", ".mp4"])
 def test_cover_art_is_kept(tmp_path, suffix):
+    """The attached picture goes along and does not become the video."""
     clip = write_clip(tmp_path / "in.mkv", cover=png(), sound="aac")
     assert double(clip, tmp_path / f"out{suffix}") == []
     with av.open(str(tmp_path / f"out{suffix}")) as file:
@@ -176,6 +179,7 @@ def test_what_makes_no_clip_makes_no_file(tmp_path, images):
 
 
 def test_a_full_disk_is_explained(tmp_path):
+    """A disk that takes no more ends in one sentence and no file."""
     resource = pytest.importorskip("resource")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     noise = list(np.random.default_rng(0).integers(0, 256, (40, 64, 64, 3), dtype=np.uint8))
@@ -257,6 +261,7 @@ LOSSLESS_CASES = [
 
 @pytest.mark.parametrize(("codec", "pixel_format"), LOSSLESS_CASES)
 def test_lossless_is_lossless(tmp_path, codec, pixel_format):
+    """Every sample of every original frame comes back as it was."""
     clip = write_clip(tmp_path / "in.mp4", times=range(4), pixel_format=pixel_format)
     assert double(clip, tmp_path / "out.mkv", Encoding(codec=codec, lossless=True)) == []
     before, after = pictures_of(clip), pictures_of(tmp_path / "out.mkv")
@@ -350,6 +355,7 @@ def test_bitrates_as_people_write_them():
 
 
 def test_encoder_options_as_people_write_them():
+    """A name, an equals sign and anything behind it."""
     assert parse_encoder_options(["a=b", "x264-params=k=1:l=2"]) == (("a", "b"), ("x264-params", "k=1:l=2"))
     for text in ("a", "=b", "a=", ""):
         with pytest.raises(OptionError, match="key=value"):
@@ -405,17 +411,20 @@ def test_odd_sizes(tmp_path):
 
 
 def test_lost_depth_is_said(tmp_path):
+    """An encoder of 8 bits takes 10 bits with a remark."""
     clip = write_clip(tmp_path / "in.mp4", pixel_format="yuv420p10le")
     remarks = double(clip, tmp_path / "out.mkv", Encoding(codec="mpeg4"))
     assert remarks == [f"{tmp_path / 'out.mkv'} has less depth than its source: mpeg4 wrote yuv420p for yuv420p10le."]
 
 
 def test_lost_pixel_shape_is_said(tmp_path):
+    """VP9 in .webm cannot say that pixels are not square."""
     clip = write_clip(tmp_path / "in.mp4", sample_aspect_ratio=Fraction(4, 3))
     assert "lost the pixel shape 4/3" in double(clip, tmp_path / "out.webm", Encoding(preset="8"))[0]
 
 
 def test_times_must_increase(tmp_path):
+    """Two frames on one tick of the clock are refused."""
     timing = OutputTiming(Fraction(25), Fraction(1, 25))
     with VideoSink(Output(str(tmp_path / "out.mp4"), INFO, timing, encoding=FAST)) as sink:
         sink.write(Frame(scene(0), Fraction(0), Fraction(1, 25)))
@@ -424,6 +433,7 @@ def test_times_must_increase(tmp_path):
 
 
 def test_matroska_is_too_coarse_for_extreme_rates(tmp_path):
+    """More than a thousand frames per second do not fit a clock of milliseconds."""
     with pytest.raises(OutputError, match="counts time in milliseconds and cannot hold 2500"):
         VideoSink(Output(str(tmp_path / "out.mkv"), INFO, OutputTiming(Fraction(2500), Fraction(1, 2500))))
 

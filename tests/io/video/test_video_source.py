@@ -53,6 +53,7 @@ def test_times_are_exact_ticks(tmp_path, suffix):
 
 
 def test_variable_times_and_durations(tmp_path):
+    """Uneven frames keep their times, and each lasts until the next."""
     times = [0, 3, 4, 9, 10, 16]
     frames, _ = read(write_clip(tmp_path / "in.mp4", times=times, end=20, time_base=Fraction(1, 100)))
     assert [frame.time for frame in frames] == [Fraction(t, 100) for t in times]
@@ -70,6 +71,7 @@ def test_last_frame_lasts_to_the_end_of_the_stream(tmp_path):
 
 
 def test_times_that_do_not_start_at_zero(tmp_path):
+    """A video that starts late keeps its start."""
     frames, remarks = read(write_clip(tmp_path / "in.mp4", times=range(50, 60)))
     assert frames[0].time == 2
     assert frames[-1].time + frames[-1].duration == Fraction(60, 25)
@@ -77,6 +79,7 @@ def test_times_that_do_not_start_at_zero(tmp_path):
 
 
 def test_rgb_video_is_exact(tmp_path):
+    """A video that holds BGR comes out as the very same numbers."""
     frames, _ = read(write_clip(tmp_path / "in.mkv", codec="ffv1", pixel_format="bgr0", rate=Fraction(25)))
     assert all(np.array_equal(frame.image, scene(k)) for k, frame in enumerate(frames))
 
@@ -141,11 +144,13 @@ def test_truncated_file_is_read_and_reported(tmp_path):
 
 
 def test_sound_that_outlasts_the_video_is_no_truncation(tmp_path):
+    """A file as long as its longest stream is whole."""
     _, remarks = read(write_clip(tmp_path / "in.mkv", sound="aac", sound_seconds=3))
     assert remarks == []
 
 
 def test_nothing_decodes(tmp_path):
+    """A file whose every packet is nonsense is an error."""
     clip = write_clip(tmp_path / "in.mp4", options={"preset": "ultrafast", "g": "1"})
     spoil_packets(clip, range(10))
     with pytest.raises(InputError, match="no frame that can be decoded"):
@@ -153,6 +158,7 @@ def test_nothing_decodes(tmp_path):
 
 
 def test_repeated_time_is_dropped_with_a_remark(tmp_path):
+    """A frame that is shown no later than the one before it is left out."""
 
     def repeat_one(number: int, packet: av.Packet) -> None:
         packet.pts = packet.dts = (0, 40, 40, 80)[number]
