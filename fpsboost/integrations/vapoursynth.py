@@ -68,7 +68,7 @@ def interpolate(
     method: str | Interpolator = "nlm",
     sc: bool = True,
 ) -> vs.VideoNode:
-    """Raise the frame rate of a clip.
+    """Raise the frame rate of a clip; docs/vapoursynth.md has examples, and the properties of the frames.
 
     n frames become n times the factor, rounded up: the last one is shown as long as any other. Frames that fall on a
     frame of the source are that frame with its planes; see the module on all others.
@@ -90,22 +90,10 @@ def interpolate(
         between frames that have neither, where the method's own policy finds a cut. False follows motion between any
         two frames.
 
-    Returns
-    -------
-    vapoursynth.VideoNode
-        Frames have the properties of the source frame at or before their time, but ``_DurationNum``, ``_DurationDen``
-        and ``_AbsoluteTime`` of their own; ``_SceneChangePrev`` and ``_SceneChangeNext`` are set with `sc` and removed
-        without.
-
     Raises
     ------
     vapoursynth.Error
         An option is out of range, or the clip cannot be taken, with a sentence that says what to do.
-
-    Examples
-    --------
-    >>> from fpsboost.integrations.vapoursynth import interpolate  # doctest: +SKIP
-    >>> interpolate(clip, fps_num=60000, fps_den=1001).set_output()  # doctest: +SKIP
     """
     with _host_errors():
         interpolator = find_method(method) if isinstance(method, str) else method
