@@ -70,8 +70,8 @@ def regular(count: int, rate: Fraction = Fraction(25), start: Fraction = Fractio
 class FakeSource:
     """Frames from memory."""
 
-    def __init__(self, frames: Iterable[Frame]) -> None:
-        self.info = ClipInfo("fake.mp4", *SIZE, Fraction(25), Fraction(1, 100), None)
+    def __init__(self, frames: Iterable[Frame], rate: Fraction = Fraction(25), frame_count: int | None = None) -> None:
+        self.info = ClipInfo("fake.mp4", *SIZE, rate, Fraction(1, 100), frame_count)
         self.remarks: list[str] = []
         self._frames = frames
 
