@@ -1,9 +1,11 @@
-"""Handlers of signals that ask a process to stop, and of requests that were lost."""
+"""Signals that ask a process to stop, and requests that are repeated until they have an effect."""
 
 from __future__ import annotations
 
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from threading import Timer
 from traceback import walk_stack
 from types import FrameType
@@ -15,36 +17,62 @@ AGAIN_AFTER = 0.05
 """Time after which a request to stop is repeated, seconds."""
 
 
-def stop_on(*numbers: int) -> None:
-    """Let signals stop this process like Ctrl-C, so that no incomplete output remains.
+@contextmanager
+def stopping_on(*numbers: int) -> Iterator[None]:
+    """Let signals stop a block of the main thread like Ctrl-C, so that no incomplete output remains; then at once.
 
-    The exception may be raised in a destructor or in another callback, from which none leaves: the signal is then
-    raised again.
+    A `KeyboardInterrupt` can be lost: in a destructor, in a callback of a compiled library, or where closing a file
+    raises another error in its place. The request is therefore repeated until the block ends, but never while the
+    exception is on its way, so that cleaning up is not disturbed.
     """
+    request = _Request()
     for number in numbers:
-        signal.signal(number, interrupt)
-
-    def repeat_if_lost(unraisable: sys.UnraisableHookArgs) -> None:
-        if unraisable.exc_type is KeyboardInterrupt:
-            _repeat(numbers[0])
-        else:
-            sys.__unraisablehook__(unraisable)
-
-    sys.unraisablehook = repeat_if_lost
-
-
-def interrupt(number: int, frame: FrameType | None) -> None:
-    """Treat a signal like Ctrl-C.
-
-    LLVM calls back from machine code, which swallows an exception, as a compiled library may while it is imported: the
-    signal is then raised again a moment later.
-    """
-    modules = {caller.f_globals.get("__name__") for caller, _ in walk_stack(frame)}
-    if CANNOT_STOP & modules:
-        _repeat(number)
-    else:
-        raise KeyboardInterrupt
+        signal.signal(number, request.receive)
+    sys.unraisablehook = _report_unless_interrupted
+    try:
+        yield
+    finally:
+        request.end()
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
+        sys.unraisablehook = sys.__unraisablehook__
 
 
-def _repeat(number: int) -> None:
-    Timer(AGAIN_AFTER, signal.raise_signal, [number]).start()
+class _Request:
+    """Request to stop, and the timer that repeats it."""
+
+    def __init__(self) -> None:
+        self._timer: Timer | None = None
+        self._is_repeated = False
+
+    def receive(self, number: int, frame: FrameType | None) -> None:
+        """Raise `KeyboardInterrupt` unless it would be lost here, or is on its way and nobody asked again."""
+        is_repeated, self._is_repeated = self._is_repeated, False
+        self.end()
+        self._timer = Timer(AGAIN_AFTER, self._repeat, [number])
+        self._timer.daemon = True
+        self._timer.start()
+        modules = {caller.f_globals.get("__name__") for caller, _ in walk_stack(frame)}
+        if not CANNOT_STOP & modules and not (is_repeated and _is_on_its_way(sys.exc_info()[1])):
+            raise KeyboardInterrupt
+
+    def end(self) -> None:
+        """Repeat the request no more."""
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def _repeat(self, number: int) -> None:
+        self._is_repeated = True
+        signal.raise_signal(number)
+
+
+def _is_on_its_way(error: BaseException | None) -> bool:
+    """Return whether an exception that is being handled is a `KeyboardInterrupt`, or was raised while one was."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__context__
+    return error is not None
+
+
+def _report_unless_interrupted(unraisable: sys.UnraisableHookArgs) -> None:
+    if unraisable.exc_type is not KeyboardInterrupt:
+        sys.__unraisablehook__(unraisable)

@@ -26,7 +26,7 @@ from fpsboost.cli.progress import print_object, reporter_of
 from fpsboost.cli.signature import GROUPS, PathName, default_text, with_flags
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
-from fpsboost.interruption import stop_on
+from fpsboost.interruption import stopping_on
 from fpsboost.io.part import part_folder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
@@ -274,8 +274,8 @@ def main() -> None:
     limit_free_memory()  # before there is a second thread
     atexit.register(_end_at_once)
     is_ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN  # as nohup and a shell's & have it
-    stop_on(signal.SIGTERM, *([] if is_ignored else [signal.SIGINT]))
-    with LibraryTexts() as texts:
+    numbers = [signal.SIGTERM, *([] if is_ignored else [signal.SIGINT])]
+    with stopping_on(*numbers), LibraryTexts() as texts:
         run_command(texts)
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import secrets
 import socket
+import sys
 import webbrowser
-from contextlib import closing, suppress
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
@@ -59,9 +60,12 @@ def ui(
         console.print("Ctrl-C stops it; conversions that are not done can go on later.")
         if not no_browser:
             webbrowser.open(address)
-        with suppress(KeyboardInterrupt), closing(queue), closing(desk.prober):
-            uvicorn.Server(config).run(sockets=[bound])
-        console.print("Stopped.")
+        try:
+            with closing(queue), closing(desk.prober):
+                uvicorn.Server(config).run(sockets=[bound])
+        except KeyboardInterrupt:
+            console.print("Stopped.")
+            sys.exit()  # without another request to stop, as while the exception is handled there is none
 
 
 def _bound(port: int) -> socket.socket:
