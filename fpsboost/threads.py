@@ -1,22 +1,31 @@
 """Threads that run decoder, encoder and computation in parallel, connected by bounded queues.
 
-An error in any thread is raised in the caller, and no thread outlives the ``with`` block, however it is left.
+An error in any thread is raised in the caller, and no thread outlives the ``with`` block, however it is left. If it is
+never left, as by a generator that is suspended in it when the interpreter ends, the threads end then.
 """
 
 from __future__ import annotations
 
+import atexit
 import os
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future
 from contextlib import ExitStack, contextmanager
-from queue import Empty, Full, Queue
-from threading import Event, Semaphore, Thread
-from typing import TypeVar
+from queue import Empty, Full, Queue, SimpleQueue
+from threading import Event, Semaphore, Thread, current_thread
+from time import monotonic
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
 POLL_INTERVAL = 0.1
 """Seconds between checks whether the other thread has stopped."""
+
+GRACE = 2
+"""Seconds that threads are waited for when the interpreter ends: one that a caller's source blocks would never end."""
+
+_running: dict[Thread, Callable[[], None]] = {}
+"""Threads of blocks that have not been left, each with the function that stops it."""
 
 
 class End:
@@ -33,6 +42,49 @@ def available_cores() -> int:
         return len(os.sched_getaffinity(0))
     except AttributeError:  # not Linux
         return os.cpu_count() or 1
+
+
+@atexit.register
+def _stop_all() -> None:
+    """Stop the threads of blocks that are never left: none may run while the interpreter is taken apart."""
+    threads = dict(_running)
+    _running.clear()  # so that nothing waits for a thread afterwards, when none can end
+    for stop in threads.values():
+        stop()
+    deadline = monotonic() + GRACE
+    for thread in threads:
+        thread.join(max(deadline - monotonic(), 0))
+
+
+@contextmanager
+def _in_thread(
+    run: Callable[[], None],
+    name: str,
+    stop: Callable[[], None],
+    errors: list[BaseException],
+    cancel: Callable[[], None],
+) -> Generator[Thread]:
+    """Run a function in a thread that ends with the block; `errors` gets a SystemExit if the interpreter ends first."""
+
+    def give_up() -> None:
+        errors.insert(0, SystemExit())  # first of all, so that nothing takes this for the end of the items
+        stop()
+        cancel()
+
+    thread = Thread(target=run, name=name, daemon=True)  # else the interpreter would wait for it before all else
+    _running[thread] = give_up
+    try:
+        thread.start()
+        yield thread
+    except BaseException:
+        cancel()
+        raise
+    finally:
+        stop()
+        # Ctrl-C may arrive while it is about to start; and a block that is dropped may be left in any thread
+        if thread in _running and thread.is_alive() and thread is not current_thread():
+            thread.join()
+        _running.pop(thread, None)
 
 
 @contextmanager
@@ -70,22 +122,8 @@ def read_ahead(items: Iterable[T], depth: int, cancel: Callable[[], None] = noth
         if errors:
             raise errors[0]
 
-    thread = Thread(target=run, name="fpsboost-ahead")
-    try:
-        thread.start()
+    with _in_thread(run, "fpsboost-ahead", stopped.set, errors, cancel):
         yield received()
-    except BaseException:
-        cancel()
-        raise
-    finally:
-        stopped.set()
-        _join(thread)
-
-
-def _join(thread: Thread) -> None:
-    """Wait for a thread to end, unless it has not started: Ctrl-C may arrive while it is about to."""
-    if thread.is_alive():
-        thread.join()
 
 
 def _acquire(room: Semaphore, stopped: Event) -> bool:
@@ -118,14 +156,35 @@ def run_in_parallel(
     if threads == 1:
         yield lambda jobs: (job() for job in jobs)
         return
+    waiting: SimpleQueue[tuple[Future[Any], Callable[[], Any]] | End] = SimpleQueue()
+    stopped = Event()
+
+    # not by a ThreadPoolExecutor, which takes no job any more as soon as the main thread ends, with others at work
+    def work() -> None:
+        while not isinstance(item := waiting.get(), End) and not stopped.is_set():
+            future, job = item
+            try:
+                future.set_result(job())
+            except BaseException as error:
+                future.set_exception(error)
+        waiting.put(End())  # for the next thread
+
+    def stop() -> None:
+        stopped.set()
+        waiting.put(End())
+
+    def submit(job: Callable[[], T]) -> Future[T]:
+        future = Future[T]()
+        waiting.put((future, job))
+        return future
+
     with ExitStack() as stack:
-        pool = ThreadPoolExecutor(threads, "fpsboost-pair")
-        stack.callback(pool.shutdown, cancel_futures=True)
+        for number in range(threads):
+            stack.enter_context(_in_thread(work, f"fpsboost-pair-{number}", stop, [], nothing))
 
         def in_order(jobs: Iterable[Callable[[], T]]) -> Iterator[T]:
             # in addition to these, one job is being fetched
-            running = stack.enter_context(read_ahead((pool.submit(job) for job in jobs), threads, cancel))
-            for future in running:
+            for future in stack.enter_context(read_ahead(map(submit, jobs), threads, cancel)):
                 yield future.result()
 
         yield in_order
@@ -167,17 +226,9 @@ def write_behind(
             except Full:
                 continue
 
-    thread = Thread(target=run, name="fpsboost-write")
-    try:
-        thread.start()
+    with _in_thread(run, "fpsboost-write", stopped.set, errors, cancel) as thread:
         yield send
         _put(queue, End(), stopped)
         thread.join()
-    except BaseException:
-        cancel()
-        raise
-    finally:
-        stopped.set()
-        _join(thread)
     if errors:
         raise errors[0]

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import gc
+import subprocess
+import sys
+import threading
 from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -131,3 +136,83 @@ def test_what_opencv_cannot_read_is_refused(fpsboost_, tmp_path, save_images, ar
     assert done.code != 0
     assert sentence in done.err
     assert not Path(tmp_path / "out.mp4").exists()
+
+
+LOOP = """
+import itertools, threading
+import fpsboost, numpy
+
+def source(stops):
+    for number in itertools.count():
+        yield numpy.full((32, 48, 3), number % 7 * 30, numpy.uint8)
+        if stops and number == 30:
+            threading.Event().wait()  # as a camera that gives no more
+
+def loop(end, **options):
+    global frames  # named until the interpreter ends
+    frames = fpsboost.stream(source("waits" in end), method="blend", **options)
+    for number, frame in enumerate(frames):
+        if number == 5 and "raise" in end:
+            raise {"raise": ZeroDivisionError, "raise^C": KeyboardInterrupt, "raise exit": SystemExit}[end]
+        if number == 5:
+            break
+    if end == "close":
+        frames.close()
+        assert threading.enumerate() == [threading.main_thread()]
+"""
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize(
+    ("end", "code"), [("break", 0), ("waits", 0), ("close", 0), ("raise", 1), ("raise^C", -2), ("raise exit", 0)]
+)
+def test_a_script_ends_however_its_loop_does(end, code, threads):
+    """With the generator still named, and a source that gives no frame any more."""
+    run = subprocess.run([sys.executable, "-c", f"{LOOP}loop({end!r}, threads={threads})"], timeout=120, check=False)
+    assert run.returncode == code
+
+
+@pytest.mark.parametrize("daemon", [False, True])
+def test_a_conversion_beside_the_end_of_a_script_is_whole_or_not_there(tmp_path, daemon):
+    """A thread that Python waits for finishes it; another one is cut off, and no part of the output appears."""
+    source, made = write_clip(tmp_path / "in.mp4", times=range(60)), tmp_path / "out.mp4"
+    script = f"""{LOOP}
+from fpsboost.contracts import SilentObserver
+
+class Told(SilentObserver):
+    def wrote(self, summary):
+        begun.set()
+
+begun = threading.Event()
+run = fpsboost.RunOptions(observer=Told())
+convert = lambda: fpsboost.convert({str(source)!r}, {str(made)!r}, method="blend", run=run)
+threading.Thread(target=convert, daemon={daemon}).start()
+begun.wait()
+"""
+    subprocess.run([sys.executable, "-c", script], timeout=120, check=True)
+    assert made.exists() or daemon
+    if made.exists():
+        with av.open(str(made)) as file:
+            assert sum(1 for _ in file.decode(video=0)) == 120
+
+
+def test_a_loop_that_is_collected_in_a_thread_of_its_own_ends():
+    """Its generator is part of a cycle, and Python looks for those in any thread."""
+    before, is_dropped = set(threading.enumerate()), threading.Event()
+
+    def endless() -> Iterator[np.ndarray]:
+        for number in count():
+            if is_dropped.is_set():
+                gc.collect()
+            yield np.full((32, 48, 3), number % 7 * 30, np.uint8)
+
+    cycle: list[object] = [stream(endless(), method="blend", threads=3)]
+    next(cycle[0])  # type: ignore[call-overload]
+    cycle.append(cycle)
+    threads = set(threading.enumerate()) - before
+    del cycle
+    is_dropped.set()
+    gc.collect()
+    for thread in threads:
+        thread.join(60)
+        assert not thread.is_alive()
