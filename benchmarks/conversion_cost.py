@@ -21,7 +21,7 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.memory import limit_free_memory
 from fpsboost.method_table import methods
 from fpsboost.run_options import RunOptions
-from fpsboost.streaming import one_opencv_thread
+from fpsboost.threads import one_opencv_thread
 
 READY = "ready"
 

@@ -16,7 +16,6 @@ from functools import partial
 from itertools import chain, groupby, islice, pairwise
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from fpsboost.analysis.duplicates import DuplicateDetector, FrameGroup, SourceFrame, group_duplicates, group_singly
@@ -165,20 +164,6 @@ def interpolate_frames(
         stop = None if outputs.stop is None else outputs.stop - before
         exposed = _exposed(_output_frames(frames, clip, detector, holds_last_frame, in_order))
         yield stretched(islice(_with_durations(exposed, clip), outputs.first - before, stop), stretch, start)
-
-
-@contextmanager
-def one_opencv_thread() -> Iterator[None]:
-    """Keep OpenCV to one thread in this process, which must do nothing else, while the block lasts.
-
-    Pairs of frames are worked on side by side, and threads that wait for parts of them take 1 % more CPU.
-    """
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(before)
 
 
 def beginning(source: FrameSource) -> SourcePosition:

@@ -27,7 +27,6 @@ from fpsboost.cli.signature import GROUPS, PathName, default_text, with_flags
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
 from fpsboost.interruption import stopping_on
-from fpsboost.io.part import part_folder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.memory import limit_free_memory
@@ -135,14 +134,14 @@ def convert(
     from fpsboost.cli.batch import convert_all, convert_each  # noqa: PLC0415
     from fpsboost.cluster.options import convert_where  # noqa: PLC0415
     from fpsboost.preparation import ConversionJob  # noqa: PLC0415
-    from fpsboost.streaming import one_opencv_thread  # noqa: PLC0415
+    from fpsboost.threads import one_opencv_thread  # noqa: PLC0415
 
     interpolator = cuts.applied_to(motion.interpolator(tuning))
 
     def run(input: str, output: str | None, place: str = "") -> None:
         target = input if output is None else output
         if run_options.chunk is not None:
-            target = str(part_folder(target, run_options.chunk))
+            target = str(run_options.chunk.folder(target))
         called = "standard output" if output == PIPE else target
         with library_prints_apart(), reporter_of(called, messages, place) as reporter, one_opencv_thread():
             reporter.say_settings(motion.method, interpolator)

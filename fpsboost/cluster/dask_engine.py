@@ -1,4 +1,4 @@
-"""Workers of a Dask cluster, as the client sees them: parts as tasks that return paths.
+"""Conversion by the workers of a Dask cluster: parts are planned and joined here, and are tasks that return paths.
 
 A task is bound to the worker that it is meant for, so that a worker makes one part at a time with all its threads, and
 nothing but this part is made again if it dies. Keys follow from the job: two clients that convert the same thing on one
@@ -26,13 +26,25 @@ import dask
 from distributed import Client, Future, KilledWorker, LocalCluster
 from distributed.security import Security
 
-from fpsboost import ConversionJob, OptionError, OutputError, Part, RunOptions, Summary
-from fpsboost.cluster.conversion import JobInParts, convert_in_parts
-from fpsboost.cluster.scheduler import MAX_LOST_WORKERS, Done, Failed, Progress, Report
-from fpsboost.cluster.worker import Outcome, PartTask, WorkerOrder, job_facts, job_key, make_on_worker, read_piece
-from fpsboost.errors import ClusterError, explained
-from fpsboost.io.part import part_folder, remove_if_empty
+from fpsboost import ConversionJob, FpsboostError, OptionError, OutputError, Part, RunOptions, Summary, join
+from fpsboost.cluster.scheduler import MAX_LOST_WORKERS, Done, Failed, Progress, Report, run_parts
+from fpsboost.cluster.worker import (
+    LOCK_INTERVAL,
+    Outcome,
+    PartTask,
+    WorkerOrder,
+    job_key,
+    make_on_worker,
+    read_piece,
+)
+from fpsboost.contracts import SilentObserver
+from fpsboost.errors import ClusterError, CompleteAlreadyError, InUseError, explained
 from fpsboost.io.staging import sync
+from fpsboost.parts.manifest import job_facts
+from fpsboost.parts.plan import planned_job
+
+PARTS_PER_WORKER = 8
+"""Parts of a conversion for each worker; at the end, a worker idles for half of one on average."""
 
 GROWN_CLUSTER = 32
 """Number of workers for which parts are cut at least: nodes of a batch system come one by one."""
@@ -52,14 +64,61 @@ in memory."""
 
 
 def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None) -> Summary:
-    """See `fpsboost.cluster.convert`."""
+    """See `fpsboost.cluster.convert`; parts that earlier runs of the same job have made are taken over."""
+    begin, run = time.perf_counter(), run or RunOptions()
     if client.asynchronous:
         raise OptionError("The client is asynchronous, and a conversion waits for its parts; give a synchronous one.")
     output = None if job.output is None else os.path.abspath(job.output)
     # as workers get it
     job = pickle.loads(pickle.dumps(replace(job, input=os.path.abspath(job.input), output=output)))
+    given = [*["`in_place`"] * run.in_place, *["`chunk`"] * (run.chunk is not None), *run.side.given]
+    if given:
+        raise OptionError(
+            f"`cluster` makes a new output of parts, and {' and '.join(given)} cannot be made so; leave one of them "
+            "out."
+        )
+    observer, progress = run.observer or SilentObserver(), Summary()
     workers = max(GROWN_CLUSTER, len(client.nthreads()))
-    return convert_in_parts(job, run or RunOptions(), workers, lambda parts: DaskExecutor(client, parts))
+    with planned_job(job, run, workers * PARTS_PER_WORKER) as (info, planned):
+        assert job.output is not None, "it was opened"
+        folders = {each.part: each.part.folder(job.output) for each in planned}
+        missing = [each for each in planned if not folders[each.part].is_dir()]
+        expected = sum(each.frames for each in planned)
+        progress.completed_frames = expected - sum(each.frames for each in missing)
+        observer.opened(info, expected)
+        observer.ready()
+
+        def wrote(frames: int) -> None:
+            progress.frames_out = progress.completed_frames + frames
+            progress.seconds = time.perf_counter() - begin
+            observer.wrote(progress)
+
+        with DaskExecutor(client, job, run) as executor:
+            utilisation = run_parts(missing, executor, wrote)
+    summary = _join(job.output, list(folders.values()), overwrite=run.overwrite)
+    summary.completed_frames, summary.seconds = progress.completed_frames, time.perf_counter() - begin
+    summary.utilisation = utilisation.sentence()
+    return summary
+
+
+def _join(output: str, parts: Sequence[Path], *, overwrite: bool) -> Summary:
+    """Join the parts in these folders, and remove them; raise `CompleteAlreadyError` if another run has done that."""
+    folder = parts[0].parent
+    while True:
+        try:
+            summary = join(output, parts, overwrite=overwrite)
+            break
+        except InUseError:
+            time.sleep(LOCK_INTERVAL)
+        except FpsboostError:
+            time.sleep(LOCK_INTERVAL)
+            if folder.is_dir():
+                raise
+            raise CompleteAlreadyError(f"{output} was made by another run of the same job.") from None
+    with suppress(OSError):  # with all parts at once, so that another run does not find some
+        removed = folder.rename(folder.with_name(f".{folder.name}.joined"))
+        shutil.rmtree(removed)
+    return summary
 
 
 @dataclass
@@ -75,10 +134,11 @@ class _Running:
 class DaskExecutor:
     """Executor whose workers are those of a Dask client, which stays open; paths of the parts are absolute."""
 
-    def __init__(self, client: Client, parts: JobInParts) -> None:
-        self._client, self._parts, self._facts = client, parts, job_facts(parts.job)
-        self._topic = f"fpsboost-{job_key(self._facts, parts.output)}"
-        self._mark = parts.folder / f".{self._topic}.{uuid4().hex[:8]}"
+    def __init__(self, client: Client, job: ConversionJob, run: RunOptions) -> None:
+        assert job.output is not None
+        self._client, self._job, self._run, self._output, self._facts = client, job, run, job.output, job_facts(job)
+        self._topic = f"fpsboost-{job_key(self._facts, job.output)}"
+        self._mark = Part(1, 1).folder(job.output).with_name(f".{self._topic}.{uuid4().hex[:8]}")
         self._reports: SimpleQueue[Report | Exception] = SimpleQueue()
         self._running: dict[Part, _Running] = {}
         self._workers: list[str] = []
@@ -99,7 +159,6 @@ class DaskExecutor:
         with suppress(Exception):  # the scheduler may be gone
             self._client.unsubscribe_topic(self._topic)
         self._mark.unlink(missing_ok=True)
-        remove_if_empty(self._mark.parent)
 
     def workers(self) -> Sequence[str]:
         """Return the names of the workers; the scheduler is asked for them now and then."""
@@ -125,7 +184,7 @@ class DaskExecutor:
         return self._workers
 
     def submit(self, part: Part, worker: str, attempt: int) -> None:
-        task = PartTask(self._parts.job, part, self._parts.run.threads, self._parts.run.limit)
+        task = PartTask(self._job, part, self._run.threads, self._run.limit)
         order = WorkerOrder(pickle.dumps(task), self._facts, str(self._mark), self._topic)
         key = f"{self._topic}-{part.number}-of-{part.count}-{attempt}"
         future = self._client.submit(make_on_worker, order, key=key, workers=[worker], pure=False)
@@ -195,7 +254,7 @@ class DaskExecutor:
             self._reports.put(Failed(part, worker))
         elif outcome.error is not None:
             self._reports.put(Failed(part, worker, outcome.error))
-        elif not outcome.is_private and (part_folder(self._parts.output, part).is_dir() or not self._mark.exists()):
+        elif not outcome.is_private and (part.folder(self._output).is_dir() or not self._mark.exists()):
             self._reports.put(Done(part))  # another client of this job may have joined and removed it
         else:
             with suppress(RuntimeError):  # cancelled meanwhile
@@ -203,7 +262,7 @@ class DaskExecutor:
 
     def _fetch(self, part: Part, worker: str, outcome: Outcome) -> None:
         """Copy the files of a part from a worker's own disk, and remove them there."""
-        folder = part_folder(self._parts.output, part)
+        folder = part.folder(self._output)
         place = folder.with_name(f".{folder.name}.{uuid4().hex[:8]}")
         copy = place / "copy"
         try:

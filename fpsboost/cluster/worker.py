@@ -24,10 +24,8 @@ from distributed.core import Status
 from fpsboost import ConversionJob, FpsboostError, InputError, MemoryLimit, Part, RunOptions, Summary, convert_job
 from fpsboost.contracts import SilentObserver
 from fpsboost.errors import ClusterError, CompleteAlreadyError, InUseError
-from fpsboost.io.part import part_folder
-from fpsboost.parts.manifest import facts_of, first_difference, program_facts
-from fpsboost.preparation import opened_clip, prepare
-from fpsboost.streaming import one_opencv_thread
+from fpsboost.parts.manifest import first_difference, job_facts, program_facts
+from fpsboost.threads import one_opencv_thread
 
 REPORT_INTERVAL = 0.5
 """Seconds between reports of a part's progress."""
@@ -146,14 +144,7 @@ def make_part(task: PartTask, observer: WorkerObserver) -> Path:
                 observer.check()
                 time.sleep(LOCK_INTERVAL)
                 continue
-            return part_folder(task.output, task.part)
-
-
-def job_facts(job: ConversionJob) -> dict[str, str]:
-    """Return what must be the same wherever parts of a job are made; see `fpsboost.parts.manifest.facts_of`."""
-    run = RunOptions()
-    with opened_clip(job, run) as clip:
-        return facts_of(job, run, clip, prepare(job, run, clip))
+            return task.part.folder(task.output)
 
 
 def job_key(facts: Mapping[str, str], output: str) -> str:

@@ -48,6 +48,17 @@ class Part:
     def __str__(self) -> str:
         return f"{self.number}/{self.count}"
 
+    def folder(self, output: str) -> Path:
+        """Return where this part of an output is written: beside it, in a folder of its name with ``.parts`` behind it.
+
+        Examples
+        --------
+        >>> Part(3, 8).folder("films/out.mp4").as_posix()
+        'films/out.mp4.parts/0003-of-0008'
+        """
+        whole = Path(output)
+        return whole.parent / f"{whole.name}.parts" / f"{self.number:04d}-of-{self.count:04d}"
+
 
 def parse_part(text: str, option: str = "`chunk`") -> Part:
     """Parse the number of a part and how many there are; messages name it by `option`.
@@ -61,18 +72,6 @@ def parse_part(text: str, option: str = "`chunk`") -> Part:
     if match is None:
         raise OptionError(f"{option} {text!r} is no part of a whole; write it like 3/8 for the third of eight.")
     return Part(int(match[1]), int(match[2]))
-
-
-def part_folder(output: str, part: Part) -> Path:
-    """Return the folder of a part: beside the output, in a folder of the output's name with ``.parts`` behind it.
-
-    Examples
-    --------
-    >>> part_folder("films/out.mp4", Part(3, 8)).as_posix()
-    'films/out.mp4.parts/0003-of-0008'
-    """
-    whole = Path(output)
-    return whole.parent / f"{whole.name}.parts" / f"{part.number:04d}-of-{part.count:04d}"
 
 
 class PartFolder:

@@ -22,7 +22,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pyav import pyav_version
 from fpsboost.parts.self_test import digest_of, self_test
-from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, opened_clip
+from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, opened_clip, prepare
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import FrameIntervals, OutputRate
 from fpsboost.version import __version__
@@ -146,6 +146,13 @@ def facts_of(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Prepa
             decoding=job.decoding,
             encoding=job.encoding,
         )
+
+
+def job_facts(job: ConversionJob) -> dict[str, str]:
+    """Return what `facts_of` a job are, of which nothing is open yet."""
+    run = RunOptions()
+    with opened_clip(job, run) as clip:
+        return facts_of(job, run, clip, prepare(job, run, clip))
 
 
 def as_json(value: Any) -> Any:

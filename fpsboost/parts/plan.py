@@ -6,8 +6,10 @@ The list of a video's frames is left in a file beside the parts, so that not eve
 from __future__ import annotations
 
 import io
+import re
+import shutil
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -18,17 +20,18 @@ import numpy as np
 
 from fpsboost.analysis.scene_cuts import counts_frames
 from fpsboost.contracts import OutputRange, Summary
-from fpsboost.errors import OptionError
-from fpsboost.frame import Frame
+from fpsboost.errors import OptionError, OutputError, explained
+from fpsboost.frame import ClipInfo, Frame
 from fpsboost.io import RandomAccess, SharesIndex
+from fpsboost.io.fingerprint import JobFingerprint
 from fpsboost.io.output import OutputPart
-from fpsboost.io.part import INDEX_NAME, MAX_PARTS, Part, part_files, part_folder
+from fpsboost.io.part import INDEX_NAME, MAX_PARTS, Part, part_files, remove_if_empty
 from fpsboost.io.staging import write_safely
 from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.io.video.frame_index import EntryPoint, FrameIndex
 from fpsboost.parts.entry import find_entry
-from fpsboost.parts.manifest import Manifest, facts_of, input_identity, stored
-from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, exposed, opened_clip
+from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_difference, input_identity, stored
+from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, exposed, opened_clip, prepare
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.output_numbers import OutputNumbers
 from fpsboost.timing.schedule import ByFactor, count_frames
@@ -65,7 +68,7 @@ def plan_part(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Prep
     ready.target.check_parts()
     if not clip.whole.stream_info.files:
         raise OptionError("`chunk` reads a part of a file, and standard input is none; name a file.")
-    source, folder = clip.source, part_folder(ready.target.path, run.chunk)
+    source, folder = clip.source, run.chunk.folder(ready.target.path)
     times = frame_times(clip, folder.parent)
     total = count_outputs(job, clip, ready, times)
     if total is None:
@@ -117,14 +120,53 @@ class PlannedPart:
     """Work relative to other parts of the same job: frames to write and pairs of the source's frames to follow."""
 
 
-def plan_parts(job: ConversionJob, clip: OpenedClip, ready: Preparation, count: int) -> list[PlannedPart]:
-    """Plan the parts of a job in order: `count` of them, or as many as there are chunks of a video, or images.
+@contextmanager
+def planned_job(job: ConversionJob, run: RunOptions, count: int) -> Iterator[tuple[ClipInfo, list[PlannedPart]]]:
+    """Plan the parts of a job, which have a folder while the block lasts; yield them with the properties of the input.
 
-    Raises `OptionError` if the input or the output cannot be cut into parts.
+    There are about `count`, or as many as an earlier run has cut. Raises `OptionError` or `OutputError` if parts cannot
+    be made or joined, or there are parts of another job and the output must not be replaced.
     """
+    with opened_clip(job, run) as clip:
+        ready = prepare(job, run, clip)
+        folder = Part(1, 1).folder(ready.target.path).parent
+        _refuse_others(folder, facts_of(job, run, clip, ready), overwrite=run.overwrite)
+        planned = _plan_parts(job, clip, ready, _count_of_earlier_run(folder) or count)
+        fingerprint = JobFingerprint({}, resume=run.resume)
+        ready.target.open(replace(ready.output, job=fingerprint))  # checks the place
+        with explained(OutputError, "write to", folder, "check the path and the permissions"):
+            folder.mkdir(exist_ok=True)
+        share_index(clip, folder)
+    try:
+        yield clip.source.info, planned
+    finally:
+        remove_if_empty(folder)
+
+
+def _refuse_others(folder: Path, facts: Mapping[str, str], *, overwrite: bool) -> None:
+    """Remove parts of another job if the output may be replaced; raise `OutputError` if not."""
+    for manifest in map(Manifest.read, (path.parent for path in folder.glob(f"*/{MANIFEST_NAME}"))):
+        difference = first_difference(facts, manifest.facts)
+        if difference is None:
+            continue
+        if not overwrite:
+            raise OutputError(f"{folder} holds parts with another {difference}; remove it, or give `overwrite=True`.")
+        shutil.rmtree(folder)
+        return
+
+
+def _count_of_earlier_run(folder: Path) -> int | None:
+    """Return in how many parts an earlier run has cut the job; None if there was none."""
+    names = [path.name for path in folder.iterdir()] if folder.is_dir() else []
+    counts = {int(match[1]) for name in names if (match := re.search(r"\d{4}-of-(\d{4})\b", name))}
+    return max(counts, default=None)
+
+
+def _plan_parts(job: ConversionJob, clip: OpenedClip, ready: Preparation, count: int) -> list[PlannedPart]:
+    """Plan the parts of a job in order: `count` of them, or as many as there are chunks of a video, or images."""
     ready.target.check_parts()
     source = clip.source
-    times = frame_times(clip, part_folder(ready.target.path, Part(1, 1)).parent)
+    times = frame_times(clip, Part(1, 1).folder(ready.target.path).parent)
     total = count_outputs(job, clip, ready, times)
     if total is None or not clip.whole.stream_info.files:
         raise OptionError(f"{source.info.name} does not say how many frames it holds; convert it in one run.")

@@ -30,7 +30,7 @@ from fpsboost.errors import (
     OutputError,
     notes_of,
 )
-from fpsboost.io.part import Part, part_folder
+from fpsboost.io.part import Part
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
 from fpsboost.parts.plan import PlannedPart
@@ -182,8 +182,8 @@ class Clip:
 @pytest.fixture(autouse=True)
 def few_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut into two parts a worker, and ask the scheduler more often."""
-    monkeypatch.setattr("fpsboost.cluster.conversion.PARTS_PER_WORKER", 2)
-    monkeypatch.setattr("fpsboost.cluster.conversion.LOCK_INTERVAL", 0.02)
+    monkeypatch.setattr("fpsboost.cluster.dask_engine.PARTS_PER_WORKER", 2)
+    monkeypatch.setattr("fpsboost.cluster.dask_engine.LOCK_INTERVAL", 0.02)
     monkeypatch.setattr(dask_engine, "WORKERS_INTERVAL", 0.1)
     monkeypatch.setattr(dask_engine, "GROWN_CLUSTER", 2)
 
@@ -401,7 +401,7 @@ def test_a_part_that_another_run_makes_is_waited_for(images, output, monkeypatch
     checks: list[None] = []
     part = Part(1, 2)
     observer = WorkerObserver(ignore, lambda: checks.append(None))
-    assert make_part(PartTask(images.to(output), part), observer) == part_folder(str(output), part)
+    assert make_part(PartTask(images.to(output), part), observer) == part.folder(str(output))
     assert len(checks) == 2
 
 
@@ -428,7 +428,7 @@ def test_an_output_that_exists_is_refused_before_anything_is_made(client, video,
     target.touch()
     with pytest.raises(OutputError, match="exists"):
         convert(video.to(target), client)
-    assert not part_folder(str(target), Part(1, 1)).parent.exists()
+    assert not Part(1, 1).folder(str(target)).parent.exists()
 
 
 def test_workers_of_this_machine_on_the_command_line(fpsboost_, images, output):

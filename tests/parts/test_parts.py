@@ -23,7 +23,7 @@ from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.conversion import convert
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
 from fpsboost.io.images.exr import write_exr
-from fpsboost.io.part import Part, parse_part, part_folder
+from fpsboost.io.part import Part, parse_part
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -337,7 +337,7 @@ def test_a_manifest_comes_back_as_it_was(made, tmp_path):
     manifest = Manifest.read(folder)
     manifest.write(tmp_path)
     assert Manifest.read(tmp_path) == manifest
-    assert part_folder(str(tmp_path / "out"), manifest.part) == folder
+    assert manifest.part.folder(str(tmp_path / "out")) == folder
     values = json.loads((folder / MANIFEST_NAME).read_text())
     (tmp_path / MANIFEST_NAME).write_text(json.dumps({**values, "format": 0}))
     with pytest.raises(InputError, match="another version"):
