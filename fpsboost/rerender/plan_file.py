@@ -178,7 +178,7 @@ class RerenderPlan:
 def mask_numbering(folder: Path, numbers: Sequence[int]) -> Numbering:
     """Return how masks are named: like the frames, with as many digits as the longest number has."""
     digits = max(MASK_DIGITS, *(len(str(abs(number))) for number in numbers))
-    return Numbering(folder, "mask_", digits, ".png", signed=True)
+    return Numbering(folder, "mask_", digits, ".png")
 
 
 def _frame(data: Mapping[str, Any], width: int, height: int) -> PlannedFrame:

@@ -10,7 +10,7 @@ import os
 import re
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
@@ -31,15 +31,13 @@ def find_placeholder(name: str) -> re.Match[str] | None:
 class Numbering:
     """How the images of one sequence are named: prefix, number and suffix, the last with the file type.
 
-    Numbers are padded with zeros to `digits` and grow beyond it; 1 is no padding. With `signed`, a dash before the
-    number is a minus, as Blender writes frames before 0: ``-0001.png``.
+    Numbers are padded with zeros to `digits` and grow beyond it; 1 is no padding.
     """
 
     folder: Path
     prefix: str
     digits: int
     suffix: str
-    signed: bool = False
 
     @classmethod
     def parse(cls, pattern: str) -> Self:
@@ -64,13 +62,11 @@ class Numbering:
 
     def path(self, number: int) -> Path:
         """Name the image of this number."""
-        sign = "-" if number < 0 else ""
-        return self.folder / f"{self.prefix}{sign}{abs(number):0{self.digits}d}{self.suffix}"
+        return self.folder / f"{self.prefix}{number:0{self.digits}d}{self.suffix}"
 
     def number_in(self, name: str, *, any_padding: bool = False) -> int | None:
         """Read the number out of a file name; None where the name is not of this naming."""
-        sign = "-?" if self.signed else ""
-        match = re.fullmatch(f"{re.escape(self.prefix)}({sign}[0-9]+){re.escape(self.suffix)}", name)
+        match = re.fullmatch(f"{re.escape(self.prefix)}([0-9]+){re.escape(self.suffix)}", name)
         if match is None or not (any_padding or self.path(int(match[1])).name == name):
             return None
         return int(match[1])
@@ -153,10 +149,7 @@ def order_names(folder: Path, names: Sequence[str]) -> FileSequence:
     groups, plain = _group_names(names)
     plain_types = {f"*{os.path.splitext(name)[1]}" for name in plain}
     if len(groups) + len(plain_types) > 1:
-        across_zero = None if plain else _across_zero(folder, groups)
-        if across_zero is None:
-            raise _several_sequences(folder, groups, plain_types)
-        return across_zero
+        raise _several_sequences(folder, groups, plain_types)
     if plain:
         return FileSequence([folder / name for name in sorted(plain, key=lambda name: (name.casefold(), name))])
     (prefix, suffix), numbers = groups.popitem()
@@ -167,7 +160,7 @@ def order_names(folder: Path, names: Sequence[str]) -> FileSequence:
                 f"{folder} holds numbers of different widths ({numbering.path(int(min(numbers, key=len))).name} and "
                 f"{name}); name the frames alike, or choose some with a pattern such as {folder / numbering.pattern}."
             )
-    return _in_order(numbering, numbering.find())
+    return find_numbered(numbering)
 
 
 def find_numbered(numbering: Numbering) -> FileSequence:
@@ -175,34 +168,7 @@ def find_numbered(numbering: Numbering) -> FileSequence:
     files = numbering.find()
     if not files:
         raise InputError(f"No image is named like {numbering.folder / numbering.pattern}; check the pattern.")
-    return _signed(numbering) or _in_order(numbering, files)
-
-
-def _in_order(numbering: Numbering, files: Sequence[tuple[int, Path]]) -> FileSequence:
     return FileSequence([path for _, path in files], numbering, [number for number, _ in files])
-
-
-def _across_zero(folder: Path, groups: dict[tuple[str, str], list[str]]) -> FileSequence | None:
-    """Return two namings as one if they differ by a dash that is a minus: ``-0001.png`` and ``0000.png``."""
-    if len(groups) != 2:
-        return None
-    (prefix, suffix), other = sorted(groups, key=lambda key: len(key[0]))
-    digits = min(len(number) for numbers in groups.values() for number in numbers)
-    is_minus = other == (f"{prefix}-", suffix)
-    sequence = _signed(Numbering(folder, prefix, digits, suffix)) if is_minus else None
-    return sequence if sequence and len(sequence.files) == sum(map(len, groups.values())) else None
-
-
-def _signed(numbering: Numbering) -> FileSequence | None:
-    """Return the files of a numbering with those below 0; None if there are none, or if a dash is a separator."""
-    signed = replace(numbering, signed=True)
-    sequence = _in_order(signed, signed.find())
-    is_one = (
-        bool(sequence.numbers)
-        and sequence.numbers[0] < 0 <= sequence.numbers[-1]
-        and not sequence.missing(sequence.step)
-    )
-    return sequence if is_one else None
 
 
 def list_files(folder: Path) -> list[str]:

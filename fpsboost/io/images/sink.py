@@ -7,27 +7,116 @@ import json
 import os
 import shutil
 from collections.abc import Sequence
-from contextlib import suppress
-from dataclasses import replace
-from fractions import Fraction
+from contextlib import AbstractContextManager, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from fpsboost.errors import CompleteAlreadyError, OptionError, OutputError, explained
-from fpsboost.frame import ClipInfo, Frame
+from fpsboost.frame import Frame
 from fpsboost.io.images.encoder import ImageEncoder, check_size
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
 from fpsboost.io.images.sequence import NumberedImages, Numbering
 from fpsboost.io.images.source import MOVING, is_pattern
+from fpsboost.io.new_output import ADVICE
 from fpsboost.io.output import Output
 from fpsboost.io.part import PartFolder
-from fpsboost.io.staging import IN_EXISTING_FOLDER, StagingDirectory, hidden_place, move_all, sync, write_safely
+from fpsboost.io.staging import (
+    IN_EXISTING_FOLDER,
+    StagingDirectory,
+    complete_already,
+    hidden_place,
+    move_all,
+    sync,
+    write_safely,
+)
 
 VIDEO_DIGITS = 6  # where the source has no numbers: 999999 frames are more than four hours at 60 per second
 
 
-class ImageSink:
+@dataclass(frozen=True)
+class ImageNames:
+    """How the images of an output are named.
+
+    Numbers rise from `first` by `step`; `is_anew` says that they are not those of the source.
+    """
+
+    numbering: Numbering
+    first: int
+    step: int
+    is_anew: bool
+    remarks: tuple[str, ...] = ()
+
+    def path(self, place: int) -> Path:
+        """Return the image of a frame by its place in the output, counted from 0."""
+        return self.numbering.path(self.first + place * self.step)
+
+
+class NumberedSink:
+    """What a sink for all images and one for a part share: images grow in the hidden folder `staged`."""
+
+    holds_last_frame = False
+
+    def __init__(self, output: Output, names: ImageNames, target: str, staged: Path) -> None:
+        self.names, self._target, self._staged = names, target, staged
+        self._encoder = ImageEncoder(output.path, output.stream.images, anew=names.is_anew)
+        self._originals = set[str]()
+        self._written: list[str] = []
+        self._frames = self._frames_there = 0
+
+    @property
+    def completed_frames(self) -> int:
+        """How many images an earlier run has finished; see `fpsboost.io.Resumable`."""
+        return self._frames_there
+
+    def _count_finished(self) -> int:
+        there, count = {*os.listdir(self._staged), *self._originals}, 0
+        while self.names.path(count).name in there:
+            count += 1
+        return count
+
+    def write(self, frame: Frame) -> None:
+        """Write the next image; its time does not matter."""
+        path = self.names.path(self._frames)
+        self._frames += 1
+        if path.name in self._originals:  # in place: stays as it is
+            self._encoder.passes_in_place(path, frame.array)
+            return
+        self._encoder.check(path, frame.array)
+        if self._frames > self._frames_there:
+            data = self._encoder.content(path, frame)
+            with explained(OutputError, "write", path, ADVICE):
+                write_safely(self._staged / path.name, data)
+        self._written.append(path.name)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                with self._explained():
+                    self._finish()
+        except BaseException as failure:
+            self._leave(failure)
+            raise
+        self._leave(error)
+
+    def _explained(self) -> AbstractContextManager[None]:
+        return explained(OutputError, "write to", self._target, ADVICE)
+
+    def _remove_torn(self) -> None:
+        for extra in set(os.listdir(self._staged)) - set(self._written):
+            (self._staged / extra).unlink()
+
+    def _finish(self) -> None:
+        raise NotImplementedError
+
+    def _leave(self, error: BaseException | None) -> None:
+        raise NotImplementedError
+
+
+class ImageSink(NumberedSink):
     """Write numbered images, all of them or none.
 
     They grow in a hidden folder beside their final place. A new folder gets its name by one renaming; into an existing
@@ -41,30 +130,22 @@ class ImageSink:
     images of the same naming are replaced, later ones too, and anything else in the folder stays.
     """
 
-    holds_last_frame = False
-
     def __init__(self, output: Output) -> None:
-        path, images, factor, frame_count = output.path, output.stream.images, output.factor, output.expected_frames
-        self._path, self._job, self._frame_count = path, output.job, frame_count
+        path, images = output.path, output.stream.images
+        self._job, self._frame_count = output.job, output.expected_frames
         self._overwrite, self._in_place = output.overwrite, output.in_place
-        self._first, self._step, is_anew, self._remarks = _numbers_of(output)
-        self._next = self._first
-        self._originals = {file.name for file in images.files} if images is not None and output.in_place else set[str]()
-        self._encoder = ImageEncoder(path, images, anew=is_anew)
-        self._names: list[str] = []
-        self._frames = self._frames_there = 0
         with explained(OutputError, "write to", path, "check the path and the permissions"):
-            self._is_folder = Path(path).is_dir() or not is_pattern(path)
-            if output.in_place:
-                self._numbering = self._numbering_in_place(images, factor)
-            else:
-                self._numbering = _numbering_of(output)
-                if not self._is_folder:
-                    self._remark_on_digits(frame_count)
-            self._check_place(output.info)
+            self._is_folder = _is_folder(path)
+            names = _names_in_place(output) if output.in_place else _names_of(output)
+            self._numbering, folder = names.numbering, names.numbering.folder
+            _check_type(output, names)
+            if folder.exists() and not folder.is_dir():
+                raise OutputError(f"{folder} is a file; name a folder, or a pattern in one.")
+            needed = folder.parent if self._is_folder else folder
+            if not needed.is_dir():
+                raise OutputError(f"The folder {needed} does not exist; create it first.")
             if images is not None and not output.in_place:
-                self._refuse_inputs(images)
-            folder = self._numbering.folder
+                self._refuse_inputs(path, images)
             # Inside an existing folder rather than beside it: the folder may be a mount point, the parent read-only.
             self._is_new = not folder.is_dir()
             if output.in_place or not (self._is_new or self._is_folder):
@@ -73,83 +154,32 @@ class ImageSink:
                 called = folder.name if self._is_new else IN_EXISTING_FOLDER
             place = hidden_place(folder.parent if self._is_new else folder, called)
             self._unfinished = StagingDirectory(place, "output", path, output.job)
-            self._replaced = place / "replaced"
-            self._moving = place / MOVING
+            self._replaced, self._moving = place / "replaced", place / MOVING
+            super().__init__(output, names, path, self._unfinished.staged)
+            if images is not None and output.in_place:
+                self._originals = {file.name for file in images.files}
             self._refuse_existing()
-
-    @property
-    def numbering(self) -> Numbering:
-        """How the images are named."""
-        return self._numbering
-
-    @property
-    def numbers(self) -> tuple[int, int]:
-        """Number of the first image, and by how much the numbers rise."""
-        return self._first, self._step
 
     @property
     def remarks(self) -> list[str]:
         """Sentences about what the files could not hold."""
-        return [*self._unfinished.remarks, *self._remarks, *self._encoder.remarks]
+        return [*self._unfinished.remarks, *self.names.remarks, *self._encoder.remarks]
 
-    @property
-    def completed_frames(self) -> int:
-        """How many images an earlier run has finished; see `fpsboost.io.Resumable`."""
-        return self._frames_there
-
-    def _numbering_in_place(self, images: NumberedImages | None, factor: Fraction | None) -> Numbering:
-        """Return the source's own numbering if it has numbers for the frames between."""
-        if images is None or images.numbering is None or factor is None:
-            raise OptionError(f"`in_place` needs images with numbers in their names, and {self._path} has none.")
-        has_room = images.step > 1 or images.numbers[-1] - images.numbers[0] >= len(images.numbers)
-        if not has_room:
-            if self._job is not None and self._job.resume:
-                raise CompleteAlreadyError(f"No image is missing from {self._path}, so it was left as it is.")
-            raise OutputError(
-                f"No image is missing from {self._path}: there are no numbers for frames between; leave `in_place` out "
-                "and name another folder."
-            )
-        fits = factor == 1 if images.fills_gaps else factor > 1 and images.numbers_for(factor) is not None
-        if not fits:
-            way = "leave `factor` out" if images.fills_gaps else f"give `factor={images.step}`, or `fill_gaps`"
-            raise OptionError(
-                f"{factor} times the frames of {self._path} do not fit between its numbers, which `in_place` keeps; "
-                f"{way}."
-            )
-        return images.numbering
-
-    def _remark_on_digits(self, frame_count: int | None) -> None:
-        digits = self._numbering.digits
-        if frame_count is not None and 1 < digits < len(str(self._next + (frame_count - 1) * self._step)):
-            self._remarks.append(f"{self._path} has too few digits for {frame_count} frames: later names grow longer.")
-
-    def _check_place(self, info: ClipInfo) -> None:
-        folder = self._numbering.folder
-        _check_type(self._path, self._numbering, info)
-        if folder.exists() and not folder.is_dir():
-            raise OutputError(f"{folder} is a file; name a folder, or a pattern in one.")
-        needed = folder.parent if self._is_folder else folder
-        if not needed.is_dir():
-            raise OutputError(f"The folder {needed} does not exist; create it first.")
-
-    def _refuse_inputs(self, images: NumberedImages) -> None:
+    def _refuse_inputs(self, path: str, images: NumberedImages) -> None:
         """Raise `OutputError` if the output would overwrite an input, also via links or case."""
         folder = self._numbering.folder
         if not folder.is_dir():
             return
-        clash = None
-        if folder.samefile(images.files[0].parent):
+        old, inputs = {file.resolve() for file in self._find_old()}, images.files
+        clash = next((file for file in inputs if file.resolve() in old), None) if old else None
+        if folder.samefile(inputs[0].parent):
             if self._is_folder:
-                raise OutputError(f"{self._path} is also the input; write to another folder.")
-            folded = replace(
-                self._numbering, prefix=self._numbering.prefix.casefold(), suffix=self._numbering.suffix.casefold()
-            )
-            clash = next((file for file in images.files if folded.number_in(file.name.casefold()) is not None), None)
-        old = {path.resolve() for path in self._find_old()}
-        if old and clash is None:
-            clash = next((file for file in images.files if file.resolve() in old), None)
+                raise OutputError(f"{path} is also the input; write to another folder.")
+            prefix, suffix = self._numbering.prefix.casefold(), self._numbering.suffix.casefold()
+            folded = replace(self._numbering, prefix=prefix, suffix=suffix)
+            clash = next((file for file in inputs if folded.number_in(file.name.casefold()) is not None), clash)
         if clash is not None:
-            raise OutputError(f"{self._path} would replace the input {clash}; write to another folder or pattern.")
+            raise OutputError(f"{path} would replace the input {clash}; write to another folder or pattern.")
 
     def _find_old(self) -> list[Path]:
         # In a folder the digits are this program's choice, so frames of an earlier run may have fewer or more.
@@ -163,10 +193,10 @@ class ImageSink:
         if self._in_place:
             if self._moving.exists() and not is_moving:
                 raise OutputError(
-                    f"A run in {self._path} was stopped while its frames got their names; `resume` goes on with that."
+                    f"A run in {self._target} was stopped while its frames got their names; `resume` goes on with that."
                 )
-            for name in self._names:
-                if (self._unfinished.staged / name).exists() and (folder / name).exists():
+            for name in self._written:
+                if (self._staged / name).exists() and (folder / name).exists():
                     raise OutputError(f"{folder / name} has appeared meanwhile; move it away, and use `resume`.")
             return
         if self._overwrite or not folder.is_dir() or is_moving:
@@ -176,9 +206,7 @@ class ImageSink:
         if not old and not is_full:
             return
         if self._job is not None and self._job.resume and not self._unfinished.is_pending:
-            raise CompleteAlreadyError(
-                f"{self._path} exists already and no run of it is unfinished, so it was left as it is."
-            )
+            raise CompleteAlreadyError(complete_already(self._target))
         if is_full:
             raise OutputError(
                 f"{folder} is not empty; add `overwrite=True` to replace the frames in it, or name another."
@@ -186,99 +214,59 @@ class ImageSink:
         raise OutputError(f"{old[0]} exists; add `overwrite=True` to replace such images, or choose another pattern.")
 
     def __enter__(self) -> Self:
-        with explained(OutputError, "write to", self._path, "check the free space and the permissions"):
-            self._refuse_set_aside()
+        with self._explained():
+            if not self._unfinished.goes_on and self._replaced.is_dir() and os.listdir(self._replaced):
+                raise OutputError(
+                    f"{self._replaced} holds frames that a run had set aside to replace them; let that run finish with "
+                    "`resume`, or move them to where they belong."
+                )
             self._unfinished.open()
             try:
-                self._unfinished.staged.mkdir(exist_ok=True)
-                self._frames_there = self._count_finished()
+                self._staged.mkdir(exist_ok=True)
+                is_moving = self._moving.exists()
+                said = json.loads(self._moving.read_bytes())["frames"] if is_moving else self._count_finished()
+                self._frames_there = int(said)
             except BaseException:
                 self._unfinished.close(keep=True)
                 raise
         return self
 
-    def _refuse_set_aside(self) -> None:
-        """Raise `OutputError` if a stopped run left replaced frames that were not restored."""
-        if not self._unfinished.goes_on and self._replaced.is_dir() and os.listdir(self._replaced):
-            raise OutputError(
-                f"{self._replaced} holds frames that a run had set aside to replace them; let that run finish with "
-                "`resume`, or move them to where they belong."
-            )
-
-    def _count_finished(self) -> int:
-        """Return frames that an earlier run has finished, from the first up to the first that is missing."""
-        if self._moving.exists():
-            return int(json.loads(self._moving.read_bytes())["frames"])
-        staged = set(os.listdir(self._unfinished.staged))
-        there = staged | self._originals if staged else staged
-        count = 0
-        while self._numbering.path(self._next + count * self._step).name in there:
-            count += 1
-        return count
-
-    def write(self, frame: Frame) -> None:
-        """Write the next image; its time does not matter."""
-        path = self._numbering.path(self._next)
-        self._next += self._step
-        self._frames += 1
-        if path.name in self._originals:  # in place: stays as it is
-            self._encoder.passes_in_place(path, frame.array)
-            return
-        self._encoder.check(path, frame.array)
-        if self._frames > self._frames_there:
-            data = self._encoder.content(path, frame)
-            with explained(OutputError, "write", path, "check the free space and the permissions"):
-                write_safely(self._unfinished.staged / path.name, data)
-        self._names.append(path.name)
-
     def join(self, files: Sequence[Path]) -> None:
         """Take image files that were written elsewhere, in order, instead of frames; they stay where they are."""
-        with explained(OutputError, "write to", self._path, "check the free space and the permissions"):
+        with self._explained():
             for file in files:
-                path = self._numbering.path(self._next)
-                if file.name != path.name:
+                name = self.names.path(self._frames).name
+                if file.name != name:
                     raise OutputError(
-                        f"{self._path} would name an image {path.name} that is called {file.name} in its part; name "
+                        f"{self._target} would name an image {name} that is called {file.name} in its part; name "
                         "the output as then."
                     )
-                _link_or_copy(file, self._unfinished.staged / path.name)
-                self._next += self._step
+                _link_or_copy(file, self._staged / name)
                 self._frames += 1
-                self._names.append(path.name)
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        try:
-            if kind is None and self._names:
-                with explained(OutputError, "write to", self._path, "check the free space and the permissions"):
-                    self._finish()
-        except BaseException as failure:
-            self._leave(failure)
-            raise
-        self._leave(error)
+                self._written.append(name)
 
     def _finish(self) -> None:
+        if not self._written:
+            return
         self._refuse_existing()  # once more: hours may have passed
-        folder, staged = self._numbering.folder, self._unfinished.staged
-        for extra in set(os.listdir(staged)) - set(self._names):  # torn images
-            (staged / extra).unlink()
+        folder, staged = self._numbering.folder, self._staged
+        self._remove_torn()
         if self._is_new and not folder.exists():
             self._unfinished.publish(folder)
             return
         self._replaced.mkdir(exist_ok=True)
-        moves = [(staged / name, folder / name) for name in self._names if (staged / name).exists()]
-        is_begun = len(moves) < len(self._names)  # an earlier run has moved some, and the old ones before them
+        moves = [(staged / name, folder / name) for name in self._written if (staged / name).exists()]
+        is_begun = len(moves) < len(self._written)  # an earlier run has moved some, and the old ones before them
         if not is_begun and not self._in_place:
             moves = [(path, self._replaced / path.name) for path in self._find_old()] + moves
-        write_safely(self._moving, json.dumps({"frames": self._frames, "names": self._names}).encode())
+        write_safely(self._moving, json.dumps({"frames": self._frames, "names": self._written}).encode())
         try:
             if self._in_place:
                 move_all(moves, _move_new)
             else:
                 move_all(moves)
         except BaseException:
-            if all((staged / name).exists() for name in self._names):
+            if all((staged / name).exists() for name in self._written):
                 self._moving.unlink()
             raise
         sync(folder)
@@ -288,73 +276,56 @@ class ImageSink:
         """Remove the hidden folder, unless it holds resumable frames or originals not restored."""
         with suppress(OSError):
             self._replaced.rmdir()  # fails where it is not empty
-        count = self._frames if self._moving.exists() else max(self._frames_there, self._frames if self._names else 0)
+        count = self._frames if self._moving.exists() else max(self._frames_there, self._frames if self._written else 0)
         self._unfinished.leave(error, count, self._frame_count, stays=self._replaced.exists())
 
 
-class ImagePartSink:
+class ImagePartSink(NumberedSink):
     """Sink for a part: its images appear with their final names in a folder once they are complete."""
-
-    holds_last_frame = False
 
     def __init__(self, output: Output) -> None:
         assert output.part is not None
-        self._numbering = _numbering_of(output)
-        first, self._step, is_anew, self._remarks = _numbers_of(output)
-        self._next = first + output.part.first * self._step
-        _check_type(output.path, self._numbering, output.info)
+        names = _names_of(output)
+        _check_type(output, names)
         self._folder = PartFolder(output)
-        self._encoder = ImageEncoder(output.path, output.stream.images, anew=is_anew)
-        self._names: list[str] = []
-        self._frames_there = 0
+        names = replace(names, first=names.first + output.part.first * names.step)
+        super().__init__(output, names, self._folder.name, self._folder.files)
 
     @property
     def remarks(self) -> list[str]:
-        return [*self._folder.remarks, *self._remarks, *self._encoder.remarks]
-
-    @property
-    def completed_frames(self) -> int:
-        """Number of images that an earlier run has finished; see `fpsboost.io.Resumable`."""
-        return self._frames_there
+        return [*self._folder.remarks, *self.names.remarks, *self._encoder.remarks]
 
     def __enter__(self) -> Self:
-        with explained(OutputError, "write to", self._folder.name, "check the free space and the permissions"):
+        with self._explained():
             self._folder.open()
-            while self._numbering.path(self._next + self._frames_there * self._step).name in os.listdir(
-                self._folder.files
-            ):
-                self._frames_there += 1
+            self._frames_there = self._count_finished()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        try:
-            if kind is None:
-                with explained(OutputError, "write to", self._folder.name, "check the free space and the permissions"):
-                    for extra in set(os.listdir(self._folder.files)) - set(self._names):  # torn images
-                        (self._folder.files / extra).unlink()
-                    self._folder.publish()
-        except BaseException as failure:
-            self._folder.leave(failure, len(self._names))
-            raise
-        self._folder.leave(error, max(self._frames_there, len(self._names)))
+    def _finish(self) -> None:
+        self._remove_torn()
+        self._folder.publish()
 
-    def write(self, frame: Frame) -> None:
-        """Write the next image; its time does not matter."""
-        path = self._numbering.path(self._next)
-        self._next += self._step
-        self._encoder.check(path, frame.array)
-        if len(self._names) >= self._frames_there:
-            data = self._encoder.content(path, frame)
-            with explained(OutputError, "write", self._folder.name, "check the free space and the permissions"):
-                write_safely(self._folder.files / path.name, data)
-        self._names.append(path.name)
+    def _leave(self, error: BaseException | None) -> None:
+        self._folder.leave(error, max(self._frames_there, self._frames))
 
 
-def _numbers_of(output: Output) -> tuple[int, int, bool, list[str]]:
-    """Return the first number, the step, whether images are numbered otherwise than the source's, and remarks on it."""
-    images, factor = output.stream.images, output.factor
+def _check_type(output: Output, names: ImageNames) -> None:
+    """Raise `OutputError` unless the names are those of images that can be written, in this size."""
+    extension = extension_of(names.path(0).name)
+    if extension not in IMAGE_SUFFIXES:
+        raise OutputError(
+            f"{output.path} names no type of image that can be written; use one of {', '.join(IMAGE_SUFFIXES)}."
+        )
+    check_size(output.path, extension, output.info)
+
+
+def _is_folder(path: str) -> bool:
+    return Path(path).is_dir() or not is_pattern(path)
+
+
+def _names_of(output: Output) -> ImageNames:
+    """Return how the images of an output are named, which are not written in place."""
+    path, images, factor, count = output.path, output.stream.images, output.factor, output.expected_frames
     kept = None if images is None or factor is None else images.numbers_for(factor)
     first, step = kept or (1 if images is None else images.first_number, 1)
     remarks = []
@@ -363,31 +334,40 @@ def _numbers_of(output: Output) -> tuple[int, int, bool, list[str]]:
             f"{factor} times the frames do not fit between numbers that rise by {images.step}: all were numbered anew, "
             f"one by one; `factor={images.step}` makes just those that are missing."
         )
-    return first, step, kept is None, remarks
-
-
-def _check_type(name: str, numbering: Numbering, info: ClipInfo) -> None:
-    """Raise `OutputError` unless the names are those of images that can be written, in this size."""
-    extension = extension_of(numbering.path(1).name)
-    if extension not in IMAGE_SUFFIXES:
-        raise OutputError(f"{name} names no type of image that can be written; use one of {', '.join(IMAGE_SUFFIXES)}.")
-    check_size(name, extension, info)
-
-
-def _numbering_of(output: Output) -> Numbering:
-    """Return how the images of an output are named, which are not written in place."""
-    path, images = output.path, output.stream.images
-    if is_pattern(path) and not Path(path).is_dir():
-        return Numbering.parse(path)
-    folder, frame_count = Path(path), output.expected_frames
-    *_, is_anew, _ = _numbers_of(output)
     # as many digits as keep the order of names the order of frames
-    first = 1 if images is None else images.first_number
-    digits = VIDEO_DIGITS if frame_count is None else len(str(first + frame_count - 1))
-    if images is None or images.numbering is None:
-        return Numbering(folder, "", max(digits, VIDEO_DIGITS), ".png" if images is None else images.files[0].suffix)
-    kept = images.numbering.digits
-    return replace(images.numbering, folder=folder, digits=max(digits, kept) if is_anew else kept)
+    digits = 0 if count is None else len(str(first + (count - 1) * step))
+    if not _is_folder(path):
+        numbering = Numbering.parse(path)
+        if 1 < numbering.digits < digits:
+            remarks.append(f"{path} has too few digits for {count} frames: later names grow longer.")
+    elif images is None or images.numbering is None:
+        suffix = ".png" if images is None else images.files[0].suffix
+        numbering = Numbering(Path(path), "", max(digits, VIDEO_DIGITS), suffix)
+    else:
+        padded = max(digits or VIDEO_DIGITS, images.numbering.digits)
+        numbering = replace(images.numbering, folder=Path(path), digits=images.numbering.digits if kept else padded)
+    return ImageNames(numbering, first, step, kept is None, tuple(remarks))
+
+
+def _names_in_place(output: Output) -> ImageNames:
+    """Return the source's own names if it has numbers for the frames between."""
+    path, images, factor = output.path, output.stream.images, output.factor
+    if images is None or images.numbering is None or factor is None:
+        raise OptionError(f"`in_place` needs images with numbers in their names, and {path} has none.")
+    if images.step == 1 and images.numbers[-1] - images.numbers[0] < len(images.numbers):
+        if output.job is not None and output.job.resume:
+            raise CompleteAlreadyError(f"No image is missing from {path}, so it was left as it is.")
+        raise OutputError(
+            f"No image is missing from {path}: there are no numbers for frames between; leave `in_place` out "
+            "and name another folder."
+        )
+    kept = images.numbers_for(factor) if (factor == 1) == images.fills_gaps and factor >= 1 else None
+    if kept is None:
+        way = "leave `factor` out" if images.fills_gaps else f"give `factor={images.step}`, or `fill_gaps`"
+        raise OptionError(
+            f"{factor} times the frames of {path} do not fit between its numbers, which `in_place` keeps; {way}."
+        )
+    return ImageNames(images.numbering, *kept, is_anew=False)
 
 
 def _link_or_copy(here: Path, there: Path) -> None:

@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+import sys
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -110,33 +111,33 @@ def with_side_outputs(
     if not side.given and watcher is None:
         return sink
     taken = [images.files[0].parent] if images else []
-    taken += [sink.numbering.folder] if isinstance(sink, ImageSink) else []
+    written = sink.names if isinstance(sink, ImageSink) else None
+    taken += [written.numbering.folder] if written else []
     confidence = motion = None
     if side.confidence is not None:
-        names = names_after_output(side.confidence, "`confidence`", ConfidenceWriter.suffixes, sink)
-        _check_alone(names.folder, "`confidence`", taken)
+        naming, first, step = (written.numbering, written.first, written.step) if written else (None, 1, 1)
+        numbers: Sequence[int] = range(first, sys.maxsize, step)
+        names = FileNames.parse(side.confidence, "`confidence`", ConfidenceWriter.suffixes, naming, numbers)
+        names.check_alone("`confidence`", taken)
         confidence = ConfidenceWriter(names, overwrite=overwrite)
-        taken.append(names.folder)
+        taken.append(names.numbering.folder)
     if side.save_motion is not None:
-        names = names_after_source(side.save_motion, "`save_motion`", MotionWriter.suffixes, images)
-        _check_alone(names.folder, "`save_motion`", taken)
+        naming = images.numbering if images else None
+        numbers = (images and images.numbers) or range(1, sys.maxsize)
+        names = FileNames.parse(side.save_motion, "`save_motion`", MotionWriter.suffixes, naming, numbers)
+        names.check_alone("`save_motion`", taken)
         motion = MotionWriter(names, overwrite=overwrite)
     return SideSink(sink, confidence, motion, watcher)
-
-
-def _check_alone(folder: Path, option: str, taken: Sequence[Path]) -> None:
-    """Raise `OptionError` if a folder is one that frames are read from, or that other files are written to."""
-    if folder.resolve() in {other.resolve() for other in taken}:
-        raise OptionError(f"{option} needs a folder of its own, and {folder} holds other images; name another.")
 
 
 class SideWriter:
     """Writer of files about the frames of a conversion; `endings` follow a frame's part of their names."""
 
     def __init__(self, names: FileNames, endings: Sequence[str], *, overwrite: bool) -> None:
-        namings = names.namings(endings)
-        self.files = StagedFiles(names.path, names.folder, namings, overwrite=overwrite, alone=not names.is_pattern)
-        self._names = names
+        self._names, naming = names, names.numbering
+        namings = [replace(naming, suffix=naming.suffix + ending) for ending in endings]
+        alone = not is_pattern(names.path)
+        self.files = StagedFiles(names.path, naming.folder, namings, overwrite=overwrite, alone=alone)
 
     @property
     def remarks(self) -> list[str]:
@@ -223,71 +224,42 @@ class MotionWriter(SideWriter):
 
 @dataclass(frozen=True)
 class FileNames:
-    """Names of the files of a side output."""
+    """Names of the files of a side output: the path as the user gave it, their type, their names without it."""
 
     path: str
-    """Folder or pattern, as the user gave it."""
-    folder: Path
     suffix: str
-    stem: Callable[[int], str]
-    """Returns a frame's part of the names by its place among the frames, from 0."""
-    numbering: Numbering | None
-    """Names without the type; None if they have no numbers."""
+    numbering: Numbering
+    numbers: Sequence[int]
+    """Of the frames, in order."""
 
-    @property
-    def is_pattern(self) -> bool:
-        """Whether the user has named a pattern, and not a folder."""
-        return is_pattern(self.path)
+    @classmethod
+    def parse(
+        cls, path: str, option: str, suffixes: Sequence[str], naming: Numbering | None, numbers: Sequence[int]
+    ) -> Self:
+        """Name files by a pattern with any of the suffixes, or like `naming` in a folder, for the first of them."""
+        extension = extension_of(path)
+        if is_pattern(path):
+            if extension not in suffixes:
+                raise OptionError(
+                    f"{option} writes {' or '.join(suffixes)}, not {path}; name a folder, or a pattern such as "
+                    "map_####.exr."
+                )
+            naming, suffix = Numbering.parse(path), extension
+        else:
+            suffix = suffixes[0]
+            if not path or (extension in {*suffixes, *IMAGE_SUFFIXES} and not Path(path).is_dir()):
+                raise OptionError(
+                    f"{option} needs a folder, or a pattern such as map_####{suffix}, not {path or 'nothing'}."
+                )
+            naming = replace(naming or Numbering(Path(), "", VIDEO_DIGITS, suffix), folder=Path(path))
+        return cls(path, suffix, replace(naming, suffix=naming.suffix.rpartition(".")[0]), numbers)
 
-    def namings(self, endings: Collection[str]) -> list[Numbering]:
-        """Return the names of all files with these endings."""
-        if self.numbering is None:
-            return []
-        return [replace(self.numbering, suffix=self.numbering.suffix + ending) for ending in endings]
+    def stem(self, place: int) -> str:
+        """Return a frame's part of the names of its files."""
+        return self.numbering.path(self.numbers[place]).name
 
-
-def names_after_output(path: str, option: str, suffixes: Collection[str], sink: FrameSink) -> FileNames:
-    """Name files like the images of an output; by six digits from 1 if it has none.
-
-    `path` is a folder, for the first of the suffixes, or a pattern with any of them.
-    """
-    numbered = sink if isinstance(sink, ImageSink) else None
-    numbering, suffix = _parsed(path, option, suffixes, numbered.numbering if numbered else None)
-    first, step = numbered.numbers if numbered else (1, 1)
-    return FileNames(path, numbering.folder, suffix, lambda place: numbering.path(first + place * step).name, numbering)
-
-
-def names_after_source(path: str, option: str, suffixes: Collection[str], images: NumberedImages | None) -> FileNames:
-    """Name files like the images of a source; by six digits from 1 if it has none. See `names_after_output`."""
-    numbering, suffix = _parsed(path, option, suffixes, images.numbering if images else None)
-    numbers = images.numbers if images else []
-    if images and not numbers and not is_pattern(path):
-        files = images.files
-        return FileNames(path, Path(path), suffix, lambda place: files[place].stem, None)
-
-    def stem(place: int) -> str:
-        return numbering.path(numbers[place] if numbers else place + 1).name
-
-    return FileNames(path, numbering.folder, suffix, stem, numbering)
-
-
-def _parsed(path: str, option: str, suffixes: Collection[str], naming: Numbering | None) -> tuple[Numbering, str]:
-    """Return the naming without the type of file, and the type."""
-    extension = extension_of(path)
-    suffix = next(iter(suffixes))
-    if is_pattern(path):
-        if extension not in suffixes:
-            types = " or ".join(suffixes)
-            raise OptionError(f"{option} writes {types}, not {path}; name a folder, or a pattern such as map_####.exr.")
-        numbering = Numbering.parse(path)
-        return _without_type(numbering), extension
-    if not path or (extension in {*suffixes, *IMAGE_SUFFIXES} and not Path(path).is_dir()):
-        raise OptionError(f"{option} needs a folder, or a pattern such as map_####{suffix}, not {path or 'nothing'}.")
-    if naming is None:
-        return Numbering(Path(path), "", VIDEO_DIGITS, ""), suffix
-    return replace(_without_type(naming), folder=Path(path)), suffix
-
-
-def _without_type(naming: Numbering) -> Numbering:
-    """Return a naming without the type of file: ``_left`` instead of ``_left.png``."""
-    return replace(naming, suffix=naming.suffix[: naming.suffix.rfind(".")])
+    def check_alone(self, option: str, taken: Sequence[Path]) -> None:
+        """Raise `OptionError` if the folder is one that frames are read from, or that other files are written to."""
+        folder = self.numbering.folder
+        if folder.resolve() in {other.resolve() for other in taken}:
+            raise OptionError(f"{option} needs a folder of its own, and {folder} holds other images; name another.")

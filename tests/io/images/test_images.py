@@ -380,8 +380,8 @@ def test_names_for_video(tmp_path: Path) -> None:
     """Frames of a video are counted from 1 with at least six digits; a pattern is taken as given."""
     write(make_sink(tmp_path / "out", frame_count=None), make_image())
     assert names_in(tmp_path / "out") == ["000001.png"]
-    assert make_sink(tmp_path / "new", frame_count=10**6).numbering.digits == 7
-    assert make_sink(tmp_path / "new", frame_count=10**6 - 1).numbering.digits == 6
+    assert make_sink(tmp_path / "new", frame_count=10**6).names.numbering.digits == 7
+    assert make_sink(tmp_path / "new", frame_count=10**6 - 1).names.numbering.digits == 6
     write(make_sink(tmp_path / "out" / "f%d.tif"), make_image(), make_image())
     assert names_in(tmp_path / "out") == ["000001.png", "f1.tif", "f2.tif"]
 

@@ -25,7 +25,7 @@ from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, Opt
 from fpsboost.io.images import sink as numbered
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import Numbering
-from fpsboost.io.images.source import ImageSource, find_numbers
+from fpsboost.io.images.source import find_numbers
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
 from fpsboost.probing import probe
@@ -91,7 +91,7 @@ namings = st.tuples(
 @settings(max_examples=15)
 @given(
     steps,
-    st.one_of(st.integers(-30, 120), st.integers(10**9, 10**9 + 50)),
+    st.one_of(st.integers(0, 120), st.integers(10**9, 10**9 + 50)),
     st.integers(2, 4),
     namings,
     st.booleans(),
@@ -100,12 +100,10 @@ namings = st.tuples(
 def test_missing_numbers_are_made(step_and_factor, first, count, naming, as_pattern, in_place):
     """Whatever the step, the factor, the first number and the padding: names complete the numbering, originals stay."""
     step, factor = step_and_factor
-    if first < 0 and not (first + step * (count - 1) >= 0 and not naming[0].endswith("-")):
-        first = -first
     prefix, digits, suffix = naming
     with TemporaryDirectory() as work:
         folder = Path(work) / "in"
-        naming = Numbering(folder, prefix, digits, f"{suffix}.png", signed=first < 0)
+        naming = Numbering(folder, prefix, digits, f"{suffix}.png")
         numbers = range(first, first + step * count, step)
         folder.mkdir()
         for number in numbers:
@@ -170,27 +168,6 @@ def test_a_part_keeps_its_numbers(tmp_path):
     )
 
 
-def test_frames_before_zero(tmp_path):
-    """Blender's -0002 is a minus where numbers lead across 0; a dash before other numbers separates, as ever."""
-    folder = tmp_path / "in"
-    folder.mkdir()
-    for number in range(-4, 5, 2):
-        save(Numbering(folder, "s_", 4, ".png", signed=True).path(number), picture(number, -4))
-    for path in (folder, folder / "s_####.png"):
-        assert ImageSource(str(path), Fraction(24)).images.numbers == [-4, -2, 0, 2, 4]
-    run(folder, tmp_path / "out")
-    assert names_in(tmp_path / "out") == [f"s_-000{n}.png" for n in (1, 2, 3, 4)] + [f"s_000{n}.png" for n in range(5)]
-    assert ImageSource(str(fill(tmp_path / "dash", [1, 2, 3], "s-{:04d}.png")), Fraction(24)).images.numbers == [
-        1,
-        2,
-        3,
-    ]
-    two = fill(fill(tmp_path / "two", [5, 6], "s-{:04d}.png"), [1, 2], "s{:04d}.png")
-    with pytest.raises(InputError, match="several sequences"):
-        ImageSource(str(two), Fraction(24))
-    assert ImageSource(str(two / "s####.png"), Fraction(24)).images.numbers == [1, 2]
-
-
 def test_video_of_a_step_says_its_rate(tmp_path):
     """Each image is shown at --input-fps, and a sentence says what that means for the scene."""
     source = fill(tmp_path / "in", range(1, 10, 2))
@@ -240,10 +217,9 @@ def test_a_hole_is_an_error_that_names_it(tmp_path, numbers, message):
 
 
 @settings(max_examples=15)
-@given(st.sets(st.integers(0, 20), min_size=2, max_size=8), st.integers(-5, 900), st.booleans())
+@given(st.sets(st.integers(0, 20), min_size=2, max_size=8), st.integers(0, 900), st.booleans())
 def test_gaps_of_any_pattern_are_filled(offsets, first, in_place):
     """Just the missing frames are made, each at its true time; the others are the same files."""
-    first = max(first, -min(offsets))
     numbers = sorted(first + offset for offset in offsets)
     with TemporaryDirectory() as work:
         folder = fill(Path(work) / "in", numbers, first=numbers[0])

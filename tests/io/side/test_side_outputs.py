@@ -223,17 +223,6 @@ def test_in_place_only_missing_images_have_a_confidence(tmp_path):
     assert len(names_in(source)) == 6
 
 
-def test_images_without_numbers_lend_their_names(tmp_path):
-    """To their motion; the frames of the output are counted anyway."""
-    source = save_pan(tmp_path / "in", range(1, 4))
-    for number, name in ((1, "a.png"), (2, "b.png"), (3, "c.png")):
-        (source / f"shot_{number:04d}.png").rename(source / name)
-    run = beside(confidence=tmp_path / "conf", save_motion=tmp_path / "motion")
-    convert(str(source), str(tmp_path / "out"), method="dis", run=run)
-    assert names_in(tmp_path / "conf") == ["000002.png", "000004.png"]
-    assert {name[:2] for name in names_in(tmp_path / "motion")} == {"a_", "b_", "c_"}
-
-
 def test_repeats_have_no_motion_of_their_own(tmp_path):
     """It leads past them, from the first of them to the next that differs."""
     source = save_pan(tmp_path / "in", range(1, 5), "{:04d}.png")
