@@ -14,12 +14,12 @@ import cv2
 import numpy as np
 import pytest
 from command_line import COLOUR_VARIABLES, Command, Result
+from exr_truth import write_exr
 from hypothesis import settings
 from numpy.typing import NDArray
 from video_truth import scene
 
 from fpsboost.cli import app, progress
-from fpsboost.io.images.exr import write_exr
 
 collect_ignore = ["blender_round_trip.py"]  # runs in Blender
 

@@ -8,6 +8,8 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
+from fpsboost.io.images.exr import encode_exr
+
 Corners = tuple[NDArray[np.int32], NDArray[np.int32]]
 
 
@@ -31,3 +33,8 @@ def tiles(side: int) -> dict[str, object]:
 def window(left: int, top: int, width: int, height: int) -> Corners:
     """Two corners, as the library takes them."""
     return np.array([left, top], np.int32), np.array([left + width - 1, top + height - 1], np.int32)
+
+
+def write_exr(path: Path, channels: dict[str, NDArray], *, half: bool = True) -> None:
+    """Write planes by names as the package writes them."""
+    path.write_bytes(encode_exr(channels, half=half))

@@ -16,11 +16,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from exr_truth import write_exr
 from video_truth import scene, stream_of, write_clip
 
 from fpsboost import conversion, threads
 from fpsboost.errors import FpsboostError, notes_of
-from fpsboost.io.images.exr import read_exr, write_exr
+from fpsboost.io.images.exr import read_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.io.vectors.flow import encode_flow
 from fpsboost.io.vectors.folder import VectorFolder

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exr_truth import write_exr
 from hypothesis import given
 from hypothesis import strategies as st
 from truth import waves
@@ -16,7 +17,7 @@ from fpsboost.errors import OptionError
 from fpsboost.evaluation.contestants import InterpolatorContestant
 from fpsboost.evaluation.hidden_frames import Hiding
 from fpsboost.io.images.encoder import encode_image
-from fpsboost.io.images.exr import read_exr, write_exr
+from fpsboost.io.images.exr import read_exr
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource

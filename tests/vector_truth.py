@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from exr_truth import write_exr
 from numpy.typing import NDArray
 
-from fpsboost.io.images.exr import write_exr
 from fpsboost.io.vectors.flow import encode_flow
 
 Array = NDArray[Any]

@@ -10,10 +10,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from exr_truth import write_exr
 
 from fpsboost.cli.messages import LibraryTexts
 from fpsboost.io.images import source
-from fpsboost.io.images.exr import write_exr
 
 NOISE = np.random.default_rng(0).integers(0, 256, (48, 64, 3), np.uint8)
 

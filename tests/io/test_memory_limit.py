@@ -86,9 +86,9 @@ def test_all_channels_of_openexr_count(tmp_path):
     path, plane = tmp_path / "a.exr", np.zeros((48, 64), np.float32)
     path.write_bytes(encode_exr({name: plane for name in ("Y", "Z", "id")}, half=False))
     enough = SMALL.bytes + 3 * plane.nbytes
-    assert list(read_exr(path, lambda _: ["Z"], MemoryLimit(enough))) == ["Z"]
+    assert list(read_exr(path, ["Z"], MemoryLimit(enough))) == ["Z"]
     with pytest.raises(InputError, match=r"a\.exr is 64x48, which takes"):
-        read_exr(path, lambda _: ["Z"], MemoryLimit(enough - 1))
+        read_exr(path, ["Z"], MemoryLimit(enough - 1))
 
 
 def test_a_huge_image_within_a_sequence(tmp_path, save_images):

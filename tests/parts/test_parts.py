@@ -15,6 +15,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from exr_truth import write_exr
 from numpy.typing import NDArray
 from vector_truth import save_vectors
 from video_truth import packets_of, scene, write_clip
@@ -22,7 +23,6 @@ from video_truth import packets_of, scene, write_clip
 from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.conversion import convert
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
-from fpsboost.io.images.exr import write_exr
 from fpsboost.io.part import Part, parse_part
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.video.chunks import CHUNK_FRAMES

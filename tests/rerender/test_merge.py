@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from exr_truth import write_exr
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
@@ -14,7 +15,7 @@ from PIL import ImageCms
 
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.io.images.encoder import encode_image
-from fpsboost.io.images.exr import read_exr, write_exr
+from fpsboost.io.images.exr import read_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.metadata import ImageMetadata, metadata_of
 from fpsboost.rerender.merging import merge_regions, mix, seam_weights

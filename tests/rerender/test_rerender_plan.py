@@ -7,12 +7,12 @@ import json
 import cv2
 import numpy as np
 import pytest
+from exr_truth import write_exr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from fpsboost.errors import InputError, OptionError, OutputError
-from fpsboost.io.images.exr import write_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.rerender.options import PlanOptions, RenderBudget, parse_budget
 from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from exr_truth import write_exr
 from truth import Clip, as_type, frozen, moving_object, noise, translation, waves
 from vector_truth import constant, save_object, save_translation, save_vectors
 
@@ -17,7 +18,6 @@ from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator
-from fpsboost.io.images.exr import write_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method, interpolate, vector_methods

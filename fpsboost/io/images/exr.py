@@ -1,16 +1,15 @@
 """OpenEXR files: planes of numbers with names, read in their own types, and written like another file.
 
-OpenImageIO reads headers, with the type of each channel; OpenEXR's own library reads and writes the planes. Measured on
-a 1080p frame of 20 channels, half and float: OpenImageIO takes 0.5 s to read it and 2 s to write it where OpenEXR takes
-0.2 s and 0.6 s, because it interleaves channels and converts mixed types one number at a time; and whole numbers beside
-other types lose all but 24 bits.
+OpenImageIO says the type of each channel; OpenEXR's own library reads and writes the planes. OpenImageIO would take
+0.5 s to read and 2 s to write a 1080p frame of 20 channels, half and float, where OpenEXR takes 0.2 s and 0.6 s; and of
+whole numbers beside other types, which its Python binding converts through 32-bit float, it loses all but 24 bits.
 """
 
 from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,8 +19,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.errors import InputError, OutputError, explained
-from fpsboost.io.images.library import image_library, name_for_libraries
+from fpsboost.errors import InputError
+from fpsboost.io.images.library import damaged, name_for_libraries, opened
 from fpsboost.io.memory_limit import MemoryLimit
 
 Precision = Literal["uint", "half", "float"]
@@ -31,7 +30,7 @@ numpy_types: Mapping[Precision, type[np.generic]] = MappingProxyType(
 )
 """Types of channels in memory."""
 
-_precisions: Mapping[str, Precision] = MappingProxyType({name: name for name in numpy_types})
+_precisions: Mapping[str, Precision] = {name: name for name in numpy_types}
 _colour_attributes = ("chromaticities", "whiteLuminance")
 _per_file = ("channels", "chunkCount", "name")  # of a header: what the library writes by itself
 
@@ -114,8 +113,8 @@ def read_exr_header(path: Path) -> ExrHeader:
     import OpenEXR  # noqa: PLC0415  # only who has such files waits for it
 
     try:
+        types = _types_of(path)
         with name_for_libraries(path) as name:
-            types = _types_of(path, name)
             file = OpenEXR.File(name, separate_channels=True, header_only=True, num_threads=0)
         with file:
             headers = [dict(file.header(number)) for number in range(len(file.parts))]  # emptied at its end
@@ -132,22 +131,10 @@ def read_exr_header(path: Path) -> ExrHeader:
     return header
 
 
-def damaged(path: Path) -> InputError:
-    """Return the error to raise for a file that cannot be read."""
-    return InputError(f"{path} is damaged or no OpenEXR file; replace it.")
-
-
-def _types_of(path: Path, name: str) -> list[dict[str, Precision]]:
+def _types_of(path: Path) -> list[dict[str, Precision]]:
     """Return the types of the channels of each part, by the stored names."""
-    library = image_library()
-    file = library.ImageInput.open(name)
-    if file is None:
-        reason = library.geterror()
-        if "ubsampled" in reason:
-            raise InputError(f"{path} has channels with fewer pixels than the image; save it as RGB or gray.")
-        raise ValueError(reason)
-    try:
-        types = list[dict[str, Precision]]()
+    types = list[dict[str, Precision]]()
+    with opened(path) as (file, _):
         while file.seek_subimage(len(types), 0):
             spec = file.spec()
             if spec.deep:
@@ -155,41 +142,31 @@ def _types_of(path: Path, name: str) -> list[dict[str, Precision]]:
             formats = spec.channelformats or (spec.format,) * spec.nchannels
             types.append({name: _precisions[str(kind)] for name, kind in zip(spec.channelnames, formats, strict=True)})
         file.geterror()  # that there is no further part
-        return types
-    finally:
-        file.close()
+    return types
 
 
 def _part(name: str, header: Mapping[str, Any], types: Mapping[str, Precision]) -> ExrPart:
-    channels = header["channels"]
     data, display = (
         Window(*(int(number) for corner in header[window] for number in corner))
         for window in ("dataWindow", "displayWindow")
     )
     if min(data.size + display.size) < 1:
         raise ValueError("a window without pixels")
-    return ExrPart(
-        name,
-        {channel.name: types[channel.name] for channel in channels},
-        data,
-        display,
-        {key: value for key, value in header.items() if key not in _per_file},
-    )
+    attributes = {key: value for key, value in header.items() if key not in _per_file}
+    return ExrPart(name, {each.name: types[each.name] for each in header["channels"]}, data, display, attributes)
 
 
 def read_exr(
-    path: Path,
-    choose: Callable[[Collection[str]], Collection[str]] = lambda names: names,
-    limit: MemoryLimit | None = None,
+    path: Path, names: Sequence[str] | None = None, limit: MemoryLimit | None = None
 ) -> dict[str, NDArray[Any]]:
-    """Read channels of a file, in scanlines or tiles, as (H, W) float32 by their names.
+    """Read channels of a file, in scanlines or tiles, as (H, W) float32 by their names; without `names`, all of them.
 
-    `choose` is told the names of all channels and names the ones to read; in a file of several parts, that of its part
-    stands before each. Planes are as large as the display window, and zero where the file has no data; infinity and NaN
-    stay. `InputError` if the file is damaged, too large, or of a kind that holds no plain image.
+    In a file of several parts, the name of its part stands before that of each. Planes are as large as the display
+    window, and zero where the file has no data; infinity and NaN stay. `InputError` if the file is damaged, too large,
+    or of a kind that holds no plain image.
     """
     header = read_exr_header(path)
-    planes = read_channels(path, header, list(choose(list(header.channels))), limit)
+    planes = read_channels(path, header, list(header.channels) if names is None else names, limit)
     return {name: plane.astype(np.float32) for name, plane in planes.items()}
 
 
@@ -218,13 +195,6 @@ def read_channels(
     except (KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
         raise damaged(path) from error
     return {name: _in_display_window(planes[name], header.places[name][0].data, header.display) for name in names}
-
-
-def write_exr(path: Path, channels: Mapping[str, NDArray[Any]], *, half: bool = True) -> None:
-    """Write a file; see `encode_exr`."""
-    data = encode_exr(channels, half=half)
-    with explained(OutputError, "write", path, "check the free space and the permissions"):
-        path.write_bytes(data)
 
 
 def encode_exr(channels: Mapping[str, NDArray[Any]], *, half: bool = True) -> bytes:

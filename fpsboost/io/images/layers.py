@@ -8,7 +8,7 @@ no colours are layers of their own, such as ``Z``.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -65,10 +65,6 @@ class LayerNames:
     name: str
     kind: LayerKind
     channels: Mapping[str, Precision]
-
-    def is_called(self, name: str) -> bool:
-        """Return whether a user may mean this layer: by its name, also without that of its view layer or part."""
-        return name == self.name or self.name.endswith(f".{name}")
 
     @property
     def has_vectors(self) -> bool:
@@ -174,25 +170,6 @@ def _word_of(layer: str) -> str:
     return re.sub(r"[\s_-]", "", layer.rpartition(".")[2]).lower().rstrip("0123456789")
 
 
-def find_layer(names: Collection[str], parts: str, preferred: str) -> str | None:
-    """Find the name prefix of the only layer that has all these channels, one letter each: ``XYZW``.
-
-    It is "" for plain names. Of several layers the one whose last word is `preferred` counts; None if that leaves none
-    or several.
-
-    Examples
-    --------
-    >>> find_layer(["Scene.Vector.X", "Scene.Vector.Y", "Scene.Depth.Z"], "XY", "Vector")
-    'Scene.Vector.'
-    """
-    prefixes = {name[:-1] for name in names if name.endswith(parts[0]) and (len(name) == 1 or name[-2] == ".")}
-    whole = sorted(prefix for prefix in prefixes if all(prefix + part in names for part in parts))
-    if "" in whole:
-        return ""
-    choices = [prefix for prefix in whole if prefix.split(".")[-2] == preferred] or whole
-    return choices[0] if len(choices) == 1 else None
-
-
 def _picture_channels(path: Path, header: ExrHeader) -> list[str]:
     """Return the channels of the picture, in the order B, G, R, A or Y, A; raise `InputError` if there is none."""
     chosen = contents_of(header).picture
@@ -271,17 +248,15 @@ class Passes:
         return LayeredImage(_picture_of({name: planes[name] for name in picture}), tuple(layers))
 
     def _check_alike(self, path: Path, header: ExrHeader) -> None:
-        there = {layer.name: layer for layer in contents_of(header).layers}
+        there = {layer.name: layer.channels for layer in contents_of(header).layers}
         advice = "render all frames with the same passes, or give `passes='beauty'`."
         for layer in self.layers:
             if layer.name not in there:
                 raise InputError(f"{path} has no layer {layer.name}, which {self.first} has; {advice}")
-            channels = there.pop(layer.name).channels
-            if list(channels) != list(layer.channels):
-                raise InputError(f"{path} has other channels in the layer {layer.name} than {self.first}; {advice}")
-            for name, kind in layer.channels.items():
-                if channels[name] != kind:
-                    raise InputError(f"{path} has {name} as {channels[name]}, and {self.first} as {kind}; {advice}")
+            if list(there.pop(layer.name).items()) != list(layer.channels.items()):
+                raise InputError(
+                    f"{path} has other channels in the layer {layer.name} than {self.first}, or other types; {advice}"
+                )
         if self.are_all and there:
             raise InputError(f"{path} has a layer {next(iter(there))}, which {self.first} has not; {advice}")
 
@@ -311,12 +286,16 @@ def _named(path: Path, contents: ExrContents, names: str) -> list[LayerNames]:
     """Return the layers that are named, without the picture."""
     if names in (ALL, BEAUTY):
         return contents.layers if names == ALL else []
-    wanted = list[str]()
+    wanted = set[str]()
     for name in (word.strip() for word in names.split(",")):
-        layers = [layer.name for layer in contents.layers if layer.is_called(name)]
-        is_picture = any(picture in (name,) or picture.endswith(f".{name}") for picture in contents.pictures[:1])
-        if not layers and not is_picture and name != BEAUTY:
+        layers = {layer.name for layer in contents.layers if _is_called(layer.name, name)}
+        if not layers and name != BEAUTY and not any(_is_called(picture, name) for picture in contents.pictures[:1]):
             choices = ", ".join(layer.name for layer in contents.layers) or "none"
             raise InputError(f"{path} has no layer {name!r} beside its picture; choose from those it has: {choices}.")
-        wanted += layers
+        wanted |= layers
     return [layer for layer in contents.layers if layer.name in wanted]
+
+
+def _is_called(layer: str, name: str) -> bool:
+    """Return whether a user may mean a layer: by its name, also without that of its view layer or part."""
+    return name == layer or layer.endswith(f".{name}")

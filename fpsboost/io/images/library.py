@@ -38,7 +38,8 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
     with name_for_libraries(path) as name:
         file = library.ImageInput.open(name, hints)
         if file is None:
-            library.geterror()  # which is kept until it is read
+            if "ubsampled" in library.geterror():  # of OpenEXR
+                raise InputError(f"{path} has channels with fewer pixels than the image; save it as RGB or gray.")
             raise damaged(path)
         try:
             yield file, file.spec()

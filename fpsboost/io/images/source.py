@@ -117,6 +117,7 @@ class ImageSource(ClosesOnExit):
             layers=() if self._passes is None else self._passes.layers,
         )
         self._holds_more = storage_of(first).has_more
+        self._kind, self._described = (image.shape, image.dtype), f"{first} ({view(image).describe()})"
         height, width = image.shape[:2]
         self._limit.check(path, width, height, self.images.planes)
         self.info = ClipInfo(path, height, width, rate, 1 / rate, len(sequence.files), self._duration(rate))
@@ -162,19 +163,12 @@ class ImageSource(ClosesOnExit):
         return remarks
 
     def __iter__(self) -> Iterator[Frame]:
-        first = None
-        numbers = range(len(self.images.files))
-        for number in [*numbers[: min(self._first, 1)], *numbers[self._first :]]:  # the first one is the measure of all
+        for number in range(self._first, len(self.images.files)):
             path = self.images.files[number]
             image = self._read(path)
-            if first is None:
-                first = image
-            if number < self._first:
-                continue
-            if image.shape != first.shape or image.dtype != first.dtype:
+            if (image.shape, image.dtype) != self._kind:
                 raise InputError(
-                    f"{path} ({view(image).describe()}) is unlike {self.images.files[0]} ({view(first).describe()}); "
-                    "make all images one size and type."
+                    f"{path} ({view(image).describe()}) is unlike {self._described}; make all images one size and type."
                 )
             original = None if self._reading.upright else ImageFile(path)
             yield Frame(image, self._time_of(number), 1 / self.info.rate, original)
@@ -184,7 +178,7 @@ class ImageSource(ClosesOnExit):
         return [self._time_of(number) for number in range(len(self._places))]
 
     def begin_at(self, number: int) -> None:
-        """See `fpsboost.io.RandomAccess.begin_at`; of the images before, only the first one is read."""
+        """See `fpsboost.io.RandomAccess.begin_at`."""
         if number >= len(self.images.files):
             raise InputError(f"{self.info.name} has {len(self.images.files)} images, and none has the number {number}.")
         self._first = number

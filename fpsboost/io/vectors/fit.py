@@ -7,7 +7,7 @@ clearly better, so that still or noisy frames decide nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from itertools import product
 from typing import Any, NamedTuple, get_args
 
@@ -85,42 +85,34 @@ def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], 
 def fit_convention(pairs: Iterable[RenderedPair], usual: VectorConvention) -> VectorFit:
     """Find the convention under which vectors connect the frames; `usual` is what the names of channels suggest."""
     errors: dict[tuple[int, StoredVectors], float] = {}
-    still = 0.0
+    still, count = 0.0, len(usual.pairs)
     meanings = [StoredVectors(*meaning) for meaning in product(get_args(Direction), (1, -1), (1, -1))]
     for pair in pairs:
         ends = _comparable(pair.image0), _comparable(pair.image1)
         still += float(((ends[0] - ends[1]) ** 2).mean())
-        for number, meaning in product(range(len(usual.pairs)), meanings):
+        for number, meaning in product(range(count), meanings):
             from_first = meaning.direction == "forward"
             here, there = ends if from_first else ends[::-1]
             channels = (pair.channels0 if from_first else pair.channels1)[..., 2 * number : 2 * number + 2]
             error = _fetch_error(here, there, meaning.read(channels) * np.float32(pair.distance))
             errors[number, meaning] = errors.get((number, meaning), 0.0) + error
 
-    def error_of(convention: VectorConvention) -> float:
-        return sum(errors[pair] for pair in enumerate(convention.pairs)) / len(convention.pairs)
+    def error_of(chosen: tuple[StoredVectors, ...]) -> float:
+        return sum(errors[meaning] for meaning in enumerate(chosen)) / count
 
-    alternatives = _alternatives(meanings, len(usual.pairs))
-    best = min(map(error_of, alternatives))
-    # of those that fit about as well as the best one, the most similar to the usual one
-    as_good = [other for other in alternatives if CLEARLY_BETTER * error_of(other) <= best]
-    chosen = min(as_good, key=lambda other: (_count_changes(other, usual), error_of(other)))
-    return VectorFit(chosen, error_of(chosen), still)
+    def changes(chosen: tuple[StoredVectors, ...]) -> int:
+        pairs = zip(chosen, usual.pairs, strict=True)
+        return sum(value != usual_value for pair in pairs for value, usual_value in zip(*pair, strict=True))
 
-
-def _alternatives(meanings: Sequence[StoredVectors], pairs: int) -> list[VectorConvention]:
-    """Return all conventions of this number of pairs of channels, no two of which lead to the same frame."""
-    return [
-        VectorConvention(chosen)
-        for chosen in product(meanings, repeat=pairs)
-        if len({pair.direction for pair in chosen}) == pairs
+    # no two pairs of channels lead to the same frame
+    choices = [
+        chosen for chosen in product(meanings, repeat=count) if len({pair.direction for pair in chosen}) == count
     ]
-
-
-def _count_changes(convention: VectorConvention, usual: VectorConvention) -> int:
-    """Return how many directions and signs differ."""
-    pairs = zip(convention.pairs, usual.pairs, strict=True)
-    return sum(value != usual_value for pair in pairs for value, usual_value in zip(*pair, strict=True))
+    best = min(map(error_of, choices))
+    # of those that fit about as well as the best one, the most similar to the usual one
+    as_good = [chosen for chosen in choices if CLEARLY_BETTER * error_of(chosen) <= best]
+    chosen = min(as_good, key=lambda chosen: (changes(chosen), error_of(chosen)))
+    return VectorFit(VectorConvention(chosen), error_of(chosen), still)
 
 
 def _comparable(image: Image) -> NDArray[Any]:

@@ -12,7 +12,7 @@ OpenEXR
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from copy import copy
 from functools import lru_cache
 from itertools import chain
@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OptionError, check_choice, explained
 from fpsboost.image import Pixels
-from fpsboost.io.images.exr import read_exr
-from fpsboost.io.images.layers import find_layer
+from fpsboost.io.images.exr import read_exr, read_exr_header
 from fpsboost.io.images.sequence import (
     FileSequence,
     Numbering,
@@ -68,12 +67,12 @@ class VectorFolder:
         self.depth_path = None if depth is None else Path(depth)
         self.convention = None if convention == "auto" else conventions[convention]
         self._convention_name = convention
-        self._vectors = _find_vectors(self.path)
+        self._vectors = _find_files(self.path, "motion vectors", ".exr", ".flo")
         if self.is_flow and convention != "auto":
             raise OptionError(
                 f"{self.path} holds .flo files, which have one convention; leave `vector_convention` out."
             )
-        self._depth = None if self.depth_path is None else _find_exr(self.depth_path, "depth")
+        self._depth = None if self.depth_path is None else _find_files(self.depth_path, "depth", ".exr")
         depth_files = [] if self._depth is None else self._depth.files
         partners = [_partners(file) for file in self._vectors.files]
         self.files = [*chain.from_iterable(partners), *depth_files]
@@ -148,7 +147,16 @@ class VectorFolder:
 
     def _channels_at(self, number: int) -> tuple[NDArray[Any], VectorConvention]:
         file = self._file_of(self._vectors, number, self.path, "vectors")
-        return _read_channels(file, is_convention_known=self.convention is not None)
+        names = list(read_exr_header(file).channels)
+        found = find_vector_channels(names, of_any_layer=self.convention is not None)
+        if found is None:
+            raise InputError(
+                f"{file} has no motion vectors among its channels ({', '.join(names)}); save a vector pass, with X, Y, "
+                "Z and W in one layer, or say with `vector_convention` what they mean."
+            )
+        channels = np.dstack(list(read_exr(file, found[0]).values()))
+        _check_numbers(file, channels)
+        return channels, conventions[found[1]]
 
     def at(self, number: int) -> FrameVectors:
         """Return the vectors of an output frame, counted from 0.
@@ -176,7 +184,13 @@ class VectorFolder:
             backward, forward = _read_flows(self._file_of(self._vectors, number, self.path, "vectors"))
         else:
             channels, usual = self._channels_at(number)
-            backward, forward = self._convention_of(channels, usual).read(channels)
+            convention = self.convention or usual
+            if channels.shape[2] != 2 * len(convention.pairs):
+                raise InputError(
+                    f"{self.path} has {channels.shape[2]} channels of motion, and the vector convention "
+                    f"{2 * len(convention.pairs)}; choose another `vector_convention`."
+                )
+            backward, forward = convention.read(channels)
         if self._depth is None or self.depth_path is None:
             return FrameVectors(backward, forward, None)
         file = self._file_of(self._depth, number, self.depth_path, "depth")
@@ -188,15 +202,6 @@ class VectorFolder:
                 "render both in one size."
             )
         return FrameVectors(backward, forward, depth)
-
-    def _convention_of(self, channels: NDArray[Any], usual: VectorConvention) -> VectorConvention:
-        convention = self.convention or usual
-        if channels.shape[2] != 2 * len(convention.pairs):
-            raise InputError(
-                f"{self.path} has {channels.shape[2]} channels of motion, and the vector convention "
-                f"{2 * len(convention.pairs)}; choose another `vector_convention`."
-            )
-        return convention
 
     def _file_of(self, files: FileSequence, number: int, path: Path, what: str) -> Path:
         """Return the file of an output frame, counted from 0."""
@@ -224,48 +229,34 @@ class VectorFolder:
         return place if place < len(files.numbers) and files.numbers[place] == wanted else None
 
 
-def _find_vectors(path: Path) -> FileSequence:
+def _find_files(path: Path, what: str, *suffixes: str) -> FileSequence:
     """Return the file of each frame, of a pair of ``.flo`` files the one with backward vectors."""
-    names = _names_in(path, "motion vectors", (".exr", ".flo"))
-    kinds = {Path(name).suffix.lower() for name in names}
-    if len(kinds) > 1:
-        raise InputError(f"{path} holds both .exr and .flo files; keep one kind of motion vectors in it.")
-    return _find_pairs(path, names) if kinds == {".flo"} else _find_exr(path, "motion vectors")
-
-
-def _names_in(path: Path, what: str, suffixes: Collection[str]) -> list[str]:
-    """Return the names of the files with these suffixes in a folder; none for a pattern."""
-    if not path.is_dir():
-        if find_placeholder(path.name) is not None and path.suffix.lower() == ".exr":
-            return []
+    if not path.is_dir() and (find_placeholder(path.name) is None or path.suffix.lower() != ".exr"):
         raise InputError(f"{path} is no folder with {what}; name a folder, or a pattern such as Vector####.exr.")
-    with explained(InputError, "read", path, "check that you may read it"):
-        names = list_files(path)
-    names = [name for name in names if Path(name).suffix.lower() in suffixes and not name.startswith(".")]
+    with explained(InputError, "read", path, "check that it exists and that you may read it"):
+        if not path.is_dir():
+            return find_numbered(Numbering.parse(str(path)))
+        kinds = {name: Path(name).suffix.lower() for name in list_files(path) if not name.startswith(".")}
+    names = [name for name, kind in kinds.items() if kind in suffixes]
     if not names:
         raise InputError(f"{path} holds no {what} ({' or '.join(suffixes)}); name a folder that does.")
-    return names
+    if len({kinds[name] for name in names}) > 1:
+        raise InputError(f"{path} holds both .exr and .flo files; keep one kind of motion vectors in it.")
+    if kinds[names[0]] == ".flo":
+        _check_pairs(path, names)
+        names = [name for name in names if name.endswith(BACKWARD)]
+    return order_names(path, names)
 
 
-def _find_exr(path: Path, what: str) -> FileSequence:
-    names = _names_in(path, what, (".exr",))
-    with explained(InputError, "read", path, "check that it exists and that you may read it"):
-        if not names:
-            return find_numbered(Numbering.parse(str(path)))
-        return order_names(path, names)
-
-
-def _find_pairs(folder: Path, names: Iterable[str]) -> FileSequence:
-    """Return the files of backward vectors, each of which has a partner with forward vectors."""
-    names = set(names)
-    for name in sorted(names):
+def _check_pairs(folder: Path, names: Collection[str]) -> None:
+    """Raise `InputError` unless each file of one direction has a partner of the other."""
+    for name in names:
         if not name.endswith((BACKWARD, FORWARD)):
             raise InputError(f"{folder / name} is neither a *{BACKWARD} nor a *{FORWARD}; rename it or take it away.")
         ending, other = (BACKWARD, FORWARD) if name.endswith(BACKWARD) else (FORWARD, BACKWARD)
         partner = name.removesuffix(ending) + other
         if partner not in names:
             raise InputError(f"{folder / name} has no partner {partner}; write both directions for every frame.")
-    return order_names(folder, sorted(name for name in names if name.endswith(BACKWARD)))
 
 
 def _partners(path: Path) -> list[Path]:
@@ -285,27 +276,8 @@ def _read_flows(path: Path) -> tuple[NDArray[Any], NDArray[Any]]:
     return flows
 
 
-def _read_channels(path: Path, *, is_convention_known: bool) -> tuple[NDArray[Any], VectorConvention]:
-    usual = ""
-
-    def choose(names: Collection[str]) -> list[str]:
-        nonlocal usual
-        match = find_vector_channels(names, of_any_layer=is_convention_known)
-        if match is None:
-            raise InputError(
-                f"{path} has no motion vectors among its channels ({', '.join(names)}); "
-                "save a vector pass, with X, Y, Z and W in one layer, or say with `vector_convention` what they mean."
-            )
-        channels, usual = match
-        return channels
-
-    channels = np.dstack(list(read_exr(path, choose).values()))
-    _check_numbers(path, channels)
-    return channels, conventions[usual]
-
-
-def _check_numbers(path: Path, *flows: NDArray[Any]) -> None:
-    count = sum(int((~np.isfinite(flow)).any(axis=-1).sum()) for flow in flows)
+def _check_numbers(path: Path, flow: NDArray[Any]) -> None:
+    count = int((~np.isfinite(flow)).any(axis=-1).sum())
     if count:
         raise InputError(
             f"{path} has {count} motion vectors that are unknown, infinite or no numbers; render it again."
@@ -314,19 +286,16 @@ def _check_numbers(path: Path, *flows: NDArray[Any]) -> None:
 
 def _read_depth(path: Path) -> NDArray[Any]:
     """Return the depth, (H, W) float32; infinite where it is not a number."""
-
-    def choose(names: Collection[str]) -> list[str]:
-        layers = [name for name in names if name.endswith(("Depth.Z", "Depth.V"))]
-        taken = "XYZW" if find_layer(names, "XYZW", "") == "" else ""  # used by vectors in the same file
-        plain = [name for name in ("Z", "Depth", "V", "Y") if name in names and name not in taken]
-        for candidates in (layers, list(names), plain[:1]):
-            if len(candidates) == 1:
-                return candidates
+    names = list(read_exr_header(path).channels)
+    layers = [name for name in names if name.endswith(("Depth.Z", "Depth.V"))]
+    taken = "XYZW" if _find_layer(names) == "" else ""  # used by vectors in the same file
+    plain = [name for name in ("Z", "Depth", "V", "Y") if name in names and name not in taken]
+    chosen = next((found for found in (layers, names, plain[:1]) if len(found) == 1), None)
+    if chosen is None:
         raise InputError(
             f"{path} has no depth among its channels ({', '.join(names)}); save one channel, named Z, Depth, V or Y."
         )
-
-    (depth,) = read_exr(path, choose).values()
+    (depth,) = read_exr(path, chosen).values()
     return np.where(np.isnan(depth), np.float32(np.inf), depth)
 
 
@@ -341,7 +310,7 @@ def find_vector_channels(names: Collection[str], *, of_any_layer: bool = False) 
     >>> find_vector_channels(["R", "G", "B", "velocity.R", "velocity.G", "velocity.B"])
     (['velocity.R', 'velocity.G'], 'forward-up')
     """
-    layer = find_layer(names, "XYZW", "Vector")
+    layer = _find_layer(names)
     if layer is not None:
         return [layer + channel for channel in "XYZW"], "blender"
     four = [next((name for name in names if name.endswith(end)), "") for end in _nuke_channels]
@@ -356,3 +325,13 @@ def find_vector_channels(names: Collection[str], *, of_any_layer: bool = False) 
     if named:
         return named[0], "forward-up"
     return (pairs[0], "forward-up") if of_any_layer and len(pairs) == 1 else None
+
+
+def _find_layer(names: Collection[str]) -> str | None:
+    """Return what stands before X, Y, Z and W: nothing, or the name of the only layer, or of the only one "Vector"."""
+    prefixes = {name[:-1] for name in names if name == "X" or name.endswith(".X")}
+    whole = sorted(prefix for prefix in prefixes if all(prefix + letter in names for letter in "XYZW"))
+    if "" in whole:
+        return ""
+    choices = [prefix for prefix in whole if prefix.split(".")[-2] == "Vector"] or whole
+    return choices[0] if len(choices) == 1 else None

@@ -137,7 +137,7 @@ def test_several_parts_are_read(kind):
             assert found[f"{part}.{name}"].dtype == plane.dtype
             np.testing.assert_array_equal(found[f"{part}.{name}"], plane)
     np.testing.assert_array_equal(read_image(path), np.dstack([parts[0][1][each] for each in "BGR"]))
-    assert read_exr(path, lambda names: ["id.X"])["id.X"].dtype == np.float32
+    assert read_exr(path, ["id.X"])["id.X"].dtype == np.float32
 
 
 @pytest.mark.parametrize("kept", [200, 600, 900, 0.5, -1])
@@ -146,7 +146,7 @@ def test_several_parts_that_end_early_are_refused(kept):
     path = save(("a", {"Y": numbers(1)}), ("b", {"Z": numbers(2)}))
     data = path.read_bytes()
     path.write_bytes(data[: int(kept * len(data)) if isinstance(kept, float) else kept])
-    with pytest.raises(InputError, match=r"a\.exr is damaged or no OpenEXR file"):
+    with pytest.raises(InputError, match=r"a\.exr is damaged or no image"):
         all_of(path)
 
 
@@ -243,7 +243,7 @@ def test_a_layer_that_is_not_there_is_named():
         ),
         (
             lambda channels: channels.update({"ViewLayer.Depth.Z": numbers(1)}),
-            r"b\.exr has ViewLayer\.Depth\.Z as half, and a\.exr as float",
+            r"b\.exr has other channels in the layer ViewLayer\.Depth than a\.exr, or other types",
         ),
     ],
 )

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from exr_truth import write_exr
 from truth import waves
 from vector_truth import constant, save_flows, save_translation
 
 from fpsboost.cli import app
 from fpsboost.errors import InputError, OptionError
 from fpsboost.io.images.encoder import encode_image
-from fpsboost.io.images.exr import write_exr
 from fpsboost.io.vectors.convention import StoredVectors, VectorConvention, conventions
 from fpsboost.io.vectors.fit import RenderedPair, fit_convention, fit_vectors
 from fpsboost.io.vectors.folder import VectorFolder, find_vector_channels

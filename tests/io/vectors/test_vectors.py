@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exr_truth import write_exr
 from hypothesis import given
 from hypothesis import strategies as st
 from truth import moving_object, noise
@@ -16,7 +17,6 @@ from vector_truth import constant, save_depth, save_flows, save_object, save_tra
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.images.exr import write_exr
 from fpsboost.io.vectors.flow import encode_flow, read_flow
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.motion.rendered import RenderedMotion
