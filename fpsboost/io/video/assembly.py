@@ -151,7 +151,7 @@ def decoding_times_of(chunks: Sequence[Chunk]) -> Iterator[int]:
 
 def _delay_of(chunk: Chunk) -> int:
     """Return the number of packets that are decoded before the first one is presented."""
-    times = list(chunk.times())
+    times = chunk.times()
     in_order = sorted(entry.pts for entry in times)
     places = {pts: place for place, pts in enumerate(in_order)}
     needed = max((index - places[entry.pts] for index, entry in enumerate(times)), default=0)

@@ -41,41 +41,15 @@ MAX_TIMECODE_RATE = 255
 
 TIMECODE_PATTERN = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})([:;.])(\d{1,3})")
 
-# fmt: off
-three_letters = {
-    "aa": "aar", "ab": "abk", "ae": "ave", "af": "afr", "ak": "aka", "am": "amh", "an": "arg", "ar": "ara",
-    "as": "asm", "av": "ava", "ay": "aym", "az": "aze", "ba": "bak", "be": "bel", "bg": "bul", "bh": "bih",
-    "bi": "bis", "bm": "bam", "bn": "ben", "bo": "bod", "br": "bre", "bs": "bos", "ca": "cat", "ce": "che",
-    "ch": "cha", "co": "cos", "cr": "cre", "cs": "ces", "cu": "chu", "cv": "chv", "cy": "cym", "da": "dan",
-    "de": "deu", "dv": "div", "dz": "dzo", "ee": "ewe", "el": "ell", "en": "eng", "eo": "epo", "es": "spa",
-    "et": "est", "eu": "eus", "fa": "fas", "ff": "ful", "fi": "fin", "fj": "fij", "fo": "fao", "fr": "fra",
-    "fy": "fry", "ga": "gle", "gd": "gla", "gl": "glg", "gn": "grn", "gu": "guj", "gv": "glv", "ha": "hau",
-    "he": "heb", "hi": "hin", "ho": "hmo", "hr": "hrv", "ht": "hat", "hu": "hun", "hy": "hye", "hz": "her",
-    "ia": "ina", "id": "ind", "ie": "ile", "ig": "ibo", "ii": "iii", "ik": "ipk", "io": "ido", "is": "isl",
-    "it": "ita", "iu": "iku", "ja": "jpn", "jv": "jav", "ka": "kat", "kg": "kon", "ki": "kik", "kj": "kua",
-    "kk": "kaz", "kl": "kal", "km": "khm", "kn": "kan", "ko": "kor", "kr": "kau", "ks": "kas", "ku": "kur",
-    "kv": "kom", "kw": "cor", "ky": "kir", "la": "lat", "lb": "ltz", "lg": "lug", "li": "lim", "ln": "lin",
-    "lo": "lao", "lt": "lit", "lu": "lub", "lv": "lav", "mg": "mlg", "mh": "mah", "mi": "mri", "mk": "mkd",
-    "ml": "mal", "mn": "mon", "mr": "mar", "ms": "msa", "mt": "mlt", "my": "mya", "na": "nau", "nb": "nob",
-    "nd": "nde", "ne": "nep", "ng": "ndo", "nl": "nld", "nn": "nno", "no": "nor", "nr": "nbl", "nv": "nav",
-    "ny": "nya", "oc": "oci", "oj": "oji", "om": "orm", "or": "ori", "os": "oss", "pa": "pan", "pi": "pli",
-    "pl": "pol", "ps": "pus", "pt": "por", "qu": "que", "rm": "roh", "rn": "run", "ro": "ron", "ru": "rus",
-    "rw": "kin", "sa": "san", "sc": "srd", "sd": "snd", "se": "sme", "sg": "sag", "si": "sin", "sk": "slk",
-    "sl": "slv", "sm": "smo", "sn": "sna", "so": "som", "sq": "sqi", "sr": "srp", "ss": "ssw", "st": "sot",
-    "su": "sun", "sv": "swe", "sw": "swa", "ta": "tam", "te": "tel", "tg": "tgk", "th": "tha", "ti": "tir",
-    "tk": "tuk", "tl": "tgl", "tn": "tsn", "to": "ton", "tr": "tur", "ts": "tso", "tt": "tat", "tw": "twi",
-    "ty": "tah", "ug": "uig", "uk": "ukr", "ur": "urd", "uz": "uzb", "ve": "ven", "vi": "vie", "vo": "vol",
-    "wa": "wln", "wo": "wol", "xh": "xho", "yi": "yid", "yo": "yor", "za": "zha", "zh": "zho", "zu": "zul",
+terminological = {
+    **{"alb": "sqi", "arm": "hye", "baq": "eus", "bur": "mya", "chi": "zho", "cze": "ces", "dut": "nld", "fre": "fra"},
+    **{"geo": "kat", "ger": "deu", "gre": "ell", "ice": "isl", "mac": "mkd", "mao": "mri", "may": "msa", "per": "fas"},
+    **{"rum": "ron", "slo": "slk", "tib": "bod", "wel": "cym"},
 }
-"""ISO 639-2/T code by ISO 639-1 code."""
+"""ISO 639-2/T code by ISO 639-2/B code, where these differ."""
 
-bibliographic = {
-    "sqi": "alb", "hye": "arm", "eus": "baq", "mya": "bur", "zho": "chi", "ces": "cze", "nld": "dut", "fra": "fre",
-    "kat": "geo", "deu": "ger", "ell": "gre", "isl": "ice", "mkd": "mac", "mri": "mao", "msa": "may", "fas": "per",
-    "ron": "rum", "slk": "slo", "bod": "tib", "cym": "wel",
-}
-"""ISO 639-2/B code by ISO 639-2/T code, where these differ."""
-# fmt: on
+three_letters = {"yo": "yor", "za": "zha", "zh": "zho", "zu": "zul"}
+"""ISO 639-2/T code by the ISO 639-1 codes that FFmpeg does not find in its own table."""
 
 
 @dataclass(frozen=True)
@@ -152,20 +126,18 @@ def lost_labels(wanted: Labels, stream: av.stream.Stream) -> list[str]:
 
 
 def _language_codes(language: str) -> list[str]:
-    """Return the three-letter codes of a language tag, first the one given or its ISO 639-2/T code; [] if unknown.
-
-    A suffix (``es-419``) is ignored.
-    """
+    """Return the three-letter codes of a language tag such as ``es-419``, the given or ISO 639-2/T one first."""
     name = re.split(r"[-_]", language.strip().lower(), maxsplit=1)[0]
-    code = name if re.fullmatch(r"[a-z]{3}", name) else three_letters.get(name)
-    if code is None:
-        return []
-    others = [bibliographic.get(code), *(other for other, given in bibliographic.items() if given == code)]
-    return [code, *filter(None, others)]
+    if re.fullmatch(r"[a-z]{2}", name) and name not in three_letters:
+        # ASF holds codes of two letters, for which FFmpeg returns those of ISO 639-2/B
+        code = _tags_read_back({}, "asf", {}, name)[1].get("language", "")
+        name = terminological.get(code, code)
+    code = three_letters.get(name, name)
+    others = [terminological.get(code), *(other for other, given in terminological.items() if given == code)]
+    return [code, *filter(None, others)] if re.fullmatch(r"[a-z]{3}", code) else []
 
 
 def _is_file_specific(key: str, value: str) -> bool:
-    """Return whether a tag does not describe the content: data about the source file, or an unset creation time."""
     name = key.lower()
     return (
         name in FILE_SPECIFIC_TAGS
