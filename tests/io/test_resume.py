@@ -30,10 +30,10 @@ from fpsboost.io.staging import StagingDirectory
 from fpsboost.io.vectors.flow import encode_flow
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.video.assembly import decoding_times_of
-from fpsboost.io.video.chunks import Times, VideoChunks, find_chunks
+from fpsboost.io.video.chunks import Times, find_chunks
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.sink import VideoSink
+from fpsboost.io.video.sink import ChunkSink, VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.method_table import find_method, methods
 from fpsboost.motion.field import ZeroMotion
@@ -573,10 +573,10 @@ def test_images_that_are_there(tmp_path, images, snapshot):
 
 def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int) -> None:
     """Let Ctrl-C come when so many frames are on their way and a chunk is finished."""
-    finished, finish = threading.Event(), VideoChunks.finish
+    finished, finish = threading.Event(), ChunkSink._finish_chunk
 
-    def finish_chunk(chunks: VideoChunks) -> None:
-        finish(chunks)
+    def finish_chunk(sink: ChunkSink) -> None:
+        finish(sink)
         finished.set()
 
     def wrote(_: object, summary: Summary) -> None:
@@ -584,7 +584,7 @@ def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int) -> None:
             assert finished.wait(60)
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(VideoChunks, "finish", finish_chunk)
+    monkeypatch.setattr(ChunkSink, "_finish_chunk", finish_chunk)
     monkeypatch.setattr("fpsboost.cli.progress.Reporter.wrote", wrote)
 
 

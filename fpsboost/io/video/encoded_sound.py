@@ -26,8 +26,7 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError
 from fpsboost.io.trim import Window
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.encoding import containers, find_encoder, holds
-from fpsboost.io.video.remarks import counted
+from fpsboost.io.video.encoding import check_holds, find_encoder
 
 COPY = "copy"
 """Value of ``--audio-codec`` that copies audio without re-encoding it."""
@@ -55,15 +54,12 @@ It is more than jitter, and as much as a lost packet.
 PREROLL = Fraction(1, 2)
 """Duration that is decoded before the start of the window, since decoders need it, seconds."""
 FLUSH_SILENCE = Fraction(1, 4)
-"""Duration of the silence appended to a run to flush the filters, seconds."""
+"""Duration in the output of the silence appended to a run to flush the filters, at least, seconds."""
 SKIP_SAMPLES_STRUCT = struct.Struct("<IIBB")
 """Layout of FFmpeg's AV_PKT_DATA_SKIP_SAMPLES: samples to skip at the start and at the end, and a reason for each."""
 SKIP_SAMPLES_TYPE = get_args(PktSideDataT).index("skip_samples")
 MIN_TIME = Fraction(-(2**40))
 """Time before the start of any file, seconds."""
-
-sample_types = {"u8": np.uint8, "s16": np.int16, "s32": np.int32, "s64": np.int64, "flt": np.float32, "dbl": np.float64}
-"""Sample dtype by FFmpeg's name of the packed sample format."""
 
 Traits = tuple[int, str, str]
 """Sample rate, sample format and channel layout of audio."""
@@ -80,11 +76,7 @@ def choose_sound_encoder(encoding: Encoding, container: str, name: str) -> str |
             f"`audio_codec={asked!r}` is unknown here; use {', '.join(sound_encoders)}, {COPY}, or the exact name of "
             "an FFmpeg sound encoder."
         )
-    if not holds(container, encoder):
-        fitting = [common for common, name in sound_encoders.items() if holds(container, name)]
-        others = [suffix for suffix, other in containers.items() if other != container and holds(other, encoder)]
-        instead = f", or write {' or '.join(others)}" if others else ""
-        raise OptionError(f"`audio_codec={asked!r}` cannot go into {name}; use {' or '.join(fitting)}{instead}.")
+    check_holds(container, encoder, name, f"`audio_codec={asked!r}`", sound_encoders)
     return encoder
 
 
@@ -96,14 +88,14 @@ def friendly_name(encoder: str) -> str:
 def traits_for(encoder: str, source: Traits, channels: int) -> Traits:
     """Return the source's sample rate, format and layout if the encoder supports them, else those that lose least.
 
-    These are the next higher rate, and the standard layout of as many channels or else stereo. Lossless encoders get a
-    format with at least the source's bits, or the most bits that they support; lossy ones get floats, which do not
-    clip.
+    These are the next higher rate, the standard layout of as many channels or else stereo, and a format with at least
+    the source's bits, or floats for a lossy encoder, which do not clip.
     """
     codec = av.Codec(encoder, "w")
-    rate, layout = _rate_for(codec, source[0]), source[2]
-    target = rate, _format_for(codec, source[1])
-    layouts = (layout, *STANDARD_LAYOUTS[channels - 1 : channels])
+    rates: Collection[int] = codec.audio_rates or ()
+    rate = min((higher for higher in rates if higher >= source[0]), default=max(rates, default=source[0]))
+    target = OPUS_SAMPLE_RATE if codec.canonical_name == "opus" else rate, _format_for(codec, source[1])
+    layouts = (source[2], *STANDARD_LAYOUTS[channels - 1 : channels])
     return *target, next((name for name in layouts if _takes(encoder, (*target, name))), "stereo")
 
 
@@ -119,20 +111,12 @@ def is_lossless(encoder: str) -> bool:
     return codec.lossless and not codec.lossy
 
 
-def _rate_for(codec: av.Codec, rate: int) -> int:
-    rates: Collection[int] = codec.audio_rates or ()
-    if codec.canonical_name == "opus":
-        return OPUS_SAMPLE_RATE
-    return min((higher for higher in rates if higher >= rate), default=max(rates, default=rate))
-
-
 def _format_for(codec: av.Codec, source: str) -> str:
     offered = codec.audio_formats or [av.AudioFormat(source)]
     if codec.lossy:
         offered = [format for format in offered if format.name.startswith("flt")] or offered
-    wanted = av.AudioFormat(source).bytes
-    enough = [format for format in offered if format.bytes >= wanted]
     size = attrgetter("bytes")
+    enough = [format for format in offered if format.bytes >= av.AudioFormat(source).bytes]
     return str((min(enough, key=size) if enough else max(offered, key=size)).name)
 
 
@@ -165,8 +149,7 @@ class EncodedSound:
 
     It is added to an output whose header is not written yet. The window is read when packets arrive; without one, all
     of the source is taken at its own duration. The output is silent where `lost_packets` could not be decoded.
-    `changes` are properties of the source's audio that the encoder does not support, as the end of a sentence: ``, its
-    7.1.4 as stereo``.
+    `changes` end a sentence about what the encoder does not support: ``, its 7.1.4 as stereo``.
     """
 
     def __init__(
@@ -223,17 +206,17 @@ class EncodedSound:
         return ready if self._next_pts is None else [*ready, *self._with_padding_marked(self.stream.encode(None))]
 
     def _with_padding_marked(self, packets: list[av.Packet[Any]]) -> list[av.Packet[Any]]:
-        """Return the encoder's last packets with the start of the padding marked in the last one.
+        """Return the encoder's last packets with the padding marked, which not all encoders do themselves.
 
-        It is marked by the duration, which mp4 and mov keep, and by the number of samples to skip, which Matroska
-        keeps; not all encoders do this themselves.
+        mp4 and mov keep the duration, and Matroska the number of samples to skip.
         """
         last = next((packet for packet in reversed(packets) if packet.size), None)
         if last is None or last.pts is None or self._next_pts is None:
             return packets
         tick = Fraction(last.time_base)
         left = self._next_pts - round(last.pts * tick * self._rate)
-        padding = self._frame_size - left
+        context: Any = self.stream.codec_context
+        padding = 0 if is_lossless(context.codec.name) else context.frame_size - left
         if left > 0 and padding > 0:
             last.duration = min(last.duration or left, round(Fraction(left, self._rate) / tick))
             if not any(item.data_type == "skip_samples" for item in last.iter_sidedata()):
@@ -243,29 +226,15 @@ class EncodedSound:
         return packets
 
     @property
-    def _frame_size(self) -> int:
-        """Number of samples per packet; 0 if the last packet may be shorter."""
-        context: Any = self.stream.codec_context
-        return 0 if is_lossless(context.codec.name) else int(context.frame_size)
-
-    @property
     def _begin(self) -> Fraction:
-        """Start of the window in the source, seconds; before the start of any file without a window."""
         return MIN_TIME if self._window is None else self._window.begin
 
     @property
     def _end(self) -> Fraction | None:
         return None if self._window is None else self._window.end
 
-    @property
-    def _stretch(self) -> Fraction:
-        return Fraction(1) if self._window is None else self._window.stretch
-
-    def _output_time(self, time: Fraction) -> Fraction:
-        return time if self._window is None else (time - self._window.begin) * self._window.stretch
-
     def _wait(self, frame: av.AudioFrame, begin: Fraction | None) -> list[av.Packet[Any]]:
-        """Let a frame wait and process the frame before, which is therefore not the last one."""
+        """Process the frame before, which is not the last one, and let this one wait."""
         ready = self._take_latest(None)
         self._latest = frame, begin
         return ready
@@ -310,11 +279,12 @@ class EncodedSound:
         if run is None or time > run.end or not run.fits(frame):
             ready = self._end_run()
             try:
-                run = self._run = _Run(frame, time, self._stretch, self._target)
+                stretch = Fraction(1) if self._window is None else self._window.stretch
+                run = self._run = _Run(frame, time, stretch, self._target)
             except (av.error.FFmpegError, ValueError):  # a channel layout decoded from damaged data
                 self.lost_packets += 1
                 return ready
-            pts = round(self._output_time(time) * self._rate)
+            pts = round(output_time(time, self._window) * self._rate)
             self._next_pts = pts if self._next_pts is None else max(pts, self._next_pts)
         return [*ready, *self._encode(run.stretched(_slice_samples(frame, first, last)))]
 
@@ -359,22 +329,13 @@ class _Run:
             yield ready
 
     def finish(self) -> Iterator[av.AudioFrame]:
-        """Yield the remaining frames, cut or padded with silence so that the run has its exact duration."""
+        """Yield the remaining frames, cut so that the run has its exact duration."""
         missing = round(self._taken * self._stretch * self._target[0] / self._rate_in) - self._given
         self._graph.push(None)
         for ready in self._ready():
             if missing > 0:
                 yield _slice_samples(ready, 0, min(missing, ready.samples))
             missing -= ready.samples
-        if missing > 0:
-            rate, format, layout = self._target
-            channels = av.AudioLayout(layout).nb_channels
-            shape = (channels, missing) if av.AudioFormat(format).is_planar else (1, missing * channels)
-            kind = av.AudioFormat(format).packed.name
-            samples = np.full(shape, 128 if kind == "u8" else 0, sample_types[kind])
-            silence = av.AudioFrame.from_ndarray(samples, format=format, layout=layout)
-            silence.sample_rate = rate
-            yield silence
 
     def _ready(self) -> Iterator[av.AudioFrame]:
         while True:
@@ -386,18 +347,18 @@ class _Run:
 
 
 def _graph(source: Traits, stretch: Fraction, target: Traits) -> av.filter.Graph:
-    """Build a filter graph that converts audio to other traits and another duration; silence is appended."""
+    """Build a filter graph that converts audio to other traits and another duration, and appends silence."""
     rate = source[0]
-    # atempo outputs everything too early, by half a window for each multiple of the duration beyond the first:
-    # silence of that length is prepended, and cut off again
-    lead = _atempo_window_size(rate) // 2 if stretch > 1 else 0
+    # atempo outputs everything too early, by half a window for each multiple of the duration beyond the first: silence
+    # of that length is prepended, and cut off again; a window is the first power of two of at least 1/24 s
+    lead = (1 << (max(1, rate // 24) - 1).bit_length()) // 2 if stretch > 1 else 0
     stages = math.ceil(abs(math.log2(stretch)) - 1e-9)
     tempo = min(2.0, max(0.5, float(1 / stretch) ** (1 / max(1, stages))))
     graph = av.filter.Graph()
     nodes = [
         graph.add_abuffer(sample_rate=rate, format=source[1], layout=source[2], time_base=Fraction(1, rate)),
         *([graph.add("adelay", f"delays={lead}S:all=1")] if lead else []),
-        graph.add("apad", f"pad_len={round(FLUSH_SILENCE * rate)}"),
+        graph.add("apad", f"pad_len={round(FLUSH_SILENCE * max(Fraction(1), 1 / stretch) * rate)}"),
         *(graph.add("atempo", repr(tempo)) for _ in range(stages)),
         # downmixing must not clip
         graph.add("aresample", "osr={}:osf={}:ochl={}:rematrix_maxval=1".format(*target)),
@@ -434,14 +395,6 @@ def _traits_of(frame: av.AudioFrame) -> Traits:
     return frame.sample_rate, frame.format.name, named_layout(frame.layout.name, frame.layout.nb_channels)
 
 
-def _atempo_window_size(rate: int) -> int:
-    """Return the window size of atempo in samples: the first power of two of at least 1/24 s."""
-    return 1 << (max(1, rate // 24) - 1).bit_length()
-
-
-def remark_on(lost_packets: int, stream: int, source: str, name: str) -> str:
-    """Return the remark on audio packets that could not be decoded."""
-    return (
-        f"{source} is damaged: {counted(lost_packets, 'packet')} of sound in stream {stream} could not be decoded, "
-        f"where {name} is silent; listen to it."
-    )
+def output_time(time: Fraction, window: Window | None) -> Fraction:
+    """Return when a time of the source is shown, seconds."""
+    return time if window is None else (time - window.begin) * window.stretch

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from io import BytesIO
@@ -57,9 +57,8 @@ threads_of_encoders = {
 }
 """Threads of the encoders that have another number, for pictures of any size."""
 
-# PyAV asks for threads that share a picture: slices cost bits, and there are more of them with every thread. The
-# look-ahead needs no thread of its own beside a conversion: without one, x264 keeps 5 pictures less, 100 MB at
-# 3840x2160, and makes the same stream, save one with a bounded rate.
+# Threads that share a picture, PyAV's default, cost bits by their slices. Without a thread of its own for the
+# look-ahead, x264 keeps 5 pictures less, 100 MB at 3840x2160, and makes the same stream but with a bounded rate.
 _x264_options = (
     ("thread_type", "frame"),
     *(("x264-params", entry) for entry in (*repeatable_parameters, "sync-lookahead=0")),
@@ -72,9 +71,6 @@ _further_options = {
     # threads. Its note of its own options names the features of the processor.
     "libx265": (("x265-params", "info=0"), ("x265-params", f"pools={ENCODER_THREADS}")),
 }
-
-_of_svt_at_a_rate = (("svtav1-params", "lp=1"),)  # with more threads it aims at a rate differently in every run
-
 
 x26x_presets = (
     *("ultrafast", "superfast", "veryfast", "faster", "fast"),
@@ -105,15 +101,9 @@ encoders = {
         needs_whole_chroma=True,
         lossless=(("qp", "0"),),  # not crf 0, which is lossy beyond 8 bits
     ),
-    # x265 prints on its own, past FFmpeg's log.
+    # x265 prints past FFmpeg's log
     "hevc": Encoder(
-        "libx265",
-        20,
-        51,
-        "medium",
-        x26x_presets,
-        "preset",
-        (("x265-params", "log-level=none"),),
+        *("libx265", 20, 51, "medium", x26x_presets, "preset", (("x265-params", "log-level=none"),)),
         needs_whole_chroma=True,
         lossless=(("x265-params", "lossless=1"),),
     ),
@@ -132,10 +122,9 @@ encoders = {
 def default_codec(container: str, pixel_format: str = "yuv420p", source_codec: str = "") -> str:
     """Return the codec of an output if none is given: the one that most players show at the source's bit depth.
 
-    8-bit video becomes H.264, or VP9 in .webm. Few players show H.264 beyond 8 bits, and cameras and services that
-    record or deliver such video nearly always use HEVC, so deeper pictures become HEVC. In .webm they become AV1, since
-    VP9's encoder has 8 bits only, or VP9 if they have alpha, which only VP9 keeps. Deep H.264 stays H.264 and deep
-    4:2:0 AV1 stays AV1, since a player that shows the source shows the output too.
+    8-bit video becomes H.264, or VP9 in .webm. Deeper pictures become HEVC, since few players show such H.264, and in
+    .webm AV1, since VP9's encoder has 8 bits only, or VP9 for alpha. Deep H.264 and deep 4:2:0 AV1 stay what they are,
+    since a player that shows the source shows the output too.
     """
     is_deep = depth_of(pixel_format) > 8
     if container == "webm":
@@ -187,11 +176,7 @@ def choose_encoder(
             f"`codec={asked!r}` is unknown here; use {', '.join(encoders)}, or the exact name of an FFmpeg video "
             "encoder."
         )
-    if not holds(container, encoder):
-        fitting = [common for common, entry in encoders.items() if holds(container, entry.name)]
-        others = [suffix for suffix, other in containers.items() if holds(other, encoder)]
-        instead = f", or write {' or '.join(others)}" if others else ""
-        raise OptionError(f"`codec={asked!r}` cannot go into {name}; use {' or '.join(fitting)}{instead}.")
+    check_holds(container, encoder, name, f"`codec={asked!r}`", {common: e.name for common, e in encoders.items()})
     _check_pixel_format(codec, encoding.pixel_format)
     options = _options_of_other(codec, encoding) if known is None else _options_of_known(known, asked, encoding)
     _check_encoder_options(codec, encoding.encoder_options)
@@ -246,21 +231,15 @@ def _options_of_other(codec: av.Codec, encoding: Encoding) -> dict[str, str]:
         if not codec.lossy:
             raise OptionError(f"`bitrate` means nothing to {codec.name}, which is lossless; leave it out.")
         options["b"] = str(encoding.bitrate)
-    if encoding.lossless:
-        options.update(_lossless_options_of_other(codec, known))
+    if encoding.lossless and (codec.lossy or not codec.lossless):
+        if "lossless" in known:
+            options["lossless"] = "1"
+        elif codec.name.startswith("libx264"):
+            options["qp"] = "0"
+        else:
+            _check_lossless(codec.name, codec.name.endswith("_nvenc"))
+            options["tune"] = "lossless"
     return options
-
-
-def _lossless_options_of_other(codec: av.Codec, known: Collection[str]) -> dict[str, str]:
-    if codec.lossless and not codec.lossy:
-        return {}
-    if "lossless" in known:
-        return {"lossless": "1"}
-    if codec.name.startswith("libx264"):
-        return {"qp": "0"}
-    is_nvenc = codec.name.endswith("_nvenc")
-    _check_lossless(codec.name, is_nvenc)
-    return {"tune": "lossless"}
 
 
 def _check_lossless(asked: str, can: bool) -> None:
@@ -324,21 +303,29 @@ def needs_hardware(encoder: str) -> bool:
     return bool(av.Codec(encoder, "w").capabilities & (Capabilities.hardware | Capabilities.hybrid))
 
 
+def check_holds(container: str, codec: str, name: str, option: str, others: Mapping[str, str]) -> None:
+    """Raise `OptionError` unless the container of a file holds a codec that an option names; `others` may be named."""
+    if holds(container, codec):
+        return
+    fitting = [common for common, encoder in others.items() if holds(container, encoder)]
+    suffixes = [suffix for suffix, other in containers.items() if holds(other, codec)]
+    instead = f", or write {' or '.join(suffixes)}" if suffixes else ""
+    raise OptionError(f"{option} cannot go into {name}; use {' or '.join(fitting)}{instead}.")
+
+
 def holds(container: str, codec: str) -> bool:
     """Return whether a container (FFmpeg's name, ``matroska``) holds the codec of an encoder or decoder."""
     with av.open(BytesIO(), "w", format=container) as probe:
         listed = codec in probe.supported_codecs
-    return listed and (container != "mov" or codec in UNTESTABLE_CODECS or _writes_header(container, codec))
+    return listed and (container != "mov" or _writes_header(codec))
 
 
-UNTESTABLE_CODECS = ("dvvideo",)
-"""Codecs whose header cannot be written without a picture, so that the muxer's list of codecs is trusted."""
-
-
-def _writes_header(container: str, codec: str) -> bool:
-    """Return whether a muxer writes a header for a codec; the .mov muxer lists codecs of .mp4 that it then rejects."""
+def _writes_header(codec: str) -> bool:
+    """Return whether the .mov muxer, which lists codecs of .mp4 that it then rejects, writes a header for a codec."""
+    if codec == "dvvideo":
+        return True  # its header cannot be written without a picture
     try:
-        with av.open(BytesIO(), "w", format=container) as probe:
+        with av.open(BytesIO(), "w", format="mov") as probe:
             probe.add_mux_stream(codec, rate=48000, width=64, height=64, time_base=Fraction(1, 48000))
             probe.start_encoding()
     except (av.error.FFmpegError, ValueError):
@@ -349,12 +336,13 @@ def _writes_header(container: str, codec: str) -> bool:
 def repeatable_options(encoder: str, given: Collection[str], pixels: int) -> tuple[tuple[str, str], ...]:
     """Return the options with which an encoder makes the same packets on any number of cores, beside those `given`.
 
-    Chunks of one output may be encoded on several machines. By default the number of cores decides how many threads an
-    encoder has, and with the number of threads many cut pictures into other slices, search motion within other limits,
-    or name the number in the stream.
+    The number of cores would decide how many threads an encoder has, and many cut pictures into other slices, search
+    motion within other limits, or name the number in the stream.
     """
     usual = THREADS_FOR_LARGE_PICTURES if pixels > LARGE_PICTURE else ENCODER_THREADS
     threads = threads_of_encoders.get(encoder, usual)
     aims_at_a_rate = not {"b", "maxrate"}.isdisjoint(given)
-    further = _of_svt_at_a_rate if encoder == "libsvtav1" and aims_at_a_rate else _further_options.get(encoder, ())
+    further: tuple[tuple[str, str], ...] = _further_options.get(encoder, ())
+    if encoder == "libsvtav1" and aims_at_a_rate:
+        further = (("svtav1-params", "lp=1"),)  # with more threads it aims at a rate differently in every run
     return ("threads", str(threads)), *further

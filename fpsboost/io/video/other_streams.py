@@ -21,11 +21,11 @@ from fpsboost.io.output import Output, VideoFile
 from fpsboost.io.trim import Window
 from fpsboost.io.video.demuxer import is_cover_art, open_video, read_packets
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.encoded_sound import EncodedSound, remark_on
+from fpsboost.io.video.encoded_sound import EncodedSound, output_time
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, containers
 from fpsboost.io.video.fitting import Fitting, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
 from fpsboost.io.video.pyav import open_input, printable
-from fpsboost.io.video.remarks import Damage, not_held_remark
+from fpsboost.io.video.remarks import Damage, counted, not_held_remark
 from fpsboost.io.video.tags import Labels, at_rate, copy_labels, find_timecode, frames_later, lost_labels, tags_for
 
 MAX_INTERLEAVING = 10
@@ -93,11 +93,8 @@ class OtherStreams:
             if packet is None or (time is None and self._is_past(packet)):
                 self._finish_sounds()
                 return
-            if (
-                time is not None
-                and packet.dts is not None
-                and self._output_time(packet.dts * Fraction(packet.time_base)) > time
-            ):
+            assert packet.dts is not None
+            if time is not None and output_time(packet.dts * Fraction(packet.time_base), self._window) > time:
                 self._ahead = packet
                 return
             self._copy(packet)
@@ -169,7 +166,10 @@ class OtherStreams:
         for index, sound in self._sounds.items():
             self._output.mux(sound.finish())
             if sound.lost_packets:
-                self.remarks.append(remark_on(sound.lost_packets, index, self._source.name, self._name))
+                self.remarks.append(
+                    f"{self._source.name} is damaged: {counted(sound.lost_packets, 'packet')} of sound in stream "
+                    f"{index} could not be decoded, where {self._name} is silent; listen to it."
+                )
         self._sounds = {}
 
     def _copy_timecode(self, video: av.VideoStream) -> bool:
@@ -229,18 +229,10 @@ class OtherStreams:
                 packet.pts = None if packet.pts is None else packet.pts - later
                 yield packet
 
-    def _output_time(self, time: Fraction) -> Fraction:
-        window = self._window
-        return time if window is None else (time - window.begin) * window.stretch
-
     def _is_past(self, packet: av.Packet[av.stream.Stream]) -> bool:
         """Return whether a packet is so far after the window that all later packets of any stream are after it too."""
         end = None if self._window is None else self._window.end
-        return (
-            end is not None
-            and packet.dts is not None
-            and packet.dts * Fraction(packet.time_base) > end + MAX_INTERLEAVING
-        )
+        return end is not None and (packet.dts or 0) * Fraction(packet.time_base) > end + MAX_INTERLEAVING
 
     def _move(self, packet: av.Packet[av.stream.Stream], window: Window) -> bool:
         """Offset a packet's times as those of the pictures, and return whether it is to be muxed.
@@ -257,9 +249,9 @@ class OtherStreams:
         packet.pts, packet.dts = pts - moved, packet.dts - moved
         if packet.stream.type == "subtitle":
             begin, end = max(begin, window.begin), end if window.end is None else min(end, window.end)
-            packet.pts = packet.dts = round(self._output_time(begin) / tick)
+            packet.pts = packet.dts = round(output_time(begin, window) / tick)
             if packet.duration:
-                packet.duration = round(self._output_time(end) / tick) - packet.pts
+                packet.duration = round(output_time(end, window) / tick) - packet.pts
         # Matroska has no times before 0, and would offset all other packets instead
         return packet.pts >= 0 or self._container in EXACT_TIME_BASE_CONTAINERS
 
@@ -278,16 +270,13 @@ class OtherStreams:
                 self.remarks.append(sentence)
             return
         self._last_dts[index] = packet.dts
-        if index in self._sounds:
-            self._output.mux(self._sounds[index].converted(packet))
-            return
         if index in self._converters:
-            converted = self._converters[index].converted(packet)
-            if converted is not None:
-                self._output.mux(converted)
-            return
-        packet.stream = self._targets[index]
-        self._output.mux(packet)
+            packets = self._converters[index].converted(packet)
+        elif index in self._sounds:
+            packets = self._sounds[index].converted(packet)
+        else:
+            packet.stream, packets = self._targets[index], [packet]
+        self._output.mux(packets)
 
 
 def _keeps(container: str, stream: av.stream.Stream) -> bool:
@@ -305,10 +294,7 @@ def _chapters_within(file: av.container.InputContainer, window: Window | None, s
         begin, end = max(chapter["start"] * tick - start, window.begin), chapter["end"] * tick - start
         end = end if window.planned_end is None else min(end, window.planned_end)
         if begin < end:
-            times = {
-                name: round((time - window.begin) * window.stretch / tick)
-                for name, time in (("start", begin), ("end", end))
-            }
+            times = {name: round(output_time(time, window) / tick) for name, time in (("start", begin), ("end", end))}
             kept.append({**chapter, **times, "metadata": printable(chapter["metadata"])})
     return kept
 
@@ -356,18 +342,18 @@ class TextConverter:
         self._encoder.time_base = stream.time_base
         self._encoder.subtitle_header = source.subtitle_header
 
-    def converted(self, packet: av.Packet[Any]) -> av.Packet[Any] | None:
-        """Return one packet in the other format, or None if it shows nothing or cannot be decoded."""
+    def converted(self, packet: av.Packet[Any]) -> list[av.Packet[Any]]:
+        """Return a packet in the other format; none if it shows nothing or cannot be decoded."""
         try:
             lines: list[bytes] = [line.ass for line in cast(list[AssSubtitle], packet.decode())]
         except av.error.FFmpegError:
-            return None
+            return []
         if not lines:
-            return None
+            return []
         first, *more = lines
         # an ASS line has nine fields, of which the last is the text
         text = b"\\N".join([first, *(line.split(b",", 8)[-1] for line in more)])
         result: av.Packet[Any] = self._encoder.encode_subtitle(SubtitleSet.create(text, 0, packet.duration or 0))
         result.stream, result.time_base = self.stream, packet.time_base
         result.pts, result.dts, result.duration = packet.pts, packet.dts, packet.duration
-        return result
+        return [result]

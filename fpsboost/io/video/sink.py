@@ -10,42 +10,73 @@ from __future__ import annotations
 
 import contextlib
 import errno
-from collections.abc import Iterator, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
+import av
 import av.error
+import numpy as np
 
 from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.frame import Frame
+from fpsboost.image import Image
 from fpsboost.io.new_output import check_writable
 from fpsboost.io.output import Output, check_frame_size
 from fpsboost.io.part import PartFolder
 from fpsboost.io.staging import StagingDirectory, complete_already, hidden_place
 from fpsboost.io.video.assembly import Assembly
-from fpsboost.io.video.chunks import CHUNK_FRAMES, Chunk, VideoChunks
-from fpsboost.io.video.encoder import traits_of_image
-from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, VIDEO_SUFFIXES, containers
+from fpsboost.io.video.chunks import CHUNK_FRAMES, Chunk, ChunkWriter, find_chunks
+from fpsboost.io.video.encoder import VideoEncoder, traits_of_image
+from fpsboost.io.video.encoding import (
+    EXACT_TIME_BASE_CONTAINERS,
+    MATROSKA_TICK,
+    VIDEO_SUFFIXES,
+    choose_encoder,
+    containers,
+    depth_of,
+)
 from fpsboost.io.video.fitting import fit_streams
 from fpsboost.io.video.traits import VideoTraits
+from fpsboost.io.video.ycc import has_alpha
+from fpsboost.memory import return_free_memory
 
 
-class _ChunkSink:
-    """Sink that encodes frames into chunks, which are kept if it is left early."""
+class ChunkSink(ABC):
+    """Sink that encodes frames into chunks, which are kept if it is left early.
+
+    The encoder is opened anew for every chunk, so that a chunk follows from its frames and the options alone, and the
+    output is the same whichever runs have encoded which chunks.
+    """
 
     holds_last_frame = True
 
-    def __init__(self, output: Output, name: str, container: str, chunk_frames: int) -> None:
-        self._output, self._name = output, name
-        self._video = VideoChunks(output, container, chunk_frames)
+    def __init__(self, output: Output, name: str, chunk_frames: int) -> None:
+        self._output, self._name, self._chunk_frames = output, name, chunk_frames
+        self._container = container_of(output)
+        codec, _ = self._choose_encoder(output.stream.traits)
         # what the container cannot hold is known before any frame is encoded
-        self._fitting = fit_streams(output, self._video.codec, container)
-        self._frames_there = 0
+        self._fitting = fit_streams(output, codec, self._container)
+        self._folder: Path
+        self._chunks: list[Chunk] = []
+        self._first_chunk = 0 if output.part is None else output.part.first // chunk_frames
+        self._encoder: VideoEncoder | None = None
+        self._writer: ChunkWriter | None = None
+        self._durations: dict[int, int] = {}
+        self._frames_seen = self._frames_there = self._frames_in_chunk = 0
+        self._last_pts: int | None = None
+        self._alpha_dropped = self._light_clipped = False
+        self._remarks: list[str] = []
+
+    @property
+    def remarks(self) -> list[str]:
+        return [*(self._encoder.remarks if self._encoder else []), *self._remarks]
 
     @property
     def details(self) -> str:
-        return self._video.details
+        return "" if self._encoder is None else f"{self._output.path}: {self._encoder.details}"
 
     @property
     def completed_frames(self) -> int:
@@ -56,8 +87,9 @@ class _ChunkSink:
         try:
             with explained_writing(self._name):
                 # Created at once, so that a folder without write permission is detected before any work is done.
-                self._video.open(self._open())
-                self._frames_there = self._video.completed_frames
+                self._folder = self._open()
+                self._chunks = find_chunks(self._folder, self._first_chunk)
+                self._frames_there = self._frames_finished
                 if self._output.stream.traits is not None:
                     self._start(self._output.stream.traits)
         except BaseException as error:
@@ -71,7 +103,7 @@ class _ChunkSink:
         try:
             if kind is None:
                 with explained_writing(self._name):
-                    self._video.finish()
+                    self._finish_chunk()
                     self._publish()
         except BaseException as failure:
             self._leave(failure)
@@ -79,33 +111,94 @@ class _ChunkSink:
         self._leave(error)
 
     def write(self, frame: Frame) -> None:
-        check_frame_size(frame, self._output.info, self._output.path)
+        name = self._output.path
+        check_frame_size(frame, self._output.info, name)
         with explained_writing(self._name):
-            if not self._video.is_started:
+            if self._encoder is None:
                 self._start(traits_of_image(frame.pixels))
-            self._video.write(frame)
+            encoder = self._encoder
+            assert encoder is not None
+            if frame.image.dtype == np.float32:
+                self._remark_on_floats(frame.array, encoder.pixel_format)
+            if frame.image.shape[2] == 4 and not self._alpha_dropped and not has_alpha(encoder.pixel_format):
+                self._alpha_dropped = True
+                self._remarks.append(f"{name} cannot hold an alpha channel, which was left out.")
+            time_base = self._output.timing.time_base
+            pts = round(frame.time / time_base)
+            if self._last_pts is not None and pts <= self._last_pts:
+                raise OutputError(
+                    f"{name} cannot tell two frames at {float(frame.time):.6f} s apart; choose a lower rate."
+                )
+            self._last_pts = pts
+            self._frames_seen += 1
+            if self._frames_seen > self._frames_there:
+                end = round((frame.time + frame.duration) / time_base)
+                self._encode(encoder, frame, pts, max(1, end - pts))
 
+    @abstractmethod
     def _open(self) -> Path:
         """Return the folder for the chunks, which is locked for this run."""
-        raise NotImplementedError
 
-    def _start(self, traits: VideoTraits) -> None:
-        """Set up the encoder, so that errors occur before any work is done.
-
-        Without the traits of a source, the traits are those of the first frame.
-        """
-        self._video.start(traits)
-
+    @abstractmethod
     def _publish(self) -> None:
         """Give the complete output its final name."""
-        raise NotImplementedError
+
+    def _start(self, traits: VideoTraits) -> av.VideoStream:
+        """Open an encoder for the source's traits or those of the first frame, and return its stream."""
+        self._encoder = VideoEncoder(self._output, *self._choose_encoder(traits), self._container, traits)
+        return self._encoder.stream  # opened here, so that errors occur before any work is done
 
     def _leave(self, error: BaseException | None) -> None:
         """Close and discard everything but the finished chunks that a later run can resume from."""
-        self._video.discard()
+        if self._writer is not None:
+            self._writer.discard()
+        if self._encoder is not None:
+            self._encoder.close()
+
+    @property
+    def _frames_finished(self) -> int:
+        return sum(chunk.frames for chunk in self._chunks)
+
+    def _encode(self, encoder: VideoEncoder, frame: Frame, pts: int, duration: int) -> None:
+        if self._writer is None:
+            extradata = bytes(encoder.stream.codec_context.extradata or b"")
+            self._writer = ChunkWriter(self._folder, self._first_chunk + len(self._chunks), extradata)
+        self._durations[pts] = duration
+        self._keep(self._writer, encoder.encode(frame, pts, duration))
+        self._frames_in_chunk += 1
+        if self._frames_in_chunk == self._chunk_frames:
+            self._finish_chunk()
+            return_free_memory()  # of the encoder, which lived as long as its packets
+
+    def _finish_chunk(self) -> None:
+        if self._writer is not None and self._encoder is not None:
+            self._keep(self._writer, self._encoder.finish())
+            self._chunks.append(self._writer.finish(self._frames_in_chunk))
+            self._writer, self._frames_in_chunk = None, 0
+
+    def _keep(self, writer: ChunkWriter, packets: Iterable[av.Packet[Any]]) -> None:
+        for packet in packets:
+            writer.add(packet, self._durations.pop(packet.pts, 0) if packet.pts is not None else 0)
+
+    def _choose_encoder(self, traits: VideoTraits | None) -> tuple[str, dict[str, str]]:
+        """Return FFmpeg's encoder and its options; the depth of images is known only from the first image on."""
+        coding = ("yuv420p", "") if traits is None else (traits.pixel_format, traits.codec)
+        pixels = self._output.info.height * self._output.info.width
+        return choose_encoder(self._output.encoding, self._container, self._output.path, *coding, pixels=pixels)
+
+    def _remark_on_floats(self, image: Image, pixel_format: str) -> None:
+        """Add a remark, once each, on depth and light of floating-point images that the integer format cannot hold."""
+        name, colours = self._output.path, image[..., :3]
+        if self._last_pts is None and depth_of(pixel_format) == 16:  # else a remark exists already
+            self._remarks.append(f"{name} holds the floating-point values of its source in 16 bits.")
+        if not self._light_clipped and (np.max(colours, initial=0) > 1 or np.min(colours, initial=0) < 0):
+            self._light_clipped = True
+            self._remarks.append(
+                f"{name} holds no light beyond white or below black, which was clipped; images as .exr keep it."
+            )
 
 
-class VideoSink(_ChunkSink):
+class VideoSink(ChunkSink):
     """Sink that encodes frames into a video file, which gets its final name when it is complete.
 
     Colour tags and pixel aspect ratio are the source's; of a file also audio, subtitles, titles and orientation. A
@@ -113,100 +206,89 @@ class VideoSink(_ChunkSink):
     """
 
     def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:
-        name, self._path = output.path, Path(output.path)
-        container = container_of(self._path, name)
+        self._path, files = Path(output.path), output.stream.files
         place = hidden_place(self._path.parent, self._path.name)
-        self._unfinished = StagingDirectory(place, f"output{self._path.suffix.lower()}", name, output.job)
-        resumes = output.job is not None and output.job.resume
-        if resumes and not output.overwrite and self._is_complete_already(output.stream.files):
+        self._unfinished = StagingDirectory(place, f"output{self._path.suffix.lower()}", output.path, output.job)
+        resumes = output.job is not None and output.job.resume and not output.overwrite
+        is_input = self._path.exists() and any(path.exists() and self._path.samefile(path) for path in files)
+        if resumes and self._path.is_file() and not is_input and not self._unfinished.is_pending:
             self._unfinished.remove_leftovers()
-            raise CompleteAlreadyError(complete_already(name))
-        check_writable(self._path, name, output.stream.files, output.overwrite)
-        check_time_base(output, container)
-        super().__init__(output, name, container, chunk_frames)
+            raise CompleteAlreadyError(complete_already(output.path))
+        check_writable(self._path, output.path, files, output.overwrite)
+        super().__init__(output, output.path, chunk_frames)
         self._assembly: Assembly | None = None
 
     @property
     def remarks(self) -> list[str]:
-        parts = (self._unfinished, self._video, self._assembly)
-        return [remark for part in parts if part for remark in part.remarks]
+        later = self._assembly.remarks if self._assembly else []
+        return [*self._unfinished.remarks, *super().remarks, *later]
 
     def join(self, chunks: Sequence[Chunk], traits: VideoTraits) -> None:
         """Take chunks that were encoded elsewhere, all of the output's, instead of frames."""
         with explained_writing(self._name):
-            if not self._video.is_started:
+            if self._encoder is None:
                 self._start(traits)
-        self._video.chunks[:] = chunks
+        self._chunks = list(chunks)
 
     def _open(self) -> Path:
         self._unfinished.open()
         return self._unfinished.folder
 
-    def _start(self, traits: VideoTraits) -> None:
-        template = self._video.start(traits)  # the file's header is written at once
+    def _start(self, traits: VideoTraits) -> av.VideoStream:
+        template = super()._start(traits)  # the file's header is written at once
         self._assembly = Assembly(self._unfinished.staged, template, self._output, traits.display_matrix, self._fitting)
+        return template
 
     def _publish(self) -> None:
-        if self._assembly is None or not self._video.chunks:
+        if self._assembly is None or not self._chunks:
             raise OutputError(f"{self._name} was not written because there were no frames.")
-        self._assembly.finish(self._video.chunks)
+        self._assembly.finish(self._chunks)
         self._unfinished.publish(self._path)
-
-    def _is_complete_already(self, sources: Sequence[Path]) -> bool:
-        """Return whether an earlier run has finished the output and no later run has begun it again."""
-        is_input = self._path.exists() and any(path.exists() and self._path.samefile(path) for path in sources)
-        return self._path.is_file() and not is_input and not self._unfinished.is_pending
 
     def _leave(self, error: BaseException | None) -> None:
         super()._leave(error)
         if self._assembly is not None:
             self._assembly.discard()
-        self._unfinished.leave(error, self._video.completed_frames, self._output.expected_frames)
+        self._unfinished.leave(error, self._frames_finished, self._output.expected_frames)
 
 
-class VideoPartSink(_ChunkSink):
+class VideoPartSink(ChunkSink):
     """Sink that encodes the frames of a part into chunks, in a folder that appears when the part is complete.
 
     The part begins with a chunk; the output's path is that of the whole video.
     """
 
     def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:
-        container = container_of(Path(output.path), output.path)
-        check_time_base(output, container)
-        self._folder = PartFolder(output)
-        super().__init__(output, self._folder.name, container, chunk_frames)
+        self._part = PartFolder(output)
+        super().__init__(output, self._part.name, chunk_frames)
 
     @property
     def remarks(self) -> list[str]:
-        return [*self._folder.remarks, *self._video.remarks]
+        return [*self._part.remarks, *super().remarks]
 
     def _open(self) -> Path:
-        self._folder.open()
-        return self._folder.files
+        self._part.open()
+        return self._part.files
 
     def _publish(self) -> None:
-        self._folder.publish()
+        self._part.publish()
 
     def _leave(self, error: BaseException | None) -> None:
         super()._leave(error)
-        self._folder.leave(error, self._video.completed_frames)
+        self._part.leave(error, self._frames_finished)
 
 
-def container_of(path: Path, name: str) -> str:
-    """Return FFmpeg's name of the container that a file name asks for; raise `OutputError` if it asks for none."""
-    suffix = path.suffix.lower()
-    if suffix not in containers:
-        raise OutputError(f"{name} has no suffix of a video file; use one of {', '.join(VIDEO_SUFFIXES)}.")
-    return containers[suffix]
-
-
-def check_time_base(output: Output, container: str) -> None:
-    """Raise `OutputError` if a container cannot tell the frames of an output apart."""
+def container_of(output: Output) -> str:
+    """Return FFmpeg's name of an output's container; raise `OutputError` if none can hold it."""
+    container = containers.get(Path(output.path).suffix.lower())
+    if container is None:
+        raise OutputError(f"{output.path} has no suffix of a video file; use one of {', '.join(VIDEO_SUFFIXES)}.")
     if container not in EXACT_TIME_BASE_CONTAINERS and 1 / output.timing.rate < MATROSKA_TICK:
         raise OutputError(
             f"{output.path} counts time in milliseconds and cannot hold {float(output.timing.rate):g} frames per "
             "second; write an .mp4 or .mov instead."
         )
+    return container
 
 
 @contextlib.contextmanager
@@ -215,18 +297,15 @@ def explained_writing(name: str) -> Iterator[None]:
     try:
         yield
     except (av.error.FFmpegError, OSError) as error:
-        raise OutputError(_explain(error, name)) from error
+        other = f"could not be written ({error.strerror or error}); try another `codec` or container."
+        raise OutputError(f"{name} {_reasons.get(error.errno or 0, other)}") from error
 
 
-def _explain(error: Exception, name: str) -> str:
-    reasons = {
-        errno.ENOSPC: f"{name} could not be finished because the disk is full; free some space and run again.",
-        errno.EDQUOT: f"{name} could not be finished because the disk quota is used up; free some space and run again.",
-        errno.EACCES: f"{name} may not be written; check the permissions of its folder.",
-        errno.EPERM: f"{name} may not be written; check the permissions of its folder.",
-        errno.EROFS: f"{name} lies on a read-only disk; choose another folder.",
-        errno.EFBIG: f"{name} grew larger than the disk or the system allows; choose another disk or a higher `crf`.",
-    }
-    number = getattr(error, "errno", None)
-    reason = getattr(error, "strerror", None) or error
-    return reasons.get(number or 0, f"{name} could not be written ({reason}); try another `codec` or container.")
+_reasons = {
+    errno.ENOSPC: "could not be finished because the disk is full; free some space and run again.",
+    errno.EDQUOT: "could not be finished because the disk quota is used up; free some space and run again.",
+    errno.EACCES: "may not be written; check the permissions of its folder.",
+    errno.EPERM: "may not be written; check the permissions of its folder.",
+    errno.EROFS: "lies on a read-only disk; choose another folder.",
+    errno.EFBIG: "grew larger than the disk or the system allows; choose another disk or a higher `crf`.",
+}
