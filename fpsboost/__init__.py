@@ -31,16 +31,21 @@ if TYPE_CHECKING:
     from fpsboost.conversion import convert, convert_job, stream
     from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError, SceneCutWarning
     from fpsboost.frame import ClipInfo, Frame, PairMotion
+    from fpsboost.frame_cache import FrameCache, SourcePosition
     from fpsboost.image import YCbCrImage
-    from fpsboost.interpolator import Interpolator
+    from fpsboost.interpolator import Interpolator, with_neighbours
     from fpsboost.io.memory_limit import MemoryLimit
     from fpsboost.io.part import Part
     from fpsboost.io.side.options import SideOutputs
+    from fpsboost.io.vectors.folder import VectorFolder
     from fpsboost.io.video.decode_options import DecodeOptions
     from fpsboost.io.video.encode_options import Encoding
+    from fpsboost.kernels.compiling import told_of_compiling
     from fpsboost.layered import Layer, LayeredImage
-    from fpsboost.method_table import interpolate, interpolate_with_confidence, methods
+    from fpsboost.method_table import find_method, interpolate, interpolate_with_confidence, methods
     from fpsboost.motion import MotionEstimator
+    from fpsboost.motion.rendered import RenderedVectors
+    from fpsboost.pair import Pair
     from fpsboost.parts.join import join
     from fpsboost.preparation import ConversionJob
     from fpsboost.rerender.frame_choice import FrameChoice, choose_frames
@@ -52,7 +57,7 @@ if TYPE_CHECKING:
     from fpsboost.run_options import RunOptions
     from fpsboost.streaming import run_conversion
     from fpsboost.synthesis import InterpolatedImage, Synthesizer
-    from fpsboost.timing.position import Position, Trim
+    from fpsboost.timing.position import Position, Trim, format_time
     from fpsboost.timing.rate import FrameIntervals, OutputRate
     from fpsboost.timing.schedule import ByFactor, ByRate, Schedule
 
@@ -72,6 +77,7 @@ __all__ = [
     "Entry",
     "FpsboostError",
     "Frame",
+    "FrameCache",
     "FrameChoice",
     "FrameIntervals",
     "FrameSink",
@@ -92,6 +98,7 @@ __all__ = [
     "OutputError",
     "OutputRange",
     "OutputRate",
+    "Pair",
     "PairMotion",
     "Part",
     "PlanOptions",
@@ -99,20 +106,25 @@ __all__ = [
     "Position",
     "Rectangle",
     "RenderBudget",
+    "RenderedVectors",
     "RerenderPlan",
     "RunOptions",
     "SceneCutWarning",
     "Schedule",
     "SideOutputs",
     "SourceMoment",
+    "SourcePosition",
     "Summary",
     "Synthesizer",
     "Trim",
+    "VectorFolder",
     "YCbCrImage",
     "__version__",
     "choose_frames",
     "convert",
     "convert_job",
+    "find_method",
+    "format_time",
     "interpolate",
     "interpolate_with_confidence",
     "join",
@@ -121,6 +133,8 @@ __all__ = [
     "plan_rerender",
     "run_conversion",
     "stream",
+    "told_of_compiling",
+    "with_neighbours",
 ]
 
 _modules = {
@@ -131,16 +145,21 @@ _modules = {
     "conversion": "convert convert_job stream",
     "errors": "FpsboostError InputError OptionError OutputError SceneCutWarning",
     "frame": "ClipInfo Frame PairMotion",
+    "frame_cache": "FrameCache SourcePosition",
     "image": "YCbCrImage",
-    "interpolator": "Interpolator",
+    "interpolator": "Interpolator with_neighbours",
     "io.memory_limit": "MemoryLimit",
     "io.part": "Part",
     "io.side.options": "SideOutputs",
+    "io.vectors.folder": "VectorFolder",
     "io.video.decode_options": "DecodeOptions",
     "io.video.encode_options": "Encoding",
+    "kernels.compiling": "told_of_compiling",
     "layered": "Layer LayeredImage",
-    "method_table": "interpolate interpolate_with_confidence methods",
+    "method_table": "find_method interpolate interpolate_with_confidence methods",
     "motion": "MotionEstimator",
+    "motion.rendered": "RenderedVectors",
+    "pair": "Pair",
     "parts.join": "join",
     "preparation": "ConversionJob",
     "rerender.frame_choice": "FrameChoice choose_frames",
@@ -152,7 +171,7 @@ _modules = {
     "run_options": "RunOptions",
     "streaming": "run_conversion",
     "synthesis": "InterpolatedImage Synthesizer",
-    "timing.position": "Position Trim",
+    "timing.position": "Position Trim format_time",
     "timing.rate": "FrameIntervals OutputRate",
     "timing.schedule": "ByFactor ByRate Schedule",
 }

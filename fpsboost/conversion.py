@@ -91,7 +91,7 @@ def convert(
     >>> convert("in.mp4", "out.mp4", factor=2)  # doctest: +SKIP
     >>> convert("in.mp4", "out.mp4", rate=OutputRate(fps=60), run=RunOptions(overwrite=True))  # doctest: +SKIP
     """
-    interpolator = find_method(method) if isinstance(method, str) else method
+    interpolator = find_method(method)
     job = ConversionJob(
         input,
         output,
@@ -210,7 +210,7 @@ def stream(
     >>> [int(frame.mean()) for frame in stream(frames, method="blend")]
     [0, 20, 40, 60, 80, 80]
     """
-    interpolator = find_method(method) if isinstance(method, str) else method
+    interpolator = find_method(method)
     rate = OutputRate(_fraction(factor), _fraction(fps))
     requirements = TargetRequirements(linear=interpolator.takes_layers)
     with _as_source(source, _fraction(input_fps), requirements, needs_rate=fps is not None) as opened:

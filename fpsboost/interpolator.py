@@ -127,6 +127,17 @@ class Interpolator:
         return not self.match_grain and all(isinstance(part, MixesLayers) for part in parts)
 
     @property
+    def has_confidence(self) -> bool:
+        """Whether the synthesizer knows the confidence of every pixel, which otherwise takes time of its own."""
+        return isinstance(self.synthesizer, FusesHypotheses)
+
+    @property
+    def uses_vectors(self) -> bool:
+        """Whether motion comes from a renderer's vectors, so that only times for which there are some can be made."""
+        parts = self.estimator, self.synthesizer
+        return any(isinstance(part, UsesVectors) and part.vectors is not None for part in parts)
+
+    @property
     def needs_every_frame(self) -> bool:
         """Whether motion was rendered from each frame to the next one, so that no frame may be skipped."""
         parts = self.estimator, self.synthesizer
@@ -175,7 +186,19 @@ class Interpolator:
         return arrays
 
     def pair(self, image0: FrameCache, image1: FrameCache, duration: Fraction | float = 1) -> Pair:
-        """Return two frames as `between` takes them; see `Pair`."""
+        """Return two frames as `between` takes them; see `Pair`.
+
+        Parameters
+        ----------
+        image0, image1 : FrameCache
+            Two frames, each the same object in both of its pairs, so that what depends on it alone is computed once.
+        duration : Fraction or float
+            Time between them, in any unit that neighbouring pairs share.
+
+        Returns
+        -------
+        Pair
+        """
         return Pair(
             image0,
             image1,
@@ -194,8 +217,23 @@ class Interpolator:
     ) -> InBetween[FrameImage]:
         """Interpolate like `interpolate`, but one image at a time and along curved trajectories; report a scene cut.
 
-        The pairs `before` and `after` share the pair's first and its last frame; those farther away have no influence.
-        Raises `OptionError` if a time lies outside of [0, 1].
+        Parameters
+        ----------
+        pair : Pair
+        times : sequence of float or Fraction
+            Each in [0, 1].
+        before, after : Pair, optional
+            The pairs that share its first and its last frame; those farther away have no influence.
+
+        Returns
+        -------
+        InBetween
+            The images, computed one by one, and whether a scene ends between the two.
+
+        Raises
+        ------
+        OptionError
+            A time lies outside of [0, 1].
         """
         images = self._images(pair, _checked(times), before, after, with_confidence=False)
         return InBetween((image for image, _ in images), pair.is_cut(before, after))
@@ -328,7 +366,22 @@ def _rehearse_synthesis(interpolator: Interpolator, image: FrameImage) -> None:
 
 
 def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, Item | None]]:
-    """Yield each item, such as a `Pair`, with the previous and the next one, None at the ends; lags one item behind."""
+    """Yield each item, such as a `Pair`, with the previous and the next one; lags one item behind.
+
+    Parameters
+    ----------
+    items : iterable
+
+    Yields
+    ------
+    tuple of three
+        The item before, None at the beginning; the item; and the one after, None at the end.
+
+    Examples
+    --------
+    >>> list(with_neighbours("ab"))
+    [(None, 'a', 'b'), ('a', 'b', None)]
+    """
     before: Item | None = None
     item: Item | None = None
     for after in items:

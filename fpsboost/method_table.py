@@ -69,26 +69,48 @@ vector_methods: Mapping[str, Callable[[RenderedVectors], Interpolator]] = Mappin
 """Methods that need a renderer's motion vectors, by name."""
 
 
-def find_method(name: str, vectors: RenderedVectors | None = None) -> Interpolator:
+def find_method(method: str | Interpolator, vectors: RenderedVectors | None = None) -> Interpolator:
     """Return the method of a name, with a renderer's motion vectors if it can use them.
 
-    Raises `OptionError` if the method is unknown, or if vectors are missing or do not apply.
+    Parameters
+    ----------
+    method : str or Interpolator
+        A name from `fpsboost.methods`, or one that needs vectors: ``reproject-image`` or ``reproject-scene``. An object
+        is returned as it is.
+    vectors : RenderedVectors, optional
+        Such as a `VectorFolder`.
+
+    Returns
+    -------
+    Interpolator
+
+    Raises
+    ------
+    OptionError
+        The method is unknown, or vectors are missing or do not apply.
+
+    Examples
+    --------
+    >>> find_method("nlm") is methods["nlm"]
+    True
     """
-    if name in vector_methods:
+    if isinstance(method, Interpolator):
+        return method
+    if method in vector_methods:
         if vectors is None:
-            raise OptionError(f"The method {name!r} needs the renderer's motion vectors; give `vectors=DIR`.")
-        return vector_methods[name](vectors)
-    if name not in methods:
-        raise OptionError(f"There is no method {name!r}; choose one of {', '.join([*methods, *vector_methods])}.")
+            raise OptionError(f"The method {method!r} needs the renderer's motion vectors; give `vectors=DIR`.")
+        return vector_methods[method](vectors)
+    if method not in methods:
+        raise OptionError(f"There is no method {method!r}; choose one of {', '.join([*methods, *vector_methods])}.")
     if vectors is None:
-        return methods[name]
-    if not may_use_vectors(methods[name]):
-        others = (each for each, method in methods.items() if may_use_vectors(method))
+        return methods[method]
+    if not may_use_vectors(methods[method]):
+        others = (each for each, other in methods.items() if may_use_vectors(other))
         raise OptionError(
-            f"`vectors` does not apply to the method {name!r}; leave it out, or choose one of "
+            f"`vectors` does not apply to the method {method!r}; leave it out, or choose one of "
             f"{', '.join([*vector_methods, *others])}."
         )
-    return configure(methods[name], name, {"vectors": vectors})
+    return configure(methods[method], method, {"vectors": vectors})
 
 
 def may_use_vectors(interpolator: Interpolator) -> bool:
@@ -214,7 +236,7 @@ def interpolate(
     >>> interpolate(frame, np.roll(frame, 4, axis=1), 0.5, method="blend").shape
     (48, 64, 3)
     """
-    interpolator = find_method(method) if isinstance(method, str) else method
+    interpolator = find_method(method)
     (image,) = interpolator.interpolate(*_with_channels(frame0, frame1), [t], cuts=cuts)
     return image.reshape(frame0.shape)
 
@@ -255,7 +277,7 @@ def interpolate_with_confidence(
     >>> bool(interpolate_with_confidence(frame, frame).confidence.min() > 0.99)
     True
     """
-    interpolator = find_method(method) if isinstance(method, str) else method
+    interpolator = find_method(method)
     if not 0 < t < 1:
         raise OptionError(f"A confidence is for times between two frames, above 0 and below 1, not at {t}.")
     image0, image1 = (FrameCache(image) for image in _with_channels(frame0, frame1))

@@ -23,7 +23,22 @@ Layered = tuple[LayeredImage, LayeredImage]
 class Pair:
     """Two consecutive frames, and the results of an interpolator for them, computed once when first asked for.
 
-    Their `duration` has any unit that neighbouring pairs share. Raises `InputError` if they differ in size or type.
+    `Interpolator.pair` makes one.
+
+    Parameters
+    ----------
+    image0, image1 : FrameCache
+    duration : Fraction or float
+        Time between them, in any unit that neighbouring pairs share.
+    estimator : MotionEstimator
+    cuts : CutPolicy or None
+    compensate_illumination : bool
+        As the interpolator has them.
+
+    Raises
+    ------
+    InputError
+        The two differ in size or type.
     """
 
     def __init__(

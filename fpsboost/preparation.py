@@ -23,7 +23,6 @@ from fpsboost.io.vectors.fit import fit_vectors
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.motion.rendered import UsesVectors
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import FrameIntervals, OutputRate
 from fpsboost.timing.schedule import ExposureSchedule, Schedule, count_frames
@@ -177,8 +176,7 @@ def _check_shutter(rate: OutputRate, interpolator: Interpolator, run: RunOptions
         return
     if run.in_place:
         raise OptionError("`shutter` blurs every frame, and `in_place` keeps the originals; write to another folder.")
-    parts = interpolator.estimator, interpolator.synthesizer
-    if any(isinstance(part, UsesVectors) and part.vectors is not None for part in parts):
+    if interpolator.uses_vectors:
         raise OptionError("`shutter` needs frames at times that `vectors` says nothing of; leave one of them out.")
     if run.side.given:
         raise OptionError(

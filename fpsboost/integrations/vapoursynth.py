@@ -35,19 +35,20 @@ from fpsboost import (
     Coding,
     CutDetector,
     FpsboostError,
+    FrameCache,
     InputError,
     Interpolator,
     OptionError,
+    Pair,
+    SourcePosition,
     YCbCrImage,
+    find_method,
+    told_of_compiling,
 )
 from fpsboost.colour import luma_weights
-from fpsboost.frame_cache import FrameCache, Results, SourcePosition
 from fpsboost.image import Image, view
 from fpsboost.io.video.ycc import PLANAR_FORMATS, assumed_color_space, bgr_of, from_bgr, in_planes
-from fpsboost.kernels.compiling import told_of_compiling
 from fpsboost.layered import FrameImage
-from fpsboost.method_table import find_method
-from fpsboost.pair import Pair
 
 MAX_FRAMES = 2**31 - 1
 """Maximum number of frames of a clip; the host counts in 32 bits."""
@@ -96,7 +97,7 @@ def interpolate(
         An option is out of range, or the clip cannot be taken, with a sentence that says what to do.
     """
     with _host_errors():
-        interpolator = find_method(method) if isinstance(method, str) else method
+        interpolator = find_method(method)
         _check_clip(clip)
         factor = _factor_of(clip, factor_num, factor_den, fps_num, fps_den)
         interpolator = replace(interpolator, duplicates=None, cuts=interpolator.cuts if sc else None)
@@ -291,7 +292,7 @@ class _OutputFrames:
         # frames that are made at once lie in so many pairs, each needs those beside its own, and threads lag
         most = math.ceil(vs.core.num_threads / factor) + 4
         self._pairs = _Pairs(clip, interpolator, factor, finds_cuts=finds_cuts, most=most)
-        self._compiled = Results()
+        self._compiling, self._is_compiled = Lock(), False
 
     def node(self, like: vs.VideoNode, n: int) -> vs.VideoNode:
         """Return a clip of one frame, output frame `n`, for `FrameEval`; `like` has its format."""
@@ -308,13 +309,23 @@ class _OutputFrames:
         with _host_errors():
             if self._is_between(number):
                 pair, before, after = self._surroundings(index, frames)
-                self._compiled.cached("kernels", partial(_compile, self._interpolator, pair))
+                self._compile(pair)
                 (image,) = self._interpolator.between(pair, [t], before, after).images
                 for plane, values in enumerate(self._layout.planes(image, output_frame)):
                     np.asarray(output_frame[plane])[:] = values
             self._set_scene_changes(number, output_frame, frames)
         self._set_times(number, output_frame, frames)
         return output_frame
+
+    def _compile(self, pair: Pair) -> None:
+        """Compile the kernels, or load them from the cache, before several threads need them; say so if it is long."""
+        text = "fpsboost: Compiling for this machine, once; later runs start at once."
+        say = partial(vs.core.core.log_message, vs.MESSAGE_TYPE_INFORMATION, text)
+        with self._compiling:
+            if not self._is_compiled:
+                with told_of_compiling(say):
+                    self._interpolator.compile_for(pair.image0.image)
+                self._is_compiled = True
 
     def _position(self, number: int) -> tuple[int, Fraction]:
         """Return the source frame at or before an output frame, and t between it and the next one."""
@@ -385,10 +396,3 @@ class _OutputFrames:
 def _duration_of(frame: vs.VideoFrame) -> Fraction:
     """Return how long a frame is shown by its properties, seconds; 0 if they do not say."""
     return Fraction(frame.props.get("_DurationNum", 0), frame.props.get("_DurationDen") or 1)
-
-
-def _compile(interpolator: Interpolator, pair: Pair) -> None:
-    """Compile the kernels, or load them from the cache, before several threads need them; say so if it takes long."""
-    text = "fpsboost: Compiling for this machine, once; later runs start at once."
-    with told_of_compiling(partial(vs.core.core.log_message, vs.MESSAGE_TYPE_INFORMATION, text)):
-        interpolator.compile_for(pair.image0.image)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost import ClipInfo, Frame, OptionError, OutputError
+from fpsboost import ClipInfo, Frame, OptionError, OutputError, format_time
 from fpsboost.evaluation.report.self_contained import PlayerData, as_heat, data_uri, encode, templates_of
 from fpsboost.io.new_output import write_whole
 from fpsboost.io.output import Output
@@ -18,7 +18,6 @@ from fpsboost.io.target import Target
 from fpsboost.preview.trial import Estimate, Preview
 from fpsboost.preview.views import View
 from fpsboost.threads import available_cores
-from fpsboost.timing.position import format_time
 from fpsboost.timing.schedule import OutputTiming
 
 SPEEDS = (Fraction(1), Fraction(1, 4))

@@ -29,7 +29,6 @@ from fpsboost.io.target import Target
 from fpsboost.preparation import opened_clip, prepare
 from fpsboost.preview.places import Passage, Selection, find_passages, of_part
 from fpsboost.preview.views import View
-from fpsboost.synthesis import FusesHypotheses
 from fpsboost.threads import available_cores
 
 
@@ -157,7 +156,7 @@ def _try(job: ConversionJob, run: RunOptions, target: Target, passage: Passage, 
     if target.kind == "video":
         part = replace(part, encoding=replace(job.encoding, audio=False, subtitles=False))
     output = f"{place}/" if target.kind == "images" else f"{place}{target.file_type}"
-    needs_confidence = isinstance(job.method.synthesizer, FusesHypotheses)  # of others it would take time
+    needs_confidence = job.method.has_confidence
     recorder = _Recorder(View(passage.before.traits), job.rate.stretch, needs_confidence)
     try:
         summary = convert_job(replace(part, output=output), replace(run, observer=recorder, watcher=recorder))

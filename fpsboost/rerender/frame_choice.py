@@ -21,8 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from fpsboost import InputError, Interpolator, MemoryLimit, OptionError
-from fpsboost.frame_cache import FrameCache
+from fpsboost import FrameCache, InputError, Interpolator, MemoryLimit, OptionError, find_method
 from fpsboost.image import Image, view
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import NumberedImages
@@ -30,8 +29,6 @@ from fpsboost.io.images.source import ImageSource
 from fpsboost.io.new_output import check_new_folder, new_folder
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE
 from fpsboost.io.staging import write_safely
-from fpsboost.method_table import find_method
-from fpsboost.motion.rendered import UsesVectors
 from fpsboost.rerender.planning import check_input
 from fpsboost.rerender.score import comparable, squared_error
 from fpsboost.threads import available_cores, run_in_parallel
@@ -134,9 +131,8 @@ def choose_frames(preview: str, folder: str, quality: float, *, method: str | In
     """
     if not 0 < quality <= 100:
         raise OptionError(f"`quality` must be above 0 and at most 100 dB, not {quality}.")
-    interpolator = find_method(method) if isinstance(method, str) else method
-    parts = interpolator.estimator, interpolator.synthesizer
-    if any(isinstance(part, UsesVectors) and part.vectors is not None for part in parts):
+    interpolator = find_method(method)
+    if interpolator.uses_vectors:
         raise OptionError("`vectors` lead from frame to frame, and frames are chosen at any distance; leave it out.")
     check_input(preview)
     check_new_folder(Path(folder))

@@ -9,12 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fpsboost import InputError, Interpolator, MemoryLimit
+from fpsboost import InputError, Interpolator, MemoryLimit, VectorFolder, find_method
 from fpsboost.io.images.source import ImageSource
 from fpsboost.io.new_output import check_new_folder, new_folder
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, stands_for_images
-from fpsboost.io.vectors.folder import VectorFolder
-from fpsboost.method_table import find_method
 from fpsboost.rerender.options import PlanOptions, RenderBudget
 from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
 from fpsboost.rerender.regions import Rectangle, RenderCost, TileGrid, choose_regions, partition
@@ -60,7 +58,7 @@ def plan_rerender(
     >>> plan_rerender("renders/", "plan/")  # doctest: +SKIP
     """
     options = options or PlanOptions()
-    interpolator = find_method(method) if isinstance(method, str) else method
+    interpolator = find_method(method)
     check_input(input)
     check_new_folder(Path(folder))
     with ImageSource(input, ASSUMED_IMAGE_RATE) as source:

@@ -18,12 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
-from fpsboost import Frame, Interpolator
+from fpsboost import Frame, FrameCache, Interpolator, Pair, SourcePosition, with_neighbours
 from fpsboost.colour import compared_colours, composite_on_black
-from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.image import Image, view
-from fpsboost.interpolator import with_neighbours
-from fpsboost.pair import Pair
 from fpsboost.rerender.regions import TileGrid
 
 MIN_ERROR = 1e-7

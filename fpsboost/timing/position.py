@@ -48,7 +48,15 @@ class Position:
 
 
 def format_time(seconds: Fraction) -> str:
-    """Return seconds as players show them, to the millisecond; `parse_position` reads it.
+    """Return seconds as players show them, to the millisecond; options that are positions read it.
+
+    Parameters
+    ----------
+    seconds : Fraction
+
+    Returns
+    -------
+    str
 
     Examples
     --------

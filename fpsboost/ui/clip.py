@@ -11,7 +11,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any, NamedTuple
 
-from fpsboost import ConversionJob, Frame, InputError, OptionError, Position, RunOptions, Trim, methods
+from fpsboost import ConversionJob, Frame, InputError, OptionError, Position, RunOptions, Trim, format_time, methods
 from fpsboost.cli.probe import facts
 from fpsboost.interpolator import with_neighbours
 from fpsboost.io.opening import TargetRequirements, open_source
@@ -21,7 +21,6 @@ from fpsboost.preview.places import of_part
 from fpsboost.preview.views import View
 from fpsboost.probing import Conversion, Findings, Look, Probe
 from fpsboost.streaming import beginning
-from fpsboost.timing.position import format_time
 from fpsboost.ui.choices import first_choices
 from fpsboost.ui.jobs import start_process
 

@@ -18,12 +18,11 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
-from fpsboost import FpsboostError, InputError, OptionError
+from fpsboost import FpsboostError, InputError, OptionError, format_time
 from fpsboost.cli.app import explain
 from fpsboost.cli.options import in_flags
 from fpsboost.errors import notes_of
 from fpsboost.evaluation.report.self_contained import data_uri, templates_of
-from fpsboost.timing.position import format_time
 from fpsboost.ui.choices import Choices
 from fpsboost.ui.clip import Prober, header, look_between
 from fpsboost.ui.files import Files

@@ -6,11 +6,18 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any, Literal, get_args
 
-from fpsboost import Frame, Interpolator, MemoryLimit, OutputRate, methods, run_conversion
+from fpsboost import (
+    Frame,
+    Interpolator,
+    MemoryLimit,
+    OutputRate,
+    find_method,
+    methods,
+    run_conversion,
+    told_of_compiling,
+)
 from fpsboost.interpolator import AtCuts
 from fpsboost.io.video.capture import ArraySource
-from fpsboost.kernels.compiling import told_of_compiling
-from fpsboost.method_table import find_method
 from fpsboost.threads import available_cores
 
 from .batch import BatchSink, Tensor, check_batch, frames_of

@@ -57,8 +57,22 @@ class VectorFolder:
     (``Vector####.exr``) where the folder holds others too. Files of depth, which may be the same, have one channel, or
     one named Z, Depth, V or Y, or Blender's ``Depth.Z``.
 
-    `convention` is given, or found by comparing frames; None to go by the names of the channels. `step` is the number
-    of vectors from one output frame to the next: the difference of their numbers, or 1.
+    `convention` is found by comparing frames where it is not given; None goes by the names of the channels. `step` is
+    the number of vectors from one output frame to the next: the difference of their numbers, or 1.
+
+    Parameters
+    ----------
+    path : str or Path
+        Motion vectors.
+    depth : str or Path, optional
+        Depth of the same frames.
+    convention : str
+        ``auto``, or whose vectors these are: ``blender``, ``nuke``...
+
+    Raises
+    ------
+    InputError, OptionError
+        There are none, or the convention does not suit them.
     """
 
     def __init__(self, path: str | Path, depth: str | Path | None = None, convention: ConventionName = "auto") -> None:
