@@ -30,7 +30,6 @@ from fpsboost.io.images.metadata import (
     lost_metadata,
     metadata_of,
     pillow_options,
-    tiff_with_xmp,
 )
 from fpsboost.io.images.sequence import NumberedImages
 
@@ -90,12 +89,11 @@ def _encode_by_openimageio(extension: str, image: Image, metadata: ImageMetadata
         image, channels = np.repeat(image, 3, axis=2), 3
     spec = library.ImageSpec(width, height, channels, "float" if image.dtype == np.float32 else str(image.dtype))
     is_tiff, profile = extension in (".tif", ".tiff"), metadata.profile_for(channels)
-    attributes: dict[str, Any] = {
-        "oiio:UnassociatedAlpha": int(image.dtype != np.float32),
-        "compression": "none" if is_tiff and image.dtype == np.float32 else "lzw" if is_tiff else "",
-        "oiio:BitsPerSample": metadata.bits if extension == ".dpx" and image.dtype == np.uint16 else 0,
-    }
+    attributes: dict[str, Any] = {"oiio:UnassociatedAlpha": int(image.dtype != np.float32)}
+    if extension == ".dpx" and image.dtype == np.uint16 and metadata.bits:
+        attributes["oiio:BitsPerSample"] = metadata.bits
     if is_tiff:
+        attributes["compression"] = "none" if image.dtype == np.float32 else "lzw"
         attributes |= {"DateTime": "", "Orientation": metadata.orientation}  # the library would say when it was written
         if metadata.dots_per_inch is not None:
             across, down = metadata.dots_per_inch
@@ -104,8 +102,7 @@ def _encode_by_openimageio(extension: str, image: Image, metadata: ImageMetadata
         if profile:
             spec.attribute("ICCProfile", library.TypeDesc(f"uint8[{len(profile)}]"), np.frombuffer(profile, np.uint8))
     for name, value in attributes.items():
-        if value or name in ("DateTime", "oiio:UnassociatedAlpha"):
-            spec.attribute(name, value)
+        spec.attribute(name, value)
     if channels > 2:
         image = cv2.cvtColor(image, {3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGBA}[channels])
     with tempfile.TemporaryDirectory() as folder:
@@ -116,7 +113,7 @@ def _encode_by_openimageio(extension: str, image: Image, metadata: ImageMetadata
         data = Path(name).read_bytes()
     if extension == ".dpx":
         data = data[:36] + bytes(124) + data[160:]  # the name of the file and the time
-    return tiff_with_xmp(data, metadata.xmp) if is_tiff and metadata.xmp else data
+    return data
 
 
 @dataclass(frozen=True)
@@ -135,7 +132,7 @@ class ImageEncoder:
 
     def __init__(self, name: str, images: NumberedImages | None, *, anew: bool) -> None:
         self._path, self._anew = name, anew
-        self._half = images is None or not images.needs_float
+        self._half = images is None  # float images of other types would lose precision
         self._metadata = ImageMetadata()
         self._exr: ExrHeader | None = None
         self._layers = () if images is None else images.layers

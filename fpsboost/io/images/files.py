@@ -9,8 +9,6 @@ it), which is how the package takes all float images; values beyond black and wh
 from __future__ import annotations
 
 import os
-import struct
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +20,7 @@ from numpy.typing import NDArray
 from fpsboost.errors import InputError, explained
 from fpsboost.image import Image
 from fpsboost.io.images.layers import read_picture
-from fpsboost.io.images.library import damaged, opened
+from fpsboost.io.images.library import damaged, opened, said_by_pillow
 from fpsboost.io.memory_limit import MemoryLimit
 
 # What each format keeps exactly (JPEG and HDR: as far as their ways of storing go).
@@ -43,19 +41,16 @@ types_kept: dict[str, tuple[type[np.generic], ...]] = {
 IMAGE_SUFFIXES = tuple(types_kept)
 _types_with_alpha = (".png", ".tif", ".tiff", ".webp", ".exr", ".dpx", ".tga", ".jxl")
 
-PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_png_gray_with_alpha, _png_palette = 4, 3  # of its colour types
 _white_is_0, _palette = 0, 3
-_tiff_colours = {
-    _white_is_0: "with white as 0",
-    _palette: "with a palette",
-    5: "as CMYK",
-    6: "as YCbCr",
-    8: "as CIELab",
-    9: "as ICCLab",
-    10: "as ITULab",
+_stored = {
+    "1": "with 1 bit a pixel",
+    "P": "with a palette",
+    "LA": "as gray with alpha",
+    "CMYK": "as CMYK",
+    "LAB": "as CIELab",
+    "YCbCr": "as YCbCr",
 }
-"""By TIFF's number of its colours; gray (1) and RGB (2) are read as they are."""
+"""By Pillow's mode of an image; any other is read as it is."""
 
 _types_read = {"uint8": "uint8", "uint16": "uint16", "float": "float", "half": "float"}
 _orders = {3: cv2.COLOR_RGB2BGR, 4: cv2.COLOR_RGBA2BGRA}
@@ -143,49 +138,12 @@ def storage_of(path: Path) -> Storage:
         return Storage()
     with opened(path) as (file, spec):
         photometric, orientation = _tiff_tags(spec)
-        kind = "as gray with alpha" if spec.nchannels == 2 else ""
-        has_more = bool(file.seek_subimage(1, 0))
-        match file.format_name():
-            case "png":
-                chunks = dict(png_chunks(path))
-                kind, has_more = _kind_of_png(chunks), b"acTL" in chunks
-            case "bmp":
-                kind = _kind_of_bmp(spec.get_int_attribute("bmp:bitsperpixel"), spec.nchannels)
-            case "jpeg" if spec.get_string_attribute("jpeg:ColorSpace") == "CMYK":
-                return Storage("as CMYK", can_pass=False, has_more=has_more)
-            case "tiff":
-                bits = _bits(spec.get_int_attribute("oiio:BitsPerSample", 8))
-                kind = _tiff_colours.get(-1 if photometric is None else photometric, kind or bits)
-        can_pass = orientation == 1 and (photometric is None or photometric <= _palette)
-        return Storage(kind, can_pass, has_more)
-
-
-def _kind_of_png(chunks: dict[bytes, bytes]) -> str:
-    depth, colour = chunks[b"IHDR"][8:10]
-    if colour == _png_palette:
-        return "with a palette"
-    if colour == _png_gray_with_alpha:
-        return "as gray with alpha"
-    return _bits(depth) or ("with one transparent colour" if b"tRNS" in chunks else "")
-
-
-def _kind_of_bmp(depth: int, channels: int) -> str:
-    if 0 < depth <= 8:
-        return "" if depth == 8 and channels == 1 else "with a palette"  # gray, which BMP knows as a palette only
-    return "with 16 bits a pixel" if depth == 16 else ""
-
-
-def _bits(depth: int) -> str:
-    return f"with {depth} bit{'s' if depth > 1 else ''} a pixel" if depth < 8 else ""
-
-
-def png_chunks(path: Path) -> Iterator[tuple[bytes, bytes]]:
-    """Yield name and content of a PNG's chunks before its pixels; none where it is another file."""
-    with path.open("rb") as file:
-        is_png = file.read(len(PNG_SIGNATURE)) == PNG_SIGNATURE
-        while is_png and len(head := file.read(8)) == 8:
-            size, name = struct.unpack(">I4s", head)
-            if name == b"IDAT":
-                return
-            yield name, file.read(size)
-            file.seek(4, 1)
+        mode, said = said_by_pillow(path, spec)
+        is_png = file.format_name() == "png"
+        kind = _stored.get(mode, "as gray with alpha" if spec.nchannels == 2 else "")
+        if photometric == _white_is_0:
+            kind = "with white as 0"
+        elif is_png and mode != "P" and "transparency" in said:
+            kind = "with one transparent colour"
+        can_pass = orientation == 1 and mode != "CMYK" and (photometric is None or photometric <= _palette)
+        return Storage(kind, can_pass, bool(file.seek_subimage(1, 0)) or (is_png and "loop" in said))

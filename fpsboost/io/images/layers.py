@@ -11,7 +11,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -29,25 +28,31 @@ ALL, BEAUTY = "all", "beauty"
 PICTURES = ("combined", "beauty", "rgba", "rgb", "composite")
 """Last words, in small letters, of the layer that is the picture where several have colours."""
 
-VECTORS = frozenset(
-    {
-        *("vector", "vectors", "motion", "motionvector", "motionvectors", "velocity", "vrayvelocity", "motvec"),
-        *("forward", "backward"),
-    }
-)
+VECTORS = [
+    "vector",
+    "vectors",
+    "motion",
+    "motionvector",
+    "motionvectors",
+    "velocity",
+    "vrayvelocity",
+    "motvec",
+    "forward",
+    "backward",
+]
 """Words of layers with motion vectors."""
 
-KINDS_BY_WORD: Mapping[str, LayerKind] = MappingProxyType(
-    {
-        **dict.fromkeys(("depth", "z", "zdepth", "vrayzdepth", "zbuffer", "denoisingdepth"), "depth"),
-        **dict.fromkeys(("normal", "normals", "n", "ns", "ng", "vraynormals", "vraybumpnormals"), "normals"),
-        **dict.fromkeys(("denoisingnormal", "shnormal", "geonormal", "bumpnormals", "worldnormal"), "normals"),
-        **dict.fromkeys(("indexob", "indexma", "objectindex", "materialindex", "id", "objectid", "objid"), "nearest"),
-        **dict.fromkeys(("materialid", "matid", "renderid", "nodeid", "instanceid", "partid", "primid"), "nearest"),
-        **dict.fromkeys(("shapeindex", "primindex", "uv", "uvs", "st"), "nearest"),
-        **dict.fromkeys(VECTORS, "nearest"),
-    }
-)
+_words: Mapping[LayerKind, str] = {
+    "depth": "depth z zdepth vrayzdepth zbuffer denoisingdepth",
+    "normals": "normal normals n ns ng vraynormals vraybumpnormals denoisingnormal shnormal geonormal bumpnormals "
+    "worldnormal",
+    "nearest": "indexob indexma objectindex materialindex id objectid objid materialid matid renderid nodeid "
+    "instanceid partid primid shapeindex primindex uv uvs st",
+}
+KINDS_BY_WORD: Mapping[str, LayerKind] = {
+    **{word: kind for kind, words in _words.items() for word in words.split()},
+    **dict.fromkeys(VECTORS, "nearest"),
+}
 """What a layer is by the last word of its name, in small letters and without spaces, underscores and digits at its end:
 names of Blender, Arnold, V-Ray, Redshift, RenderMan and Mitsuba. Any other is linear."""
 
@@ -200,7 +205,7 @@ class Passes:
     """The layers of a sequence that are read beside its picture, and what every file must have like the first.
 
     No file may have more if they `are_all`; `pictures` are as in `ExrContents`, `left_out` the channels of neither the
-    picture nor these layers; `needs_float` says that half would lose some of the picture's precision.
+    picture nor these layers.
     """
 
     first: Path
@@ -208,7 +213,6 @@ class Passes:
     are_all: bool
     pictures: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
-    needs_float: bool = False
 
     @classmethod
     def chosen(cls, path: Path, names: str) -> Self:
@@ -232,7 +236,6 @@ class Passes:
             names == ALL,
             tuple(contents.pictures),
             tuple(name for name in header.channels if name not in taken),
-            any(header.channels[name] != "half" for name in contents.picture),
         )
 
     def read(self, path: Path, limit: MemoryLimit | None) -> LayeredImage:

@@ -10,20 +10,20 @@ from __future__ import annotations
 
 import re
 import struct
-import warnings
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from fpsboost.io.images.exr import read_exr_header
-from fpsboost.io.images.files import PNG_SIGNATURE, extension_of, png_chunks
-from fpsboost.io.images.library import opened
+from fpsboost.io.images.files import extension_of
+from fpsboost.io.images.library import opened, said_by_pillow
 
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 INCH = 0.0254  # metres
 MAX_SEGMENT, MAX_FILE = 65533, 2**31  # bytes: of a JPEG, of what can be said at once elsewhere
 EXIF_MARK = b"Exif\0\0"
-TIFF_XMP = 700
 _xmp_mark = b"http://ns.adobe.com/xap/1.0/\0"
 _colour_chunks = (b"cICP", b"sRGB", b"gAMA", b"cHRM", b"mDCV", b"cLLI")
 _xmp_packet = re.compile(
@@ -64,7 +64,7 @@ def metadata_of(path: Path) -> ImageMetadata:
         across, down = (spec.get_float_attribute(name) for name in ("XResolution", "YResolution"))
         orientation = spec.get_int_attribute("Orientation", 1)
         is_turned = file.format_name() != "tiff" and 1 <= orientation <= 8  # a TIFF is turned as it is read
-        exif, xmp = _exif_and_xmp(path, spec.width * spec.height)
+        exif, xmp = _exif_and_xmp(path, spec)
         return ImageMetadata(
             b"" if profile is None else bytes(profile),
             (across * scale, down * scale) if scale and across > 0 and down > 0 else None,
@@ -76,22 +76,26 @@ def metadata_of(path: Path) -> ImageMetadata:
         )
 
 
-def _exif_and_xmp(path: Path, pixels: int) -> tuple[bytes, bytes]:
-    """Return EXIF and XMP as they are stored, of a TIFF only XMP; none where Pillow does not know the file."""
+def _exif_and_xmp(path: Path, spec: Any) -> tuple[bytes, bytes]:
+    """Return EXIF and XMP as they are stored, of a TIFF only XMP."""
     if extension_of(path.name) in (".tif", ".tiff"):  # of which Pillow opens few with 16 bits or float
         packet = _xmp_packet.search(path.read_bytes())
         return b"", b"" if packet is None else packet[0]
-    from PIL import Image  # noqa: PLC0415
-
-    if Image.MAX_IMAGE_PIXELS is not None and pixels > Image.MAX_IMAGE_PIXELS:  # of which it would warn
-        return b"", b""
-    try:
-        with warnings.catch_warnings(action="ignore"), Image.open(path) as image:  # of EXIF that is damaged
-            said = image.info
-    except (ArithmeticError, LookupError, OSError, SyntaxError, TypeError, ValueError, struct.error):
-        return b"", b""
+    said = said_by_pillow(path, spec)[1]
     exif, xmp = (said.get(name, b"") for name in ("exif", "xmp"))
     return exif.removeprefix(EXIF_MARK), xmp.encode() if isinstance(xmp, str) else xmp
+
+
+def png_chunks(path: Path) -> Iterator[tuple[bytes, bytes]]:
+    """Yield name and content of a PNG's chunks before its pixels; none where it is another file."""
+    with path.open("rb") as file:
+        is_png = file.read(len(PNG_SIGNATURE)) == PNG_SIGNATURE
+        while is_png and len(head := file.read(8)) == 8:
+            size, name = struct.unpack(">I4s", head)
+            if name == b"IDAT":
+                return
+            yield name, file.read(size)
+            file.seek(4, 1)
 
 
 def _is_kept(name: bytes, data: bytes) -> bool:
@@ -101,15 +105,15 @@ def _is_kept(name: bytes, data: bytes) -> bool:
 
 def lost_metadata(extension: str, metadata: ImageMetadata, channels: int) -> list[str]:
     """Name what cannot be put into a type of file."""
-    holds_most = extension in (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff")
-    room = _room_in(extension)
+    holds_words = extension in (".png", ".jpg", ".jpeg", ".webp")
+    holds_most = holds_words or extension in (".tif", ".tiff")
+    room = _room_in(extension) if holds_words else 0
     wanted = {
         "colour profile": bool(metadata.profile) and not (holds_most and metadata.profile_for(channels)),
         "colour tags": any(name in _colour_chunks for name, _ in metadata.chunks) and extension != ".png",
         "resolution": metadata.dots_per_inch is not None and (extension == ".webp" or not holds_most),
-        "EXIF data": bool(metadata.exif)
-        and (extension not in (".png", ".jpg", ".jpeg", ".webp") or len(metadata.exif) > room),
-        "XMP data": bool(metadata.xmp) and (not holds_most or len(metadata.xmp) > room),
+        "EXIF data": len(metadata.exif) > room,
+        "XMP data": len(metadata.xmp) > room,
         "OpenEXR attributes": metadata.has_exr_attributes and extension != ".exr",
     }
     return [name for name, is_lost in wanted.items() if is_lost]
@@ -147,15 +151,3 @@ def into_png(data: bytes, metadata: ImageMetadata, channels: int) -> bytes:
     )
     behind_header = len(PNG_SIGNATURE) + 25
     return data[:behind_header] + chunks + data[behind_header:]
-
-
-def tiff_with_xmp(data: bytes, xmp: bytes) -> bytes:
-    """Put XMP into a little-endian TIFF of one image: its list of tags again, with one more, at the end of the file."""
-    (place,) = struct.unpack_from("<I", data, 4)
-    (count,) = struct.unpack_from("<H", data, place)
-    tags = [data[place + 2 + 12 * index :][:12] for index in range(count)]
-    padded = data + bytes(len(data) % 2) + xmp + bytes(len(xmp) % 2)
-    tags.append(struct.pack("<HHII", TIFF_XMP, 1, len(xmp), len(data) + len(data) % 2))
-    tags.sort(key=lambda tag: struct.unpack_from("<H", tag))
-    listed = struct.pack("<H", len(tags)) + b"".join(tags) + bytes(4)
-    return padded[:4] + struct.pack("<I", len(padded)) + padded[8:] + listed

@@ -110,8 +110,8 @@ class NumberedImages:
     """Images that are read as a clip: at least one file, their numbering and numbers if names have any.
 
     The numbers rise by `step`, 1 for a single image and with `fills_gaps`, where numbers are the clock, so that images
-    may be missing. `first_number` is that of the whole sequence, which has `skipped` files before these; `needs_float`
-    says that OpenEXR's half would lose precision; `layers` are those read beside the picture.
+    may be missing. `first_number` is that of the whole sequence, which has `skipped` files before these; `layers` are
+    those read beside the picture.
     """
 
     files: list[Path]
@@ -121,7 +121,6 @@ class NumberedImages:
     first_number: int
     skipped: int = 0
     fills_gaps: bool = False
-    needs_float: bool = False
     layers: tuple[LayerNames, ...] = ()
 
     @property

@@ -14,8 +14,6 @@ from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
-
 from fpsboost.colour import displayed_colours
 from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.frame import ClipInfo, Frame
@@ -113,7 +111,6 @@ class ImageSource(ClosesOnExit):
             1 if fills_gaps else sequence.step,
             numbers[0] if numbers else 1,
             fills_gaps=fills_gaps,
-            needs_float=image.dtype == np.float32 if self._passes is None else self._passes.needs_float,
             layers=() if self._passes is None else self._passes.layers,
         )
         self._holds_more = storage_of(first).has_more

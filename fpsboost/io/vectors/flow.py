@@ -52,14 +52,8 @@ def encode_flow(flow: NDArray[Any]) -> bytes:
     return MAGIC + struct.pack("<2i", width, height) + vectors.tobytes()
 
 
-def colour_wheel() -> NDArray[Any]:
-    """Return the colours of the wheel, (55, 3) float32 RGB, one row per hue, clockwise from red, to the right.
-
-    Examples
-    --------
-    >>> colour_wheel()[[0, 15, 21]].tolist()
-    [[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]]
-    """
+def _colour_wheel() -> NDArray[Any]:
+    """Return the colours of the wheel, (55, 3) float32 RGB, one row per hue, clockwise from red, to the right."""
     corners = np.array([[1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1], [1, 0, 1], [1, 0, 0]])
     places = np.concatenate([[0], np.cumsum(STEPS)])
     hues = np.arange(places[-1])
@@ -82,7 +76,7 @@ def flow_picture(flow: NDArray[Any], largest: float | None = None) -> NDArray[An
     lengths = np.hypot(vectors[..., 0], vectors[..., 1])
     if largest is None:
         largest = max(float(np.percentile(lengths[is_finite], LARGEST_PERCENTILE)), 1.0) if is_finite.any() else 1.0
-    wheel = colour_wheel()
+    wheel = _colour_wheel()
     place = np.mod(np.arctan2(vectors[..., 1], vectors[..., 0]) / (2 * np.pi), 1) * len(wheel)
     first = place.astype(np.intp) % len(wheel)
     share = (place - np.floor(place))[..., np.newaxis]
