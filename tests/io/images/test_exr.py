@@ -122,50 +122,44 @@ def deep(path: Path) -> Path:
     return path
 
 
-def test_deep_pixels_are_refused(tmp_path):
-    """In a sentence that names the file."""
-    with pytest.raises(InputError, match=r"deep\.exr has deep pixels; save it as one flat image\.$"):
-        read_exr(deep(tmp_path / "deep.exr"))
+# --------------------------------------------------------------------------------------------------------------- damage
 
 
-def test_channels_with_fewer_pixels_are_refused(tmp_path):
+@pytest.mark.parametrize("parts", [("",), ("a", "b")], ids=len)
+@pytest.mark.parametrize("kept", [0, 3, 8, 100, 200, 600, 0.1, 0.5, -1, None])
+def test_damaged_files_are_refused(tmp_path, parts, kept):
+    """Wherever they are cut, in one part or several; and whole ones with bytes that do not unpack."""
+    path = save_exr(tmp_path / "a.exr", *((part, planes("BGR")) for part in parts))
+    data = bytearray(path.read_bytes())
+    if kept is None:
+        middle = len(data) // 2
+        data[middle : middle + 40] = b"\xff" * 40
+    path.write_bytes(data[: int(kept * len(data)) if isinstance(kept, float) else kept])
+    with pytest.raises(InputError, match=r"a\.exr is damaged or no image; replace it\."):
+        read_exr(path)
+
+
+def subsampled(path: Path) -> None:
     """Luminance and chroma need not be of one size."""
-    path = tmp_path / "a.exr"
     write_exr(path, planes("UY"))
     data = bytearray(path.read_bytes())
     place = data.index(b"U\0" + struct.pack("<i", 1)) + 2 + 8
     data[place : place + 8] = struct.pack("<ii", 2, 2)
     path.write_bytes(data)
-    with pytest.raises(InputError, match=r"a\.exr has channels with fewer pixels"):
-        read_exr(path)
 
 
-def test_a_missing_file_is_named(tmp_path):
-    """With the system's reason."""
-    with pytest.raises(InputError, match=r"none\.exr .No such file"):
-        read_exr(tmp_path / "none.exr")
-
-
-# --------------------------------------------------------------------------------------------------------------- damage
-
-
-@pytest.mark.parametrize("kept", [0, 3, 8, 100, 0.1, 0.5, -1])
-def test_a_file_that_ends_early_is_refused(tmp_path, kept):
-    """Wherever it is cut."""
-    data = encode_exr(planes("BGR"))
-    end = int(kept * len(data)) if isinstance(kept, float) else kept
-    (tmp_path / "a.exr").write_bytes(data[:end])
-    with pytest.raises(InputError, match=r"a\.exr is damaged or no image; replace it\."):
-        read_exr(tmp_path / "a.exr")
-
-
-def test_spoiled_pixels_are_refused(tmp_path):
-    """Bytes that do not unpack, in a file that is whole otherwise."""
-    data = bytearray(encode_exr(planes("BGR")))
-    middle = len(data) // 2
-    data[middle : middle + 40] = b"\xff" * 40
-    (tmp_path / "a.exr").write_bytes(data)
-    with pytest.raises(InputError, match=r"a\.exr is damaged"):
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (deep, "has deep pixels; save it as one flat image"),
+        (subsampled, "has channels with fewer pixels"),
+        (lambda path: None, ".No such file"),
+    ],
+)
+def test_what_is_no_flat_image_is_named(tmp_path, make, sentence):
+    """Each in a sentence."""
+    make(tmp_path / "a.exr")
+    with pytest.raises(InputError, match=rf"a\.exr {sentence}"):
         read_exr(tmp_path / "a.exr")
 
 

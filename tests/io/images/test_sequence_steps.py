@@ -156,16 +156,18 @@ def test_names_are_those_of_the_originals(tmp_path):
     assert [name for name in names_in(tmp_path) if name[0] == "b"] == [f"b_{number:04d}.png" for number in range(7, 12)]
 
 
-def test_a_part_keeps_its_numbers(tmp_path):
-    """`--start` and `--end` count images, and the part has the numbers that it has in the whole."""
-    source = fill(tmp_path / "in", range(1, 12, 2))
-    part = Trim(parse_position("1f", "--start"), parse_position("4f", "--end"))
-    run(source, tmp_path / "out", trim=part)
-    assert names_in(tmp_path / "out") == [f"{number:04d}.png" for number in range(3, 8)]
-    assert (
-        contents(tmp_path / "out").items()
-        >= {f"{n:04d}.png": contents(source)[f"{n:04d}.png"] for n in (3, 5, 7)}.items()
-    )
+@pytest.mark.parametrize(
+    ("numbers", "begin", "end", "options", "expected"),
+    [(range(1, 12, 2), 1, 4, {}, range(3, 8)), ([1, 2, 5, 6, 9], 1, 6, {"fill_gaps": True}, range(2, 7))],
+)
+def test_a_part_keeps_its_numbers(tmp_path, numbers, begin, end, options, expected):
+    """`--start` and `--end` count images, or numbers where gaps are filled; a part has the numbers of the whole."""
+    source = fill(tmp_path / "in", numbers)
+    part = Trim(parse_position(f"{begin}f", "--start"), parse_position(f"{end}f", "--end"))
+    run(source, tmp_path / "out", trim=part, **options)
+    assert names_in(tmp_path / "out") == [f"{number:04d}.png" for number in expected]
+    originals = {name: data for name, data in contents(source).items() if int(name[:4]) in expected}
+    assert contents(tmp_path / "out").items() >= originals.items()
 
 
 def test_video_of_a_step_says_its_rate(tmp_path):
@@ -188,13 +190,7 @@ def test_probe_says_the_step(tmp_path, fpsboost_):
     for name in "abc":
         save(tmp_path / f"{name}.png", picture(1))
     assert probe(str(tmp_path)).number_step is None
-
-
-def test_numbers_of_a_path(tmp_path):
-    """Where they rise by one step, and nowhere else."""
-    assert find_numbers(str(fill(tmp_path / "in", range(3, 10, 3)))) == range(3, 10, 3)
-    assert find_numbers(str(fill(tmp_path / "gap", [1, 2, 4]))) is None
-    assert find_numbers("in.mp4") is None
+    assert find_numbers(str(fill(tmp_path / "gap", [1, 2, 4]))) is find_numbers("in.mp4") is None
 
 
 # ----------------------------------------------------------------------------------------------------------------- gaps
@@ -258,14 +254,6 @@ def test_repeated_images_are_not_missing(tmp_path):
         assert contents(tmp_path / name).items() >= before.items()
     run(source, in_place=True)
     assert contents(source).items() >= before.items()
-
-
-def test_parts_of_a_sequence_with_gaps(tmp_path):
-    """`--start` counts numbers there, from the first."""
-    source = fill(tmp_path / "in", [1, 2, 5, 6, 9])
-    part = Trim(parse_position("1f", "--start"), parse_position("6f", "--end"))
-    run(source, tmp_path / "out", fill_gaps=True, trim=part)
-    assert names_in(tmp_path / "out") == [f"{number:04d}.png" for number in range(2, 7)]
 
 
 @pytest.mark.parametrize(
@@ -392,18 +380,6 @@ def test_what_appears_meanwhile_is_not_replaced(tmp_path):
     with pytest.raises(OutputError, match=r"0004\.png has appeared meanwhile"):
         run(source, in_place=True, observer=Renderer())
     assert contents(source) == {**before, "0004.png": b"mine"}
-
-
-def test_names_that_are_taken_are_never_replaced(tmp_path):
-    """Not even by the last step, and what was moved before goes back."""
-    for name in ("a", "b"):
-        (tmp_path / f"staged_{name}").write_bytes(b"new")
-    (tmp_path / "b").write_bytes(b"mine")
-    moves = [(tmp_path / f"staged_{name}", tmp_path / name) for name in ("a", "b")]
-    with pytest.raises(FileExistsError):
-        numbered.move_all(moves, numbered._move_new)
-    assert names_in(tmp_path) == ["b", "staged_a", "staged_b"]
-    assert (tmp_path / "b").read_bytes() == b"mine"
 
 
 def test_other_files_beside_the_images_stay(tmp_path):

@@ -67,19 +67,6 @@ def test_colours_are_no_vectors_unless_the_user_says_so():
     assert find_vector_channels(["R", "G", "B"], of_any_layer=True) == (["R", "G"], "forward-up")
 
 
-@pytest.mark.parametrize("name", conventions)
-def test_each_convention_is_read_as_written(name):
-    """Vectors come back that were stored; with two channels the other direction is the opposite."""
-    backward, forward = conventions[name].read(stored(1, conventions[name]))
-    _, true_backward, true_forward = zooming(1)
-    if len(conventions[name].pairs) == 2:
-        np.testing.assert_array_equal(backward, true_backward)
-        np.testing.assert_array_equal(forward, true_forward)
-    else:
-        np.testing.assert_array_equal(backward, -forward)
-        assert np.array_equal(backward, true_backward) or np.array_equal(forward, true_forward)
-
-
 @pytest.mark.parametrize("truth", [VectorConvention((meaning,)) for meaning in MEANINGS])
 @pytest.mark.parametrize("distance", [1, 2])
 def test_two_channels_are_understood_by_comparing_frames(truth, distance):

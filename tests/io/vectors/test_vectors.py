@@ -10,10 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from exr_truth import write_exr
-from hypothesis import given
-from hypothesis import strategies as st
-from truth import moving_object, noise
-from vector_truth import constant, save_depth, save_flows, save_object, save_translation, save_vectors
+from truth import noise
+from vector_truth import constant, save_depth, save_flows, save_translation, save_vectors
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame_cache import FrameCache
@@ -33,16 +31,6 @@ def random_flow(seed: int) -> np.ndarray:
 
 
 # ----------------------------------------------------------------------------------------------------------- .flo files
-
-
-@given(st.integers(1, 5), st.integers(1, 5), st.integers(0, 99))
-def test_flow_round_trip(tmp_path_factory, height, width, seed):
-    """Every vector comes back, in every size, and what is unknown stays unknown."""
-    path = tmp_path_factory.getbasetemp() / "a.flo"
-    flow = np.random.default_rng(seed).normal(0, 50, (height, width, 2)).astype(np.float32)
-    flow[0, 0] = np.nan
-    path.write_bytes(encode_flow(flow))
-    np.testing.assert_array_equal(read_flow(path), flow)
 
 
 def test_flow_files_are_as_others_write_them(tmp_path):
@@ -97,16 +85,6 @@ def test_the_layer_with_vectors_is_found(tmp_path, layer):
     vectors = VectorFolder(tmp_path).at(0)
     np.testing.assert_array_equal(vectors.backward, random_flow(1))
     np.testing.assert_array_equal(vectors.forward, random_flow(2))
-
-
-def test_flow_pairs(tmp_path):
-    """Backward and forward as they stand, in the order of the numbers."""
-    for number in (9, 10, 11):
-        save_flows(tmp_path, str(number), random_flow(number), random_flow(-number % 97))
-    folder = VectorFolder(tmp_path)
-    for index, number in enumerate((9, 10, 11)):
-        np.testing.assert_array_equal(folder.at(index).backward, random_flow(number))
-        np.testing.assert_array_equal(folder.at(index).forward, random_flow(-number % 97))
 
 
 def test_the_first_file_is_the_first_frame(tmp_path):
@@ -258,21 +236,6 @@ def test_vectors_are_made_as_long_as_the_pair(tmp_path, span):
     np.testing.assert_array_equal(field10.flow, random_flow(2 + span) * np.float32(span))
     assert field01.flow.dtype == field10.flow.dtype == field01.similarity.dtype == np.float32
     assert (field01.similarity == 1).all()
-
-
-def test_the_motion_of_an_object_is_the_true_one(tmp_path):
-    """Each frame's own mask moves, all else stands."""
-    clip = moving_object(30, 40, box=(8, 8, 20, 20), dx=8, dy=-4)
-    save_object(tmp_path / "v", tmp_path / "d", object_mask, 3, (4, -2))
-    field01, field10 = RenderedMotion(VectorFolder(tmp_path / "v")).estimate(placed(0, (30, 40)), placed(2, (30, 40)))
-    np.testing.assert_array_equal(field01.flow, clip.flow01)
-    np.testing.assert_array_equal(field10.flow, clip.flow10)
-
-
-def object_mask(number: int) -> np.ndarray:
-    mask = np.zeros((30, 40), bool)
-    mask[8 - 2 * number : 20 - 2 * number, 8 + 4 * number : 20 + 4 * number] = True
-    return mask
 
 
 @pytest.mark.parametrize(("place0", "place1"), [(None, None), (0, Fraction(5, 2)), (Fraction(5, 2), 5), (0, None)])
