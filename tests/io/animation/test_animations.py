@@ -21,7 +21,6 @@ from fpsboost.io.animation.source import AnimationSource
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import open_source
 from fpsboost.io.output import Output, StreamInfo
-from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import OutputTiming
 
@@ -290,17 +289,6 @@ def test_opaque_animations_have_no_alpha(tmp_path, suffix):
     path = write_animation(tmp_path / f"in{suffix}", [scene(0), scene(1), scene(2)])
     assert read(path)[0].image.shape == (48, 64, 3)
     assert fpsboost.convert(str(path), str(tmp_path / "out.mp4"), method="blend").remarks == []
-
-
-def test_images_to_animation(tmp_path, save_images):
-    """A sequence of images with alpha becomes an animation, at the rate that is said."""
-    images = save_images(tmp_path / "in", count=3)
-    fpsboost.convert(
-        str(tmp_path / "in"), str(tmp_path / "out.webp"), method="blend", decoding=DecodeOptions(input_fps=10)
-    )
-    seen = read_animation(tmp_path / "out.webp")
-    assert [each.delay for each in seen] == [50] * 6
-    assert np.array_equal(seen[2].image[..., :3], images[1])
 
 
 def test_videos_to_animation_say_what_is_lost(tmp_path):

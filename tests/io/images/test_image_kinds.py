@@ -87,6 +87,13 @@ def flat(*values: int, dtype: type = np.uint8) -> np.ndarray:
     return np.full((HEIGHT, WIDTH, len(values)), values, dtype)
 
 
+def png(mode: str, *values: int, palette: bytes = b"", **options: object) -> Save:
+    image = Image.new(mode, (WIDTH, HEIGHT), values if len(values) > 1 else values[0])
+    if palette:
+        image.putpalette(palette)
+    return lambda path, shift: image.save(path, "PNG", **options)
+
+
 @pytest.mark.parametrize(
     ("save", "expected"),
     [
@@ -97,10 +104,14 @@ def flat(*values: int, dtype: type = np.uint8) -> np.ndarray:
         (tiff(flat(55, 155, 203, 0), photometric="separated"), [52, 100, 200]),
         (tiff(flat(200)[..., 0], photometric="miniswhite"), [55]),
         (tiff(flat(20000, dtype=np.uint16)[..., 0], photometric="miniswhite"), [45535]),
+        (png("1", 1), [255]),
+        (png("LA", 32, 128), [32, 32, 32, 128]),
+        (png("P", 1, palette=bytes([0, 0, 0, 1, 2, 3])), [3, 2, 1]),
+        (png("P", 1, palette=bytes([0, 0, 0, 1, 2, 3]), transparency=b"\0\7"), [3, 2, 1, 7]),
     ],
 )
-def test_unusual_tiffs_look_as_they_should(tmp_path, save, expected):
-    """Colours apart from their alpha stay so, CMYK has no alpha, and white is bright in 16 bits as in 8."""
+def test_unusual_images_look_as_they_should(tmp_path, save, expected):
+    """Colours apart from their alpha stay so, CMYK has no alpha, white is bright in 16 bits as in 8; palettes, gray."""
     save(tmp_path / "1.tif", 0)
     pixel = read_image(tmp_path / "1.tif")[0, 0].astype(int)
     assert np.abs(pixel - expected).max() <= 1

@@ -90,15 +90,6 @@ def test_from_type_to_type(tmp_path, source, target):
     assert all("cannot hold the resolution" in remark for remark in remarks)
 
 
-def test_large_profiles_in_jpeg(tmp_path):
-    """A profile that needs several segments comes out whole."""
-    profile = PROFILE + bytes(range(256)) * 600
-    write(tmp_path / "in", ".jpg", icc_profile=profile)
-    for path in double(tmp_path / "in", tmp_path / "out" / "new_####.jpg")[0]:
-        with Image.open(path) as image:
-            assert image.info["icc_profile"] == profile
-
-
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".webp"])
 def test_xmp_is_kept(tmp_path, suffix):
     """XMP is read again where it was written; a TIFF cannot get it, which is said."""

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import errno
-import io
 import os
 import struct
-import zlib
 from fractions import Fraction
 from pathlib import Path
 
@@ -231,37 +229,6 @@ def test_jpeg_with_appendix(tmp_path: Path) -> None:
         read_image(path)
 
 
-def png(depth: int, colour_type: int, row: bytes, *chunks: tuple[bytes, bytes]) -> bytes:
-    """Build a PNG of equal rows by hand, of the kinds that OpenCV does not write."""
-    header = struct.pack(">IIBBBBB", 8, 4, depth, colour_type, 0, 0, 0)
-    parts = [(b"IHDR", header), *chunks, (b"IDAT", zlib.compress((b"\0" + row) * 4)), (b"IEND", b"")]
-    data = io.BytesIO(b"\x89PNG\r\n\x1a\n")
-    data.seek(0, io.SEEK_END)
-    for name, body in parts:
-        data.write(struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body)))
-    return data.getvalue()
-
-
-@pytest.mark.parametrize(
-    ("data", "channels", "dtype", "pixel"),
-    [
-        (png(1, 0, b"\xff"), 1, np.uint8, [255]),
-        (png(4, 0, b"\x33" * 4), 1, np.uint8, [51]),
-        (png(8, 4, b"\x20\x80" * 8), 4, np.uint8, [32, 32, 32, 128]),
-        (png(16, 4, b"\x20\x01\x80\x02" * 8), 4, np.uint16, [0x2001, 0x2001, 0x2001, 0x8002]),
-        (png(8, 3, b"\1" * 8, (b"PLTE", bytes([0, 0, 0, 1, 2, 3]))), 3, np.uint8, [3, 2, 1]),
-        (png(8, 3, b"\1" * 8, (b"PLTE", bytes([0, 0, 0, 1, 2, 3])), (b"tRNS", b"\0\7")), 4, np.uint8, [3, 2, 1, 7]),
-    ],
-)
-def test_unusual_png(tmp_path: Path, data: bytes, channels: int, dtype: type, pixel: list[int]) -> None:
-    """One bit, gray with alpha and palettes arrive as gray, colour or colour with alpha."""
-    (tmp_path / "1.png").write_bytes(data)
-    image = read_image(tmp_path / "1.png")
-    assert image.shape == (4, 8, channels)
-    assert image.dtype == dtype
-    assert image[0, 0].tolist() == pixel
-
-
 def test_foreign_type(tmp_path: Path) -> None:
     """Pixels of a type that the package does not know are refused."""
     save(tmp_path / "1.tif", make_image(1, np.uint8).astype(np.float64))
@@ -455,13 +422,6 @@ def test_failed_moves_are_undone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     folder = tmp_path if comes_back else next(tmp_path.rglob("replaced"))
     for i in range(3):
         np.testing.assert_array_equal(read_image(folder / f"x_0{i + 1}.png"), make_image(seed=i))
-
-
-def test_unencodable_image(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An image that OpenCV cannot encode is an OutputError that names the file."""
-    monkeypatch.setattr(cv2, "imencode", lambda *_: (False, None))
-    with pytest.raises(OutputError, match=r"x_01\.png cannot be encoded"):
-        write(make_sink(tmp_path / "x_##.png"), make_image())
 
 
 # ---------------------------------------------------------------------------------------------- what stood there before

@@ -254,30 +254,27 @@ def test_every_layer_comes_back(folder, tmp_path, method, several):
     assert not any("left out" in remark for remark in summary.remarks)
 
 
-def test_the_picture_alone_on_request(clip, tmp_path):
-    """Frames between have nothing else; originals are still the same files, and that is said."""
-    summary = convert(clip, tmp_path / "out", passes="beauty")
-    assert set(content(tmp_path / "out" / "shot_0002.exr")) == {"ViewLayer.Combined.Y"}
-    assert (tmp_path / "out" / "shot_0003.exr").read_bytes() == (clip / "shot_0003.exr").read_bytes()
-    assert any("of which the frames between have fewer" in remark for remark in summary.remarks)
-
-
-def test_some_layers_by_name(clip, tmp_path):
-    """With the picture, in the types that they have."""
-    convert(clip, tmp_path / "out", passes="Depth,ids")
-    made = content(tmp_path / "out" / "shot_0002.exr")
-    assert {name: str(plane.dtype) for name, plane in made.items()} == {
-        "ViewLayer.Combined.Y": "float16",
-        "ViewLayer.Depth.Z": "float32",
-        "ViewLayer.ids.id": "uint32",
-    }
-
-
-def test_other_types_of_file_hold_the_picture(clip, tmp_path):
-    """And what else there was is said to be left out."""
-    (tmp_path / "out").mkdir()
-    summary = convert(clip, tmp_path / "out" / "#.tif")
-    assert any("which were left out" in remark for remark in summary.remarks)
+@pytest.mark.parametrize(
+    ("options", "types", "sentence"),
+    [
+        ({"passes": "beauty"}, {"Combined.Y": "float16"}, "of which the frames between have fewer"),
+        (
+            {"passes": "Depth,ids"},
+            {"Combined.Y": "float16", "Depth.Z": "float32", "ids.id": "uint32"},
+            "of which the frames between have fewer",
+        ),
+        ({"out": "#.tif"}, None, "which were left out"),
+    ],
+)
+def test_what_frames_between_hold_on_request(clip, tmp_path, options, types, sentence):
+    """The picture alone, or with some layers in the types that they have; what is left out is said."""
+    out = tmp_path / str(options.pop("out", "out"))
+    summary = convert(clip, out, **options)
+    assert any(sentence in remark for remark in summary.remarks)
+    if types is not None:
+        made = content(out / "shot_0002.exr")
+        assert {name.removeprefix("ViewLayer."): str(plane.dtype) for name, plane in made.items()} == types
+        assert (out / "shot_0003.exr").read_bytes() == (clip / "shot_0003.exr").read_bytes()
 
 
 @pytest.mark.parametrize(

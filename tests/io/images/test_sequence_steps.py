@@ -147,15 +147,6 @@ def test_factors_that_fit_and_others(tmp_path, step, options, expected, is_anew)
     assert any("numbered anew" in remark for remark in summary.remarks) is is_anew
 
 
-def test_names_are_those_of_the_originals(tmp_path):
-    """Without padding as it is, and in a naming of the user's with the same numbers."""
-    source = fill(tmp_path / "in", [7, 9, 11], "img{}.tif")
-    run(source, tmp_path / "out")
-    assert names_in(tmp_path / "out") == ["img10.tif", "img11.tif", "img7.tif", "img8.tif", "img9.tif"]
-    run(source, tmp_path / "b_####.png")
-    assert [name for name in names_in(tmp_path) if name[0] == "b"] == [f"b_{number:04d}.png" for number in range(7, 12)]
-
-
 @pytest.mark.parametrize(
     ("numbers", "begin", "end", "options", "expected"),
     [(range(1, 12, 2), 1, 4, {}, range(3, 8)), ([1, 2, 5, 6, 9], 1, 6, {"fill_gaps": True}, range(2, 7))],

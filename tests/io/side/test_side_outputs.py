@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -33,7 +32,6 @@ from fpsboost.frame import Frame
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.images.exr import read_exr
 from fpsboost.io.images.files import read_image
-from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.new_output import StagedFiles
 from fpsboost.io.vectors.flow import flow_picture
 from fpsboost.io.vectors.folder import VectorFolder
@@ -306,28 +304,6 @@ def test_overwrite_replaces_files_of_the_same_names_alone(tmp_path):
     convert(str(source), str(tmp_path / "out"), method="blend", run=beside(True, confidence=conf))
     assert names_in(conf) == ["notes.txt", "shot_0002.png", "shot_0004.png"]
     assert (conf / "shot_0002.png").read_bytes() != b"old"
-
-
-def test_what_cannot_be_moved_leaves_the_old_files(tmp_path, monkeypatch):
-    """All files of a run that is replaced are back if one of the new ones cannot get its name."""
-    for number in (1, 2):
-        (tmp_path / f"c_{number}.png").write_bytes(b"old")
-    files = StagedFiles("c_#.png", tmp_path, [Numbering(tmp_path, "c_", 1, ".png")], overwrite=True, alone=False)
-    files.open()
-    for number in (1, 2):
-        files.write(f"c_{number}.png", b"new")
-    real = os.replace
-
-    def move(here: Path, there: Path) -> None:
-        if Path(there) == tmp_path / "c_2.png" and Path(here).read_bytes() == b"new":
-            raise PermissionError(13, "no")
-        real(here, there)
-
-    monkeypatch.setattr("os.replace", move)
-    with pytest.raises(OutputError, match="no"):
-        files.publish()
-    files.close()
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"c_1.png": b"old", "c_2.png": b"old"}
 
 
 @pytest.mark.parametrize(
