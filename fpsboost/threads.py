@@ -126,13 +126,7 @@ def read_ahead(items: Iterable[T], depth: int, cancel: Callable[[], None] = noth
         queue.put(End())
 
     def received() -> Iterator[T]:
-        while not stopped.is_set():
-            try:
-                item = queue.get(timeout=POLL_INTERVAL)
-            except Empty:
-                continue
-            if isinstance(item, End):
-                break
+        for item in _items_of(queue, stopped):
             room.release()
             yield item
         if errors:
@@ -150,13 +144,16 @@ def _acquire(room: Semaphore, stopped: Event) -> bool:
     return False
 
 
-def _put(queue: Queue[T | End], item: T | End, stopped: Event) -> None:
-    """Put an item into a queue when it has room, unless the flag is set before."""
+def _items_of(queue: Queue[T | End], stopped: Event) -> Iterator[T]:
+    """Yield the items of a queue up to its end, or until the flag is set."""
     while not stopped.is_set():
         try:
-            return queue.put(item, timeout=POLL_INTERVAL)
-        except Full:
+            item = queue.get(timeout=POLL_INTERVAL)
+        except Empty:
             continue
+        if isinstance(item, End):
+            return
+        yield item
 
 
 @contextmanager
@@ -220,31 +217,24 @@ def write_behind(
     errors: list[BaseException] = []
 
     def run() -> None:
-        while not stopped.is_set():
-            try:
-                item = queue.get(timeout=POLL_INTERVAL)
-            except Empty:
-                continue
-            if isinstance(item, End):
-                return
+        for item in _items_of(queue, stopped):
             try:
                 write(item)
             except BaseException as error:
                 errors.append(error)
                 stopped.set()
 
-    def send(item: T) -> None:
-        while True:
-            if errors:
-                raise errors[0]
+    def send(item: T | End) -> None:
+        while not errors:
             try:
                 return queue.put(item, timeout=POLL_INTERVAL)
             except Full:
                 continue
+        raise errors[0]
 
     with _in_thread(run, "fpsboost-write", stopped.set, errors, cancel) as thread:
         yield send
-        _put(queue, End(), stopped)
+        send(End())
         thread.join()
     if errors:
         raise errors[0]
