@@ -7,17 +7,14 @@ from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from fpsboost.contracts import FrameSource
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
-from fpsboost.io import ClosesOnExit, RandomAccess, SharesIndex
+from fpsboost.io import ClosesOnExit, RandomAccess
 from fpsboost.timing.position import Position, Trim
-
-if TYPE_CHECKING:
-    from fpsboost.io.video.frame_index import FrameIndex
 
 TIME_TOLERANCE = Fraction(1, 1000)
 """Maximum seconds by which a clock that counts in milliseconds puts a frame before its position."""
@@ -85,27 +82,6 @@ def trim_source(
     return trimmed, trimmed.window
 
 
-class TimesOfPart(Sequence[Fraction]):
-    """Times of the frames `first` to before `last` of a clip, from the first of them, computed when they are asked for.
-
-    Examples
-    --------
-    >>> list(TimesOfPart([Fraction(3), Fraction(4), Fraction(6)], 1, 3))
-    [Fraction(0, 1), Fraction(2, 1)]
-    """
-
-    def __init__(self, times: Sequence[Fraction], first: int, last: int) -> None:
-        self._times, self._numbers = times, range(first, max(first, last))
-
-    def __len__(self) -> int:
-        return len(self._numbers)
-
-    def __getitem__(self, index: Any) -> Any:
-        if isinstance(index, slice):
-            return [self[number] for number in range(len(self))[index]]
-        return self._times[self._numbers[index]] - self._times[self._numbers[0]]
-
-
 class TrimmedSource(ClosesOnExit):
     """Source of the frames that lie in a part of another source, not read yet; the first one has time 0.
 
@@ -154,25 +130,16 @@ class TrimmedSource(ClosesOnExit):
         self._source.close()
 
     def frame_times(self) -> Sequence[Fraction] | None:
-        times = self._source.frame_times() if isinstance(self._source, RandomAccess) else None
-        if times is None:
+        part = self._listed()
+        if part is None:
             return None
-        start, end = self._trim.start, self._trim.end
-        first = 0 if start is None else self._first_at(times, start)
-        return TimesOfPart(times, first, len(times) if end is None else self._first_at(times, end))
-
-    @property
-    def frame_index(self) -> FrameIndex | None:
-        return self._source.frame_index if isinstance(self._source, SharesIndex) else None
-
-    def take_index(self, index: FrameIndex) -> None:
-        if isinstance(self._source, SharesIndex):
-            self._source.take_index(index)
+        times, numbers = part
+        return [times[number] - times[numbers[0]] for number in numbers]
 
     def begin_at(self, number: int) -> None:
         """Begin reading at a frame, and fill `window` as far as the times of frames tell it."""
-        times = self._source.frame_times() if isinstance(self._source, RandomAccess) else None
-        if times is None or not isinstance(self._source, RandomAccess):
+        part = self._listed()
+        if part is None:
             self._dropped = number
             if number:
                 self._own_remarks.append(
@@ -180,21 +147,33 @@ class TrimmedSource(ClosesOnExit):
                     "only by decoding them."
                 )
             return
-        part = self.frame_times()
-        assert part is not None
-        if number >= len(part):
-            raise InputError(f"The range of {self.info.name} has {len(part)} frames, and none has the number {number}.")
-        first = 0 if self._trim.start is None else self._first_at(times, self._trim.start)
-        self._source.begin_at(first + number)
-        self._first, self._begun = first + number, True
-        self.window.origin, self.window.begin, self.window.skipped = times[0], times[first], first
+        times, numbers = part
+        if number >= len(numbers):
+            raise InputError(
+                f"The range of {self.info.name} has {len(numbers)} frames, and none has the number {number}."
+            )
+        assert isinstance(self._source, RandomAccess)
+        self._first, self._begun = numbers[number], True
+        self._source.begin_at(self._first)
+        self.window.origin, self.window.begin, self.window.skipped = times[0], times[numbers[0]], numbers[0]
 
-    def _first_at(self, times: Sequence[Fraction], place: Position) -> int:
-        """Return the number of the first frame at or after a position, of frames at these times."""
-        numbers = range(len(times))
-        return bisect_left(
-            numbers, True, key=lambda number: place.is_reached(number, times[number] - times[0] + self._rounding)
+    def _listed(self) -> tuple[Sequence[Fraction], range] | None:
+        """Return the times of the clip's frames, and the numbers of those in the part; None if only decoding tells."""
+        times = self._source.frame_times() if isinstance(self._source, RandomAccess) else None
+        if times is None:
+            return None
+        first, last = (
+            bisect_left(
+                range(len(times)),
+                True,
+                key=lambda number: place.is_reached(number, times[number] - times[0] + self._rounding),
+            )
+            for place in (
+                self._trim.start or Position(Fraction(0)),
+                self._trim.end or Position(Fraction(len(times)), is_frame=True),
+            )
         )
+        return times, range(first, max(first, last))
 
     def __iter__(self) -> Iterator[Frame]:
         last: Frame | None = None

@@ -97,9 +97,9 @@ def plan_part(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Prep
     def read_from(number: int) -> Iterator[Iterator[Frame]]:
         with opened_clip(job, run) as again:
             assert isinstance(again.source, RandomAccess)
-            index = source.frame_index if isinstance(source, SharesIndex) else None
-            if index is not None and isinstance(again.source, SharesIndex):
-                again.source.take_index(index)
+            index = clip.whole.frame_index if isinstance(clip.whole, SharesIndex) else None
+            if index is not None and isinstance(again.whole, SharesIndex):
+                again.whole.take_index(index)
             again.source.begin_at(number)
             yield iter(again.source)
 
@@ -191,18 +191,17 @@ def frame_times(clip: OpenedClip, folder: Path) -> Sequence[Fraction] | None:
     source = clip.source
     if not isinstance(source, RandomAccess):
         return None
-    if isinstance(source, SharesIndex) and (folder / INDEX_NAME).exists():
+    if isinstance(clip.whole, SharesIndex) and (folder / INDEX_NAME).exists():
         index = read_index(folder, input_identity(clip))
         if index is not None:
-            source.take_index(index)
+            clip.whole.take_index(index)
     return source.frame_times()
 
 
 def share_index(clip: OpenedClip, folder: Path) -> None:
     """Leave the list of frames for other parts in the folder of all parts, if it was read from the whole file."""
-    source = clip.source
-    if isinstance(source, SharesIndex) and source.frame_index is not None:
-        write_index(folder, input_identity(clip), source.frame_index)
+    if isinstance(clip.whole, SharesIndex) and clip.whole.frame_index is not None:
+        write_index(folder, input_identity(clip), clip.whole.frame_index)
 
 
 def count_outputs(

@@ -3,26 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from fractions import Fraction
-from itertools import islice
-
-import av
-import av.error
+from itertools import dropwhile, islice
 
 from fpsboost.errors import InputError
 from fpsboost.io.output import VideoFile
 from fpsboost.io.video.clock import VideoClock
 from fpsboost.io.video.demuxer import Demuxer, open_video, read_packets
-from fpsboost.io.video.frame_index import (
-    INDEXED,
-    EntryPoint,
-    FrameIndex,
-    TickTimes,
-    UnindexedError,
-    can_begin,
-    read_index,
-)
+from fpsboost.io.video.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
 from fpsboost.io.video.pictures import MAX_REORDERED, Pictures
 from fpsboost.io.video.remarks import Damage
 
@@ -31,6 +20,9 @@ STEPS_BACK = (0, 1, 10)
 
 CHECKED_PICTURES = 2 * MAX_REORDERED
 """Number of pictures, from the first, that an index is compared with before it is believed."""
+
+SELF_CONTAINED = {"h264", "hevc", "mpeg1video", "mpeg2video", "mpeg4", "vp8", "vp9", "av1", "ffv1"}
+"""Codecs whose decoders give, from a key frame on, the same pictures as by decoding all, or leave out pictures."""
 
 
 class PictureReader:
@@ -48,41 +40,39 @@ class PictureReader:
         self.first = self.dropped = 0
         self.pictures = from_here()
 
-    def first_time(self) -> Fraction:
+    def next_time(self) -> Fraction | None:
+        """Return when the next picture is presented, seconds; None if it has no time, or there is none."""
         picture = self.pictures.peek()
-        return Fraction(0) if picture is None or picture.pts is None else self._time_of(picture)
+        if picture is None or picture.pts is None:
+            return None
+        return self._clock.time_of(picture, None, self.pictures.damage)
 
     def skip_to(self, time: Fraction) -> None:
         """Go to the key frame before a time, where the container's index is to be trusted."""
-        first, picture = self.first_time(), self.pictures.peek()
-        if (
-            time <= first
-            or not self._is_indexed
-            or picture is None
-            or picture.pts is None
-            or self.pictures.deinterlaced
-        ):
+        first = self.next_time()
+        if first is None or time <= first or not self._is_indexed or self.pictures.deinterlaced:
             return
         for earlier in STEPS_BACK:  # some indexes count decoding times, which come before those of presentation
             place = max(first, time - earlier) + self._clock.start
             if not self._demuxer.seek(math.floor(place / self._clock.tick)):
                 continue
             self.pictures = self._from_here()
-            picture = self.pictures.peek()
-            if picture is None or picture.pts is None or picture.is_corrupt:
-                continue  # what follows would depend on pictures before it
-            if first <= self._time_of(picture) <= time:
+            reached, picture = self.next_time(), self.pictures.peek()
+            # what follows a corrupt picture would depend on pictures before it
+            if reached is not None and first <= reached <= time and picture is not None and not picture.is_corrupt:
                 return
         self._reopen()
 
-    def frame_times(self) -> Sequence[Fraction] | None:
+    def frame_times(self) -> list[Fraction] | None:
         """Return the times of all frames, from the packets; None if these do not give them."""
         if self.index is None and self._unindexed is None:
             try:
                 self.index = self._checked_index()
             except UnindexedError as reason:
                 self._unindexed = str(reason)
-        return None if self.index is None else TickTimes(self.index.ticks, self._clock.tick, self._clock.start)
+        if self.index is None:
+            return None
+        return [ticks * self._clock.tick - self._clock.start for ticks in self.index.ticks.tolist()]
 
     def count_packets(self) -> int:
         with open_video(self._file.path, self._file.name) as file:
@@ -92,10 +82,11 @@ class PictureReader:
         """Decode from a key frame before a frame, or else from the beginning; return why, if that is far before."""
         reason = self._unindexed
         if self.index is not None:
-            points = self.index.entry_points_before(number)
+            codec = self._demuxer.stream.codec_context.codec
+            can_begin = codec.intra_only or codec.canonical_name in SELF_CONTAINED
+            points = self.index.entry_points_before(number) if can_begin else []
             for point in [points[step] for step in STEPS_BACK if step < len(points)]:
-                reached = self._seek_to(point, points)
-                if reached is not None and self._decode_up_to(number, reached, self.index):
+                if self._decode_up_to(number, point, self.index):
                     self.first = number
                     return None
             is_short = bool(points) and points[0].number == 0
@@ -130,46 +121,26 @@ class PictureReader:
             raise UnindexedError("its packets and its pictures have different times")
         return index
 
-    def _seek_to(self, point: EntryPoint, points: list[EntryPoint]) -> EntryPoint | None:
-        """Seek to an entry point or, where the container's index leads elsewhere, to another one of some; return it.
-
-        None where nothing can be read there, or where decoding depends on earlier packets.
-        """
-        demuxer = self._demuxer
-        for time in (point.pts, point.dts):  # indexes count either
-            if time is None or not demuxer.seek(time):
-                continue
-            try:
-                packet = next((packet for packet in demuxer.container.demux(demuxer.stream) if packet.size), None)
-            except av.error.FFmpegError:
-                continue
-            reached = next((other for other in points if packet is not None and other.pts == packet.pts), None)
-            if packet is not None and reached is not None and demuxer.seek(time):
-                return reached if can_begin(demuxer.stream, packet) else None
-        return None
-
     def _decode_up_to(self, number: int, point: EntryPoint, index: FrameIndex) -> bool:
-        """Decode from an entry point, where the file is, up to a frame; return whether the pictures are those listed.
+        """Decode from an entry point up to a frame; return whether the pictures are those listed.
 
         Pictures before the entry point's are left out, since decoding them depends on earlier packets.
         """
-        self.pictures = self._from_here()
-        ticks, expected = index.ticks, point.number
-        for picture in self.pictures:
-            if picture.pts is not None and picture.pts < ticks[point.number]:
+        expected = index.ticks[point.number : number + 1].tolist()
+        for time in (point.pts, point.dts):  # indexes of containers count either
+            if time is None or not self._demuxer.seek(time):
                 continue
-            if picture.pts != ticks[expected] or picture.is_corrupt or self.pictures.differ_from_packets:
-                return False
-            if expected == number:
-                self.pictures.forget_earlier(picture)
-                return True
-            expected += 1
+            self.pictures = self._from_here()
+            following = dropwhile(lambda picture: picture.pts is not None and picture.pts < point.pts, self.pictures)
+            for ticks, picture in zip(expected, following, strict=False):
+                if picture.pts != ticks or picture.is_corrupt or self.pictures.differ_from_packets:
+                    break
+                if ticks == expected[-1]:
+                    self.pictures.forget_earlier(picture)
+                    return True
         return False
 
     def _reopen(self) -> None:
         self.pictures.close()
         self._demuxer.reopen()
         self.pictures = self._from_here()
-
-    def _time_of(self, picture: av.VideoFrame) -> Fraction:
-        return self._clock.time_of(picture, None, self.pictures.damage)

@@ -232,7 +232,7 @@ class VideoSource(ClosesOnExit):
     def first_time(self) -> Fraction:
         """Time of the clip's first frame, seconds; decodes it. Before the first frame is read."""
         assert self.traits is not None
-        return self._reader.first_time()
+        return self._reader.next_time() or Fraction(0)
 
     def skip_to(self, time: Fraction) -> None:
         """Go to the key frame before a time, where the index is to be trusted; not where fields become frames."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
@@ -21,7 +20,6 @@ from fpsboost.io.images.source import ImageReading, ImageSource
 from fpsboost.io.trim import TrimmedSource
 from fpsboost.io.video.capture import ArraySource
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.frame_index import TickTimes, read_index
 from fpsboost.io.video.source import VideoSource
 from fpsboost.streaming import beginning
 from fpsboost.timing.position import Trim, parse_position
@@ -103,7 +101,9 @@ def test_frames_are_those_of_reading_from_the_start(tmp_path, name, times):
 def test_a_key_frame_that_is_none_is_not_believed(tmp_path, suffix):
     """Pictures that are refreshed little by little are marked as key frames, and are not like those of reading all."""
     clip = write_clip(tmp_path / f"in{suffix}", times=range(100), options=REFRESHED)
-    check(lambda: VideoSource(clip), [0, 1, 9])
+    check(lambda: VideoSource(clip), [0, 1, 8, 9, 50, -1])
+    slower = {**REFRESHED, "bf": "0"}
+    clip = write_clip(tmp_path / f"slower{suffix}", times=range(100), options=slower)
     check(lambda: VideoSource(clip), [-1], "read from its beginning, because decoding cannot begin at the key frame")
 
 
@@ -221,28 +221,6 @@ def test_an_image_unlike_the_first_is_an_error(tmp_path, save_images):
         source.begin_at(2)
         with pytest.raises(InputError, match=r"0003.* is unlike .*0001"):
             list(source)
-
-
-@pytest.mark.parametrize("name", ["B-frames.mp4", "open groups.mp4", "hevc.mp4", "mpeg2.mov", "prores.mov"])
-def test_packets_are_listed_without_reading_them(tmp_path, name, monkeypatch):
-    """What the header alone says is what the packets say."""
-    clip = write_clip(tmp_path / name, times=UNEVEN, **CODECS[name])
-    listed = read_index(clip, 0)
-    monkeypatch.setattr("fpsboost.io.video.frame_index.has_whole_header", lambda path: False)
-    index = read_index(clip, 0)
-    assert listed.ticks.tolist() == index.ticks.tolist()
-    assert listed.entry_points == index.entry_points
-
-
-def test_times_in_ticks_are_a_sequence():
-    """Exact seconds, found by halving."""
-    times = TickTimes(np.array([100, 140, 200, 201]), Fraction(1, 1000), Fraction(1, 10))
-    assert list(times) == [Fraction(0), Fraction(1, 25), Fraction(1, 10), Fraction(101, 1000)]
-    assert list(times[1:3]) == [Fraction(1, 25), Fraction(1, 10)]
-    assert (times[-1], bisect_left(times, Fraction(1, 20)), times.index(Fraction(1, 10))) == (Fraction(101, 1000), 2, 2)
-    for missing in (Fraction(1, 20), Fraction(9)):
-        with pytest.raises(ValueError, match="is no time of a frame"):
-            times.index(missing)
 
 
 def test_who_can_begin_anywhere(tmp_path, save_images):
