@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator
+from contextlib import suppress
 from fractions import Fraction
-from itertools import chain, pairwise
+from itertools import chain, groupby, pairwise
 from typing import Any, Generic, Protocol, Self, TypeVar, cast
 
 import av
@@ -217,64 +218,50 @@ def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction, nam
     The time base of the output is half of the pictures' own, or of `time_base`. Raises `InputError` for pictures that
     are too small or in a pixel format that cannot be deinterlaced.
     """
-    deinterlacer: _Deinterlacer | None = None
-    for picture in pictures:
-        if deinterlacer is not None and deinterlacer.kind != _kind(picture):
-            yield from deinterlacer.rest()
-            deinterlacer = None
-        if deinterlacer is None:
-            try:
-                deinterlacer = _Deinterlacer(picture, time_base)
-            except (av.error.FFmpegError, ValueError):
-                raise InputError(
-                    f"{name} holds pictures of {picture.width}x{picture.height} {picture.format.name}, which cannot be "
-                    "deinterlaced; leave `deinterlace` out."
-                ) from None
-        yield from deinterlacer.frames_of(picture)
-    if deinterlacer is not None:
-        yield from deinterlacer.rest()
-
-
-class _Deinterlacer:
-    """Deinterlacing filter for pictures of one size, pixel format and colour coding, with a delay of one picture."""
-
-    def __init__(self, picture: av.VideoFrame, time_base: Fraction) -> None:
-        self.kind = _kind(picture)
-        self._graph = av.filter.Graph()
-        clock = Fraction(picture.time_base or time_base)
-        # The graph needs the colour tags too, so that a conversion to a format of bwdif does not change the colours.
-        entry = self._graph.add(
-            "buffer",
-            f"video_size={picture.width}x{picture.height}:pix_fmt={picture.format.name}:"
-            f"time_base={clock.numerator}/{clock.denominator}:"
-            f"colorspace={int(picture.colorspace)}:range={int(picture.color_range)}",
-        )
-        bwdif = self._graph.add("bwdif", "mode=send_field:parity=auto:deint=all")
-        self._graph.link_nodes(entry, bwdif, self._graph.add("buffersink")).configure()
-        self._count = 0
-
-    def frames_of(self, picture: av.VideoFrame) -> Iterator[av.VideoFrame]:
-        self._count += 1
-        self._graph.vpush(picture)
-        yield from self._finished()
-
-    def rest(self) -> Iterator[av.VideoFrame]:
-        self._graph.vpush(None)
-        frames = list(self._finished())
-        if self._count == 1 and len(frames) == 2 and frames[0].pts is not None:
-            frames[1].pts = frames[0].pts + frames[0].duration  # without a neighbour, bwdif gives both the same time
-        yield from frames
-
-    def _finished(self) -> Iterator[av.VideoFrame]:
-        while True:
-            try:
-                yield self._graph.vpull()
-            except (av.error.BlockingIOError, av.error.EOFError):
-                return
+    for _, alike in groupby(pictures, _kind):
+        first = next(alike)
+        try:
+            graph = _deinterlacer_of(first, time_base)
+        except (av.error.FFmpegError, ValueError):
+            raise InputError(
+                f"{name} holds pictures of {first.width}x{first.height} {first.format.name}, which cannot be "
+                "deinterlaced; leave `deinterlace` out."
+            ) from None
+        count = 0
+        for count, picture in enumerate(chain([first], alike), 1):  # noqa: B007 (used after the loop)
+            graph.vpush(picture)
+            yield from _pulled(graph)
+        graph.vpush(None)
+        rest = list(_pulled(graph))
+        if count == 1 and len(rest) == 2 and rest[0].pts is not None:
+            rest[1].pts = rest[0].pts + rest[0].duration  # without a neighbour, bwdif gives both the same time
+        yield from rest
 
 
 def _kind(picture: av.VideoFrame) -> tuple[int, int, str, int, int]:
+    """Return what a filter is made for: size, pixel format and colour coding."""
     return picture.width, picture.height, picture.format.name, int(picture.colorspace), int(picture.color_range)
+
+
+def _deinterlacer_of(picture: av.VideoFrame, time_base: Fraction) -> av.filter.Graph:
+    width, height, pixel_format, color_space, color_range = _kind(picture)
+    clock = Fraction(picture.time_base or time_base)
+    graph = av.filter.Graph()
+    # The graph needs the colour tags too, so that a conversion to a format of bwdif does not change the colours.
+    entry = graph.add(
+        "buffer",
+        f"video_size={width}x{height}:pix_fmt={pixel_format}:time_base={clock.numerator}/{clock.denominator}:"
+        f"colorspace={color_space}:range={color_range}",
+    )
+    bwdif = graph.add("bwdif", "mode=send_field:parity=auto:deint=all")
+    graph.link_nodes(entry, bwdif, graph.add("buffersink")).configure()
+    return graph
+
+
+def _pulled(graph: av.filter.Graph) -> Iterator[av.VideoFrame]:
+    with suppress(av.error.BlockingIOError, av.error.EOFError):
+        while True:
+            yield graph.vpull()
 
 
 class FormatUnifier:
@@ -286,47 +273,55 @@ class FormatUnifier:
     def __init__(self, name: str, first: av.VideoFrame, traits: VideoTraits, stops: bool) -> None:
         self._name, self._traits, self._stops = name, traits, stops
         self._width, self._height = first.width, first.height
-        self._coding = av.VideoFormat(traits.pixel_format).is_rgb, traits.color_space, traits.full_range
         self._reformatter = VideoReformatter()
         self._reshaped = self._recoded = 0
-        self._first_change: str | None = None
+        self._change = ""
         """First change of size or pixel format: ``from 64x48 yuv420p to 96x64 yuv420p at frame 12``."""
 
     @property
     def stopped_by(self) -> str | None:
-        if self._first_change is None:
+        if not self._change:
             return None
         return (
-            f"{self._name} changes {self._first_change}; convert it with `size_change='scale'` to make all frames like "
+            f"{self._name} changes {self._change}; convert it with `size_change='scale'` to make all frames like "
             "the first, or cut it there and convert the parts one by one."
         )
 
     def unified(self, picture: av.VideoFrame, number: int) -> av.VideoFrame:
         """Scale and convert a picture; return it unchanged if it matches the first one."""
+        traits = self._traits
         try:
-            unified = self._like_first(picture, number)
+            coding = picture.format.is_rgb, color_space_of(picture), is_full_range(picture)
+            before = f"{self._width}x{self._height} {traits.pixel_format}"
+            now = f"{picture.width}x{picture.height} {picture.format.name}"
+            recodes = coding != (av.VideoFormat(traits.pixel_format).is_rgb, traits.color_space, traits.full_range)
+            if now == before and not recodes:
+                return picture
+            if now == before:
+                self._recoded += 1
+            else:
+                self._reshaped += 1
+                self._change = self._change or f"from {before} to {now} at frame {number}"
+            unified = self._like_first(picture, recodes=recodes)
         except (av.error.FFmpegError, ValueError):
             raise InputError(
                 f"{self._name} changes to {picture.format.name} at frame {number}, which cannot be converted; cut it "
                 "there and convert the parts one by one."
             ) from None
-        if self._stops and self.stopped_by is not None:
-            raise InputError(self.stopped_by)
+        if self._stops and self._change:
+            raise InputError(self.stopped_by or "")
         return unified
 
-    def _like_first(self, picture: av.VideoFrame, number: int) -> av.VideoFrame:
-        traits = self._traits
-        before = f"{self._width}x{self._height} {traits.pixel_format}"
-        now = f"{picture.width}x{picture.height} {picture.format.name}"
-        is_recoded = (picture.format.is_rgb, color_space_of(picture), is_full_range(picture)) != self._coding
-        if now == before and not is_recoded:
-            return picture
-        if now != before:
-            self._reshaped += 1
-            self._first_change = self._first_change or f"from {before} to {now} at frame {number}"
-        else:
-            self._recoded += 1
-        source = self._recoded_like_first(picture) if is_recoded else picture
+    def _like_first(self, picture: av.VideoFrame, *, recodes: bool) -> av.VideoFrame:
+        traits, source = self._traits, picture
+        if recodes:
+            source = from_bgr(
+                to_bgr(picture, self._reformatter),
+                traits.pixel_format,
+                traits.color_space,
+                traits.full_range,
+                chroma_location=traits.chroma_location,
+            )
         size = self._height, self._width
         alike = reformatted(source, self._reformatter, traits.pixel_format, traits.full_range, size=size)
         alike.pts, alike.duration, alike.time_base = picture.pts, picture.duration, picture.time_base
@@ -335,27 +330,14 @@ class FormatUnifier:
         return alike
 
     def remarks(self) -> list[str]:
-        name, remarks = self._name, []
-        if self._reshaped:
-            remarks.append(f"{name} changes {self._first_change}; {_were(self._reshaped)} made like the first.")
-        if self._recoded:
-            remarks.append(
-                f"{name} changes its colour matrix or range; {_were(self._recoded)} converted to the first's."
-            )
-        return remarks
-
-    def _recoded_like_first(self, picture: av.VideoFrame) -> av.VideoFrame:
-        return from_bgr(
-            to_bgr(picture, self._reformatter),
-            self._traits.pixel_format,
-            self._traits.color_space,
-            self._traits.full_range,
-            chroma_location=self._traits.chroma_location,
+        """Return the remarks on pictures that were converted."""
+        reshaped, recoded = (
+            f"{counted(count, 'frame')} {'was' if count == 1 else 'were'}" for count in (self._reshaped, self._recoded)
         )
-
-
-def _were(count: int) -> str:
-    return f"{counted(count, 'frame')} {'was' if count == 1 else 'were'}"
+        remarks = [f"{self._name} changes {self._change}; {reshaped} made like the first."] * bool(self._reshaped)
+        if self._recoded:
+            remarks.append(f"{self._name} changes its colour matrix or range; {recoded} converted to the first's.")
+        return remarks
 
 
 def is_on_its_side(matrix: tuple[int, ...] | None) -> bool:
