@@ -37,12 +37,6 @@ chroma_locations = {
 }
 """FFmpeg's names by the offset of a chroma sample to the right of and below the first luma sample, pixels."""
 
-packed_formats = {np.dtype(np.uint8): "bgr24", np.dtype(np.uint16): "bgr48le"}
-"""FFmpeg's pixel format of a BGR array by its dtype."""
-
-packed_formats_with_alpha = {np.dtype(np.uint8): "bgra", np.dtype(np.uint16): "bgra64le"}
-"""FFmpeg's pixel format of a BGRA array by its dtype."""
-
 PLANAR_FORMATS = frozenset(
     [f"yuv{chroma}p{depth}" for chroma in (420, 422, 444) for depth in ("", "9le", "10le", "12le", "14le", "16le")]
     + [f"yuvj{chroma}p" for chroma in (420, 422, 444)]
@@ -57,56 +51,60 @@ def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) 
     tables from one frame to the next. Raises ValueError where the colour matrix is not supported.
     """
     scaler = reformatter or VideoReformatter()
-    bits = picture.format.components[0].bits
-    dtype = _sample_type(bits)
     if picture.format.is_rgb:
-        packed = scaler.reformat(picture, format=packed_formats[dtype], interpolation=SCALER_FLAGS)
-        return np.ascontiguousarray(packed.to_ndarray())
+        return _packed(picture, scaler, alpha=False)
     if is_gray(picture.format):
         return _gray_to_bgr(picture, scaler)
     full = is_full_range(picture)
-    planar = reformatted(picture, scaler, full_chroma(bits), full)
-    bits = planar.format.components[0].bits
-    forward = bgr_to_ycc(color_space_of(picture), full, bits, np.iinfo(dtype).max)
+    planar = reformatted(picture, scaler, full_chroma(_bits(picture)), full)
+    dtype = _sample_type(_bits(picture))
+    forward = bgr_to_ycc(color_space_of(picture), full, _bits(planar), np.iinfo(dtype).max)
     inverse = np.linalg.inv(forward[:, :3])
     backward = np.column_stack([inverse, -inverse @ forward[:, 3]])
     image: Image = cv2.transform(cv2.merge(plane_arrays(planar)), backward)
     return image
 
 
+def _packed(picture: av.VideoFrame, scaler: VideoReformatter, *, alpha: bool) -> Image:
+    pixel_format = packed_format(_sample_type(_bits(picture)), alpha=alpha)
+    packed = scaler.reformat(picture, format=pixel_format, interpolation=SCALER_FLAGS)
+    return np.ascontiguousarray(packed.to_ndarray())
+
+
 def _gray_to_bgr(picture: av.VideoFrame, scaler: VideoReformatter) -> Image:
     # not through 4:4:4, where the scaler applies a matrix to gray too and shifts it
-    bits = picture.format.components[0].bits
-    name = "gray" if bits == 8 else f"gray{bits}le" if bits in (9, 10, 12, 14) else "gray16le"
+    name = full_chroma(_bits(picture)).replace("yuv444p", "gray")
     if picture.format.name != name:
         picture = scaler.reformat(picture, format=name, interpolation=SCALER_FLAGS)
     (levels,) = plane_arrays(picture)
-    top, most = np.iinfo(levels.dtype).max, 2 ** picture.format.components[0].bits - 1
-    if top != most:
-        levels = np.rint(levels * (top / most)).astype(levels.dtype)
-    return cv2.merge([levels] * 3)
+    top, most = np.iinfo(levels.dtype).max, 2 ** _bits(picture) - 1
+    return cv2.merge([levels if top == most else np.rint(levels * (top / most)).astype(levels.dtype)] * 3)
 
 
 def to_bgra(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) -> Image:
     """Convert a picture with alpha as `to_bgr` does, to (H, W, 4); alpha is full range, colours are unchanged by it."""
     scaler = reformatter or VideoReformatter()
-    image = to_bgr(picture, scaler)
     if picture.format.is_rgb:
-        packed = scaler.reformat(picture, format=packed_formats_with_alpha[image.dtype], interpolation=SCALER_FLAGS)
-        return np.ascontiguousarray(packed.to_ndarray())
-    whole = full_chroma(picture.format.components[0].bits).replace("yuv", "yuva")
+        return _packed(picture, scaler, alpha=True)
+    image = to_bgr(picture, scaler)
+    whole = full_chroma(_bits(picture)).replace("yuv", "yuva")
     planar = reformatted(picture, scaler, whole, is_full_range(picture))
-    return np.dstack([image, _rescaled(plane_arrays(planar)[3], planar.format.components[0].bits, image.dtype)])
+    alpha, most, top = plane_arrays(planar)[3], 2 ** _bits(planar) - 1, np.iinfo(image.dtype).max
+    if top != most:
+        alpha = np.rint(alpha * np.float32(top / most)).astype(image.dtype)
+    return np.dstack([image, alpha])
+
+
+def packed_format(dtype: np.dtype[Any], *, alpha: bool) -> str:
+    """Return FFmpeg's pixel format of a BGR or BGRA array."""
+    if dtype == np.uint8:
+        return "bgra" if alpha else "bgr24"
+    return "bgra64le" if alpha else "bgr48le"
 
 
 def has_alpha(pixel_format: str) -> bool:
     """Return whether a pixel format of FFmpeg has alpha."""
     return any(component.is_alpha for component in av.VideoFormat(pixel_format).components)
-
-
-def _rescaled(alpha: NDArray[Any], bits: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-    top = np.iinfo(dtype).max
-    return alpha if top == 2**bits - 1 else np.rint(alpha * np.float32(top / (2**bits - 1))).astype(dtype)
 
 
 def straight_16_bit(image: Image) -> Image:
@@ -131,71 +129,39 @@ def from_bgr(
     """Convert an image into a picture for an encoder; `to_bgr` is the inverse.
 
     The image is (H, W, 1, 3 or 4), gray, BGR or BGRA, uint8, uint16 or float32; alpha is dropped where the format has
-    none, and float32 is clipped to [0, 1]. The reformatter keeps the scaler's tables from one frame to the next.
+    none and opaque where the image has none, and float32 is clipped to [0, 1]. The reformatter keeps the scaler's
+    tables from one frame to the next.
     """
     scaler = reformatter or VideoReformatter()
-    if has_alpha(pixel_format):
-        return _from_bgra(
-            image, pixel_format, color_space, full_range, chroma_location=chroma_location, reformatter=scaler
-        )
-    image = _as_bgr(image)
-    height, width = image.shape[:2]
-    target = av.VideoFormat(pixel_format)
+    target, keeps_alpha = av.VideoFormat(pixel_format), has_alpha(pixel_format)
+    if image.dtype == np.float32:
+        image = straight_16_bit(image if keeps_alpha else image[..., :3])
+    white = np.iinfo(image.dtype).max
+    colours = np.repeat(image, 3, axis=2) if image.shape[2] == 1 else np.ascontiguousarray(image[..., :3])
+    alpha = image[..., 3] if image.shape[2] == 4 else np.full(image.shape[:2], white, image.dtype)
     if target.is_rgb:
-        frame = av.VideoFrame.from_ndarray(image, format=packed_formats[image.dtype])
+        packed = np.dstack([colours, alpha]) if keeps_alpha else colours
+        frame = av.VideoFrame.from_ndarray(packed, format=packed_format(image.dtype, alpha=keeps_alpha))
         return scaler.reformat(frame, format=pixel_format, interpolation=SCALER_FLAGS)
     full_range = full_range or is_gray(target)
-    bits = target.components[0].bits
-    if bits > 8 and image.dtype == np.uint8:  # the matrix product keeps the dtype, which must hold its result
-        image = image.astype(np.uint16) * 257
-    planar = av.VideoFrame(width, height, full_chroma(bits))
-    bits = planar.format.components[0].bits
-    matrix = bgr_to_ycc(color_space, full_range, bits, np.iinfo(image.dtype).max)
-    codes = np.minimum(cv2.transform(image, matrix), 2**bits - 1)  # a pure colour in full range exceeds it by one half
+    if target.components[0].bits > 8 and image.dtype == np.uint8:  # the matrix product keeps the dtype of its input
+        colours = colours.astype(np.uint16) * 257
+    height, width = image.shape[:2]
+    planar = av.VideoFrame(width, height, full_chroma(target.components[0].bits))
+    matrix = bgr_to_ycc(color_space, full_range, _bits(planar), np.iinfo(colours.dtype).max)
+    most = 2 ** _bits(planar) - 1
+    codes = np.minimum(cv2.transform(colours, matrix), most)  # a pure colour in full range exceeds it by one half
     for channel, plane in enumerate(plane_arrays(planar)):
         plane[:] = codes[..., channel]
-    return reformatted(with_chroma_location(planar, chroma_location), scaler, pixel_format, full_range)
-
-
-def _from_bgra(
-    image: Image,
-    pixel_format: str,
-    color_space: int,
-    full_range: bool,
-    *,
-    chroma_location: str,
-    reformatter: VideoReformatter,
-) -> av.VideoFrame:
-    """Convert an image as `from_bgr` does, to a format with alpha; an image without alpha is opaque."""
-    image = straight_16_bit(image) if image.dtype == np.float32 else image
-    white = np.iinfo(image.dtype).max
-    alpha = image[..., 3] if image.shape[2] == 4 else np.full(image.shape[:2], white, image.dtype)
-    if av.VideoFormat(pixel_format).is_rgb:
-        whole = np.dstack([_as_bgr(image), alpha])
-        picture = av.VideoFrame.from_ndarray(whole, format=packed_formats_with_alpha[image.dtype])
-        return reformatter.reformat(picture, format=pixel_format, interpolation=SCALER_FLAGS)
-    opaque = from_bgr(
-        np.ascontiguousarray(image[..., :3]),
-        pixel_format.replace("yuva", "yuv"),
-        color_space,
-        full_range,
-        chroma_location=chroma_location,
-        reformatter=reformatter,
-    )
-    bits = opaque.format.components[0].bits
-    levels = np.rint(alpha * np.float32((2**bits - 1) / white))
-    picture = av.VideoFrame(opaque.width, opaque.height, pixel_format)
+    planar = with_chroma_location(planar, chroma_location)
+    opaque = reformatted(planar, scaler, pixel_format.replace("yuva", "yuv"), full_range)
+    if not keeps_alpha:
+        return opaque
+    levels = np.rint(alpha * np.float32((2 ** _bits(opaque) - 1) / white))
+    picture = av.VideoFrame(width, height, pixel_format)
     for plane, values in zip(plane_arrays(picture), [*plane_arrays(opaque), levels], strict=True):
         plane[:] = values
     return with_chroma_location(picture, chroma_location)
-
-
-def _as_bgr(image: Image) -> Image:
-    if image.dtype == np.float32:
-        image = np.rint(np.nan_to_num(np.clip(image, 0, 1)) * np.float32(65535)).astype(np.uint16)
-    if image.shape[2] == 1:
-        return np.repeat(image, 3, axis=2)
-    return np.ascontiguousarray(image[..., :3])
 
 
 def with_chroma_location(picture: av.VideoFrame, location: str) -> av.VideoFrame:
@@ -223,16 +189,10 @@ def reformatted(
 
     `full_range` says whether black is 0 rather than 16 (in 8 bits), before and after; `size` is height and width.
     """
-    colour_range = FULL_RANGE if full_range else LIMITED_RANGE
     height, width = size or (None, None)
+    limits = FULL_RANGE if full_range else LIMITED_RANGE
     return reformatter.reformat(
-        picture,
-        width=width,
-        height=height,
-        format=pixel_format,
-        interpolation=SCALER_FLAGS,
-        src_color_range=colour_range,
-        dst_color_range=colour_range,
+        picture, width, height, pixel_format, None, None, SCALER_FLAGS, src_color_range=limits, dst_color_range=limits
     )
 
 
@@ -245,13 +205,17 @@ def full_chroma(bits: int) -> str:
 
 def plane_arrays(picture: av.VideoFrame) -> list[NDArray[Any]]:
     """Return views of a planar picture's planes, without the padding that FFmpeg adds to every row."""
-    dtype = _sample_type(picture.format.components[0].bits)
+    dtype = _sample_type(_bits(picture))
     return [
         np.frombuffer(memoryview(plane), dtype).reshape(-1, plane.line_size // dtype.itemsize)[
             : plane.height, : plane.width
         ]
         for plane in picture.planes
     ]
+
+
+def _bits(picture: av.VideoFrame) -> int:
+    return picture.format.components[0].bits
 
 
 def _sample_type(bits: int) -> np.dtype[Any]:
