@@ -90,7 +90,6 @@ class PipeSource(ClosesOnExit):
         self._for_images = for_images
         self._started = False
         self._end = 0
-        self.remarks: list[str] = []
         try:
             # what the stream is stands in its first line; to guess at more, FFmpeg would read and keep many frames
             options = {"probesize": "32", "analyzeduration": "0"}
@@ -108,8 +107,8 @@ class PipeSource(ClosesOnExit):
         self._file.check()
         if self._first is None:
             raise InputError(f"{INPUT_NAME} holds no whole frame; check the program that writes it.")
+        self.remarks = self._rate_remarks()
         self._reformatter = VideoReformatter()
-        self._check_rate()
         rate = as_fraction(video.average_rate) or ASSUMED_RATE
         self.info = ClipInfo(INPUT_NAME, video.height, video.width, rate, 1 / rate, None)
         traits = read_traits(self._first, video, self._reformatter, INPUT_NAME)
@@ -120,15 +119,15 @@ class PipeSource(ClosesOnExit):
         if for_images and traits.sample_aspect_ratio not in (None, 1):
             self.remarks.append(lost_shape_remark(INPUT_NAME, traits.sample_aspect_ratio))
 
-    def _check_rate(self) -> None:
+    def _rate_remarks(self) -> list[str]:
         """Check the rate in the first line: FFmpeg takes 25 for one that is missing, 0:0 or no ratio."""
         match = re.match(rb"[^\n]* F([^ \n]+)", self._file.start)
-        ratio = re.fullmatch(rb"([0-9]+):([0-9]+)", match[1]) if match else None
-        if match and not ratio:
+        if match is None or re.fullmatch(rb"0+:[0-9]+|[0-9]+:0+", match[1]):
+            return [assumed_rate_remark(INPUT_NAME)]
+        if not re.fullmatch(rb"[0-9]+:[0-9]+", match[1]):
             said = match[1].decode("ascii", "replace")
             raise InputError(f"{INPUT_NAME} has the ratio {said!r} in its first line; write it like 30000:1001.")
-        if not ratio or 0 in (int(ratio[1]), int(ratio[2])):
-            self.remarks.append(assumed_rate_remark(INPUT_NAME))
+        return []
 
     def __iter__(self) -> Iterator[Frame]:
         if self._started:
@@ -142,9 +141,8 @@ class PipeSource(ClosesOnExit):
             self._waiting.cancel()
 
     def close(self) -> None:
-        """Let go of the stream; standard input itself stays open, since it belongs to the process."""
+        """Let go of the stream, which belongs to the process or the caller and stays open."""
         self._container.close()
-        self._file.close()
 
     def _decoded(self, video: av.VideoStream) -> Iterator[av.VideoFrame]:
         for packet in self._container.demux(video):
@@ -197,9 +195,6 @@ class CountingReader:
         if self._error is not None:
             raise self._error
 
-    def close(self) -> None:
-        self._stream.close()
-
 
 class PipeSink:
     """A YUV4MPEG2 stream, by default to standard output, written frame by frame as they come.
@@ -231,7 +226,6 @@ class PipeSink:
         self.remarks: list[str] = []
         self._start = Fraction(0)
         self._count = 0
-        self._is_uneven = self._alpha_dropped = False
         if output.stream.video is not None:
             wanted = {"sound": encoding.audio, "subtitles": encoding.subtitles}
             lost = [kind for kind in output.stream.video.companions if wanted[kind]]
@@ -327,16 +321,14 @@ class PipeSink:
             )
 
     def _remark_on(self, frame: Frame) -> None:
-        if frame.image.shape[2] in (2, 4) and not self._alpha_dropped:
-            self._alpha_dropped = True
-            self.remarks.append(f"{OUTPUT_NAME} cannot hold an alpha channel, which was left out.")
+        """Say what a frame has that the stream cannot hold, once."""
         due = self._start + self._count / self._timing.rate
-        if not self._is_uneven and abs(frame.time - due) * self._timing.rate > Fraction(1, 2):
-            self._is_uneven = True
-            self.remarks.append(
-                f"{OUTPUT_NAME} shows every frame equally long, which those of {self._info.name} are not; give `fps` "
-                "to keep their times."
-            )
+        lost = {
+            f"{OUTPUT_NAME} cannot hold an alpha channel, which was left out.": frame.image.shape[2] in (2, 4),
+            f"{OUTPUT_NAME} shows every frame equally long, which those of {self._info.name} are not; give `fps` to "
+            "keep their times.": abs(frame.time - due) * self._timing.rate > Fraction(1, 2),
+        }
+        self.remarks += [remark for remark, is_lost in lost.items() if is_lost and remark not in self.remarks]
 
     def _send(self, data: bytes) -> None:
         """Write all of `data`, which may take several turns."""
@@ -364,9 +356,6 @@ class Descriptor:
     def cancel(self) -> None:
         """Let the thread that waits in this stream go on, with an OSError."""
         self._given_up.set()
-
-    def close(self) -> None:
-        """Do nothing: the stream belongs to the process."""
 
     def read(self, size: int) -> bytes:
         while True:
