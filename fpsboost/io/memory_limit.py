@@ -78,23 +78,14 @@ class MemoryLimit:
 
         Examples
         --------
-        >>> MemoryLimit(4_000_000_000).affordable_threads(3840, 2160, 16)
-        1
-        >>> MemoryLimit(8_000_000_000).affordable_threads(3840, 2160, 16)
-        6
+        >>> [MemoryLimit(size * 10**9).affordable_threads(3840, 2160, 16) for size in (4, 8)]
+        [1, 6]
         """
         per_thread = (BYTES_PER_PIXEL_OF_A_THREAD + BYTES_PER_PLANE_OF_A_THREAD * planes) * width * height
-        further = (self.bytes - _needed(width, height, planes)) // per_thread
-        return max(1, min(most, 1 + further))
+        return max(1, min(most, 1 + (self.bytes - _needed(width, height, planes)) // per_thread))
 
     def affordable_processes(self, width: int, height: int, most: int, planes: int = 0) -> int:
-        """Return how many processes can each convert a clip of this size with one thread; see `affordable_threads`.
-
-        Examples
-        --------
-        >>> MemoryLimit(8_000_000_000).affordable_processes(3840, 2160, 16)
-        2
-        """
+        """Return how many processes can each convert a clip of this size with one thread, from 1 to `most`."""
         return max(1, min(most, self.bytes // _needed(width, height, planes)))
 
 

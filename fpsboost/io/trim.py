@@ -7,6 +7,7 @@ from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import islice
 from typing import Protocol, runtime_checkable
 
 from fpsboost.contracts import FrameSource
@@ -95,8 +96,9 @@ class TrimmedSource(ClosesOnExit):
     ) -> None:
         self._source, self._trim = source, trim
         counts_frames = any(place is not None and place.is_frame for place in (trim.start, trim.end))
-        self._may_skip = may_skip and not counts_frames
-        origin = source.first_time() if isinstance(source, Seekable) else Fraction(0)
+        self._seekable = source if isinstance(source, Seekable) else None
+        self._may_skip = may_skip and trim.start is not None and not counts_frames and self._seekable is not None
+        origin = Fraction(0) if self._seekable is None else self._seekable.first_time()
         begin, end = trim.seconds(source.info)
         planned_end = None if end is None else origin + end
         self._rounding = min(source.info.time_base, TIME_TOLERANCE)
@@ -122,8 +124,8 @@ class TrimmedSource(ClosesOnExit):
 
         If frames before it were skipped without reading them, its number is that of the nominal rate.
         """
-        left_out = self._trim.start is not None and self._may_skip and isinstance(self._source, Seekable)
-        number = self.window.frames_before(self._source.info.rate) if left_out else self.window.skipped
+        rate = self._source.info.rate
+        number = self.window.frames_before(rate) if self._may_skip else self.window.skipped
         return SourcePosition(number, self.window.begin - self.window.origin)
 
     def close(self) -> None:
@@ -177,10 +179,10 @@ class TrimmedSource(ClosesOnExit):
 
     def __iter__(self) -> Iterator[Frame]:
         last: Frame | None = None
-        for number, frame in enumerate(self._trimmed_frames(), -self._dropped):
+        for frame in islice(self._trimmed_frames(), self._dropped, None):
             if last is not None:
                 yield replace(last, time=last.time - self.window.begin)
-            last = frame if number >= 0 else None
+            last = frame
         if last is None:
             raise InputError(
                 f"{self._source.info.name} has ended where `start={self._trim.start}` would be; name an earlier one."
@@ -193,11 +195,11 @@ class TrimmedSource(ClosesOnExit):
     def _trimmed_frames(self) -> Iterator[Frame]:
         """Yield the frames of the part at their times in the clip."""
         start, end, window = self._trim.start, self._trim.end, self.window
-        if start is not None and not self._begun and self._may_skip and isinstance(self._source, Seekable):
-            self._source.skip_to(window.begin - self._rounding)
+        if self._may_skip and self._seekable is not None and not self._begun:
+            self._seekable.skip_to(window.begin - self._rounding)
         begun = self._begun
         for number, frame in enumerate(self._source, self._first):
-            if number == 0 and not isinstance(self._source, Seekable):
+            if number == 0 and self._seekable is None:
                 window.origin = frame.time
             seconds = frame.time - window.origin + self._rounding
             if start is not None and not start.is_reached(number, seconds):

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from contextlib import suppress
 from fractions import Fraction
+from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 
@@ -69,7 +70,7 @@ def clip(request, tmp_path, save_images) -> tuple[str, Path, type]:
 
 def opened(path: Path, kind: str) -> FrameSource:
     if kind.endswith("pipe"):
-        return PipeSource(path.open("rb"))
+        return PipeSource(BytesIO(path.read_bytes()))
     return open_source(str(path), decoding=DecodeOptions(input_fps=RATE if kind in is_images else None))
 
 

@@ -84,11 +84,8 @@ class CaptureSource(ArraySource):
 
 def captured(capture: cv2.VideoCapture) -> Iterator[Image]:
     """Yield the frames of a capture until it ends."""
-    while True:
-        is_there, image = capture.read()
-        if not is_there:
-            return
-        yield np.asarray(image)
+    while (result := capture.read())[0]:
+        yield np.asarray(result[1])
 
 
 def rate_of(capture: cv2.VideoCapture) -> Fraction | None:

@@ -134,13 +134,6 @@ def measured_cadence(times: Sequence[int], tick: Fraction) -> Cadence | None:
     )
 
 
-def listed_times(stream: av.stream.Stream) -> list[int]:
-    """Return the times of all frames from the file's index in increasing order, ticks; [] if it is incomplete."""
-    if not stream.frames or len(stream.index_entries) != stream.frames:
-        return []
-    return sorted({entry.timestamp for entry in stream.index_entries})
-
-
 def _usual_rates_near(rate: Fraction) -> list[Fraction]:
     """Return the nearest integer rate and NTSC rate, the nearer one first, then the nearest multiple of 1/2."""
     ntsc = 3 * round(rate * 1001 / 3000) * Fraction(1000, 1001)  # 14.985, 23.976, 29.97 and their multiples
@@ -151,13 +144,6 @@ def _usual_rates_near(rate: Fraction) -> list[Fraction]:
 def _simplest(cadence: Cadence) -> Fraction:
     rates = [(1 / cadence.interval).limit_denominator(most) for most in MAX_DENOMINATORS]
     return next((rate for rate in rates if rate > 0 and cadence.is_exactly(rate)), rates[-1])
-
-
-def declared_duration(stream: av.VideoStream) -> Fraction | None:
-    """Return the duration that the header declares, seconds, or None if it declares none."""
-    if not stream.duration or not stream.time_base or stream.duration <= 0:
-        return None
-    return stream.duration * Fraction(stream.time_base)
 
 
 def assumed_rate_remark(name: str) -> str:
@@ -173,35 +159,32 @@ def survey(container: av.container.InputContainer, video: int) -> tuple[list[int
     at the beginning, times before 0 are kept: they belong to decoder preroll, such as the first samples of AAC and
     Opus.
     """
-    listed = listed_times(container.streams[video])
-    if listed and container.format.name.startswith(EDIT_LIST_FORMAT):
+    stream, keeps_delays = container.streams[video], container.format.name.startswith(EDIT_LIST_FORMAT)
+    is_complete = stream.frames and len(stream.index_entries) == stream.frames
+    listed = sorted({entry.timestamp for entry in stream.index_entries}) if is_complete else []
+    if listed and keeps_delays:
         return listed, Fraction(0)
-    sound = {stream.index for stream in container.streams.audio}
     times: list[int] = []
     can_begin = False
     starts: dict[int, Fraction] = {}
-    count = size = 0
-    for packet in read_packets(container, {video, *sound}, Damage()):
+    size = count = 0
+    for packet in read_packets(container, {video, *(sound.index for sound in container.streams.audio)}, Damage()):
+        index = packet.stream.index
         if packet.pts is not None and packet.time_base:
-            time = packet.pts * Fraction(packet.time_base)
-            index = packet.stream.index
             if index == video:
                 times.append(packet.pts)
                 can_begin = can_begin or packet.is_keyframe
             if index != video or can_begin:  # pictures before the first keyframe cannot be decoded
+                time = packet.pts * Fraction(packet.time_base)
                 starts[index] = min(time, starts.get(index, time))
-        count += packet.stream.index == video
+        count += index == video
         size += packet.size
         if count >= MAX_SURVEY_PACKETS or size >= MAX_SURVEY_BYTES:
             break
-    return listed or sorted(set(times)), _start(container, starts)
-
-
-def _start(container: av.container.InputContainer, starts: dict[int, Fraction]) -> Fraction:
-    if not starts or container.format.name.startswith(EDIT_LIST_FORMAT):
-        return Fraction(0)
-    start = min(starts.values())
-    return start if clock_may_jump(container) else max(start, Fraction(0))
+    start = min(starts.values(), default=Fraction(0))
+    if keeps_delays or (start < 0 and not clock_may_jump(container)):
+        start = Fraction(0)
+    return listed or sorted(set(times)), start
 
 
 @dataclass(frozen=True)

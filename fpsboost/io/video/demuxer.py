@@ -125,16 +125,13 @@ def choose_video(container: av.container.InputContainer, name: str, wanted: int 
 
     That is the largest one, where the default flag outweighs all but very large sizes; among equals, the first.
     """
-    videos = [stream for stream in container.streams.video if not is_cover_art(stream)]
+    videos = {stream.index: stream for stream in container.streams.video if not is_cover_art(stream)}
     if not videos:
         raise InputError(f"{name} has no video stream; name a file that has one.")
-    if wanted is not None:
-        chosen = next((stream for stream in videos if stream.index == wanted), None)
-        if chosen is None:
-            listed = ", ".join(f"{stream.index} ({_described(stream)})" for stream in videos)
-            raise OptionError(f"`stream={wanted}` is no video stream of {name}; choose one of {listed}.")
-    else:
-        chosen = max(videos, key=_score)
+    if wanted is not None and wanted not in videos:
+        listed = ", ".join(_described(stream) for stream in videos.values())
+        raise OptionError(f"`stream={wanted}` is no video stream of {name}; choose one of {listed}.")
+    chosen = max(videos.values(), key=_score) if wanted is None else videos[wanted]
     if chosen.codec_context is None:
         raise InputError(f"{name} uses a video codec that cannot be decoded here; convert it to H.264 first.")
     return chosen
@@ -142,17 +139,10 @@ def choose_video(container: av.container.InputContainer, name: str, wanted: int 
 
 def left_out_remarks(container: av.container.InputContainer, chosen: av.VideoStream, name: str) -> list[str]:
     """Return the remarks on the video streams that are not read."""
-    others = [
-        f"stream {stream.index} ({_described(stream)})"
-        for stream in container.streams.video
-        if stream.index != chosen.index and not is_cover_art(stream)
-    ]
-    if not others:
-        return []
-    return [
-        f"{name} has more than one video stream; stream {chosen.index} ({_described(chosen)}) was taken, left out: "
-        f"{', '.join(others)}."
-    ]
+    videos = [stream for stream in container.streams.video if not is_cover_art(stream)]
+    others = ", ".join(f"stream {_described(stream)}" for stream in videos if stream.index != chosen.index)
+    taken = f"{name} has more than one video stream; stream {_described(chosen)} was taken, left out: {others}."
+    return [taken] if others else []
 
 
 def is_cover_art(stream: av.stream.Stream) -> bool:
@@ -167,9 +157,10 @@ def is_cover_art(stream: av.stream.Stream) -> bool:
 
 
 def _described(stream: av.VideoStream) -> str:
-    """Describe a video stream by its format and size: ``h264 1280x720``."""
+    """Describe a video stream by its number, format and size: ``0 (h264 1280x720)``."""
     context = stream.codec_context
-    return "unknown format" if context is None else f"{stream.name or 'unknown'} {context.width}x{context.height}"
+    coded = "unknown format" if context is None else f"{stream.name or 'unknown'} {context.width}x{context.height}"
+    return f"{stream.index} ({coded})"
 
 
 def _score(stream: av.VideoStream) -> int:

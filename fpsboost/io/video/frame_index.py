@@ -6,7 +6,6 @@ decoded. What they promise is believed only where every packet becomes one pictu
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,11 +39,6 @@ class FrameIndex:
 
     ticks: NDArray[np.int64]
     entry_points: list[EntryPoint]
-
-    def entry_points_before(self, number: int) -> list[EntryPoint]:
-        """Return the entry points at or before a frame, the nearest first."""
-        end = bisect_left(self.entry_points, number + 1, key=lambda point: point.number)
-        return self.entry_points[:end][::-1]
 
 
 class UnindexedError(Exception):

@@ -7,7 +7,7 @@ from collections.abc import Generator, Iterable, Iterator
 from contextlib import suppress
 from fractions import Fraction
 from itertools import chain, groupby, pairwise
-from typing import Any, Generic, Protocol, Self, TypeVar, cast
+from typing import Self, cast
 
 import av
 import av.error
@@ -17,7 +17,7 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import InputError
 from fpsboost.image import Image
-from fpsboost.io.video.demuxer import Demuxer
+from fpsboost.io.video.clock import VideoClock
 from fpsboost.io.video.remarks import Damage, counted, interlaced_remark, lost_alpha_remark
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.io.video.ycc import color_space_of, from_bgr, is_full_range, reformatted, to_bgr
@@ -29,31 +29,28 @@ decoders_of_hidden_alpha = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 
 
 class Pictures(Iterator[av.VideoFrame]):
-    """Pictures of a video stream in presentation order, from where its file is; `interval` in seconds is the usual one.
+    """Pictures of a video stream in presentation order, from where its file is.
 
     With `deinterlace`, each becomes two. With `keeps_alpha`, alpha that is stored beside the picture is decoded; else
     there is a remark, which is added to `remarks`.
     """
 
     def __init__(
-        self,
-        file: Demuxer,
-        name: str,
-        *,
-        tick: Fraction,
-        interval: Fraction,
-        deinterlace: bool,
-        keeps_alpha: bool,
-        remarks: list[str],
+        self, clock: VideoClock, name: str, *, deinterlace: bool, keeps_alpha: bool, remarks: list[str]
     ) -> None:
         self.damage = Damage()
-        self._file, self._name, self._tick, self.deinterlaced = file, name, tick, deinterlace
-        self._keeps_alpha, self._remarks = keeps_alpha, remarks
-        self._usual_ticks = float(interval / tick)
+        self._file, self._tick = clock.file, clock.tick
+        self._name, self._remarks, self._deinterlaced = name, remarks, deinterlace
+        stream = clock.file.stream
+        self._says_alpha = stream.metadata.get("alpha_mode") == "1"  # as every recording by a browser does
+        hidden = decoders_of_hidden_alpha.get(stream.codec_context.name) if self._says_alpha and keeps_alpha else None
+        self._decoder = stream.codec_context
+        if hidden is not None:
+            self._says_alpha, self._decoder = False, cast(av.VideoCodecContext, av.CodecContext.create(hidden, "r"))
+        self._buffer = ReorderBuffer(float(1 / (clock.rate * clock.tick)), reorders=self._decoder.codec.reorder)
         self._count = self._interlaced_count = 0
-        self._buffer: ReorderBuffer[av.VideoFrame] | None = None
         self._coded = self._decode()
-        self._presented = frames_of_fields(self._coded, tick, name) if deinterlace else self._coded
+        self._presented = frames_of_fields(self._coded, clock.tick, name) if deinterlace else self._coded
         self._next: av.VideoFrame | None = None
 
     def __iter__(self) -> Self:
@@ -77,8 +74,7 @@ class Pictures(Iterator[av.VideoFrame]):
     @property
     def differ_from_packets(self) -> bool:
         """Whether damage or interchanged times have shown that not every packet is a picture at its time."""
-        has_interchanged = self._buffer is not None and self._buffer.has_interchanged
-        return has_interchanged or self.damage != Damage(corrupt=self.damage.corrupt)
+        return self._buffer.has_interchanged or self.damage != Damage(corrupt=self.damage.corrupt)
 
     def close(self) -> None:
         self._coded.close()
@@ -86,7 +82,7 @@ class Pictures(Iterator[av.VideoFrame]):
     def interlacing_remarks(self) -> list[str]:
         """Return the remarks on interlaced pictures that stayed whole, and on progressive ones that were halved."""
         interlaced, count = self._interlaced_count, self._count
-        if not self.deinterlaced:
+        if not self._deinterlaced:
             which = "" if interlaced == count else f" in {interlaced} of {counted(count, 'frame')}"
             return [interlaced_remark(self._name, which, "pass `deinterlace=True`")] if interlaced else []
         if interlaced == count:
@@ -95,29 +91,23 @@ class Pictures(Iterator[av.VideoFrame]):
         return [f"{self._name} flags {which} as interlaced; every frame was made into two all the same."]
 
     def _decode(self) -> Generator[av.VideoFrame, None, None]:
-        alpha_decoder = self._decoder_of_hidden_alpha()
-        decoder = self._file.stream.codec_context if alpha_decoder is None else alpha_decoder
-        lost_alpha = lost_alpha_remark(self._name)
-        buffer = ReorderBuffer[av.VideoFrame](self._usual_ticks) if decoder.codec.reorder else None
-        self._buffer = buffer
         for packet in chain(self._file.packets(self.damage), [None]):
-            if packet is not None and alpha_decoder is None and lost_alpha not in self._remarks:
-                self._remarks += [lost_alpha] * self._has_hidden_alpha(packet)
-            if buffer is not None and packet is not None:
-                buffer.expect(packet.pts)
+            pts = None if packet is None else packet.pts
+            if packet is not None and self._says_alpha and packet.has_sidedata("matroska_block_additional"):
+                self._says_alpha = False
+                self._remarks += {lost_alpha_remark(self._name)}.difference(self._remarks)
+            self._buffer.expect(pts)
             try:
-                pictures = decoder.decode(packet)
+                pictures = self._decoder.decode(packet)
             except av.error.FFmpegError:
                 self.damage.undecodable += 1
-                if buffer is not None and packet is not None:
-                    buffer.drop(packet.pts)
+                self._buffer.drop(pts)
                 continue
             for picture in pictures:
                 if not picture.time_base:  # of the last ones, which no packet brought out
                     picture.time_base = self._tick
-                yield from self._counted([picture] if buffer is None else buffer.push(picture))
-        if buffer is not None:
-            yield from self._counted(buffer.flush())
+                yield from self._counted(self._buffer.push(picture))
+        yield from self._counted(self._buffer.flush())
 
     def _counted(self, pictures: list[av.VideoFrame]) -> Iterator[av.VideoFrame]:
         for picture in pictures:
@@ -126,46 +116,24 @@ class Pictures(Iterator[av.VideoFrame]):
             self._interlaced_count += picture.interlaced_frame
             yield picture
 
-    def _decoder_of_hidden_alpha(self) -> av.VideoCodecContext | None:
-        """Return a decoder for VP8/VP9 alpha, which FFmpeg's native decoders ignore; None if not needed."""
-        name = decoders_of_hidden_alpha.get(self._file.stream.codec_context.name)
-        if name is None or not self._keeps_alpha or not self._says_alpha:
-            return None
-        return cast(av.VideoCodecContext, av.CodecContext.create(name, "r"))
 
-    def _has_hidden_alpha(self, packet: av.Packet[Any]) -> bool:
-        return self._says_alpha and packet.has_sidedata("matroska_block_additional")
-
-    @property
-    def _says_alpha(self) -> bool:
-        """Whether the stream has the tag of hidden alpha, as every recording by a browser has."""
-        return self._file.stream.metadata.get("alpha_mode") == "1"
-
-
-class Timed(Protocol):
-    """Picture with a presentation time in ticks, or None."""
-
-    pts: int | None
-
-
-P = TypeVar("P", bound=Timed)
-
-
-class ReorderBuffer(Generic[P]):
+class ReorderBuffer:
     """Buffer that keeps pictures in decoder output order and assigns their presentation times in increasing order.
 
     AVI, and MP4 without composition offsets, store decoding times only; the presentation times that FFmpeg derives from
     them are wrong where pictures are reordered. The order in which a decoder outputs pictures is right. Pictures wait
     only while the decoder still has to output one with an earlier time. If sorted times are closer than half the usual
-    `interval`, in ticks, they were not interchanged but damaged, and are left unchanged.
+    `interval`, in ticks, they were not interchanged but damaged, and are left unchanged. Pictures of codecs that do not
+    reorder pass at once.
     """
 
-    def __init__(self, interval: float) -> None:
+    def __init__(self, interval: float, *, reorders: bool = True) -> None:
         self.has_interchanged = False
-        self._interval = interval
+        self._interval, self._reorders = interval, reorders
         self._owed: Counter[int] = Counter()
-        self._waiting: list[P] = []
-        self._last: int | None = None
+        self._waiting: list[av.VideoFrame] = []
+        self._last: list[int] = []
+        """Latest time that was given out."""
 
     def expect(self, pts: int | None) -> None:
         """Record that a packet with this time is sent to the decoder."""
@@ -174,41 +142,36 @@ class ReorderBuffer(Generic[P]):
 
     def drop(self, pts: int | None) -> None:
         """Record that the packet with this time produced no picture."""
-        if pts is not None and self._owed[pts]:
-            self._owed[pts] -= 1
+        if pts is not None:
+            self._owed -= Counter([pts])  # which forgets what is no longer owed
 
-    def push(self, picture: P) -> list[P]:
+    def push(self, picture: av.VideoFrame) -> list[av.VideoFrame]:
         """Record a picture that the decoder has output, and return the pictures that need not wait any longer."""
+        if not self._reorders:
+            return [picture]
         self.drop(picture.pts)
         self._waiting.append(picture)
-        times = [waiting.pts for waiting in self._waiting if waiting.pts is not None]
-        if not times:
-            return self.flush()
-        self._owed = +self._owed
-        if any(owed < max(times) for owed in self._owed):
+        latest = max((waiting.pts for waiting in self._waiting if waiting.pts is not None), default=None)
+        if latest is not None and any(owed < latest for owed in self._owed):
             if len(self._waiting) <= MAX_REORDERED:
                 return []
-            self._owed = Counter({owed: count for owed, count in self._owed.items() if owed > max(times)})
+            self._owed = Counter({owed: count for owed, count in self._owed.items() if owed > latest})
         return self.flush()
 
-    def flush(self) -> list[P]:
+    def flush(self) -> list[av.VideoFrame]:
         """Return all waiting pictures in decoder output order, with their times in increasing order."""
         ready, self._waiting = self._waiting, []
         times = [picture.pts for picture in ready if picture.pts is not None]
         rising = sorted(times)
         self.has_interchanged |= times != rising
-        if times != rising and self._are_plausible(rising):
+        apart = [after - before for before, after in pairwise([*self._last, *rising])]
+        if times != rising and all(interval >= self._interval / 2 for interval in apart):
             following = iter(rising)
             for picture in ready:
                 if picture.pts is not None:
                     picture.pts = next(following)
-        if times:
-            self._last = rising[-1]
+        self._last = rising[-1:] or self._last
         return ready
-
-    def _are_plausible(self, rising: list[int]) -> bool:
-        before = [] if self._last is None else [self._last]
-        return all(after - one >= self._interval / 2 for one, after in pairwise([*before, *rising]))
 
 
 def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction, name: str) -> Iterator[av.VideoFrame]:
@@ -271,7 +234,7 @@ class FormatUnifier:
     """
 
     def __init__(self, name: str, first: av.VideoFrame, traits: VideoTraits, stops: bool) -> None:
-        self._name, self._traits, self._stops = name, traits, stops
+        self._name, self.traits, self._stops = name, traits, stops
         self._width, self._height = first.width, first.height
         self._reformatter = VideoReformatter()
         self._reshaped = self._recoded = 0
@@ -289,7 +252,7 @@ class FormatUnifier:
 
     def unified(self, picture: av.VideoFrame, number: int) -> av.VideoFrame:
         """Scale and convert a picture; return it unchanged if it matches the first one."""
-        traits = self._traits
+        traits = self.traits
         try:
             coding = picture.format.is_rgb, color_space_of(picture), is_full_range(picture)
             before = f"{self._width}x{self._height} {traits.pixel_format}"
@@ -313,7 +276,7 @@ class FormatUnifier:
         return unified
 
     def _like_first(self, picture: av.VideoFrame, *, recodes: bool) -> av.VideoFrame:
-        traits, source = self._traits, picture
+        traits, source = self.traits, picture
         if recodes:
             source = from_bgr(
                 to_bgr(picture, self._reformatter),

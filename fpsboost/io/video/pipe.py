@@ -11,11 +11,12 @@ import re
 import select
 import stat
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from fractions import Fraction
 from threading import Event
 from types import TracebackType
-from typing import Any, BinaryIO, Self
+from typing import Any, BinaryIO, Self, TypeVar
 
 import av
 import av.error
@@ -34,6 +35,8 @@ from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import interlaced_remark, lost_companions_remark, lost_shape_remark
 from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
 from fpsboost.io.video.ycc import UNSPECIFIED, as_picture, assumed_color_space, in_planes, plane_arrays, to_bgr
+
+T = TypeVar("T")
 
 INPUT_NAME, OUTPUT_NAME = "standard input", "standard output"
 
@@ -63,12 +66,6 @@ chroma_locations = {"420jpeg": "center", "420mpeg2": "left", "420paldv": "toplef
 
 SDR_PRIMARIES = (1, UNSPECIFIED, 5, 6)
 HDR_TRANSFERS = (16, 18)  # PQ and HLG
-
-
-def format_name(pixel_format: str, chroma_location: str) -> str:
-    """Return the name of a pixel format in the first line of a stream; `formats` has it."""
-    names = [name for name, other in formats.items() if other == pixel_format]
-    return next((name for name in names if chroma_locations.get(name) == chroma_location), names[0])
 
 
 class PipeSource(ClosesOnExit):
@@ -220,7 +217,7 @@ class PipeSink:
         self._traits = output.stream.traits
         self._waiting = _standard_output() if stream is None else None
         self._stream: Any = stream or self._waiting
-        self._header = self._pixel_format = ""
+        self._header = self._pixel_format = self._chroma_location = ""
         self._full_range: bool | None = None
         self._reformatter = VideoReformatter()
         self.remarks: list[str] = []
@@ -263,7 +260,7 @@ class PipeSink:
             self._pixel_format,
             self._traits.color_space if self._traits is not None else assumed_color_space(self._info.height),
             bool(self._full_range),
-            chroma_location=self._chroma_location(self._pixel_format),
+            chroma_location=self._chroma_location,
             reformatter=self._reformatter,
             keeps_original=self._traits is not None,
         )
@@ -283,9 +280,13 @@ class PipeSink:
             wanted, aspect = traits.pixel_format, traits.sample_aspect_ratio
             is_rgb = av.VideoFormat(wanted).is_rgb
             self._full_range = False if is_rgb else traits.full_range or (None if traits.color_range == 0 else False)
+            self._chroma_location = traits.chroma_location
             self._remark_on_traits(traits)
         self._pixel_format = self._encoding.pixel_format or self._nearest(wanted)
-        name = format_name(self._pixel_format, self._chroma_location(self._pixel_format))
+        if traits is None:  # as the name of 8-bit 4:2:0 usually says
+            self._chroma_location = "center" if self._pixel_format == "yuv420p" else "left"
+        names = [name for name, other in formats.items() if other == self._pixel_format]
+        name = next((name for name in names if chroma_locations.get(name) == self._chroma_location), names[0])
         rate = self._timing.rate.limit_denominator((2**31 - 1) // (int(self._timing.rate) + 1))
         shape = "0:0" if aspect is None else f"{aspect.numerator}:{aspect.denominator}"
         words = f"YUV4MPEG2 W{self._info.width} H{self._info.height} F{rate.numerator}:{rate.denominator} Ip A{shape}"
@@ -299,12 +300,6 @@ class PipeSink:
         if loss & (PixFmtLoss.DEPTH | PixFmtLoss.CHROMA | PixFmtLoss.RESOLUTION):
             self.remarks.append(f"{OUTPUT_NAME} cannot hold all of {wanted} and was written as {nearest.name}.")
         return nearest.name
-
-    def _chroma_location(self, pixel_format: str) -> str:
-        """Return where the source has its chroma samples; for images where the name of 8-bit 4:2:0 usually says."""
-        if self._traits is not None:
-            return self._traits.chroma_location
-        return "center" if pixel_format == "yuv420p" else "left"
 
     def _remark_on_traits(self, traits: VideoTraits) -> None:
         lost = {
@@ -358,28 +353,19 @@ class Descriptor:
         self._given_up.set()
 
     def read(self, size: int) -> bytes:
-        while True:
-            self._wait(to_read=True)
-            try:
-                return os.read(self._number, min(size, MAX_READ))
-            except BlockingIOError:
-                continue
+        return self._when_ready(True, lambda: os.read(self._number, min(size, MAX_READ)))
 
     def write(self, data: memoryview) -> int:
-        while True:
-            self._wait(to_read=False)
-            try:
-                return os.write(self._number, data[: self._portion])
-            except BlockingIOError:
-                continue
+        return self._when_ready(False, lambda: os.write(self._number, data[: self._portion]))
 
-    def _wait(self, *, to_read: bool) -> None:
-        ready = os.name == "nt"  # where only sockets can be asked
-        while not ready:
+    def _when_ready(self, to_read: bool, transfer: Callable[[], T]) -> T:
+        ends = ([self._number], []) if to_read else ([], [self._number])
+        while True:
             if self._given_up.is_set():
                 raise OSError("given up")
-            ends = ([self._number], []) if to_read else ([], [self._number])
-            ready = any(select.select(*ends, [], POLL_INTERVAL))
+            if os.name == "nt" or any(select.select(*ends, [], POLL_INTERVAL)):  # Windows can ask sockets only
+                with suppress(BlockingIOError):
+                    return transfer()
 
 
 def _standard_input() -> Descriptor:

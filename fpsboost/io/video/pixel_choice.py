@@ -61,25 +61,26 @@ def choose_pixel_format(
     best, loss = find_best_pix_fmt_of_list(fitting, wanted, has_alpha=keeps_alpha)
     if best is None:
         raise OutputError(f"{name} cannot hold {wanted} with {encoder}; choose another `codec`.")
-    remark = ""
     plain = wanted.replace("yuvj", "yuv")
-    lost = [word for flag, word in _losses if loss & flag][:1]
-    if wanted in offered or plain in offered:
-        remark = "" if best.name == plain else _odd_size_remark(name, info, best.name)
+    lost = [word for flag, word in losses.items() if loss & flag][:1]
+    remarks = []
+    if best.name != plain and {wanted, plain}.intersection(offered):
+        remarks.append(
+            f"{name} has the odd size {info.width}x{info.height} and was written as {best.name}, which few players "
+            "show; write a .webm, or crop to an even size."
+        )
     elif whole_only and av.VideoFormat(wanted).is_rgb and _chroma_of(best) == 1:
-        remark = (
+        remarks.append(
             f"{name} was written as {best.name} to keep the colours of its source, which few players show; "
             "`pixel_format='yuv420p'` makes what all show."
         )
-    elif lost:
-        remark = _loss_sentence(name, lost, encoder, best.name, wanted)
-    return best.name, [remark] if remark else []
+    elif lost and best.name != plain:
+        remarks.append(f"{_loss_sentence(name, lost, encoder, best.name, wanted)}.")
+    return best.name, remarks
 
 
-_losses = (
-    (PixFmtLoss.DEPTH, "depth"),
-    (PixFmtLoss.CHROMA | PixFmtLoss.RESOLUTION, "colour resolution"),
-)
+losses = {PixFmtLoss.DEPTH: "depth", PixFmtLoss.CHROMA | PixFmtLoss.RESOLUTION: "colour resolution"}
+"""Words for what FFmpeg says is lost between two pixel formats."""
 
 
 def _deepest(offered: list[str], wanted: str, *, exact: bool) -> str:
@@ -108,22 +109,14 @@ def _deepest(offered: list[str], wanted: str, *, exact: bool) -> str:
 def _loss_remarks(name: str, encoder: str, chosen: str, source: str, *, exact: bool) -> list[str]:
     finer = _chroma_of(av.VideoFormat(source)) > _chroma_of(av.VideoFormat(chosen))
     deeper = _bits_held(chosen, source, exact=exact) < depth_of(source)
-    lost = ["depth"] * deeper + ["colour resolution"] * finer
-    if not lost:
+    if not finer and not deeper:
         return []
-    sentence = _loss_sentence(name, lost, encoder, chosen, source).removesuffix(".")
-    return [f"{sentence}; `codec='ffv1'` in an .mkv keeps up to 16 bits of every colour."]
+    lost = _loss_sentence(name, ["depth"] * deeper + ["colour resolution"] * finer, encoder, chosen, source)
+    return [f"{lost}; `codec='ffv1'` in an .mkv keeps up to 16 bits of every colour."]
 
 
 def _loss_sentence(name: str, lost: list[str], encoder: str, chosen: str, source: str) -> str:
-    return f"{name} has less {' and '.join(lost)} than its source: {encoder} wrote {chosen} for {source}."
-
-
-def _odd_size_remark(name: str, info: ClipInfo, chosen: str) -> str:
-    return (
-        f"{name} has the odd size {info.width}x{info.height} and was written as {chosen}, which few players show; "
-        "write a .webm, or crop to an even size."
-    )
+    return f"{name} has less {' and '.join(lost)} than its source: {encoder} wrote {chosen} for {source}"
 
 
 def _bits_held(name: str, source: str, *, exact: bool) -> int:

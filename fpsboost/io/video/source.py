@@ -6,11 +6,12 @@ packet.
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
-from functools import partial
+from itertools import dropwhile, islice
 from pathlib import Path
 
 import av
@@ -26,21 +27,28 @@ from fpsboost.io.output import StreamInfo, VideoFile
 from fpsboost.io.video.clock import (
     VideoClock,
     assumed_rate_remark,
-    declared_duration,
     in_rising_order,
     measured_cadence,
     nominal_rate,
     survey,
 )
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.demuxer import Demuxer, left_out_remarks, open_video
-from fpsboost.io.video.frame_index import FrameIndex
-from fpsboost.io.video.picture_reader import PictureReader
-from fpsboost.io.video.pictures import FormatUnifier, Pictures, is_on_its_side, turned_upright
+from fpsboost.io.video.demuxer import Demuxer, left_out_remarks, open_video, read_packets
+from fpsboost.io.video.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
+from fpsboost.io.video.pictures import MAX_REORDERED, FormatUnifier, Pictures, is_on_its_side, turned_upright
 from fpsboost.io.video.pyav import as_fraction
-from fpsboost.io.video.remarks import counted, lost_alpha_remark, lost_companions_remark, lost_shape_remark
+from fpsboost.io.video.remarks import Damage, counted, lost_alpha_remark, lost_companions_remark, lost_shape_remark
 from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
-from fpsboost.io.video.ycc import has_alpha, in_planes, to_bgr, to_bgra
+from fpsboost.io.video.ycc import has_alpha, in_planes, to_bgr
+
+STEPS_BACK = (0, 1, 10)
+"""Seconds, or key frames, before the wanted one that are tried in turn."""
+
+CHECKED_PICTURES = 2 * MAX_REORDERED
+"""Number of pictures, from the first, that an index is compared with before it is believed."""
+
+SELF_CONTAINED = {"h264", "hevc", "mpeg1video", "mpeg2video", "mpeg4", "vp8", "vp9", "av1", "ffv1"}
+"""Codecs whose decoders give, from a key frame on, the same pictures as by decoding all, or leave out pictures."""
 
 
 class VideoSource(ClosesOnExit):
@@ -51,8 +59,7 @@ class VideoSource(ClosesOnExit):
     decoder's picture. Where the file has alpha, `keeps_alpha` yields BGRA. With `keeps_planes`, pictures of Y, Cb and
     Cr stay as they are, as `YCbCrImage`; others, and all without it, become BGR.
 
-    All times count from `start`, seconds on the file's own clock. `coded_rate` is the nominal rate of the file's own
-    pictures, whatever becomes of their fields.
+    `file` has the time of the file's own clock from which all times count, and the rate of its coded pictures.
     """
 
     def __init__(
@@ -69,48 +76,39 @@ class VideoSource(ClosesOnExit):
         self._for_images, self._keeps_alpha = for_images, keeps_alpha
         self._keeps_planes = keeps_planes and not for_images
         self._decoding, self._limit = decoding or DecodeOptions(), limit or MemoryLimit()
-        self._remarks: list[str] = []
+        self.remarks: list[str] = []
         self._demuxer = Demuxer(self.path, self._name, self._decoding.stream)
         try:
-            self._info = self._read_header()
+            self.info = self._read_header()
         except BaseException:
             self._demuxer.close()
             raise
         self._reformatter = VideoReformatter()
         self._unifier: FormatUnifier | None = None
-        self._traits: VideoTraits | None = None
         self._started = False
-        from_here = partial(
-            Pictures,
-            self._demuxer,
-            self._name,
-            tick=self._clock.tick,
-            interval=1 / self._clock.rate,
-            deinterlace=self._decoding.deinterlace,
-            keeps_alpha=keeps_alpha,
-            remarks=self._remarks,
-        )
-        self._reader = PictureReader(self._demuxer, self._clock, self.file, from_here)
+        self.frame_index: FrameIndex | None = None
+        self._unindexed: str | None = None
+        self._first = self._dropped = 0
+        self._pictures = self._pictures_from_here()
         if for_images:
             self._prepare_for_images()
 
     def _read_header(self) -> ClipInfo:
-        container, stream = self._demuxer.container, self._demuxer.stream
+        streams, stream = self._demuxer.container.streams, self._demuxer.stream
         context = stream.codec_context
         self._limit.check(self._name, context.width, context.height)
         with open_video(self.path, self._name) as file:
-            times, self.start = survey(file, stream.index)
+            times, start = survey(file, stream.index)
         tick = as_fraction(stream.time_base)
         cadence = None if tick is None else measured_cadence(times, tick)
-        self.coded_rate, rate_is_known = nominal_rate(stream, cadence)
-        self._remarks += left_out_remarks(container, stream, self._name)
-        self._remarks += [] if rate_is_known else [assumed_rate_remark(self._name)]
-        tick = tick or 1 / self.coded_rate
-        self._fields = fields = 2 if self._decoding.deinterlace else 1
-        self._clock = VideoClock(self._demuxer, self.start, tick, tick / fields, self.coded_rate * fields)
-        streams = container.streams
+        coded_rate, rate_is_known = nominal_rate(stream, cadence)
+        self.remarks += left_out_remarks(self._demuxer.container, stream, self._name)
+        self.remarks += [] if rate_is_known else [assumed_rate_remark(self._name)]
+        tick = tick or 1 / coded_rate
+        fields = 2 if self._decoding.deinterlace else 1
+        self._clock = VideoClock(self._demuxer, start, tick, tick / fields, coded_rate * fields)
         companions = ["sound"] * bool(streams.audio) + ["subtitles"] * bool(streams.subtitles)
-        self.file = VideoFile(self.path, self._name, stream.index, self.start, self.coded_rate, companions)
+        self.file = VideoFile(self.path, self._name, stream.index, start, coded_rate, companions)
         return ClipInfo(
             name=self._name,
             height=context.height,
@@ -118,31 +116,23 @@ class VideoSource(ClosesOnExit):
             rate=self._clock.rate,
             time_base=self._clock.time_base,
             frame_count=fields * stream.frames or None,
-            duration=declared_duration(stream),
+            duration=stream.duration * tick if stream.duration and stream.duration > 0 else None,
             mean_rate=None if cadence is None else cadence.mean_rate * fields,
         )
 
     def _prepare_for_images(self) -> None:
         traits = self.traits
         if is_on_its_side(traits.display_matrix):
-            self._info = replace(self._info, width=self._info.height, height=self._info.width)
+            self.info = replace(self.info, width=self.info.height, height=self.info.width)
         if self.file.companions:
-            self._remarks.append(lost_companions_remark(self._name, self.file.companions, "images"))
+            self.remarks.append(lost_companions_remark(self._name, self.file.companions, "images"))
         if traits.sample_aspect_ratio not in (None, 1):
-            self._remarks.append(lost_shape_remark(self._name, traits.sample_aspect_ratio))
-
-    @property
-    def info(self) -> ClipInfo:
-        return self._info
+            self.remarks.append(lost_shape_remark(self._name, traits.sample_aspect_ratio))
 
     @property
     def stream_info(self) -> StreamInfo:
         """See `fpsboost.io.DescribedSource.stream_info`; decodes the first frame."""
         return StreamInfo(traits=self.traits, video=self.file, files=[self.path])
-
-    @property
-    def remarks(self) -> list[str]:
-        return list(self._remarks)
 
     @property
     def stopped_by(self) -> str | None:
@@ -152,18 +142,21 @@ class VideoSource(ClosesOnExit):
     @property
     def traits(self) -> VideoTraits:
         """Colour, pixel shape, orientation; decodes the first frame and keeps it for the iteration."""
-        if self._traits is None:
-            picture = self._reader.pictures.peek()
+        return self._opened().traits
+
+    def _opened(self) -> FormatUnifier:
+        if self._unifier is None:
+            picture = self._pictures.peek()
             if picture is None:
                 raise InputError(f"{self._name} holds no frame that can be decoded; check it with a player.")
             # The header may be wrong or silent about the size; the first picture is not.
             self._limit.check(self._name, picture.width, picture.height)
-            self._info = replace(self._info, width=picture.width, height=picture.height)
+            self.info = replace(self.info, width=picture.width, height=picture.height)
             if has_alpha(picture.format.name) and not self._keeps_alpha:
-                self._remarks.append(lost_alpha_remark(self._name))
-            self._traits = read_traits(picture, self._demuxer.stream, self._reformatter, self._name)
-            self._unifier = FormatUnifier(self._name, picture, self._traits, self._decoding.size_change == "stop")
-        return self._traits
+                self.remarks.append(lost_alpha_remark(self._name))
+            traits = read_traits(picture, self._demuxer.stream, self._reformatter, self._name)
+            self._unifier = FormatUnifier(self._name, picture, traits, self._decoding.size_change == "stop")
+        return self._unifier
 
     def __iter__(self) -> Iterator[Frame]:
         if self._started:
@@ -172,95 +165,191 @@ class VideoSource(ClosesOnExit):
         return self._frames()
 
     def close(self) -> None:
-        self._reader.pictures.close()
+        self._pictures.close()
         self._demuxer.close()
 
     def _frames(self) -> Iterator[Frame]:
         """Yield the frames; only the last one's duration comes from the header."""
-        matrix = self.traits.display_matrix
-        coding = coding_of(self.traits) if self._keeps_planes else None
-        unifier = self._unifier
-        assert unifier is not None  # there since the traits were read
-        reader, clock, damage = self._reader, self._clock, self._reader.pictures.damage
-        count, end = reader.first, None
+        unifier = self._opened()
+        coding = coding_of(unifier.traits) if self._keeps_planes else None
+        clock, damage = self._clock, self._pictures.damage
+        count, end = self._first, None
         try:
             for picture, time, is_last in in_rising_order(
                 self._timed(unifier), 1 / clock.rate, clock.time_base, damage
             ):
-                reader.compare_with_index(count, time)
+                self._compare_with_index(count, time)
                 count += 1
-                if count <= reader.dropped:
+                if count <= self._dropped:
                     continue
                 duration = clock.duration_of(picture)
                 if is_last:
-                    reader.compare_with_index(count, None)
+                    self._compare_with_index(count, None)
                     duration = clock.last_duration(time, duration)
                     end = time + duration
-                if coding is not None:
-                    yield Frame(in_planes(picture, coding), time, duration, picture)
-                elif self._for_images:
-                    yield Frame(turned_upright(self._convert(picture), matrix), time, duration)
-                else:
-                    yield Frame(self._convert(picture), time, duration, picture)
+                image = self._convert(picture) if coding is None else in_planes(picture, coding)
+                yield Frame(image, time, duration, None if self._for_images else picture)
             if end is None:  # `traits` has decoded a frame, and the first one is never left out
-                raise InputError(f"{self._name} has ended before frame {reader.dropped}; begin at an earlier one.")
+                raise InputError(f"{self._name} has ended before frame {self._dropped}; begin at an earlier one.")
         finally:  # also where not all of the clip was asked for
-            self._remarks += reader.pictures.interlacing_remarks()
-            self._remarks += unifier.remarks()
-            self._remarks += damage.remarks(self._name, count)
-        self._remarks += clock.early_end_remarks(self._name, end, count, self._info.frame_count)
+            self.remarks += self._pictures.interlacing_remarks()
+            self.remarks += unifier.remarks()
+            self.remarks += damage.remarks(self._name, count)
+        self.remarks += clock.early_end_remarks(self._name, end, count, self.info.frame_count)
 
     def _timed(self, unifier: FormatUnifier) -> Iterator[tuple[av.VideoFrame, Fraction]]:
         """Yield the pictures, all alike, with the times that the file gives them."""
         end: Fraction | None = None
-        for number, decoded in enumerate(self._reader.pictures, self._reader.first):
+        for number, decoded in enumerate(self._pictures, self._first):
             picture = unifier.unified(decoded, number)
-            time = self._clock.time_of(picture, end, self._reader.pictures.damage)
+            time = self._clock.time_of(picture, end, self._pictures.damage)
             end = time + self._clock.duration_of(picture)
             yield picture, time
 
     def _convert(self, picture: av.VideoFrame) -> Image:
         try:
-            with_alpha = self._keeps_alpha and has_alpha(picture.format.name)
-            return (to_bgra if with_alpha else to_bgr)(picture, self._reformatter)
+            keeps_alpha = self._keeps_alpha and has_alpha(picture.format.name)
+            image = to_bgr(picture, self._reformatter, keeps_alpha=keeps_alpha)
         except (av.error.FFmpegError, ValueError):
             raise InputError(
                 f"{self._name} has the pixel format {picture.format.name}, which cannot be converted to BGR; "
                 "convert it to yuv444p16le first."
             ) from None
+        return turned_upright(image, self.traits.display_matrix) if self._for_images else image
 
     def first_time(self) -> Fraction:
         """Time of the clip's first frame, seconds; decodes it. Before the first frame is read."""
-        assert self.traits is not None
-        return self._reader.next_time() or Fraction(0)
+        self._opened()
+        return self._next_time() or Fraction(0)
 
     def skip_to(self, time: Fraction) -> None:
         """Go to the key frame before a time, where the index is to be trusted; not where fields become frames."""
-        assert self.traits is not None
-        self._reader.skip_to(time)
+        self._opened()
+        first = self._next_time()
+        if first is None or time <= first or not self._is_indexed or self._decoding.deinterlace:
+            return
+        for earlier in STEPS_BACK:  # some indexes count decoding times, which come before those of presentation
+            place = max(first, time - earlier) + self._clock.start
+            if not self._demuxer.seek(math.floor(place / self._clock.tick)):
+                continue
+            self._pictures = self._pictures_from_here()
+            reached, picture = self._next_time(), self._pictures.peek()
+            # what follows a corrupt picture would depend on pictures before it
+            if reached is not None and first <= reached <= time and picture is not None and not picture.is_corrupt:
+                return
+        self._reopen()
 
-    def frame_times(self) -> Sequence[Fraction] | None:
+    def frame_times(self) -> list[Fraction] | None:
         """See `fpsboost.io.RandomAccess.frame_times`; reads all packets, and decodes the first frames."""
-        assert self.traits is not None
-        times = self._reader.frame_times()
-        if times is None and self._info.frame_count is None and self._info.duration is None:
-            self._info = replace(self._info, frame_count=self._fields * self._reader.count_packets())
-        return times
-
-    @property
-    def frame_index(self) -> FrameIndex | None:
-        """See `fpsboost.io.SharesIndex.frame_index`."""
-        return self._reader.index
+        self._opened()
+        if self.frame_index is None and self._unindexed is None:
+            try:
+                self.frame_index = self._checked_index()
+            except UnindexedError as reason:
+                self._unindexed = str(reason)
+        if self.frame_index is None:
+            if self.info.frame_count is None and self.info.duration is None:
+                with open_video(self.path, self._name) as file:
+                    packets = sum(1 for _ in read_packets(file, {self.file.stream_index}, Damage()))
+                self.info = replace(self.info, frame_count=packets * (2 if self._decoding.deinterlace else 1))
+            return None
+        return [ticks * self._clock.tick - self._clock.start for ticks in self.frame_index.ticks.tolist()]
 
     def take_index(self, index: FrameIndex) -> None:
         """See `fpsboost.io.SharesIndex.take_index`."""
-        self._reader.index = index
+        self.frame_index = index
 
     def begin_at(self, number: int) -> None:
         """See `fpsboost.io.RandomAccess.begin_at`; decodes from the key frame before."""
         times = self.frame_times()
         if times is not None and number >= len(times):
             raise InputError(f"{self._name} has {counted(len(times), 'frame')}, and none has the number {number}.")
-        reason = self._reader.begin_at(number) if number else None
+        if not number:
+            return
+        reason = self._unindexed
+        if self.frame_index is not None:
+            codec = self._demuxer.stream.codec_context.codec
+            can_begin = codec.intra_only or codec.canonical_name in SELF_CONTAINED
+            points = self.frame_index.entry_points if can_begin else []
+            before = [point for point in reversed(points) if point.number <= number]
+            for point in [before[step] for step in STEPS_BACK if step < len(before)]:
+                if self._decode_up_to(number, point, self.frame_index):
+                    self._first = number
+                    return
+            is_short = bool(before) and before[0].number == 0
+            reason = None if is_short else "decoding cannot begin at the key frames before"
+        self._reopen()
+        self._dropped = number
         if reason is not None:
-            self._remarks.append(f"{self._name} was read from its beginning, because {reason}.")
+            self.remarks.append(f"{self._name} was read from its beginning, because {reason}.")
+
+    @property
+    def _is_indexed(self) -> bool:
+        return self._demuxer.container.format.name.startswith(INDEXED)
+
+    def _next_time(self) -> Fraction | None:
+        """Return when the next picture is presented, seconds; None if it has no time, or there is none."""
+        picture = self._pictures.peek()
+        if picture is None or picture.pts is None:
+            return None
+        return self._clock.time_of(picture, None, self._pictures.damage)
+
+    def _pictures_from_here(self) -> Pictures:
+        """Return the pictures from where the file is, with nothing counted yet."""
+        return Pictures(
+            self._clock,
+            self._name,
+            deinterlace=self._decoding.deinterlace,
+            keeps_alpha=self._keeps_alpha,
+            remarks=self.remarks,
+        )
+
+    def _reopen(self) -> None:
+        self._pictures.close()
+        self._demuxer.reopen()
+        self._pictures = self._pictures_from_here()
+
+    def _checked_index(self) -> FrameIndex:
+        """Return the index of the frames, of which the first ones have been compared with their pictures."""
+        if not self._is_indexed:
+            raise UnindexedError("its container has no index of frames")
+        if self._decoding.deinterlace:
+            raise UnindexedError("its packets tell nothing of fields")
+        index = read_index(self.path, self.file.stream_index)
+        times = [picture.pts for picture in islice(self._pictures, CHECKED_PICTURES)]
+        is_right = times == index.ticks[:CHECKED_PICTURES].tolist() and not self._pictures.differ_from_packets
+        self._reopen()
+        if not is_right:
+            raise UnindexedError("its packets and its pictures have different times")
+        return index
+
+    def _compare_with_index(self, number: int, time: Fraction | None) -> None:
+        """Raise `InputError` if a frame, or that there is none, is not what `frame_times` has promised."""
+        if self.frame_index is None:
+            return
+        ticks = self.frame_index.ticks
+        listed = None if number == len(ticks) else int(ticks[number]) * self._clock.tick - self._clock.start
+        if time != listed:
+            raise InputError(
+                f"{self._name} is damaged: its frame {number} is not at the time that its packets promise; "
+                "convert it whole, in one run."
+            )
+
+    def _decode_up_to(self, number: int, point: EntryPoint, index: FrameIndex) -> bool:
+        """Decode from an entry point up to a frame; return whether the pictures are those listed.
+
+        Pictures before the entry point's are left out, since decoding them depends on earlier packets.
+        """
+        expected = index.ticks[point.number : number + 1].tolist()
+        for time in (point.pts, point.dts):  # indexes of containers count either
+            if time is None or not self._demuxer.seek(time):
+                continue
+            self._pictures = self._pictures_from_here()
+            following = dropwhile(lambda picture: picture.pts is not None and picture.pts < point.pts, self._pictures)
+            for ticks, picture in zip(expected, following, strict=False):
+                if picture.pts != ticks or picture.is_corrupt or self._pictures.differ_from_packets:
+                    break
+                if ticks == expected[-1]:
+                    self._pictures.forget_earlier(picture)
+                    return True
+        return False

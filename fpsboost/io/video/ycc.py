@@ -44,55 +44,42 @@ PLANAR_FORMATS = frozenset(
 """Pixel formats whose pictures can be processed as planar YCbCr."""
 
 
-def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) -> Image:
-    """Convert a decoded picture by its own colour matrix and range; `from_bgr` is the inverse. Alpha is dropped.
+def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None, *, keeps_alpha: bool = False) -> Image:
+    """Convert a decoded picture by its own colour matrix and range; `from_bgr` is the inverse.
 
-    Samples (H, W, 3) are uint8, or uint16 where the format has more than 8 bits. The reformatter keeps the scaler's
-    tables from one frame to the next. Raises ValueError where the colour matrix is not supported.
+    Samples (H, W, 3), or (H, W, 4) with full-range alpha, are uint8, or uint16 where the format has more than 8 bits.
+    The reformatter keeps the scaler's tables from one frame to the next. Raises ValueError where the colour matrix is
+    not supported.
     """
     scaler = reformatter or VideoReformatter()
+    bits, full = _bits(picture), is_full_range(picture)
+    dtype = _sample_type(bits)
+    top = np.iinfo(dtype).max
     if picture.format.is_rgb:
-        return _packed(picture, scaler, alpha=False)
+        pixel_format = packed_format(dtype, alpha=keeps_alpha)
+        packed = scaler.reformat(picture, format=pixel_format, interpolation=SCALER_FLAGS)
+        return np.ascontiguousarray(packed.to_ndarray())
+    image: Image
     if is_gray(picture.format):
-        return _gray_to_bgr(picture, scaler)
-    full = is_full_range(picture)
-    planar = reformatted(picture, scaler, full_chroma(_bits(picture)), full)
-    dtype = _sample_type(_bits(picture))
-    forward = bgr_to_ycc(color_space_of(picture), full, _bits(planar), np.iinfo(dtype).max)
-    inverse = np.linalg.inv(forward[:, :3])
-    backward = np.column_stack([inverse, -inverse @ forward[:, 3]])
-    image: Image = cv2.transform(cv2.merge(plane_arrays(planar)), backward)
-    return image
-
-
-def _packed(picture: av.VideoFrame, scaler: VideoReformatter, *, alpha: bool) -> Image:
-    pixel_format = packed_format(_sample_type(_bits(picture)), alpha=alpha)
-    packed = scaler.reformat(picture, format=pixel_format, interpolation=SCALER_FLAGS)
-    return np.ascontiguousarray(packed.to_ndarray())
-
-
-def _gray_to_bgr(picture: av.VideoFrame, scaler: VideoReformatter) -> Image:
-    # not through 4:4:4, where the scaler applies a matrix to gray too and shifts it
-    name = full_chroma(_bits(picture)).replace("yuv444p", "gray")
-    if picture.format.name != name:
-        picture = scaler.reformat(picture, format=name, interpolation=SCALER_FLAGS)
-    (levels,) = plane_arrays(picture)
-    top, most = np.iinfo(levels.dtype).max, 2 ** _bits(picture) - 1
-    return cv2.merge([levels if top == most else np.rint(levels * (top / most)).astype(levels.dtype)] * 3)
-
-
-def to_bgra(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) -> Image:
-    """Convert a picture with alpha as `to_bgr` does, to (H, W, 4); alpha is full range, colours are unchanged by it."""
-    scaler = reformatter or VideoReformatter()
-    if picture.format.is_rgb:
-        return _packed(picture, scaler, alpha=True)
-    image = to_bgr(picture, scaler)
-    whole = full_chroma(_bits(picture)).replace("yuv", "yuva")
-    planar = reformatted(picture, scaler, whole, is_full_range(picture))
-    alpha, most, top = plane_arrays(planar)[3], 2 ** _bits(planar) - 1, np.iinfo(image.dtype).max
-    if top != most:
-        alpha = np.rint(alpha * np.float32(top / most)).astype(image.dtype)
-    return np.dstack([image, alpha])
+        # not through 4:4:4, where the scaler applies a matrix to gray too and shifts it
+        name = full_chroma(bits).replace("yuv444p", "gray")
+        if picture.format.name != name:
+            gray = scaler.reformat(picture, format=name, interpolation=SCALER_FLAGS)
+        else:
+            gray = picture
+        (levels,), most = plane_arrays(gray), 2 ** _bits(gray) - 1
+        image = cv2.merge([levels if top == most else np.rint(levels * (top / most)).astype(dtype)] * 3)
+    else:
+        planar = reformatted(picture, scaler, full_chroma(bits), full)
+        forward = bgr_to_ycc(color_space_of(picture), full, _bits(planar), top)
+        inverse = np.linalg.inv(forward[:, :3])
+        backward = np.column_stack([inverse, -inverse @ forward[:, 3]])
+        image = cv2.transform(cv2.merge(plane_arrays(planar)), backward)
+    if not keeps_alpha:
+        return image
+    planar = reformatted(picture, scaler, full_chroma(bits).replace("yuv", "yuva"), full)
+    alpha, most = plane_arrays(planar)[3], 2 ** _bits(planar) - 1
+    return np.dstack([image, alpha if top == most else np.rint(alpha * np.float32(top / most)).astype(dtype)])
 
 
 def packed_format(dtype: np.dtype[Any], *, alpha: bool) -> str:

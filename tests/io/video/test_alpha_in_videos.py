@@ -17,9 +17,8 @@ import fpsboost
 from fpsboost.io.images.files import read_image
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.encoding import encodes_alpha
 from fpsboost.io.video.source import VideoSource
-from fpsboost.io.video.ycc import SMPTE170M, from_bgr, to_bgra
+from fpsboost.io.video.ycc import SMPTE170M, from_bgr, to_bgr
 from fpsboost.timing.position import Trim, parse_position
 
 VP9 = {"auto-alt-ref": "0", "lossless": "1", "cpu-used": "8", "deadline": "realtime"}
@@ -173,29 +172,10 @@ def test_alpha_there_and_back(pixel_format, full_range):
     image = np.full((16, 16, 4), 90, np.uint8)
     image[..., 3] = np.arange(256).reshape(16, 16)
     picture = from_bgr(image, pixel_format, SMPTE170M, full_range)
-    back = to_bgra(picture)
+    back = to_bgr(picture, keeps_alpha=True)
     assert picture.format.name == pixel_format
     alpha = back[..., 3] if back.dtype == np.uint8 else np.rint(back[..., 3] / 257)
     assert np.array_equal(alpha, image[..., 3])
-
-
-@pytest.mark.parametrize(
-    ("encoding", "container", "expected"),
-    [
-        (Encoding(), "mp4", False),
-        (Encoding(), "webm", True),
-        (Encoding(codec="vp9"), "mp4", False),
-        (Encoding(codec="vp9"), "matroska", True),
-        (Encoding(codec="hevc"), "mp4", False),
-        (Encoding(codec="prores_ks"), "mov", True),
-        (Encoding(codec="prores_ks", pixel_format="yuv422p10le"), "mov", False),
-        (Encoding(codec="ffv1", pixel_format="bgra"), "matroska", True),
-        (Encoding(codec="none"), "mp4", False),
-    ],
-)
-def test_what_can_hold_alpha(encoding, container, expected):
-    """Encoder, pixel format and container must all have a place for it."""
-    assert encodes_alpha(encoding, container) is expected
 
 
 def test_lost_alpha_is_said_once(tmp_path):

@@ -12,23 +12,12 @@ import av
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from video_truth import (
-    add_pictures,
-    bytes_of,
-    copy_packets,
-    mux_in_order,
-    packets_of,
-    pictures_of,
-    scene,
-    tone,
-    write_clip,
-)
+from video_truth import bytes_of, copy_packets, mux_in_order, packets_of, pictures_of, scene, tone, write_clip
 
 from fpsboost import convert
 from fpsboost.cli.options import in_flags
-from fpsboost.io.video.demuxer import ContinuousClock
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.pictures import MAX_REORDERED, ReorderBuffer
+from fpsboost.io.video.pictures import ReorderBuffer
 from fpsboost.io.video.source import VideoSource
 from fpsboost.probing import probe
 
@@ -147,32 +136,6 @@ def test_joined_recordings_go_on(tmp_path, second):
     assert max(gaps) - min(gaps) <= Fraction(1, 100)
 
 
-def packet_at(time: float, stream: Any) -> Any:
-    return SimpleNamespace(
-        pts=round(time * 1000), dts=round(time * 1000), duration=20, time_base="1/1000", stream=stream
-    )
-
-
-def test_streams_change_their_clock_at_different_places():
-    """Woven together at the joint, pictures and sound are moved alike; a pause of one stream alone is no joint."""
-    picture, sound = (SimpleNamespace(type=kind, index=index) for index, kind in enumerate(("video", "audio")))
-    clock = ContinuousClock()
-    moved = []
-    for stream, time in zip([picture, sound] * 4, (0, 0, 1, 1, 80, 2, 81, 80.5), strict=True):
-        packet = packet_at(time, stream)
-        clock.move(packet)
-        moved.append(packet.dts)
-    assert moved == [0, 0, 1000, 1000, 1020, 2000, 2020, 1520]
-    assert clock.jumps == 1
-    clock = ContinuousClock()
-    for time in range(40):
-        clock.move(packet_at(time, sound))
-    clock.move(packet_at(0, picture))
-    late = packet_at(39, picture)
-    clock.move(late)
-    assert (late.dts, clock.jumps) == (39_000, 0)
-
-
 # -------------------------------------------------------------------------------------------- pictures and their times
 
 
@@ -197,42 +160,13 @@ def test_times_follow_the_order_of_showing(tmp_path, name):
     assert [bytes_of(frame.original) for frame in frames] == [bytes_of(picture) for picture in pictures_of(whole)]
 
 
-def in_order(fed: list[int], shown: list[int], interval: float = 40) -> list[int | None]:
-    """The times that pictures get: `shown` are their own as they come out of the decoder, `fed` as they go in."""
-    order = ReorderBuffer[Any](interval)
-    for pts in fed:
-        order.expect(pts)
-    ready = [each for pts in shown for each in order.push(SimpleNamespace(pts=pts, name=pts))] + order.flush()
-    assert [picture.name for picture in ready] == shown
-    return [picture.pts for picture in ready]
-
-
-def test_exchanged_times_change_places_and_damaged_ones_stay():
-    """Even once in order: put in order. Uneven even then: left to those who put damage right."""
-    assert in_order([0, 40, 80, 120, 160], [0, 120, 80, 160, 40]) == [0, 40, 80, 120, 160]
-    assert in_order([0, 40, 80, 70, 160], [0, 40, 80, 70, 160]) == [0, 40, 80, 70, 160]
-    assert in_order([], [0, 80, 40]) == [0, 80, 40]
-
-
-def test_lost_packets_hold_nothing_up():
-    """Pictures wait for one that never comes no longer than pictures can be reordered."""
-    order = ReorderBuffer[Any](40)
-    for number in range(60):
-        order.expect(40 * number)
-    waiting = 0
-    for number in (each for each in range(60) if each != 7):
-        waiting += 1 - len(order.push(SimpleNamespace(pts=40 * number)))
-        assert waiting <= MAX_REORDERED
-    assert waiting == 0
-
-
 @given(st.lists(st.integers(-100, 3000) | st.none(), max_size=60), st.integers(1, 100))
 def test_no_picture_is_lost(times, interval):
     """Whatever the times: every picture comes out once, in the order of the decoder."""
-    order = ReorderBuffer[Any](interval)
+    order = ReorderBuffer(interval)
     for pts in reversed(times):
         order.expect(pts)
-    pictures = [SimpleNamespace(pts=pts) for pts in times]
+    pictures: list[Any] = [SimpleNamespace(pts=pts) for pts in times]
     ready = [each for picture in pictures for each in order.push(picture)] + order.flush()
     assert all(one is other for one, other in zip(ready, pictures, strict=True))
 
@@ -249,17 +183,6 @@ def with_chunk_behind_the_end(path: Path, track: int, chunk: int = 0) -> None:
     place += 12 + 4 * chunk
     data[place : place + 4] = (1 << 30).to_bytes(4)
     path.write_bytes(bytes(data))
-
-
-def test_streams_that_nobody_reads_end_nothing(tmp_path):
-    """A timecode that lies behind the end of a truncated file costs no frame."""
-    with av.open(str(tmp_path / "in.mov"), "w") as output:
-        video, packets = add_pictures(output, 60)
-        video.metadata["timecode"] = "01:00:00:00"
-        output.mux(packets)
-    with_chunk_behind_the_end(tmp_path / "in.mov", 1)
-    frames, remarks = read(tmp_path / "in.mov")
-    assert (len(frames), remarks) == (60, [])
 
 
 def test_sound_behind_the_end_ends_no_pictures(tmp_path):
