@@ -146,27 +146,6 @@ def test_errors_of_the_last_writes_surface_when_the_block_is_left():
         write(1)
 
 
-def test_nothing_is_written_after_a_failure():
-    """The queue behind the item that failed is dropped."""
-    seen: list[int] = []
-    queued = threading.Event()
-
-    def fail(item: int) -> None:
-        seen.append(item)
-        queued.wait(10)
-        raise OnPurposeError
-
-    def write_five() -> None:
-        with write_behind(fail, 8) as write:
-            for k in range(5):
-                write(k)
-            queued.set()
-
-    with pytest.raises(OnPurposeError):
-        write_five()
-    assert seen == [0]
-
-
 def test_leaving_by_an_exception_drops_what_is_not_written(monkeypatch):
     """The body's own error comes through, the item in hand is finished, the rest is not written."""
     started, release = threading.Event(), threading.Event()
@@ -248,25 +227,6 @@ def test_no_thread_is_left_by_an_interruption_of_its_start(monkeypatch, side, ha
         pass
 
 
-@pytest.mark.parametrize("side", ["reader", "writer"])
-def test_both_sides_end_when_one_fails(side):
-    """An error on either side surfaces once, and both threads end."""
-
-    def write_one(item: int) -> None:
-        if side == "writer" and item == 7:
-            raise OnPurposeError
-
-    source = failing_after(7) if side == "reader" else itertools.count()
-
-    def copy() -> None:
-        with read_ahead(source, 2) as items, write_behind(write_one, 2) as write:
-            for item in items:
-                write(item)
-
-    with pytest.raises(OnPurposeError):
-        copy()
-
-
 @pytest.mark.parametrize("threads", [1, 2, 7])
 def test_results_come_in_the_order_of_the_jobs(threads):
     """Whichever ends first, and none is lost."""
@@ -297,40 +257,6 @@ def test_no_more_jobs_are_taken_than_there_is_room_for(threads):
         for number, result in enumerate(in_order(jobs())):
             assert result == number
             assert len(taken) <= number + 1 + threads
-
-
-@pytest.mark.parametrize("threads", [1, 3])
-def test_results_do_not_wait_for_jobs_to_come(threads):
-    """What is there is given out, however long the next job takes to arrive, as behind a pipe."""
-    fetched = threading.Event()
-
-    def jobs() -> Iterator[Callable[[], int]]:
-        yield partial(int, 1)
-        assert fetched.wait(10)
-        yield partial(int, 2)
-
-    with run_in_parallel(threads) as in_order:
-        results = in_order(jobs())
-        assert next(results) == 1
-        fetched.set()
-        assert list(results) == [2]
-
-
-def test_jobs_that_never_come_are_given_up():
-    """An error of the caller ends the wait for another program."""
-    gone = threading.Event()
-
-    def jobs() -> Iterator[Callable[[], int]]:
-        yield partial(int, 1)
-        assert gone.wait(10)
-
-    def fetch() -> None:
-        with run_in_parallel(2, gone.set) as in_order:
-            for _ in in_order(jobs()):
-                raise OnPurposeError
-
-    with pytest.raises(OnPurposeError):
-        fetch()
 
 
 @pytest.mark.parametrize("threads", [1, 4])

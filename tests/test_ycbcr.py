@@ -178,22 +178,6 @@ def test_cuts_are_treated_in_planes(at_cuts):
         np.testing.assert_array_equal(made.planes[0], same[1].planes[0])
 
 
-def test_an_overlay_is_left_alone_in_planes():
-    """A bright bar before what moves by 12 pixels a frame has its own luma and chroma in between."""
-    clip = affine(96, 160, shift=(12, 0))
-    frames = []
-    for k in range(4):
-        image = clip.at(float(k)).copy()
-        image[40:44, 60:100] = (40, 220, 240)
-        frames.append(FrameCache(planar(image)))
-    nlm = methods["nlm"]
-    pairs = [nlm.pair(first, second) for first, second in pairwise(frames)]
-    (made,) = nlm.between(pairs[1], [0.5], pairs[0], pairs[2]).images
-    for plane, expected, down in zip(made.planes, frames[1].pixels.planes, (1, 2, 2), strict=True):
-        inside = slice(41 // down + 1, 43 // down), slice(70 // down, 90 // down)
-        np.testing.assert_allclose(plane[inside].astype(int), expected[inside], atol=1)
-
-
 def test_light_that_changes_is_followed_by_way_of_bgr():
     """A fade between two frames is made as it is of arrays, as an array."""
     image0, image1 = (image.astype(float) for image in smooth())

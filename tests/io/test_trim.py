@@ -173,12 +173,7 @@ def test_a_start_behind_the_end_is_an_error(tmp_path, snapshot, name, start):
 def test_damage_in_the_range_is_told_though_the_rest_is_not_read(tmp_path):
     """What was wrong with the part that was read is said also where reading ends early."""
     clip = write_clip(tmp_path / "in.mp4", times=range(60), options={"preset": "ultrafast", "crf": "0", "g": "1"})
-    data = bytearray(clip.read_bytes())
-    with av.open(str(clip)) as file:
-        packet = list(file.demux(video=0))[5]
-    assert packet.pos is not None
-    data[packet.pos : packet.pos + packet.size] = b"\xff" * packet.size
-    clip.write_bytes(bytes(data))
+    spoil_packets(clip, [5])
     summary = convert_part(clip, tmp_path / "o.mp4", None, "1")
     assert any("in.mp4 is damaged" in remark for remark in summary.remarks)
 
@@ -276,13 +271,8 @@ def test_chapters_of_the_part(tmp_path, flashing):
 
 def test_subtitles_of_the_part(tmp_path):
     """Lines that overlap it are shown as long as they did within it; the others are left out."""
-    lines = [
-        (0, 500, b"before"),
-        (800, 600, b"into"),
-        (1500, 200, b"within"),
-        (1900, 900, b"out of"),
-        (3000, 500, b"after"),
-    ]
+    texts = (b"before", b"into", b"within", b"out of", b"after")
+    lines = list(zip((0, 800, 1500, 1900, 3000), (500, 600, 200, 900, 500), texts, strict=True))
     clip = write_clip(tmp_path / "in.mkv", times=range(100), subtitles=lines)
     convert_part(clip, tmp_path / "out.mkv", "1", "2", method="nearest")
     with av.open(str(tmp_path / "out.mkv")) as file:

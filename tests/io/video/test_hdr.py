@@ -14,13 +14,7 @@ from fpsboost.conversion import convert
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoder import with_hdr
 from fpsboost.io.video.source import VideoSource
-from fpsboost.io.video.traits import (
-    LightLevel,
-    MasteringDisplay,
-    VideoTraits,
-    parse_light_level,
-    parse_mastering_display,
-)
+from fpsboost.io.video.traits import LightLevel, MasteringDisplay, VideoTraits, parse_mastering_display
 
 DISPLAY = MasteringDisplay(
     red=(Fraction(34, 50), Fraction(16, 50)),
@@ -106,10 +100,3 @@ def test_half_a_display_is_not_invented():
     display = parse_mastering_display(struct.pack("=22i", *numbers, 0, 1))
     assert display == MasteringDisplay(None, None, None, None, Fraction(1000), Fraction(1, 200))
     assert with_hdr({}, "libx264", display, LIGHT) == ({"x264-params": "cll=1000,400"}, False)
-
-
-def test_nothing_said_is_nothing_read():
-    """Absent, truncated and empty blocks."""
-    assert parse_mastering_display(None) is parse_mastering_display(bytes(88)) is None
-    assert parse_mastering_display(bytes(10)) is None
-    assert parse_light_level(None) is parse_light_level(bytes(8)) is parse_light_level(bytes(3)) is None

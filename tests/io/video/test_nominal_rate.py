@@ -68,14 +68,6 @@ def test_one_interval_changes_nothing(tmp_path, rate, late, place):
     assert rate_by(times, TICK, mean, mean) == rate
 
 
-def test_an_interval_of_a_file_changes_nothing(tmp_path):
-    """59.94 in an mp4 with one interval too long: 59.94, and not 59.956 or the like."""
-    times = [round((number - (number >= 200) * 0.16) / (60 * NTSC) / TICK) for number in range(400)]
-    clip = write_clip(tmp_path / "in.mp4", times=times, time_base=TICK, rate=60 * NTSC, size=(16, 16))
-    with VideoSource(clip) as source:
-        assert source.info.rate == 60 * NTSC
-
-
 def test_most_intervals_decide_where_the_rate_varies():
     """Pauses and bursts do not count; a rate near a round one is that."""
     intervals = islice(cycle([16, 16, 15, 16, 300, 16, 15, 1, 17, 120]), 300)

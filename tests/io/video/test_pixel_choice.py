@@ -186,16 +186,8 @@ def test_a_phone_clip_stays_what_it_is(tmp_path, suffix):
     clip, target = tmp_path / "in.mov", tmp_path / f"out{suffix}"
     tags = {"color_primaries": 9, "color_trc": 18, "colorspace": 9, "color_range": 1}
     options = {"preset": "ultrafast", "x265-params": f"log-level=none:master-display={DISPLAY}:max-cll=1000,400"}
-    write_clip(
-        clip,
-        times=range(4),
-        size=(64, 64),
-        codec="libx265",
-        pixel_format="yuv420p10le",
-        options=options,
-        matrix=QUARTER_TURN,
-        **tags,
-    )
+    phone = {"codec": "libx265", "pixel_format": "yuv420p10le", "matrix": QUARTER_TURN, "options": options}
+    write_clip(clip, times=range(4), size=(64, 64), **phone, **tags)
     preset = "12" if suffix == ".webm" else "ultrafast"
     assert convert(str(clip), str(target), method="nearest", encoding=Encoding(preset=preset)).remarks == []
     with av.open(str(target)) as file:

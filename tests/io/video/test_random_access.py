@@ -15,10 +15,8 @@ from video_truth import bytes_of, copy_packets, spoil_packets, write_clip
 from fpsboost.contracts import FrameSource
 from fpsboost.errors import InputError
 from fpsboost.frame import Frame
-from fpsboost.io import RandomAccess
 from fpsboost.io.images.source import ImageReading, ImageSource
 from fpsboost.io.trim import TrimmedSource
-from fpsboost.io.video.capture import ArraySource
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.source import VideoSource
 from fpsboost.streaming import beginning
@@ -221,11 +219,3 @@ def test_an_image_unlike_the_first_is_an_error(tmp_path, save_images):
         source.begin_at(2)
         with pytest.raises(InputError, match=r"0003.* is unlike .*0001"):
             list(source)
-
-
-def test_who_can_begin_anywhere(tmp_path, save_images):
-    """Videos and images, and not what comes once."""
-    save_images(tmp_path)
-    assert isinstance(VideoSource(write_clip(tmp_path / "in.mp4")), RandomAccess)
-    assert isinstance(ImageSource(str(tmp_path), Fraction(24)), RandomAccess)
-    assert not isinstance(ArraySource([np.zeros((4, 4, 3), np.uint8)], Fraction(24)), RandomAccess)

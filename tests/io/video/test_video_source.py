@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from fractions import Fraction
 from io import BytesIO
 from itertools import pairwise, product
@@ -76,12 +75,6 @@ def test_times_that_do_not_start_at_zero(tmp_path):
     assert frames[0].time == 2
     assert frames[-1].time + frames[-1].duration == Fraction(60, 25)
     assert remarks == []
-
-
-def test_rgb_video_is_exact(tmp_path):
-    """A video that holds BGR comes out as the very same numbers."""
-    frames, _ = read(write_clip(tmp_path / "in.mkv", codec="ffv1", pixel_format="bgr0", rate=Fraction(25)))
-    assert all(np.array_equal(frame.image, scene(k)) for k, frame in enumerate(frames))
 
 
 def test_traits(tmp_path):
@@ -270,11 +263,3 @@ def test_upright_pixels_land_where_the_display_matrix_sends_them(turn):
     left, top = (min(place[axis] for place in places.values()) for axis in range(2))
     for value, (x, y) in places.items():
         assert turned[y - top, x - left, 0] == value
-
-
-@pytest.mark.parametrize("degrees", [30, 120, 200, 300])
-def test_other_angles_are_left_alone(degrees):
-    """A picture that does not fit a frame after its rotation is neither rotated nor flipped."""
-    image = np.arange(24, dtype=np.uint8).reshape(4, 6, 1)
-    a, b = (round(function(math.radians(degrees)) * 65536) for function in (math.cos, math.sin))
-    assert turned_upright(image, (a, b, 0, -b, a, 0, 0, 0, 1 << 30)) is image
