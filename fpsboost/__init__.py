@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from fpsboost.io.memory_limit import MemoryLimit
     from fpsboost.io.part import Part
     from fpsboost.io.side.options import SideOutputs
+    from fpsboost.io.target import Target, open_sink
     from fpsboost.io.vectors.folder import VectorFolder
     from fpsboost.io.video.decode_options import DecodeOptions
     from fpsboost.io.video.encode_options import Encoding
@@ -116,6 +117,7 @@ __all__ = [
     "SourcePosition",
     "Summary",
     "Synthesizer",
+    "Target",
     "Trim",
     "VectorFolder",
     "YCbCrImage",
@@ -130,6 +132,7 @@ __all__ = [
     "join",
     "merge_regions",
     "methods",
+    "open_sink",
     "plan_rerender",
     "run_conversion",
     "stream",
@@ -151,6 +154,7 @@ _modules = {
     "io.memory_limit": "MemoryLimit",
     "io.part": "Part",
     "io.side.options": "SideOutputs",
+    "io.target": "Target open_sink",
     "io.vectors.folder": "VectorFolder",
     "io.video.decode_options": "DecodeOptions",
     "io.video.encode_options": "Encoding",

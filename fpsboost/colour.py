@@ -221,3 +221,17 @@ class Coding:
         forward = bgr_to_ycc(self.color_space, self.full_range, self.bits, 1)
         inverse = np.linalg.inv(forward[:, :3])
         return np.column_stack([inverse, -inverse @ forward[:, 3]])
+
+
+def as_shown(image: NDArray[Any]) -> NDArray[Any]:
+    """Return an image as a screen shows it, (H, W, 3) uint8: clipped; over mid gray; float as linear light."""
+    linear = image.dtype == np.float32
+    values = composite_on_black(image)
+    if has_alpha(image):
+        gray = 0.5**2.2 if linear else 0.5
+        values = values[..., :-1] + gray * (1 - values[..., -1:].clip(0, 1))
+    values = values.clip(0, 1)
+    if linear:
+        values = np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
+    levels = np.rint(values * 255).astype(np.uint8)
+    return np.ascontiguousarray(levels if levels.shape[2] == 3 else levels.repeat(3, axis=2))

@@ -18,12 +18,14 @@ from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.opening import check_images, open_source
 from fpsboost.io.output import Output, StreamInfo
 from fpsboost.io.target import Target
-from fpsboost.io.trim import Window, trim_source
+from fpsboost.io.trim import Seekable, Sliceable, Window, trim_source
 from fpsboost.io.vectors.fit import fit_vectors
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.run_options import RunOptions
+from fpsboost.streaming import beginning
+from fpsboost.timing.position import Trim
 from fpsboost.timing.rate import FrameIntervals, OutputRate
 from fpsboost.timing.schedule import ExposureSchedule, Schedule, count_frames
 
@@ -51,6 +53,10 @@ class ConversionJob:
     decoding: DecodeOptions = DecodeOptions()
     encoding: Encoding = field(default_factory=Encoding)
 
+    def of_part(self, trim: Trim) -> ConversionJob:
+        """Return the same for a part of the clip."""
+        return replace(self, decoding=replace(self.decoding, trim=trim))
+
     def target(self, run: RunOptions) -> Target:
         """Return what the output is; raise `OptionError` if there is none, or an option does not apply to it."""
         _check_shutter(self.rate, self.method, run)
@@ -66,6 +72,20 @@ class OpenedClip:
     whole: DescribedSource
     source: FrameSource
     window: Window | None
+
+    def begin_near(self, seconds: Fraction) -> Fraction | None:
+        """Let the whole clip begin where reading can begin next to a time, if it can; return the origin of its times.
+
+        Times count from the clip's first frame. Must be called before the first frame is read.
+        """
+        if isinstance(self.whole, Sliceable):
+            self.whole.keep(round(seconds * self.whole.info.rate), None)
+            return -beginning(self.whole).seconds
+        if isinstance(self.whole, Seekable):
+            origin = self.whole.first_time()
+            self.whole.skip_to(origin + seconds)
+            return origin
+        return None
 
 
 @contextmanager

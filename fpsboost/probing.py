@@ -11,7 +11,7 @@ from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Self
 
 from fpsboost.analysis.duplicates import SourceFrame, group_duplicates, group_singly
 from fpsboost.contracts import FrameSource
@@ -117,6 +117,13 @@ class Probe:
         """Return everything as plain numbers, texts, lists and dictionaries."""
         return asdict(self)
 
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> Self:
+        """Return what `as_json` has made plain data of."""
+        look = data["look"] and Look(**data["look"])
+        streams, conversion = [StreamFacts(**each) for each in data["streams"]], Conversion(**data["conversion"])
+        return cls(**{**data, "look": look, "streams": streams, "conversion": conversion})
+
 
 @dataclass
 class Findings:
@@ -125,6 +132,8 @@ class Findings:
     seen: Callable[[Frame, Fraction], None] = lambda frame, time: None
     """Function that is given every frame, and its time after the first one, seconds."""
     times: list[Fraction] = field(default_factory=list)
+    origin: SourcePosition = field(default=SourcePosition(0, Fraction(0)))
+    """Position of the first frame in its clip; with its time, it tells that of any other."""
     end: Fraction = Fraction(0)
     """End of the last frame, seconds."""
     interlaced: int = 0
@@ -132,6 +141,10 @@ class Findings:
     """Times of the duplicate frames, stills not counted."""
     moments: list[Fraction] = field(default_factory=list)
     """Times of the frames that are no duplicates."""
+
+    def in_clip(self, time: Fraction) -> Fraction:
+        """Return the seconds from the clip's first frame to a time of the frames that were read."""
+        return self.origin.seconds + time - self.times[0]
 
     def cuts(self, frames: FrameSource, interpolator: Interpolator) -> list[Fraction]:
         """Read frames and return the times of those that begin a scene."""
@@ -149,8 +162,8 @@ class Findings:
             self.end = frame.time + (frame.duration or 1 / frames.info.rate)
             self.interlaced += bool(getattr(frame.original, "interlaced_frame", False))
             self.seen(frame, frame.time - self.times[0])
-            begins = beginning(frames)
-            place = SourcePosition(begins.number + len(self.times) - 1, begins.seconds + frame.time - self.times[0])
+            self.origin = beginning(frames)
+            place = SourcePosition(self.origin.number + len(self.times) - 1, self.in_clip(frame.time))
             yield SourceFrame(frame, FrameCache(frame.image, source_position=place))
 
     def pairs(self, frames: FrameSource, interpolator: Interpolator) -> Iterator[Pair]:

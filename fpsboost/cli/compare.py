@@ -20,12 +20,12 @@ from rich.table import Column, Table
 
 from fpsboost.cli import messages
 from fpsboost.cli.contestants import choose, name_others, split_methods
-from fpsboost.cli.flags import words_of
 from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import ContestOptions, CutOptions, HidingOptions, ResultOptions
 from fpsboost.cli.signature import GROUPS, PathName, with_flags
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.options import words_of
 
 if TYPE_CHECKING:
     from fpsboost.evaluation.contestants import Contestant

@@ -9,14 +9,13 @@ import re
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from fpsboost.cli.flags import flags_of
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import OptionError
 from fpsboost.io.memory_limit import MemoryLimit, parse_memory
 from fpsboost.io.vectors.convention import ConventionName
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.options import option
+from fpsboost.options import flags_of, option
 from fpsboost.rerender.options import FrameChoiceOptions, MergeOptions, PlanOptions
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Position, parse_positions

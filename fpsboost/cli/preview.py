@@ -12,13 +12,13 @@ from rich.console import Console
 
 from fpsboost.cli.batch import plan_outputs
 from fpsboost.cli.contestants import choose, split_methods
-from fpsboost.cli.flags import words_of, words_of_options
 from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import CutOptions, PreviewOptions, in_flags
 from fpsboost.cli.signature import GROUPS, PathName, with_flags
 from fpsboost.errors import OptionError
 from fpsboost.io.opening import PIPES
 from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.options import words_of, words_of_options
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import OutputRate
 

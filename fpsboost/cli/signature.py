@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from cyclopts import Group, Parameter
 
-from fpsboost.cli.flags import Flag, flags_of
 from fpsboost.cli.options import in_flags
+from fpsboost.options import Flag, flags_of, options_from
 
 if TYPE_CHECKING:
     PathName = str
@@ -61,7 +61,7 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
             parameters.append(parameter.replace(annotation=hints[name]))
 
     def run(*arguments: Any, **values: Any) -> None:
-        options = {name: _built(cls, values) for name, cls in classes.items()}
+        options = {name: options_from(cls, values) for name, cls in classes.items()}
         own = hints.keys() - classes.keys()
         command(*arguments, **options, **{name: value for name, value in values.items() if name in own})
 
@@ -69,14 +69,6 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
     run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return run
-
-
-def _built(cls: type, given: dict[str, Any]) -> Any:
-    """Build an object of options from what was given on the command line."""
-    own = {field.name for field in fields(cls)} & given.keys()
-    values = {flag.field: flag.value(given[flag.field]) for flag in flags_of(cls) if flag.field in own}
-    nested = {field.name: type(field.default) for field in fields(cls) if is_dataclass(field.default)}
-    return cls(**values, **{name: _built(each, given) for name, each in nested.items()})
 
 
 def _proposing(kind: Any, choices: tuple[str, ...]) -> Any:

@@ -11,10 +11,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.colour import as_shown
 from fpsboost.errors import OptionError
 from fpsboost.evaluation.filter_metrics import VmafMeter, XpsnrMeter, missing_filter
 from fpsboost.evaluation.hidden_frames import Hidden, Interval
-from fpsboost.evaluation.metrics import as_shown
 from fpsboost.image import Image
 
 ALWAYS = ("psnr", "psnr_p5", "ssim", "mae", "mse")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.metrics import mean_squared_error, structural_similarity
 
-from fpsboost.colour import composite_on_black, has_alpha
+from fpsboost.colour import composite_on_black
 from fpsboost.errors import InputError
 from fpsboost.image import Image
 
@@ -66,20 +66,6 @@ def absolute_error(truth: Image, image: Image) -> NDArray[Any]:
         LEVELS
     )
     return error
-
-
-def as_shown(image: Image) -> NDArray[Any]:
-    """Return an image as a screen shows it, (H, W, 3) uint8: clipped; over mid gray; float as linear light."""
-    linear = image.dtype == np.float32
-    values = composite_on_black(image)
-    if has_alpha(image):
-        gray = 0.5**2.2 if linear else 0.5
-        values = values[..., :-1] + gray * (1 - values[..., -1:].clip(0, 1))
-    values = values.clip(0, 1)
-    if linear:
-        values = np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
-    levels = np.rint(values * 255).astype(np.uint8)
-    return np.ascontiguousarray(levels if levels.shape[2] == 3 else levels.repeat(3, axis=2))
 
 
 def mean_scores(scores: Sequence[Scores]) -> Scores:

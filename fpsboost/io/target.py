@@ -9,6 +9,7 @@ from typing import Literal, Self
 
 from fpsboost.contracts import FrameSink
 from fpsboost.errors import OptionError, OutputError, explained
+from fpsboost.frame import ClipInfo
 from fpsboost.io.animation.sink import ANIMATION_SUFFIXES, AnimationSink
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, keeps_alpha
 from fpsboost.io.images.sink import ImagePartSink, ImageSink
@@ -19,13 +20,21 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES, containers, encodes_alpha
 from fpsboost.io.video.pipe import PipeSink
 from fpsboost.io.video.sink import VideoPartSink, VideoSink
+from fpsboost.timing.schedule import OutputTiming
 
 Kind = Literal["video", "pipe", "animation", "images"]
 
 
 @dataclass(frozen=True)
 class Target:
-    """What a path stands for as an output."""
+    """What a path stands for as an output.
+
+    Parameters
+    ----------
+    path : str
+        See `fpsboost.convert`.
+    kind : {'video', 'pipe', 'animation', 'images'}
+    """
 
     path: str
     kind: Kind
@@ -131,3 +140,33 @@ class Target:
             return ImageSink(output)
         with explained(OutputError, "write to", self.path, "check the name and the permissions"):
             return VideoSink(output)
+
+
+def open_sink(path: str, info: ClipInfo, *, encoding: Encoding | None = None, overwrite: bool = False) -> FrameSink:
+    """Open an output for frames of any origin, such as those of `fpsboost.run_conversion`.
+
+    Parameters
+    ----------
+    path : str
+        See `fpsboost.convert`.
+    info : ClipInfo
+        Size, rate and time base of the frames to come, their number if it is known, and a name of their source.
+    encoding : Encoding, optional
+    overwrite : bool
+        Replace an existing output.
+
+    Returns
+    -------
+    FrameSink
+        The output appears when the sink is left without an error.
+
+    Raises
+    ------
+    OptionError, OutputError
+        The path can be no output, exists, or cannot be written.
+    """
+    target, encoding, timing = Target.parse(path), encoding or Encoding(), OutputTiming(info.rate, info.time_base)
+    target.check_encoding(encoding)
+    return target.open(
+        Output(path, info, timing, encoding=encoding, expected_frames=info.frame_count, overwrite=overwrite)
+    )

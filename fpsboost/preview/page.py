@@ -10,15 +10,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost import ClipInfo, Frame, OptionError, OutputError, format_time
+from fpsboost import ClipInfo, Frame, OptionError, OutputError, Target, format_time, open_sink
 from fpsboost.evaluation.report.self_contained import PlayerData, as_heat, data_uri, encode, templates_of
 from fpsboost.io.new_output import write_whole
-from fpsboost.io.output import Output
-from fpsboost.io.target import Target
 from fpsboost.preview.trial import Estimate, Preview
 from fpsboost.preview.views import View
 from fpsboost.threads import available_cores
-from fpsboost.timing.schedule import OutputTiming
 
 SPEEDS = (Fraction(1), Fraction(1, 4))
 
@@ -153,15 +150,13 @@ def write_video(path: str, preview: Preview, *, overwrite: bool = False) -> None
 
     Frames of the source are repeated until the next one is due.
     """
-    target = Target.parse(path)
-    check_video(target, overwrite=overwrite)
+    check_video(Target.parse(path), overwrite=overwrite)
     parts = [(views, speed) for views in preview.views() for speed in SPEEDS]
     counts = [round(views["before"].end * preview.stretch / speed * preview.rate) for views, speed in parts]
     first = _beside(parts[0][0], Fraction(0), "")
-    size = ClipInfo(path, first.shape[0], first.shape[1], preview.rate, 1 / preview.rate, sum(counts))
-    timing = OutputTiming(preview.rate, 1 / preview.rate)
+    info = ClipInfo(path, first.shape[0], first.shape[1], preview.rate, 1 / preview.rate, sum(counts))
     number = 0
-    with target.open(Output(path, size, timing, expected_frames=sum(counts), overwrite=overwrite)) as sink:
+    with open_sink(path, info, overwrite=overwrite) as sink:
         for (views, speed), count in zip(parts, counts, strict=True):
             label = "" if speed == 1 else f", {speed} of the speed"
             for place in range(count):

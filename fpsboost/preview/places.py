@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from itertools import islice, pairwise
@@ -15,11 +15,9 @@ from numpy.typing import NDArray
 
 from fpsboost import ClipInfo, ConversionJob, Frame, OptionError, Position, RunOptions, Trim
 from fpsboost.image import view
-from fpsboost.io.trim import Seekable, Sliceable
 from fpsboost.preparation import opened_clip
 from fpsboost.preview.views import View
 from fpsboost.probing import Findings
-from fpsboost.streaming import beginning
 
 PASSAGES = 3
 """Maximum number of passages that are chosen."""
@@ -148,7 +146,7 @@ def _opened(job: ConversionJob, run: RunOptions) -> tuple[_Span, _Reader]:
     """Return the part of a job's clip in which passages are chosen, and its reader."""
     with opened_clip(job, run) as clip:
         info, images = clip.whole.info, clip.whole.stream_info.images
-        reader = _Reader(job, run, info.rate, isinstance(clip.whole, Sliceable))
+        reader = _Reader(job, run, info.rate, images is not None)
     begin, end = job.decoding.trim.seconds(info)
     declared = info.duration or (None if info.frame_count is None else info.frame_count / info.rate)
     end = min((each for each in (end, declared) if each is not None), default=None)
@@ -176,11 +174,6 @@ def _with_most_motion(places: list[Place], span: _Span, reader: _Reader, examine
     return passages
 
 
-def of_part(job: ConversionJob, trim: Trim) -> ConversionJob:
-    """Return the same job for a part of the clip."""
-    return replace(job, decoding=replace(job.decoding, trim=trim))
-
-
 @dataclass(frozen=True)
 class _Reader:
     """Reader of parts of a job's clip, which is opened anew for each."""
@@ -197,14 +190,13 @@ class _Reader:
         # images count frames, so that they need no rate; videos can seek to times
         ends = [Fraction(round(each * self.rate)) if self.is_images else each for each in (start, start + duration)]
         trim = Trim(*(Position(each, is_frame=self.is_images) for each in ends))
-        with opened_clip(of_part(self.job, trim), self.run) as clip:
+        with opened_clip(self.job.of_part(trim), self.run) as clip:
             image_view = View(clip.whole.stream_info.traits)
             findings = Findings(seen or image_view.add)
             cuts = findings.cuts(clip.source, self.job.method)
-            begins, first = beginning(clip.source).seconds, findings.times[0]
-        image_view.end = findings.end - first
-        of_clip = [[begins + time - first for time in times] for times in (cuts, findings.duplicates)]
-        return Passage(begins, trim, image_view, *of_clip)
+        image_view.end = findings.end - findings.times[0]
+        of_clip = [list(map(findings.in_clip, times)) for times in (cuts, findings.duplicates)]
+        return Passage(findings.origin.seconds, trim, image_view, *of_clip)
 
     def read(self, start: Fraction, duration: Fraction, count: int) -> tuple[Passage, list[Place]]:
         """Read a part, and measure the motion from each of its frames on, in that many."""
@@ -220,17 +212,11 @@ class _Reader:
         return list({place.start: place for place in places if place is not None}.values())
 
     def _measure_at(self, start: Fraction) -> Place | None:
-        with opened_clip(of_part(self.job, Trim()), self.run) as clip:
-            source, origin = clip.whole, Fraction(0)
-            if isinstance(source, Sliceable):
-                source.keep(round(start * self.rate), None)
-                origin = -beginning(source).seconds
-            elif isinstance(source, Seekable):
-                origin = source.first_time()
-                source.skip_to(origin + start)
-            else:
+        with opened_clip(self.job.of_part(Trim()), self.run) as clip:
+            origin = clip.begin_near(start)
+            if origin is None:
                 return None
-            few = islice(source, FRAMES_PER_PLACE)
+            few = islice(clip.whole, FRAMES_PER_PLACE)
             motions = list(_motions((frame.time, _thumbnail(frame)) for frame in few))
         return Place(motions[0].start - origin, _mean(motions)) if motions else None
 

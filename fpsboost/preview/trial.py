@@ -22,12 +22,12 @@ from fpsboost import (
     Position,
     RunOptions,
     Summary,
+    Target,
     convert_job,
 )
 from fpsboost.contracts import SilentObserver
-from fpsboost.io.target import Target
 from fpsboost.preparation import opened_clip, prepare
-from fpsboost.preview.places import Passage, Selection, find_passages, of_part
+from fpsboost.preview.places import Passage, Selection, find_passages
 from fpsboost.preview.views import View
 from fpsboost.threads import available_cores
 
@@ -152,7 +152,7 @@ class _Recorder(SilentObserver):
 
 def _try(job: ConversionJob, run: RunOptions, target: Target, passage: Passage, place: Path) -> tuple[Trial, Summary]:
     """Convert a passage to files of the target's kind, which are left to the caller to remove."""
-    part = of_part(job, passage.trim)
+    part = job.of_part(passage.trim)
     if target.kind == "video":
         part = replace(part, encoding=replace(job.encoding, audio=False, subtitles=False))
     output = f"{place}/" if target.kind == "images" else f"{place}{target.file_type}"

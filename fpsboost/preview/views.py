@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost import Frame
-from fpsboost.evaluation.metrics import as_shown
+from fpsboost.colour import as_shown
 from fpsboost.image import view
 from fpsboost.io.video.pictures import turned_upright
 from fpsboost.io.video.traits import VideoTraits

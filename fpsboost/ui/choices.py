@@ -6,15 +6,22 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Self
 
-from fpsboost import ConversionJob, DecodeOptions, Encoding, OptionError, OutputRate, RunOptions, Trim
+from fpsboost import (
+    ConversionJob,
+    DecodeOptions,
+    Encoding,
+    OptionError,
+    OutputRate,
+    RunOptions,
+    find_method,
+    format_time,
+)
 from fpsboost.cli.batch import plan_outputs
-from fpsboost.cli.flags import words_of_options
-from fpsboost.cli.options import MethodOptions, TuningOptions, in_flags
+from fpsboost.cli.options import MethodOptions, in_flags
 from fpsboost.errors import check_choice
 from fpsboost.io.video.encoding import encoders
+from fpsboost.options import options_from, words_of_options
 from fpsboost.preparation import opened_clip, prepare
-from fpsboost.timing.position import format_time, parse_position
-from fpsboost.timing.schedule import parse_number, parse_rate
 from fpsboost.ui.files import Files
 
 CRF_STEPS = {"usual": 0, "smaller": 6, "higher": -4, "lossless": 0}
@@ -56,16 +63,11 @@ class Choices:
     def job(self, files: Files) -> ConversionJob:
         files.check_picked(self.input)
         output = files.output(self.folder, self.name)
-        if self.rate == "fps":
-            rate = OutputRate(fps=parse_rate(self.value, "`fps`"))
-        else:
-            rate = OutputRate(factor=parse_number(self.value, "`factor`"), slow_motion=self.rate == "slow")
-        places = ((self.start, "`start`"), (self.end, "`end`"))
-        trim = Trim(*(parse_position(text, name) if text else None for text, name in places))
-        input_fps = parse_rate(self.input_fps, "`input_fps`") if self.input_fps else None
-        decoding = DecodeOptions(input_fps=input_fps, trim=trim)
-        method = MethodOptions(self.method).interpolator(TuningOptions())
-        return ConversionJob(self.input, output, rate, method, decoding, self.encoding)
+        name = "fps" if self.rate == "fps" else "factor"
+        rate = options_from(OutputRate, {name: self.value, "slow_motion": self.rate == "slow"})
+        texts = {name: getattr(self, name) or None for name in ("input_fps", "start", "end")}
+        decoding = options_from(DecodeOptions, texts)
+        return ConversionJob(self.input, output, rate, find_method(self.method), decoding, self.encoding)
 
     @property
     def encoding(self) -> Encoding:

@@ -11,16 +11,23 @@ from pathlib import Path
 from threading import Lock
 from typing import Any, NamedTuple
 
-from fpsboost import ConversionJob, Frame, InputError, OptionError, Position, RunOptions, Trim, format_time, methods
+from fpsboost import (
+    ConversionJob,
+    Frame,
+    InputError,
+    OptionError,
+    Position,
+    RunOptions,
+    Trim,
+    format_time,
+    methods,
+    with_neighbours,
+)
 from fpsboost.cli.probe import facts
-from fpsboost.interpolator import with_neighbours
 from fpsboost.io.opening import TargetRequirements, open_source
-from fpsboost.io.video.fitting import StreamFacts
 from fpsboost.preparation import opened_clip
-from fpsboost.preview.places import of_part
 from fpsboost.preview.views import View
-from fpsboost.probing import Conversion, Findings, Look, Probe
-from fpsboost.streaming import beginning
+from fpsboost.probing import Findings, Probe
 from fpsboost.ui.choices import first_choices
 from fpsboost.ui.jobs import start_process
 
@@ -64,7 +71,7 @@ class Prober:
         text, messages = process.communicate()
         if process.returncode != 0:
             raise InputError(messages.strip().removeprefix("fpsboost: ") or f"{path} was not read to its end.")
-        result = _as_probe(json.loads(text))
+        result = Probe.from_json(json.loads(text))
         return {
             "facts": {name: value for name, value in facts(result).items() if not name.startswith("--")},
             "streams": [
@@ -81,16 +88,6 @@ class Prober:
             self._process.terminate()
 
 
-def _as_probe(data: dict[str, Any]) -> Probe:
-    """Return the result of `Probe.as_json` as it was."""
-    parts = {
-        "look": data["look"] and Look(**data["look"]),
-        "streams": [StreamFacts(**each) for each in data["streams"]],
-        "conversion": Conversion(**data["conversion"]),
-    }
-    return Probe(**{**data, **parts})
-
-
 class FrameBetween(NamedTuple):
     """A frame between two of a clip as JPEG, the times of the two in the clip, and whether a scene ends there."""
 
@@ -104,19 +101,18 @@ class FrameBetween(NamedTuple):
 def look_between(job: ConversionJob, time: Fraction) -> FrameBetween:
     """Interpolate the frame in the middle between the two around a time, or between the last two."""
     run = RunOptions(overwrite=True)  # nothing is written
-    with opened_clip(of_part(job, Trim()), run) as clip:
+    with opened_clip(job.of_part(Trim()), run) as clip:
         info, traits = clip.whole.info, clip.whole.stream_info.traits
     if info.duration is not None:
         time = min(time, info.duration - 1 / info.rate)
     start = time - Fraction(3, 2) / info.rate
-    with opened_clip(of_part(job, Trim(Position(start) if start > 0 else None)), run) as clip:
+    with opened_clip(job.of_part(Trim(Position(start) if start > 0 else None)), run) as clip:
         findings = Findings()
         # the pair and one on either side, whose motion says where its own one bends
         pairs = list(islice(findings.pairs(clip.source, job.method), 3))
         if not pairs:
             raise OptionError(f"{info.name} has no two frames at {float(time):g} s; choose an earlier place.")
-        begins = beginning(clip.source).seconds - findings.times[0]
-        moments = [moment + begins for moment in findings.moments[: len(pairs) + 1]]
+        moments = [findings.in_clip(moment) for moment in findings.moments[: len(pairs) + 1]]
         place = max((number for number in range(len(pairs)) if moments[number] <= time), default=0)
         before, pair, after = list(with_neighbours(pairs))[place]
         view = View(traits)

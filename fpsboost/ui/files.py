@@ -11,10 +11,9 @@ from threading import Lock
 from typing import Any
 
 from fpsboost import InputError, OutputError
+from fpsboost.cli.batch import OUTPUT_SUFFIXES
 from fpsboost.errors import explained
-from fpsboost.io.animation.sink import ANIMATION_SUFFIXES
 from fpsboost.io.images.files import IMAGE_SUFFIXES
-from fpsboost.io.video.encoding import VIDEO_SUFFIXES
 
 MAX_ENTRIES = 2000
 """Maximum number of folders and clips that are listed of a folder."""
@@ -102,6 +101,6 @@ def _kind(entry: os.DirEntry[str]) -> tuple[str, int]:
     if not stat.S_ISREG(state.st_mode):
         return ("folder" if stat.S_ISDIR(state.st_mode) else "other"), 0
     suffix = Path(entry.name).suffix.lower()
-    if suffix in (*VIDEO_SUFFIXES, *ANIMATION_SUFFIXES) or (guess_type(entry.name)[0] or "").startswith("video/"):
+    if suffix in OUTPUT_SUFFIXES or (guess_type(entry.name)[0] or "").startswith("video/"):
         return "clip", state.st_size
     return ("image" if suffix in IMAGE_SUFFIXES else "other"), state.st_size

@@ -12,10 +12,9 @@ from pathlib import Path
 from threading import Condition, Thread
 from typing import Any, Literal
 
-from fpsboost import OptionError, OutputError
+from fpsboost import OptionError, OutputError, Target
 from fpsboost.errors import explained
 from fpsboost.io.staging import discard_unfinished, write_safely
-from fpsboost.io.target import Target
 
 State = Literal["waiting", "running", "stopping", "paused", "done", "failed"]
 

@@ -12,8 +12,8 @@ import pytest
 
 import fpsboost
 from fpsboost import DecodeOptions, Encoding, OutputRate, RunOptions, methods
-from fpsboost.cli.flags import flags_of
 from fpsboost.cli.options import TuningOptions, flag_names, in_flags, option_classes
+from fpsboost.options import flags_of
 
 PACKAGE = Path(fpsboost.__file__).parent
 NOT_ON_THE_COMMAND_LINE = {"trim", "side", "observer", "watcher"}

@@ -20,11 +20,11 @@ import numpy as np
 import pytest
 from comparison_truth import HEIGHT, NAMES, WIDTH, Nobody, scored
 
+from fpsboost.colour import as_shown
 from fpsboost.errors import OutputError
 from fpsboost.evaluation.compare import compare
 from fpsboost.evaluation.contestants import InterpolatedFrame
 from fpsboost.evaluation.hidden_frames import Hiding, read_samples
-from fpsboost.evaluation.metrics import as_shown
 from fpsboost.evaluation.report.charts import Dot, Series, draw_dots, draw_lines
 from fpsboost.evaluation.report.page import _view_frames, choose_frames, command, write_report
 from fpsboost.evaluation.report.passages import choose_exact, choose_passages, view_passages

@@ -13,8 +13,8 @@ from browser import violations
 from comparison_truth import HEIGHT, NAMES, WIDTH
 from playwright.sync_api import expect
 
+from fpsboost.colour import as_shown
 from fpsboost.evaluation.hidden_frames import read_samples
-from fpsboost.evaluation.metrics import as_shown
 from fpsboost.evaluation.report.page import DIFFERENT, choose_frames
 
 

@@ -7,9 +7,9 @@ from fractions import Fraction
 from statistics import median
 from typing import Any
 
+from fpsboost.colour import as_shown
 from fpsboost.evaluation.contestants import Contestant
 from fpsboost.evaluation.hidden_frames import Interval
-from fpsboost.evaluation.metrics import as_shown
 from fpsboost.evaluation.report.pictures import find_loss
 from fpsboost.evaluation.report.self_contained import LOSSLESS, MAX_WIDTH, PlayerData, as_webp, data_uri, not_too_wide
 from fpsboost.evaluation.results import Comparison

@@ -10,9 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.colour import as_shown
 from fpsboost.evaluation.contestants import Contestant, InterpolatorContestant
 from fpsboost.evaluation.hidden_frames import Sample
-from fpsboost.evaluation.metrics import absolute_error, as_shown
+from fpsboost.evaluation.metrics import absolute_error
 from fpsboost.evaluation.report.self_contained import LOSSLESS, as_heat, encode, not_too_wide
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
