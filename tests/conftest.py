@@ -54,7 +54,7 @@ def snapshot() -> Callable[[Path], Snapshot]:
 
     def take(folder: Path) -> Snapshot:
         paths = sorted(folder.rglob("*"))
-        return {path.relative_to(folder).as_posix(): None if path.is_dir() else path.read_bytes() for path in paths}
+        return {path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else None for path in paths}
 
     return take
 

@@ -15,6 +15,7 @@ from cyclopts import App, CycloptsError, Group, Parameter
 from fpsboost.cli.messages import (
     LibraryTexts,
     console,
+    keep_columns_readable,
     library_prints_apart,
     literal,
     say_error,
@@ -271,6 +272,7 @@ def main() -> None:
     gc.freeze()  # what is imported by now stays
     gc.enable()
     limit_free_memory()  # before there is a second thread
+    keep_columns_readable()
     atexit.register(_end_at_once)
     is_ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN  # as nohup and a shell's & have it
     numbers = [signal.SIGTERM, *([] if is_ignored else [signal.SIGINT])]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -23,7 +24,8 @@ from fpsboost.cli.contestants import choose, name_others, split_methods
 from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import ContestOptions, CutOptions, HidingOptions, ResultOptions
 from fpsboost.cli.signature import GROUPS, PathName, with_flags
-from fpsboost.errors import OptionError, OutputError
+from fpsboost.errors import OptionError
+from fpsboost.io.new_output import check_new_folder, check_writable
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.options import words_of
 
@@ -89,8 +91,7 @@ def compare(
     if results.fail_under is not None:
         check_limit(results.fail_under, contest.methods, list(ours), skipped)
     metrics = choose_metrics(results.metrics)
-    for path, option in ((results.report, "--report"), (results.json, "--json"), (results.csv, "--csv")):
-        check_new(path, option)
+    check_results(results)
     rate = None if decoding.input_fps is None else Fraction(decoding.input_fps)
     for clip in more:  # the first one says so soon enough
         next(hiding.intervals(clip, rate))
@@ -207,14 +208,18 @@ def match_vectors(clip: str, vectors: VectorFolder) -> VectorFolder:
     return vectors if numbers is None else vectors.matched(numbers, must_match=numbers.step > 1)
 
 
-def check_new(path: str | None, option: str) -> None:
-    """Raise `OutputError` if a file or folder to be written exists, or its parent folder does not."""
-    if path is None:
-        return
-    if Path(path).exists():
-        raise OutputError(f"{path} exists; name a new one with {option}, or remove it first.")
-    if not Path(path).parent.is_dir():
-        raise OutputError(f"{path} is in no folder that exists; create {Path(path).parent} or change {option}.")
+def check_results(results: ResultOptions) -> None:
+    """Raise an error if the page or a file cannot be written, or two of them are one, or one in the other."""
+    taken = list[Path]()
+    for path in filter(None, (results.report, results.json, results.csv)):
+        if path == results.report:
+            check_new_folder(Path(path))
+        else:
+            check_writable(Path(path), path)
+        place = Path(os.path.realpath(path))
+        if {place, place.parent} & set(taken):
+            raise OptionError(f"{path} is in the place of another result; name another one.")
+        taken.append(place)
 
 
 def tables(comparison: Comparison) -> list[Table]:

@@ -23,6 +23,8 @@ from fpsboost.cli.options import in_flags
 from fpsboost.errors import notes_of
 
 STANDARD_ERROR = 2
+WIDTHS = range(20, 2001)
+"""Columns of a terminal in which text is laid out; with none, Rich shows nothing and Cyclopts never ends."""
 MAX_SHOWN = 3
 """Lines of libraries that are said."""
 
@@ -33,6 +35,13 @@ CONTROL_CATEGORIES = {"Cc", "Cs", "Zl", "Zp"}
 
 BIDI_CONTROLS = frozenset("\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
 """Characters that change the writing direction, so that one name reads like another."""
+
+
+def keep_columns_readable() -> None:
+    """Have Rich lay out text in a readable width, whatever the terminal and the environment say."""
+    width = Console().width
+    if width not in WIDTHS:
+        os.environ["COLUMNS"] = str(min(max(width, WIDTHS[0]), WIDTHS[-1]))
 
 
 def console(*, quiet: bool = False) -> Console:

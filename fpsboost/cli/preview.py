@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import CutOptions, PreviewOptions, in_flags
 from fpsboost.cli.signature import GROUPS, PathName, with_flags
 from fpsboost.errors import OptionError
+from fpsboost.io.new_output import check_writable
 from fpsboost.io.opening import PIPES
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.options import words_of, words_of_options
@@ -48,15 +50,17 @@ def preview(
     """
     from fpsboost.io.target import Target  # noqa: PLC0415
     from fpsboost.preparation import ConversionJob  # noqa: PLC0415
-    from fpsboost.preview.page import check_page, check_video, estimate_sentence, write_page, write_video  # noqa: PLC0415
+    from fpsboost.preview.page import check_video, estimate_sentence, write_page, write_video  # noqa: PLC0415
     from fpsboost.preview.trial import preview as run  # noqa: PLC0415
 
     if input in PIPES:
         raise OptionError("Standard input can be read only once, and a preview reads several places; name a file.")
     place = Path(page or f"{_stem(input)}-preview.html")
-    check_page(place, overwrite=options.overwrite)
+    check_writable(place, str(place), [Path(input)], options.overwrite)
     if options.side_by_side is not None:
-        check_video(Target.parse(options.side_by_side), overwrite=options.overwrite)
+        check_video(Target.parse(options.side_by_side), [Path(input)], overwrite=options.overwrite)
+        if os.path.realpath(place) == os.path.realpath(options.side_by_side):
+            raise OptionError(f"{place} cannot be the page and the video; name another page.")
     methods = _methods(options, cuts)
     default_output = plan_outputs([input], "converted")[0]
     output = f"{_stem(input)}-converted{'/' if default_output.endswith('/') else Path(default_output).suffix}"

@@ -10,10 +10,11 @@ from cyclopts import Group, Parameter
 from rich.console import Console
 from rich.table import Table
 
-from fpsboost.cli.compare import Progressing, check_new, frames_group, hiding_of
+from fpsboost.cli.compare import Progressing, frames_group, hiding_of
 from fpsboost.cli.messages import literal
 from fpsboost.cli.options import HidingOptions, SweepOptions
 from fpsboost.cli.signature import PathName, with_flags
+from fpsboost.io.new_output import check_writable
 from fpsboost.io.video.decode_options import DecodeOptions
 
 if TYPE_CHECKING:
@@ -52,8 +53,8 @@ def tune(
 
     console = Console(highlight=False)
     hiding = hiding_of(frames, decoding)
-    check_new(figure, "--figure")
     if figure is not None:
+        check_writable(Path(figure), figure)
         check_drawable(Path(figure))
     rate = None if decoding.input_fps is None else Fraction(decoding.input_fps)
     with Progressing(quiet=quiet) as progress:

@@ -6,6 +6,7 @@ import os
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from typing import TYPE_CHECKING, Self
 
 from fpsboost.errors import OutputError, explained
@@ -17,8 +18,11 @@ if TYPE_CHECKING:
 ADVICE = "check the free space and the permissions"
 
 
-def check_writable(path: Path, name: str, inputs: Collection[Path], overwrite: bool) -> None:
-    """Raise `OutputError` unless a file, named `name` in messages, can be written and is none of the inputs."""
+def check_writable(path: Path, name: str, inputs: Collection[Path] = (), overwrite: bool | None = None) -> None:
+    """Raise `OutputError` unless a file, named `name` in messages, can be written and is none of the inputs.
+
+    `overwrite` is None for what never replaces anything.
+    """
     if path.is_dir():
         raise OutputError(f"{name} is a folder; name a file in it.")
     if not path.parent.is_dir():
@@ -29,9 +33,32 @@ def check_writable(path: Path, name: str, inputs: Collection[Path], overwrite: b
         if path.exists() and any(source.exists() and path.samefile(source) for source in inputs):
             raise OutputError(f"{name} is the input itself; write to another name.")
         if not overwrite:
-            raise OutputError(f"{name} exists already; choose another name or pass `overwrite=True`.")
-    if not os.access(path.parent, os.W_OK):
-        raise OutputError(f"{name} cannot be written because its folder may not be written to; choose another folder.")
+            other = "remove it first" if overwrite is None else "pass `overwrite=True`"
+            raise OutputError(f"{name} exists already; choose another name or {other}.")
+    _check_takes_files(path.parent, name)
+
+
+def check_folder(path: Path, *, may_be_new: bool = True) -> None:
+    """Raise `OutputError` unless files can be written to a folder, which is made if it may be new."""
+    needed = path.parent if may_be_new else path
+    for place in (path, needed):
+        if os.path.lexists(place) and not place.is_dir():
+            what = "a file" if place.exists() else "a link that leads nowhere"
+            raise OutputError(f"{place} is {what}; name a folder, or a pattern in one.")
+    if not needed.is_dir():
+        raise OutputError(f"The folder {needed} does not exist; create it first.")
+    _check_takes_files(path if path.is_dir() else needed, str(path))
+
+
+def _check_takes_files(folder: Path, name: str) -> None:
+    """Raise `OutputError` unless a file can be made in a folder; what the permissions say is not enough to know."""
+    try:
+        with NamedTemporaryFile(dir=folder, prefix=".fpsboost-"):
+            pass
+    except OSError as error:
+        raise OutputError(
+            f"{name} cannot be written because no file can be made in its folder ({error.strerror}); choose another."
+        ) from None
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -49,10 +76,7 @@ def check_new_folder(path: Path) -> None:
     with explained(OutputError, "write to", path, "check the path and the permissions"):
         if path.is_dir() and os.listdir(path):
             raise OutputError(f"{path} is not empty; name a new folder.")
-        if path.exists() and not path.is_dir():
-            raise OutputError(f"{path} is a file; name a new folder.")
-        if not path.absolute().parent.is_dir():
-            raise OutputError(f"The folder {path.absolute().parent} does not exist; create it first.")
+        check_folder(path)
 
 
 @contextmanager
@@ -86,11 +110,7 @@ class StagedFiles:
         self._overwrite, self._alone = overwrite, alone
         with explained(OutputError, "write to", path, "check the path and the permissions"):
             self._is_new = not folder.is_dir()
-            if self._is_new and folder.exists():
-                raise OutputError(f"{folder} is a file; name a folder, or a pattern in one.")
-            if not folder.absolute().parent.is_dir() or (self._is_new and not alone):
-                missing = folder.parent if alone else folder
-                raise OutputError(f"The folder {missing} does not exist; create it first.")
+            check_folder(folder, may_be_new=alone)
             self.check()
         place = hidden_place(folder.absolute().parent, folder.absolute().name) if self._is_new else None
         self._staging = StagingDirectory(place or hidden_place(folder, "fpsboost-side"), "output", path, None)

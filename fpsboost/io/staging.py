@@ -29,6 +29,8 @@ else:
     import fcntl
 
 LOCK, MANIFEST, COMPLETE = "lock", "manifest.json", "whole"
+MAX_ATTEMPTS = 1000
+"""Attempts to lock a folder that other runs remove meanwhile; a folder that keeps nothing would take any number."""
 MAX_FACT_LENGTH = 60
 MAX_NAME_BYTES = 230
 """Maximum bytes of a name, which leaves room for prefix and suffix; the limit of file systems is 255."""
@@ -130,7 +132,9 @@ class StagingDirectory:
             shutil.rmtree(self.folder, ignore_errors=True)  # Windows does not remove a file that is open
 
     def _acquire(self) -> None:
-        while self._lock is None:
+        for _ in range(MAX_ATTEMPTS):
+            if self._lock is not None:
+                return
             lock: BufferedRandom | None = None
             try:
                 self.folder.mkdir(exist_ok=True)
@@ -156,6 +160,8 @@ class StagingDirectory:
                     ) from None
                 self.remarks.append(f"{self._name} lies on a disk without locks; never let two runs write it at once.")
                 self._lock = lock
+        if self._lock is None:
+            raise OutputError(f"{self._name} cannot be written because its folder keeps no file; choose another.")
 
     def _abandon(self, lock: BufferedRandom | None) -> None:
         """Remove the folder after an interruption while it was being locked, unless another run holds it."""

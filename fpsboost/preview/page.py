@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,9 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost import ClipInfo, Frame, OptionError, OutputError, Target, format_time, open_sink
+from fpsboost import ClipInfo, Frame, OptionError, Target, format_time, open_sink
 from fpsboost.evaluation.report.self_contained import PlayerData, as_heat, data_uri, encode, templates_of
-from fpsboost.io.new_output import write_whole
+from fpsboost.io.new_output import check_writable, write_whole
 from fpsboost.preview.trial import Estimate, Preview
 from fpsboost.preview.views import View
 from fpsboost.threads import available_cores
@@ -38,19 +39,9 @@ class LeastCertain(NamedTuple):
 
 def write_page(path: Path, preview: Preview, command: str, *, overwrite: bool = False) -> None:
     """Write a page, which appears whole or not at all; `command` is the command line of the whole conversion."""
-    check_page(path, overwrite=overwrite)
+    check_writable(path, str(path), overwrite=overwrite)
     text = make_page(preview, command)
     write_whole(path, text.encode())
-
-
-def check_page(path: Path, *, overwrite: bool) -> None:
-    """Raise `OutputError` if a page cannot be written to a path."""
-    if path.is_dir():
-        raise OutputError(f"{path} is a folder; name a file for the page, such as preview.html.")
-    if path.exists() and not overwrite:
-        raise OutputError(f"{path} exists; name another page, or replace it with `overwrite`.")
-    if not path.parent.is_dir():
-        raise OutputError(f"{path} is in no folder that exists; create {path.parent} or name another page.")
 
 
 def make_page(preview: Preview, command: str) -> str:
@@ -165,12 +156,11 @@ def write_video(path: str, preview: Preview, *, overwrite: bool = False) -> None
                 number += 1
 
 
-def check_video(target: Target, *, overwrite: bool) -> None:
+def check_video(target: Target, inputs: Collection[Path] = (), *, overwrite: bool) -> None:
     """Raise an error if the video cannot be written, before anything is made for it."""
     if target.kind != "video":
         raise OptionError(f"`side_by_side` writes a video, and {target.path} names none; end it with .mp4 or .mkv.")
-    if Path(target.path).exists() and not overwrite:
-        raise OutputError(f"{target.path} exists; name another file, or replace it with `overwrite`.")
+    check_writable(Path(target.path), target.path, inputs, overwrite)
 
 
 def _beside(views: dict[str, View], time: Fraction, label: str) -> NDArray[Any]:

@@ -375,13 +375,18 @@ def test_cuts_that_a_list_names_are_cuts_for_the_methods(fpsboost_, folder, tmp_
         (("--skip", "0"), 2, "--skip must be at least 1"),
         (("--skip", "6"), 1, "too few frames"),
         (("--json", "taken"), 1, "taken exists"),
-        (("--report", "taken"), 1, "taken exists"),
-        (("--json", "no/such/folder.json"), 1, "is in no folder that exists"),
+        (("--report", "taken"), 1, "taken is a file"),
+        (("--json", "no/such/folder.json"), 1, "its folder does not exist"),
+        (("--report", "loop"), 1, "loop is a link that leads nowhere"),
+        (("--csv", "loop"), 1, "loop exists"),
+        (("--json", "one", "--csv", "./one"), 2, "./one is in the place of another result"),
+        (("--report", "page", "--json", "page"), 2, "page is in the place of another result"),
     ],
 )
 def test_what_cannot_be_compared_is_one_sentence(fpsboost_, folder, tmp_path, snapshot, arguments, code, sentence):
     """And nothing is written."""
     (tmp_path / "taken").write_text("precious")
+    (tmp_path / "loop").symlink_to("loop")
     before = snapshot(tmp_path)
     result = fpsboost_("compare", folder, *(arguments if "-m" in arguments else ("-m", "blend", *arguments)))
     assert result.code == code

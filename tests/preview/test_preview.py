@@ -218,8 +218,10 @@ def test_input_is_left_alone_and_nothing_else_is_written(short, fpsboost_, tmp_p
     [
         (["nothing.mp4"], 1, "nothing.mp4 does not exist; check the name."),
         (["-"], 2, "Standard input can be read only once"),
-        (["CLIP", "there.html"], 1, "there.html exists; name another page, or replace it with --overwrite."),
-        (["CLIP", "missing/page.html"], 1, "missing/page.html is in no folder that exists"),
+        (["CLIP", "there.html"], 1, "there.html exists already; choose another name or pass --overwrite."),
+        (["CLIP", "missing/page.html"], 1, "missing/page.html cannot be written because its folder does not exist"),
+        (["CLIP", "both.mp4", "--side-by-side", "./both.mp4"], 2, "both.mp4 cannot be the page and the video"),
+        (["CLIP", "CLIP", "-y"], 1, "is the input itself"),
         (["CLIP", "--at", "99"], 2, "--at 99 lies behind the end of"),
         (["CLIP", "--at", "soon"], 2, "--at 'soon' is no place in a clip"),
         (["CLIP", "-m", "best"], 2, "There is no method 'best'"),

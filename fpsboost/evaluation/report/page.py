@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
-from fpsboost.errors import OutputError
 from fpsboost.evaluation.contestants import MINTERPOLATE, Contestant, method_names
 from fpsboost.evaluation.further_metrics import metrics
 from fpsboost.evaluation.hidden_frames import read_samples
@@ -73,8 +72,6 @@ class FrameSection(NamedTuple):
 
 def write_report(folder: Path, clips: Sequence[ComparedClip], *, input_fps: Fraction | None = None) -> Path:
     """Write the page of comparisons by the same methods into a new folder, and return its path."""
-    if folder.exists():
-        raise OutputError(f"{folder} exists; name a new folder with `report`, or remove it first.")
     page = make_page(clips, input_fps=input_fps)
     with new_folder(folder) as unfinished:
         write_whole(unfinished / PAGE, page.encode())

@@ -19,7 +19,7 @@ from fpsboost.io.images.encoder import ImageEncoder, check_size
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
 from fpsboost.io.images.sequence import NumberedImages, Numbering
 from fpsboost.io.images.source import MOVING, is_pattern
-from fpsboost.io.new_output import ADVICE
+from fpsboost.io.new_output import ADVICE, check_folder
 from fpsboost.io.output import Output
 from fpsboost.io.part import PartFolder
 from fpsboost.io.staging import (
@@ -139,11 +139,7 @@ class ImageSink(NumberedSink):
             names = _names_in_place(output) if output.in_place else _names_of(output)
             self._numbering, folder = names.numbering, names.numbering.folder
             _check_type(output, names)
-            if folder.exists() and not folder.is_dir():
-                raise OutputError(f"{folder} is a file; name a folder, or a pattern in one.")
-            needed = folder.parent if self._is_folder else folder
-            if not needed.is_dir():
-                raise OutputError(f"The folder {needed} does not exist; create it first.")
+            check_folder(folder, may_be_new=self._is_folder)
             if images is not None and not output.in_place:
                 self._refuse_inputs(path, images)
             # Inside an existing folder rather than beside it: the folder may be a mount point, the parent read-only.
@@ -170,8 +166,8 @@ class ImageSink(NumberedSink):
         folder = self._numbering.folder
         if not folder.is_dir():
             return
-        old, inputs = {file.resolve() for file in self._find_old()}, images.files
-        clash = next((file for file in inputs if file.resolve() in old), None) if old else None
+        old, inputs = set(map(os.path.realpath, self._find_old())), images.files
+        clash = next((file for file in inputs if os.path.realpath(file) in old), None) if old else None
         if folder.samefile(inputs[0].parent):
             if self._is_folder:
                 raise OutputError(f"{path} is also the input; write to another folder.")

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -261,5 +262,5 @@ class FileNames:
     def check_alone(self, option: str, taken: Sequence[Path]) -> None:
         """Raise `OptionError` if the folder is one that frames are read from, or that other files are written to."""
         folder = self.numbering.folder
-        if folder.resolve() in {other.resolve() for other in taken}:
+        if os.path.realpath(folder) in set(map(os.path.realpath, taken)):
             raise OptionError(f"{option} needs a folder of its own, and {folder} holds other images; name another.")

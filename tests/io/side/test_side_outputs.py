@@ -318,7 +318,7 @@ def test_overwrite_replaces_files_of_the_same_names_alone(tmp_path):
         ({"confidence": "maps", "save_motion": "maps"}, OptionError, "folder of its own"),
         ({"confidence": "missing/maps"}, OutputError, "does not exist"),
         ({"save_motion": "missing/m_##.exr"}, OutputError, "does not exist"),
-        ({"confidence": "in/shot_0001.png/maps"}, OutputError, "does not exist"),
+        ({"confidence": "in/shot_0001.png/maps"}, OutputError, "shot_0001.png is a file"),
     ],
 )
 def test_places_that_cannot_be_taken_are_refused(tmp_path, monkeypatch, snapshot, paths, kind, sentence):

@@ -1,0 +1,63 @@
+"""Outputs that cannot be written are refused before any work, in every command."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+from command_line import assert_refused
+from video_truth import write_clip
+
+from fpsboost.io.images.source import ImageSource
+from fpsboost.io.video.source import VideoSource
+
+COMMANDS = {
+    "video": "in.mp4 PLACE.mp4",
+    "animation": "in.mp4 PLACE.gif",
+    "images": "in.mp4 PLACE/",
+    "pattern": "in.mp4 PLACE/f_####.png",
+    "part of a video": "in.mp4 PLACE/out.mp4 --chunk 1/2",
+    "confidence": "in.mp4 out.mp4 --confidence PLACE",
+    "motion": "in.mp4 out.mp4 --save-motion PLACE",
+    "compared page": "compare in.mp4 -m blend --report PLACE",
+    "compared json": "compare in.mp4 -m blend --json PLACE.json",
+    "compared csv": "compare in.mp4 -m blend --csv PLACE.csv",
+    "curves": "tune in.mp4 --figure PLACE.svg",
+    "preview": "preview in.mp4 PLACE.html -m blend",
+    "preview video": "preview in.mp4 p.html -m blend --side-by-side PLACE.mp4",
+    "plan": "plan images PLACE",
+    "choice": "plan images PLACE --quality 30",
+    "merged": "merge images images PLACE --plan images",
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("place", ["/proc/out", "loop", "none/out", "in.mp4/out"])
+def test_what_cannot_be_written_is_refused_before_any_frame_is_read(
+    fpsboost_, tmp_path, save_images, snapshot, monkeypatch, place, command
+):
+    """A folder that takes no files, a link to itself, a folder that is not there or is a file: one sentence."""
+    if place.startswith("/proc") and sys.platform != "linux":
+        pytest.skip("the folder is Linux's")
+    write_clip(tmp_path / "in.mp4", times=range(6))
+    save_images(tmp_path / "images", count=3)
+    for suffix in ("", ".mp4", ".gif", ".json", ".csv", ".svg", ".html"):
+        (tmp_path / f"loop{suffix}").symlink_to(f"loop{suffix}")
+
+    def read(source: object) -> None:
+        pytest.fail("a frame is read")
+
+    monkeypatch.setattr(VideoSource, "__iter__", read)
+    monkeypatch.setattr(ImageSource, "__iter__", read)
+    before = snapshot(tmp_path)
+    assert_refused(fpsboost_(*COMMANDS[command].replace("PLACE", place).split()), 1, place.strip("/").split("/")[0])
+    assert snapshot(tmp_path) == before
+
+
+@pytest.mark.parametrize("columns", ["0", "1", "2", "99999999"])
+def test_help_ends_in_a_terminal_of_any_width(fpsboost_, monkeypatch, columns):
+    """And it is laid out in a width that can be read."""
+    monkeypatch.setenv("COLUMNS", columns)
+    result = fpsboost_("--help")
+    assert (result.code, result.err) == (0, "")
+    assert 20 <= max(map(len, result.out.splitlines())) <= 2000
