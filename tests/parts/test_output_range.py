@@ -24,7 +24,7 @@ from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import methods
-from fpsboost.parts.entry import find_entry
+from fpsboost.parts.plan import find_entry
 from fpsboost.streaming import run_conversion
 from fpsboost.timing.output_numbers import OutputNumbers
 from fpsboost.timing.schedule import ByFactor, ByRate, ExposureSchedule, Schedule, Shutter, rising_time

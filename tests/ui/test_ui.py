@@ -31,9 +31,8 @@ from fpsboost.io.staging import MANIFEST, hidden_place
 from fpsboost.ui import jobs
 from fpsboost.ui.choices import first_choices
 from fpsboost.ui.files import MAX_ENTRIES, MAX_PICKED, Files
-from fpsboost.ui.guard import MAX_BODY
 from fpsboost.ui.jobs import MAX_JOBS, Queue
-from fpsboost.ui.server import Desk, make_app
+from fpsboost.ui.server import MAX_BODY, Desk, make_app
 
 TOKEN, PORT = "the-token-of-this-run", 8517
 ADDRESS = f"http://127.0.0.1:{PORT}"
