@@ -74,7 +74,7 @@ first, within, second_chunk = (lambda: when_written(1)), (lambda: when_written(1
 moments = {
     "out.mp4": [first, within, second_chunk, when_whole],
     "out.mkv": [second_chunk, when_whole],
-    "new": [first, when_whole],
+    "new/": [first, when_whole],
     "out_####.png": [within, when_whole],
 }
 for output, wait in ((output, wait) for output, waits in moments.items() for wait in waits):
@@ -119,11 +119,11 @@ def files_end_at(size: int) -> Iterator[None]:
 
 @on_unix
 @pytest.mark.parametrize("share", [0.1, 0.6, 0.97])
-@pytest.mark.parametrize("output", ["out.mp4", "out.mov", "out.mkv", "out.webm", "frames"])
+@pytest.mark.parametrize("output", ["out.mp4", "out.mov", "out.mkv", "out.webm", "frames/"])
 def test_files_that_may_not_grow(fpsboost_, tmp_path, snapshot, output, share):
     """Near the header, within the frames, and near the end: a sentence, the old output, and nothing left behind."""
     write_clip(tmp_path / "in.mp4", size=(96, 128), times=range(8))
-    quality = () if output == "frames" else ("--lossless", "--no-audio")
+    quality = () if output == "frames/" else ("--lossless", "--no-audio")
     arguments = ("in.mp4", output, "--overwrite", *quality, *CHEAP)
     assert fpsboost_(*arguments).code == 0
     before = snapshot(tmp_path)
@@ -164,7 +164,7 @@ def small_disk(tmp_path) -> Iterator[Path]:
     subprocess.run(["umount", "--lazy", str(disk)], check=True)
 
 
-@pytest.mark.parametrize("output", ["out.mp4", "frames"])
+@pytest.mark.parametrize("output", ["out.mp4", "frames/"])
 def test_a_disk_without_any_space(fpsboost_, tmp_path, small_disk, output):
     """Not even what says which job it is can be written: a sentence, and nothing is left."""
     write_clip(tmp_path / "in.mp4", times=range(3))
@@ -175,14 +175,14 @@ def test_a_disk_without_any_space(fpsboost_, tmp_path, small_disk, output):
     assert os.listdir(small_disk) == ["ballast"]
 
 
-@pytest.mark.parametrize("output", ["out.mp4", "out.mkv", "out.webm", "frames", "f_####.png"])
+@pytest.mark.parametrize("output", ["out.mp4", "out.mkv", "out.webm", "frames/", "f_####.png"])
 def test_a_full_disk(fpsboost_, tmp_path, small_disk, output):
     """A sentence, and only images that are finished stay, out of sight, to go on with."""
     write_clip(tmp_path / "in.mp4", size=(192, 256), times=range(10))
     is_video = output.startswith("out")
     arguments = ("in.mp4", f"disk/{output}", *(["--lossless"] if is_video else []), "--method", "blend")
     assert_one_sentence(fpsboost_(*arguments), "disk/", "space", "" if is_video else "--resume goes on from there")
-    assert os.listdir(small_disk) == ([] if is_video else [f".{output}.unfinished"])
+    assert os.listdir(small_disk) == ([] if is_video else [f".{output.strip('/')}.unfinished"])
 
 
 # ---------------------------------------------------------------------------------------------------------- odd names
@@ -208,13 +208,13 @@ def test_names_are_only_names(fpsboost_, tmp_path, name):
     text = os.fsdecode(name)
     video, folder = f"{text}.mp4", f"{text}/"
     write_clip(tmp_path / video, times=range(3))
-    for source, target in ((video, "a.mp4"), ("a.mp4", f"./{video}"), ("a.mp4", folder), (folder, "frames")):
+    for source, target in ((video, "a.mp4"), ("a.mp4", f"./{video}"), ("a.mp4", folder), (folder, "frames/")):
         if target.endswith(".mp4"):
             (tmp_path / target).unlink(missing_ok=True)
         result = fpsboost_("--quiet", *CHEAP, "--", source, target)
         assert (result.code, result.err) == (0, "")
     assert len(pictures_of(tmp_path / video)) == 12
-    assert len(os.listdir(tmp_path / "frames")) == 2 * len(os.listdir(tmp_path / text)) - 1 == 21
+    assert len(os.listdir(tmp_path / "frames/")) == 2 * len(os.listdir(tmp_path / text)) - 1 == 21
     assert fpsboost_("--quiet", *CHEAP, "--", video, folder, "many").code == 0
     assert set(os.listdir(tmp_path / "many")) == {video, text}
     result = fpsboost_(*CHEAP, "--", video, "a.mp4")

@@ -118,7 +118,8 @@ def convert(
         A video, an animation (gif, apng, webp), a folder of images,
         shot_%04d.png, shot_####.png, or - for a YUV4MPEG2 pipe.
     output
-        The same; video as mp4, m4v, mov, mkv or webm.
+        The same; video as mp4, m4v, mov, mkv or webm, and a
+        folder with a slash at its end.
         For several inputs a folder, made if it is missing.
     more
         Further names; the last one is the folder.
@@ -132,7 +133,7 @@ def convert(
         )
     gc.disable()  # until kernels are compiled or loaded: importing and loading them makes many objects and few cycles
     # imported here so that --help and --version need not wait for OpenCV, numba and FFmpeg
-    from fpsboost.cli.batch import convert_all, convert_each  # noqa: PLC0415
+    from fpsboost.cli.batch import check_ending, convert_all, convert_each  # noqa: PLC0415
     from fpsboost.cluster.options import convert_where  # noqa: PLC0415
     from fpsboost.preparation import ConversionJob  # noqa: PLC0415
     from fpsboost.threads import one_opencv_thread  # noqa: PLC0415
@@ -141,6 +142,7 @@ def convert(
 
     def run(input: str, output: str | None, place: str = "") -> None:
         target = input if output is None else output
+        check_ending(input, target)
         if run_options.chunk is not None:
             target = str(run_options.chunk.folder(target))
         called = "standard output" if output == PIPE else target

@@ -47,6 +47,16 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
     return list(outputs.values())
 
 
+def check_ending(input: str, output: str) -> None:
+    """Raise `OptionError` if a video gets an output that is a folder only because its name has no ending."""
+    is_images = os.path.isdir(input) or extension_of(input) in IMAGE_SUFFIXES
+    is_missing = input not in PIPES and not os.path.exists(input)  # which is said in its turn
+    is_folder = output in PIPES or output.endswith(("/", "\\")) or os.path.isdir(output) or is_pattern(output)
+    if output and not (Path(output).suffix or is_images or is_missing or is_folder):
+        ending = extension_of(input) if extension_of(input) in OUTPUT_SUFFIXES else ".mp4"
+        raise OptionError(f"{output} has no ending; say {output}{ending}, or {output}/ for a folder of images.")
+
+
 def _choose_output(path: str, folder: Path) -> str:
     if os.path.isdir(path) or (is_pattern(path) and not os.path.isfile(path)):
         images = Path(path) if os.path.isdir(path) else Path(path).parent

@@ -330,9 +330,9 @@ FAILURES: dict[str, tuple[str, str]] = {
 }
 
 MISTAKES: dict[str, tuple[str, str]] = {
-    "codec for images": ("in.mp4 frames --codec h264", "--codec"),
-    "crf for images": ("in.mp4 frames --crf 20", "--crf"),
-    "encoder option for images": ("in.mp4 frames --encoder-option g=3", "--encoder-option"),
+    "codec for images": ("in.mp4 frames/ --codec h264", "--codec"),
+    "crf for images": ("in.mp4 frames/ --crf 20", "--crf"),
+    "encoder option for images": ("in.mp4 frames/ --encoder-option g=3", "--encoder-option"),
     "unknown ending": ("in.mp4 out.xyz", "out.xyz"),
     "a single image as output": ("in.mp4 out.png", "out.png"),
     "unknown method": ("in.mp4 out.mp4 --method magic", "magic"),
@@ -483,7 +483,7 @@ main()
 @pytest.mark.skipif(os.name == "nt", reason="Windows sends no such signals")
 @pytest.mark.parametrize(
     ("number", "output"),
-    [(signal.SIGINT, "out.mp4"), (signal.SIGINT, "frames"), (signal.SIGTERM, "out.mov"), (signal.SIGTERM, "f_#.png")],
+    [(signal.SIGINT, "out.mp4"), (signal.SIGINT, "frames/"), (signal.SIGTERM, "out.mov"), (signal.SIGTERM, "f_#.png")],
 )
 def test_a_stopped_run_says_what_it_leaves(tmp_path, number, output):
     """Ctrl-C and a request to end, in the middle: exit code 130, no output, and one line that says what can go on."""
@@ -512,7 +512,7 @@ def test_a_stopped_run_says_what_it_leaves(tmp_path, number, output):
     assert (process.returncode, out) == (130, b"")
     finished = rb"240 of 320" if output.startswith("out") else rb"2[0-9]{2} of 281"
     assert re.fullmatch(rb"Stopped; " + finished + rb" frames are finished, and --resume goes on from there\.\n", err)
-    assert {path.name for path in tmp_path.iterdir()} == {"in.mp4", f".{output}.unfinished"}
+    assert {path.name for path in tmp_path.iterdir()} == {"in.mp4", f".{output.strip('/')}.unfinished"}
 
 
 def test_ctrl_c_keeps_what_was_there(fpsboost_, clip, tmp_path, snapshot, monkeypatch):

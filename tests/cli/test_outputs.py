@@ -61,3 +61,31 @@ def test_help_ends_in_a_terminal_of_any_width(fpsboost_, monkeypatch, columns):
     result = fpsboost_("--help")
     assert (result.code, result.err) == (0, "")
     assert 20 <= max(map(len, result.out.splitlines())) <= 2000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("in.mp4 film", "film has no ending; say film.mp4, or film/ for a folder of images."),
+        ("in.gif film", "say film.gif, or film/"),
+        ("in.mp4 images/film --chunk 1/2", "say images/film.mp4, or images/film/"),
+        ("- film", "say film.mp4, or film/"),
+        ("in.mp4 film/", None),
+        ("in.mp4 empty", None),
+        ("images film", None),
+        ("images/shot_####.png film", None),
+    ],
+)
+def test_an_ending_that_was_forgotten_is_asked_about(fpsboost_, tmp_path, save_images, snapshot, arguments, said):
+    """A video is not written as images unless a folder is named as one; images are, as nothing else is meant."""
+    write_clip(tmp_path / "in.mp4", times=range(3))
+    save_images(tmp_path / "images", count=3)
+    (tmp_path / "empty").mkdir()
+    assert fpsboost_("in.mp4", "in.gif", "-m", "nearest").code == 0
+    before = snapshot(tmp_path)
+    result = fpsboost_(*arguments.split(), "-m", "nearest")
+    if said is not None:
+        assert_refused(result, 2, said)
+        assert snapshot(tmp_path) == before
+    else:
+        assert (result.code, len(list((tmp_path / arguments.split()[1]).glob("*.png"))) in (5, 6)) == (0, True)
