@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -58,9 +59,8 @@ class CaptureSource(ArraySource):
     """
 
     def __init__(self, path: str, *, limit: MemoryLimit | None = None) -> None:
-        self._capture = (
-            cv2.VideoCapture(int(path)) if path.isdigit() and not Path(path).exists() else cv2.VideoCapture(path)
-        )
+        camera: Any = int(path) if path.isdigit() and not Path(path).exists() else path
+        self._capture = cv2.VideoCapture(camera)
         try:
             if not self._capture.isOpened():
                 raise InputError(f"{path} cannot be opened by OpenCV; check the name, or leave `decoder` out.")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import av
 import av.container
@@ -53,16 +53,20 @@ class Demuxer:
     """
 
     def __init__(self, path: Path, name: str, wanted: int | None) -> None:
-        self._path, self._name = path, name
-        self.container = open_video(path, name)
+        self._path, self._name, self._wanted = path, name, wanted
+        self.furthest = self.last_start = Fraction(0)
+        self._open()
+
+    def _open(self) -> None:
+        self.container = open_video(self._path, self._name)
         try:
-            self.stream = choose_video(self.container, name, wanted)
+            self.stream = choose_video(self.container, self._name, self._wanted)
         except BaseException:
             self.container.close()
             raise
-        self._number = self.stream.index
-        self._decode_in_threads()
-        self.furthest = self.last_start = Fraction(0)
+        # a quarter of the cores: the decoder has little to do, and every thread holds frames of its own
+        self.stream.thread_type = "AUTO"
+        self.stream.thread_count = max(1, available_cores() // 4)
 
     def packets(self, damage: Damage) -> Iterator[av.Packet[Any]]:
         """Yield the video stream's packets from where the file is, and update `damage`, `furthest` and `last_start`."""
@@ -88,17 +92,10 @@ class Demuxer:
 
     def reopen(self) -> None:
         self.container.close()
-        self.container = open_video(self._path, self._name)
-        self.stream = cast(av.VideoStream, self.container.streams[self._number])
-        self._decode_in_threads()
+        self._open()
 
     def close(self) -> None:
         self.container.close()
-
-    def _decode_in_threads(self) -> None:
-        """Let the decoder use a quarter of the cores: it has little to do, and every thread holds frames of its own."""
-        self.stream.thread_type = "AUTO"
-        self.stream.thread_count = max(1, available_cores() // 4)
 
 
 def open_video(path: Path, name: str) -> av.container.InputContainer:

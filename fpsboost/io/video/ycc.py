@@ -158,10 +158,8 @@ def with_chroma_location(picture: av.VideoFrame, location: str) -> av.VideoFrame
         width=picture.width, height=picture.height, format=picture.format, time_base=Fraction(1, 1000)
     )
     graph.link_nodes(entry, graph.add("setparams", f"chroma_location={location}"), graph.add("buffersink")).configure()
-    graph.push(picture)
-    labelled = graph.pull()
-    assert isinstance(labelled, av.VideoFrame)
-    return labelled
+    graph.vpush(picture)
+    return graph.vpull()
 
 
 def reformatted(
@@ -193,12 +191,8 @@ def full_chroma(bits: int) -> str:
 def plane_arrays(picture: av.VideoFrame) -> list[NDArray[Any]]:
     """Return views of a planar picture's planes, without the padding that FFmpeg adds to every row."""
     dtype = _sample_type(_bits(picture))
-    return [
-        np.frombuffer(memoryview(plane), dtype).reshape(-1, plane.line_size // dtype.itemsize)[
-            : plane.height, : plane.width
-        ]
-        for plane in picture.planes
-    ]
+    rows = (np.frombuffer(memoryview(plane), dtype).reshape(plane.height, -1) for plane in picture.planes)
+    return [plane_rows[:, : plane.width] for plane, plane_rows in zip(picture.planes, rows, strict=True)]
 
 
 def _bits(picture: av.VideoFrame) -> int:

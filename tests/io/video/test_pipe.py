@@ -25,10 +25,7 @@ import fpsboost
 from fpsboost.cli import app
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.io.opening import open_source
 from fpsboost.io.output import Output
-from fpsboost.io.target import Target
-from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pipe import PipeSink, PipeSource, formats
 from fpsboost.io.video.source import VideoSource
@@ -365,14 +362,6 @@ def test_frames_that_do_not_fit():
         write_frames([scene(0), scene(0, 64, 64)])
     with pytest.raises(OutputError, match="there were no frames"):
         write_frames([])
-
-
-def test_paths_that_are_pipes():
-    """A dash is a video on either side; a rate of images makes no sense with it."""
-    assert Target.parse("-").kind == "pipe"
-    assert Target.parse("./-").kind == "images"
-    with pytest.raises(OptionError, match="`input_fps` is for images"):
-        open_source("-", decoding=DecodeOptions(input_fps=Fraction(24)))
 
 
 # ------------------------------------------------------------------------------------------------------ whole processes
