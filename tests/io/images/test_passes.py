@@ -156,13 +156,6 @@ def test_any_sum_of_layers_stays_a_sum(parts, t):
     assert total.min() >= 0
 
 
-def test_brightness_that_changes_is_mixed_as_it_is():
-    """Motion is found under one light; sums stay sums."""
-    image = between(methods["nlm"], layered(planes_at(0)), layered(planes_at(1, brightness=0.5)))
-    found = image.planes()
-    np.testing.assert_allclose(image.colour[..., 0], found["Diffuse.Y"] + found["Glow.Y"], rtol=1e-5, atol=1e-3)
-
-
 @pytest.mark.parametrize(("at_cuts", "shade"), [("repeat", 0), ("blend", 0.25)])
 def test_across_cuts_all_layers_do_what_the_picture_does(at_cuts, shade):
     """They are repeated, or mixed as far as they can be."""

@@ -16,11 +16,11 @@ import pytest
 from conversion_options import grouped
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from vector_truth import constant, save_depth, save_flows, save_vectors
+from vector_truth import constant, save_flows, save_vectors
 
 from fpsboost import convert, methods
 from fpsboost.cli.compare import match_vectors
-from fpsboost.contracts import Summary
+from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
 from fpsboost.io.images import sink as numbered
 from fpsboost.io.images.files import read_image
@@ -335,12 +335,7 @@ def test_a_run_in_place_that_was_stopped(tmp_path):
     source = fill(tmp_path / "in", range(1, 12, 2))
     before = times(source)
 
-    class Impatient:
-        def opened(self, info: object, expected_frames: int | None) -> None:
-            assert expected_frames == 11
-
-        def ready(self) -> None: ...
-
+    class Impatient(SilentObserver):
         def wrote(self, summary: Summary) -> None:
             if summary.frames_out == 7:
                 raise KeyboardInterrupt
@@ -359,13 +354,9 @@ def test_what_appears_meanwhile_is_not_replaced(tmp_path):
     """A frame that a renderer writes while others are made stays, and nothing else is put there."""
     source = fill(tmp_path / "in", [1, 3, 5])
 
-    class Renderer:
-        def opened(self, info: object, expected_frames: int | None) -> None: ...
-
+    class Renderer(SilentObserver):
         def ready(self) -> None:
             (source / "0004.png").write_bytes(b"mine")
-
-        def wrote(self, summary: Summary) -> None: ...
 
     before = contents(source)
     with pytest.raises(OutputError, match=r"0004\.png has appeared meanwhile"):
@@ -444,17 +435,6 @@ def test_numbers_that_do_not_match_leave_the_order(tmp_path):
     assert in_order.at(0).forward[0, 0, 0] == 0
     assert "numbered from 0 on and the output from 101" in in_order.remarks[0]
     assert vectors.matched(range(101, 110), must_match=False).remarks == []
-
-
-def test_depth_goes_by_number_too(tmp_path):
-    """Depth of the frame with that number; a missing one is named."""
-    numbered_vectors(tmp_path / "v", range(1, 6))
-    for number in (1, 2, 3, 5):
-        save_depth(tmp_path / "d" / f"Depth{number}.exr", np.full((HEIGHT, WIDTH), number, np.float32))
-    vectors = VectorFolder(tmp_path / "v", tmp_path / "d").matched(range(1, 6), must_match=True)
-    assert vectors.at(2).depth[0, 0] == 3
-    with pytest.raises(InputError, match=r"Depth4\.exr is missing, the depth of output frame 4"):
-        vectors.at(3)
 
 
 SIZE = 32, 48
