@@ -194,48 +194,21 @@ def test_a_signal_stops_all(tmp_path):
     assert os.listdir(tmp_path / "out") == ["a.mp4"]
 
 
-def test_one_input_and_a_folder_is_still_images(fpsboost_, tmp_path):
-    """Two names are what they always were."""
-    write_clip(tmp_path / "a.mp4", times=range(3))
-    assert fpsboost_("a.mp4", "out/", "--method", "nearest").code == 0
-    assert sorted(os.listdir(tmp_path / "out")) == [f"{number:06d}.png" for number in range(1, 6)]
-
-
-def stop_after(monkeypatch, target, name):
-    """Stop the run, once, after a function has done its work."""
-    function, interrupted = getattr(target, name), []
-
-    def call(*arguments, **keywords):
-        result = function(*arguments, **keywords)
-        if not interrupted:
-            interrupted.append(name)
-            if name == "open":
-                result.close()
-            raise KeyboardInterrupt
-        return result
-
-    monkeypatch.setattr(target, name, call)
-
-
-@pytest.mark.parametrize(
-    ("target", "name"), [(Path, "mkdir"), (Path, "open"), (staging, "_lock"), (os.path, "samestat")]
-)
-def test_nothing_stays_of_a_run_that_is_stopped_while_it_locks_its_folder(tmp_path, monkeypatch, target, name):
-    """At each step between making the hidden folder and holding it."""
-    place = tmp_path / ".out.mp4.unfinished"
-    stop_after(monkeypatch, target, name)
-    with pytest.raises(KeyboardInterrupt):
-        staging.StagingDirectory(place, "output", "out.mp4", None).open()
-    assert not place.exists()
-
-
-def test_a_run_that_is_stopped_leaves_the_folder_of_another(tmp_path, monkeypatch):
-    """It is stopped before it tries to take the lock that the other one holds."""
+@pytest.mark.parametrize("is_there", [False, True])
+def test_a_run_that_is_stopped_while_it_locks_its_folder(tmp_path, monkeypatch, is_there):
+    """Nothing stays of the hidden folder, unless it is that of another run."""
     mine, other = (staging.StagingDirectory(tmp_path / ".out.unfinished", "output", "out", None) for _ in range(2))
-    other.open()
-    stop_after(monkeypatch, Path, "open")
+    if is_there:
+        other.open()
+
+    def stop(*arguments, **options):
+        monkeypatch.undo()
+        Path.open(*arguments, **options).close()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "open", stop)
     with pytest.raises(KeyboardInterrupt):
         mine.open()
-    assert other.folder.is_dir()
-    other.close(keep=False)
-    assert not other.folder.exists()
+    assert mine.folder.is_dir() == is_there
+    if is_there:
+        other.close(keep=False)

@@ -299,12 +299,6 @@ def test_overwriting(fpsboost_, clip, tmp_path):
         assert len(packets_of(tmp_path / "out.mp4", "video")) == 12
 
 
-def test_cuts_are_told(fpsboost_):
-    """The summary counts scene cuts where there are any."""
-    result = fpsboost_(ORBIT, "out.mp4", "--method", "blend", "--preset", "ultrafast")
-    assert re.search(r"72 -> 144 frames, 1 scene cut in ", result.err)
-
-
 # ---------------------------------------------------------------------------------------------------- what is refused
 
 # Everything below is done in a folder that `material` fills.
@@ -314,6 +308,7 @@ FAILURES: dict[str, tuple[str, str]] = {
     "missing sequence": ("none_####.png out", "none_####.png"),
     "not a video": ("text.mp4 out.mp4", "text.mp4"),
     "zero bytes": ("zero.mp4 out.mp4", "zero.mp4"),
+    "a video cut before its index": ("cut.mp4 out.mp4", "cut.mp4"),
     "one frame": ("one.mp4 out.mp4", "one.mp4"),
     "one image": ("single out.mp4 --input-fps 24", "single"),
     "one image by name": ("single/shot_0001.png out.mp4", "shot_0001.png"),
@@ -378,6 +373,7 @@ def material(tmp_path, save_images) -> None:
     write_clip(tmp_path / "one.mp4", times=[0])
     (tmp_path / "text.mp4").write_text("not a video\n" * 100)
     (tmp_path / "zero.mp4").touch()
+    (tmp_path / "cut.mp4").write_bytes((tmp_path / "in.mp4").read_bytes()[:1500])
     (tmp_path / "there.mp4").write_bytes(b"precious")
     (tmp_path / "empty").mkdir()
     save_images(tmp_path / "single", count=1)
@@ -388,23 +384,12 @@ def material(tmp_path, save_images) -> None:
 
 
 @pytest.mark.usefixtures("material")
-@pytest.mark.parametrize("case", FAILURES)
-def test_failures(fpsboost_, tmp_path, snapshot, case):
-    """What the files do not allow: exit code 1, one sentence that names the file, nothing changed."""
+@pytest.mark.parametrize("case", [*FAILURES, *MISTAKES])
+def test_refusals(fpsboost_, tmp_path, snapshot, case):
+    """Exit code 1 for what files do not allow, 2 for what can never work; a sentence names it, nothing changes."""
     before = snapshot(tmp_path)
-    arguments, word = FAILURES[case]
-    method = () if "--method" in arguments else CHEAP
-    assert_refused(fpsboost_(*shlex.split(arguments), *method), 1, word)
-    assert snapshot(tmp_path) == before
-
-
-@pytest.mark.usefixtures("material")
-@pytest.mark.parametrize("case", MISTAKES)
-def test_mistakes(fpsboost_, tmp_path, snapshot, case):
-    """What can never work: exit code 2, one sentence that names the option, nothing changed."""
-    before = snapshot(tmp_path)
-    arguments, word = MISTAKES[case]
-    assert_refused(fpsboost_(*shlex.split(arguments)), 2, word)
+    code, method, (arguments, word) = (1, CHEAP, FAILURES[case]) if case in FAILURES else (2, (), MISTAKES[case])
+    assert_refused(fpsboost_(*shlex.split(arguments), *method), code, word)
     assert snapshot(tmp_path) == before
 
 
@@ -450,14 +435,6 @@ def test_a_corrupt_video_is_converted_with_a_note(fpsboost_, tmp_path):
     assert (result.code, result.out, len(result.lines)) == (0, "", 3)
     assert re.fullmatch(r"Note: in\.mp4 is damaged: .*\.", result.lines[1])
     assert re.fullmatch(r"Note: in\.mp4 varies from .*\.", result.lines[2])
-
-
-def test_a_video_cut_before_its_index_is_refused(fpsboost_, tmp_path):
-    """An mp4 whose index is gone cannot be read at all, and the sentence says so."""
-    clip = write_clip(tmp_path / "in.mp4", times=range(30))
-    clip.write_bytes(clip.read_bytes()[: clip.stat().st_size // 2])
-    assert_refused(fpsboost_("in.mp4", "out.mp4", *CHEAP), 1, "in.mp4")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mp4"]
 
 
 # ------------------------------------------------------------------------------------------------------- being stopped
@@ -541,24 +518,6 @@ def test_errors_of_the_program_itself_are_not_hidden(fpsboost_, clip, tmp_path, 
 
 
 # ----------------------------------------------------------------------------------------------------------- file names
-
-
-@pytest.mark.parametrize("name", ["a b" * 40, "Zoë 映画", "50%d", "take #2", "[red]x[", "it's", "a;b&c", "-x", "~"])
-def test_odd_names(fpsboost_, tmp_path, name):
-    """They are taken as they are, as input and output, and printed as they are."""
-    write_clip(tmp_path / f"{name}.mp4", times=range(3))
-    result = fpsboost_(*CHEAP, "--", f"{name}.mp4", f"{name} out.mkv")
-    assert (result.code, result.out) == (0, "")
-    assert result.err.startswith(f"{name} out.mkv: 3 -> 6 frames")
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([f"{name}.mp4", f"{name} out.mkv"])
-
-
-def test_leading_dashes(fpsboost_, tmp_path):
-    """They need ``./`` or ``--`` before them, as everywhere."""
-    write_clip(tmp_path / "-x.mp4", times=range(3))
-    assert fpsboost_("./-x.mp4", "./-y.mp4", *CHEAP).code == 0
-    assert fpsboost_(*CHEAP, "--", "-x.mp4", "-z.mp4").code == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["-x.mp4", "-y.mp4", "-z.mp4"]
 
 
 @pytest.mark.parametrize("name", ["[red]gone[", "go\\ne", "100%", "go'ne", "a" * 120])
@@ -649,9 +608,10 @@ def test_version(fpsboost_):
     assert fpsboost_("--version") == Result(0, f"fpsboost {fpsboost.__version__}\n", "")
 
 
-@pytest.mark.parametrize("run", ["pass", "app.app(['--help'], result_action='return_value')", "print(app.__version__)"])
-def test_what_needs_no_work_is_light(tmp_path, run):
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["compare", "--help"]])
+def test_what_needs_no_work_is_light(tmp_path, arguments):
     """Neither the package nor its command line loads OpenCV, numba or FFmpeg before there is work."""
-    heavy = "{'cv2', 'numba', 'av', 'skimage', 'numpy'}"
-    code = f"import sys; from fpsboost.cli import app; {run}\nprint({heavy} & set(sys.modules), file=sys.stderr)"
+    heavy = "{'cv2', 'numba', 'av', 'skimage', 'numpy', 'matplotlib', 'jinja2'}"
+    run = f"import sys; from fpsboost.cli import app; app.app({arguments}, result_action='return_value')"
+    code = f"{run}\nprint({heavy} & set(sys.modules), file=sys.stderr)"
     assert run_code(tmp_path, code).stderr.strip() == b"set()"

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import cv2
 import pytest
-from truth import SCENES, needs_scenes, noise
+from truth import SCENES, needs_scenes
 
 from fpsboost.cli.contestants import choose, name_others, split_methods
 from fpsboost.errors import OptionError
@@ -86,21 +85,6 @@ def test_every_default_can_be_written_as_an_option(name):
     assert configure(methods[name], name, options) == methods[name]
 
 
-def test_values_out_of_range_are_refused():
-    """Nothing that a method cannot work with gets past its own checks: 0 and -1 run or are refused."""
-    image = cv2.GaussianBlur(noise(32, 40), (0, 0), 1)
-    texts = ("smoothness=-1", "coarsest-side=0", "finest-level=-1", "bandwidth=0", "merge-distance=-1")
-    for text in texts:
-        with pytest.raises(OptionError, match=text.partition("=")[0].replace("-", "_")):
-            choose([f"nlm:{text}"], None)
-    for text in ("levels=0", "window-size=0", "iterations=0"):
-        with pytest.raises(OptionError, match="must be at least 1"):
-            choose([f"farneback:{text}"], None)
-    (contestant,) = choose(["nlm:smoothness=0,finest-level=99,merge-distance=0"], None)[0].values()
-    assert isinstance(contestant, InterpolatorContestant)
-    assert len(contestant.interpolator.interpolate(image, image, [0.5])) == 1
-
-
 def test_all_stands_for_every_method_beside_others():
     """Also beside one with options; those that need vectors are named with the reason."""
     contestants, skipped = choose(["all", "dis:preset=fast"], None)
@@ -152,8 +136,3 @@ def test_vectors_go_to_all_that_take_them():
     assert (searching.vectors, searching.v) == (folder, 0.1)
     assert reprojecting.vectors is folder
     assert not hasattr(default, "vectors")
-
-
-def test_vectors_are_used_or_not():
-    """Both words may be written of any method."""
-    assert list(choose(["nlm:vectors=yes,dis:vectors=no"], None)[0]) == ["nlm:vectors=yes", "dis:vectors=no"]
