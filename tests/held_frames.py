@@ -8,9 +8,9 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
-import av
 import numpy as np
 from truth import as_type, frozen, waves
+from video_truth import write_clip
 
 from fpsboost.frame import Frame
 
@@ -38,10 +38,5 @@ def held(cadence: Sequence[int], picture: Callable[[float], Any] = lambda time: 
 
 def encode(path: Path, images: Sequence[Any], crf: int) -> Path:
     """A clip as people keep them."""
-    with av.open(str(path), "w") as output:
-        stream = output.add_stream("libx264", rate=RATE, width=WIDTH, height=HEIGHT)
-        stream.pix_fmt, stream.options = "yuv420p", {"crf": str(crf), "preset": "medium", "g": "10"}
-        for image in images:
-            output.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="bgr24")))
-        output.mux(stream.encode(None))
-    return path
+    clip = {"times": range(len(images)), "time_base": 1 / RATE, "picture": lambda number, *size: images[number]}
+    return write_clip(path, size=(HEIGHT, WIDTH), options={"crf": str(crf), "preset": "medium", "g": "10"}, **clip)

@@ -21,14 +21,14 @@ from fpsboost.frame_cache import FrameCache, Results
 from fpsboost.method_table import methods
 from fpsboost.run_options import RunOptions
 
-PER_FRAME = [
+PER_FRAME = (
     "fpsboost.analysis.scene_cuts.small_copy",
     "fpsboost.analysis.illumination.small_copy",
     "fpsboost.motion.nlm.pyramid",
     "fpsboost.motion.nlm.contrast_components",
     "fpsboost.motion.nlm.contrast_planes",
     "fpsboost.synthesis.multi_hypothesis.find_coefficients",
-]
+)
 """What the default method asks of each frame of one level, under the names that it knows."""
 
 
@@ -45,26 +45,14 @@ class Counted:
 
 
 @pytest.fixture
-def counted(monkeypatch) -> Callable[[str], Counted]:
-    """A function that puts a counter in place of the function of a name."""
-
-    def replace(name: str) -> Counted:
+def counters(monkeypatch) -> dict[str, Counted]:
+    """Counters in place of the functions of `PER_FRAME`."""
+    counters = {}
+    for name in PER_FRAME:
         module, _, function = name.rpartition(".")
-        counter = Counted(getattr(importlib.import_module(module), function))
-        monkeypatch.setattr(name, counter)
-        return counter
-
-    return replace
-
-
-class FromTheFirstFrame(SilentObserver):
-    """Forgets the calls of compiling."""
-
-    def __init__(self, counter: Counted) -> None:
-        self._counter = counter
-
-    def ready(self) -> None:
-        self._counter.calls = 0
+        counters[name] = Counted(getattr(importlib.import_module(module), function))
+        monkeypatch.setattr(name, counters[name])
+    return counters
 
 
 def test_a_function_is_called_once():
@@ -77,17 +65,15 @@ def test_a_function_is_called_once():
         assert counter.calls == 1
 
 
-@pytest.mark.parametrize("name", PER_FRAME)
 @pytest.mark.parametrize(("factor", "calls"), [(Fraction(3), 5), (Fraction(5, 2), 5), (Fraction(1), 0)], ids=str)
-def test_a_conversion_prepares_every_frame_once(tmp_path, save_images, counted, name, factor, calls):
+def test_a_conversion_prepares_every_frame_once(tmp_path, save_images, counters, factor, calls):
     """One call for each frame, however many pairs and times it is part of; none where nothing lies between."""
     save_images(tmp_path / "in", count=5)
-    counter = counted(name)
-    summary = convert(
-        str(tmp_path / "in"), str(tmp_path / "out"), factor=factor, run=RunOptions(observer=FromTheFirstFrame(counter))
-    )
+    observer = SilentObserver()
+    observer.ready = lambda: [setattr(counter, "calls", 0) for counter in counters.values()]  # forget compiling
+    summary = convert(str(tmp_path / "in"), str(tmp_path / "out"), factor=factor, run=RunOptions(observer=observer))
     assert summary.scene_cuts == 0
-    assert counter.calls == calls
+    assert {name: counter.calls for name, counter in counters.items()} == dict.fromkeys(PER_FRAME, calls)
 
 
 def test_a_conversion_forgets_what_is_behind_it(tmp_path, save_images, monkeypatch):

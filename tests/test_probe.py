@@ -6,7 +6,6 @@ import json
 from fractions import Fraction
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
 from animation_truth import disc, write_animation
@@ -91,14 +90,8 @@ def test_duplicates_and_cuts(tmp_path):
 
 def test_interlaced_frames_are_counted(tmp_path):
     """By the flag on each of them."""
-    with av.open(str(tmp_path / "in.mp4"), "w") as output:
-        stream = output.add_stream("libx264", rate=25, width=64, height=64)
-        stream.pix_fmt, stream.options = "yuv420p", {"x264-params": "tff=1"}
-        for index in range(6):
-            image = np.full((64, 64, 3), 30 * index, np.uint8)
-            output.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
-        output.mux(stream.encode(None))
-    assert probe(str(tmp_path / "in.mp4")).interlaced == 6
+    clip = write_clip(tmp_path / "in.mp4", times=range(6), size=(64, 64), options={"x264-params": "tff=1"})
+    assert probe(str(clip)).interlaced == 6
 
 
 def test_damage_is_told(tmp_path):
@@ -125,9 +118,6 @@ def test_what_cannot_be_read(tmp_path):
         probe(str(tmp_path / "in.mp4"))
     with pytest.raises(OptionError, match="`input_fps`"):
         probe(str(write_clip(tmp_path / "good.mp4")), Fraction(24))
-
-
-# ----------------------------------------------------------------------------------------------------- the command line
 
 
 def test_the_terminal(fpsboost_, tmp_path):

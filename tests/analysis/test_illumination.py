@@ -43,9 +43,6 @@ def error(image, truth, margin=14):
     return float(np.abs(image.astype(float) - truth)[inner, inner].mean()) * 255 / white
 
 
-# ------------------------------------------------------------------------------------------------------ constant light
-
-
 @pytest.mark.parametrize(
     "clip",
     [
@@ -82,8 +79,6 @@ def test_with_alpha_light_is_constant(channels):
     assert estimate_illumination(*prepared(at(0), at(1))) is None
 
 
-# ------------------------------------------------------------------------------------------------------ what was found
-
 CHANGES = [(0.5, 0.0), (0.5, 0.2), (0.8, 0.0), (1.25, 0.0), (1.25, -0.1), (1.0, 0.15), (1.0, -0.15)]
 
 
@@ -109,9 +104,6 @@ def test_the_light_of_a_moving_picture_is_found(gain, offset, shift):
         colours = lit_clip(1, shift=shift, dtype=np.float32, seed=seed)(0)
         relit = illumination.apply(colours, 1, np.dtype(np.float32))
         assert np.abs(relit - (gain * colours + offset)).max() < 5 / 255
-
-
-# ---------------------------------------------------------------------------------------------------------------- cuts
 
 
 def picture(seed, contrast=1.0, mean=0.5, size=(90, 120)):
@@ -140,9 +132,6 @@ def test_a_fade_is_no_cut(gain, offset):
         assert not ends(NLM.pair(*prepared(at(0), at(1))))
         assert not ends(NLM.pair(*prepared(at(1), at(0))))
         assert ends(replace(NLM, compensate_illumination=False).pair(*prepared(at(0), at(1))))
-
-
-# ----------------------------------------------------------------------------------------------------------- in between
 
 
 @pytest.mark.parametrize("shift", [(6, -4), (4.5, 2.5)])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from truth import CutsWhere, as_type, noise, prepared, waves
 
-from fpsboost.analysis.overlay import DILATION_RADIUS, find_overlay, keep_overlay
+from fpsboost.analysis.overlay import DILATION_RADIUS, find_overlay
 from fpsboost.colour import Coding
 from fpsboost.io.video.ycc import from_bgr, in_planes
 from fpsboost.method_table import methods
@@ -63,9 +63,6 @@ def off_by(image, truth):
     """The largest difference of a pixel's channels, levels of 255."""
     white = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
     return np.abs(image.astype(float) - truth).max(axis=-1) * 255 / white
-
-
-# -------------------------------------------------------------------------------------------------------- what is kept
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -127,9 +124,6 @@ def test_letters_stay_in_planes(pixel_format):
     assert np.abs(moved.planes[0][mask] - luma).mean() > 8 * white / 255
 
 
-# ----------------------------------------------------------------------------------------------- what is not an overlay
-
-
 @pytest.mark.parametrize("with_letters", [False, True])
 def test_in_a_still_clip_there_is_no_overlay(with_letters):
     """Nothing moves that anything could stand still in front of."""
@@ -179,9 +173,6 @@ def test_what_is_no_number_is_no_overlay(value):
         assert np.isfinite(image).all()
 
 
-# ---------------------------------------------------------------------------------------------------------- the parts
-
-
 def test_a_pixel_on_its_own_is_no_overlay():
     """Chance makes single pixels stay: two of them side by side are none either, three are."""
     mask = np.zeros(SIZE, bool)
@@ -193,18 +184,3 @@ def test_a_pixel_on_its_own_is_no_overlay():
     y, x = np.argwhere(overlay).T
     assert np.abs(y - 40.5).max() <= 0.5 + DILATION_RADIUS
     assert np.abs(x - 80.5).max() <= 0.5 + DILATION_RADIUS
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
-def test_the_overlay_is_mixed_in_time_and_the_rest_left(dtype):
-    """In place, rounded to the nearest level; floats are not rounded."""
-    image, image0, image1 = (noise(9, 11, 3, dtype, seed).copy() for seed in (1, 2, 3))
-    overlay = np.random.default_rng(4).random((9, 11)) < 0.3
-    before = image.copy()
-    keep_overlay(image, image0, image1, 0.25, overlay)
-    np.testing.assert_array_equal(image[~overlay], before[~overlay])
-    expected = 0.75 * image0[overlay].astype(float) + 0.25 * image1[overlay].astype(float)
-    if dtype is np.float32:
-        np.testing.assert_allclose(image[overlay], expected, atol=1e-6)
-    else:
-        np.testing.assert_array_equal(image[overlay], np.rint(expected))

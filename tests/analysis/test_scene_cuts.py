@@ -128,26 +128,6 @@ def test_alone_only_what_has_nothing_alike_is_a_cut():
     assert not detector.is_cut(0.3, 0.4)
 
 
-def test_the_end_of_a_fade_is_no_cut():
-    """In a change that takes time, frames farther apart are more unlike; across a cut they are as unlike."""
-    detector = CutDetector()
-    assert detector.is_gradual(0.6, 0.3, 0.7)
-    assert not detector.is_gradual(0.6, 0.55, 0.6)
-    assert not detector.is_gradual(0.6)
-    assert not detector.is_gradual(0.1, 0.01)
-    assert not CutDetector(threshold=1).is_gradual(0.6, 0.3)
-
-
-def test_a_flash_hides_a_scene_that_goes_on():
-    """The frames on both sides are as like as others are, and the one between is like neither."""
-    detector = CutDetector()
-    assert detector.is_flash(0.01, 0.9, 0.9)
-    assert not detector.is_flash(0.01, 0.3, 0.02)
-    assert not detector.is_flash(0.01, 0.4, 0.9)
-    assert not detector.is_flash(0.55, 0.6, 0.7)
-    assert not CutDetector(threshold=1).is_flash(0.01, 0.9, 0.9)
-
-
 @needs_scenes
 @pytest.mark.parametrize("scene_name", ["glass", "reflective", "texture"])
 def test_the_rendered_scenes_hold_no_cut(scene_name):

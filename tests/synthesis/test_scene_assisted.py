@@ -38,9 +38,6 @@ def between(synthesizer: SceneAssisted, clip: Clip, span: int = 4) -> list[np.nd
     return made(synthesizer, clip.image0, clip.image1, span, [number / span for number in range(1, span)])
 
 
-# ------------------------------------------------------------------------------------------------------------ one image
-
-
 @pytest.mark.parametrize("channels", [1, 2, 3, 4])
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 def test_images_are_like_the_frames(tmp_path, channels, dtype):
@@ -168,9 +165,6 @@ def test_vectors_of_another_size_are_refused(tmp_path):
         made(SceneAssisted(vectors), noise(6, 9), noise(6, 9), 2, [0.5])
 
 
-# ------------------------------------------------------------------------------------------------------ the two methods
-
-
 def test_methods_need_vectors_and_others_take_none(tmp_path):
     """Each mistake in a sentence that names the option; an unknown method lists all."""
     vectors = VectorFolder(save_translation(tmp_path, 3, (6, 8), 0, 0))
@@ -251,12 +245,9 @@ def test_mistakes_are_one_sentence_and_nothing_is_written(renders, fpsboost_, li
     assert sorted(renders.rglob("*")) == before
 
 
-@pytest.mark.parametrize("number", [3, COUNT - 1])
-def test_missing_vectors_of_one_frame(renders, fpsboost_, number):
-    """A gap and a missing end: one sentence, exit code 1, nothing written."""
-    (renders / "vectors" / f"v_{number:04d}.exr").unlink()
+def test_a_gap_in_the_vectors(renders, fpsboost_):
+    """One sentence, exit code 1, nothing written."""
+    (renders / "vectors" / "v_0003.exr").unlink()
     result = fpsboost_("in", "out", "--method", "reproject-image", "--vectors", "vectors")
-    assert result.code == 1
-    assert ("v_0003.exr is missing" if number == 3 else "no vectors for output frame 6") in result.err
-    assert not (renders / "out").exists()
-    assert not [path for path in renders.iterdir() if path.name.startswith(".")]
+    assert (result.code, "v_0003.exr is missing" in result.err) == (1, True)
+    assert sorted(path.name for path in renders.iterdir()) == ["in", "vectors"]

@@ -69,6 +69,13 @@ def test_images_are_like_the_frames(synthesizer, channels):
     assert not np.shares_memory(images[0], images[1])
 
 
+def test_nearest_repeats_the_nearer_frame():
+    """The earlier one at the middle, bit by bit."""
+    clip = translation(12, 14, 2, 0)
+    for image, source in zip(made(Nearest(), clip), (clip.image0, clip.image0, clip.image1), strict=True):
+        np.testing.assert_array_equal(image, source)
+
+
 @every_synthesizer
 def test_images_are_made_one_at_a_time(synthesizer):
     """Asking for the first does not need the rest, and no times make no images."""

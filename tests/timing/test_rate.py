@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import av
-import numpy as np
 import pytest
 from conversion_options import grouped
 from hypothesis import given
 from hypothesis import strategies as st
-from test_pipeline import BLEND, LOSSLESS, FakeSink, times_of
+from test_pipeline import BLEND, LOSSLESS, FakeSink, FakeSource, make_frames, times_of
 from video_truth import scene, write_clip
 
 from fpsboost.contracts import Summary
@@ -37,31 +36,20 @@ def info_of(rate: Fraction, time_base: Fraction = Fraction(1, 90000), duration: 
     return ClipInfo("clip.mp4", 4, 6, rate, time_base, count, duration)
 
 
-@dataclass
-class Clip:
-    """Flat frames at the given times, each brighter than the one before."""
-
-    info: ClipInfo
-    times: list[Fraction]
-    end: Fraction
-
-    def __post_init__(self) -> None:
-        self.remarks: list[str] = []
-
-    def __iter__(self):
-        for number, (time, after) in enumerate(pairwise([*self.times, self.end])):
-            yield Frame(np.full((4, 6, 3), 10 * number % 256, np.uint8), time, after - time, original=number)
+def source_of(info: ClipInfo, times: Iterable[Fraction], end: Fraction) -> FakeSource:
+    """Flat frames at the given times, each brighter than the one before, with their numbers as originals."""
+    frames = make_frames(times, end)
+    source = FakeSource([replace(frame, original=number) for number, frame in enumerate(frames)])
+    source.info = info
+    return source
 
 
 def play(info: ClipInfo, times: Iterable[Fraction], end: Fraction, pace: OutputRate) -> tuple[list[Frame], Summary]:
     """What comes out, with the remarks of the pace."""
-    clip, sink, schedule = Clip(info, list(times), end), FakeSink(), pace.schedule(info)
-    summary = run_conversion(clip, replace(BLEND, duplicates=None), sink, schedule)
+    source, sink, schedule = source_of(info, times, end), FakeSink(), pace.schedule(info)
+    summary = run_conversion(source, replace(BLEND, duplicates=None), sink, schedule)
     summary.remarks = pace.remarks(info, schedule, summary.frame_intervals)
     return sink.frames, summary
-
-
-# ------------------------------------------------------------------------------------------------------------- options
 
 
 def test_twice_the_rate_unless_told():
@@ -96,9 +84,6 @@ def test_a_rate_beyond_all_measure_is_refused():
     """A factor within its bounds can still ask for too much of a clip."""
     with pytest.raises(OptionError, match=r"`factor=900` makes 108000 frames per second of clip\.mp4"):
         OutputRate(Fraction(900)).schedule(info_of(Fraction(120)))
-
-
-# --------------------------------------------------------------------------------------- ten hours, by exact arithmetic
 
 
 @pytest.mark.parametrize(
@@ -142,24 +127,6 @@ def test_ten_hours_stay_exact(pace, source, clock):
     assert numbers.stop == total
 
 
-def recorded(ticks: list[int]) -> list[Fraction]:
-    """Times of a screen recording: intervals in milliseconds."""
-    return [Fraction(sum(ticks[:place]), 1000) for place in range(len(ticks) + 1)]
-
-
-def test_ten_hours_of_uneven_frames_come_out_even():
-    """At any hour of a recording with uneven intervals, the output has the frames of its own clock and no others."""
-    schedule = OutputRate(fps=Fraction(60)).schedule(info_of(Fraction(30), MILLISECOND))
-    frame_intervals = recorded([33, 34, 17, 100, 16, 400, 50, 33, 7, 310] * 10)  # a second of ten, ten times
-    for hour in range(10):
-        begin = 3600 * hour
-        times = [schedule.presentation_time(Fraction(0), begin + time) for time in frame_intervals]
-        assert all(a < b for a, b in pairwise(times))
-        steps = [step for a, b in pairwise(times) for step in schedule.steps(0, Fraction(0), a, b)]
-        assert [step.time for step in steps] == [begin + Fraction(k, 60) for k in range(600)]
-        assert all(0 <= step.t < 1 for step in steps)
-
-
 @given(
     st.sampled_from([Fraction(15), FILM, Fraction(25), Fraction(30), NTSC]),
     st.sampled_from([Fraction(1, 2), Fraction(3, 2), Fraction(2), Fraction(5, 2), Fraction(8)]),
@@ -176,9 +143,6 @@ def test_times_increase_whatever_the_clock(rate, factor, tick, intervals):
     assert all(a <= b for a, b in pairwise(moments))
     bound = min(1 / rate, 1 / (rate * factor)) / 2
     assert all(abs(moment - time) < bound for moment, time in zip(moments, times, strict=True))
-
-
-# ------------------------------------------------------------------------------------- clocks that round, and that vary
 
 
 @pytest.mark.parametrize("start", [Fraction(0), Fraction(23, 1000), Fraction(-1, 50)])
@@ -235,9 +199,6 @@ def test_a_damaged_time_does_not_fill_the_disk():
     assert any("59999.8 s" in remark and "as one long frame" in remark for remark in summary.remarks)
 
 
-# --------------------------------------------------------------------------------------------------------- slow motion
-
-
 @pytest.mark.parametrize(
     ("pace", "rate", "stretch"),
     [
@@ -255,8 +216,8 @@ def test_slow_motion_keeps_the_rate_and_lasts_longer(pace, rate, stretch, start)
     """Frames at the rate of the source, or at --fps, from its first time on, and originals at their stretched times."""
     info = info_of(FILM, Fraction(1, 24000))
     times = [start + k / FILM for k in range(12)]
-    clip, sink, schedule = Clip(info, times, start + 12 / FILM), FakeSink(), pace.schedule(info)
-    run_conversion(clip, BLEND, sink, schedule, stretch=pace.stretch)
+    source, sink, schedule = source_of(info, times, start + 12 / FILM), FakeSink(), pace.schedule(info)
+    run_conversion(source, BLEND, sink, schedule, stretch=pace.stretch)
     assert pace.timing(info, schedule).rate == rate
     assert [frame.time for frame in sink.frames] == [
         start + k / rate for k in range(math.ceil(12 / FILM * stretch * rate))
@@ -283,9 +244,6 @@ def test_slow_motion_of_a_file(tmp_path):
         assert not file.streams.audio
 
 
-# --------------------------------------------------------------------------------------------------------------- files
-
-
 def with_times(path: Path, times: list[int]) -> Path:
     """A Matroska clip whose frames have these times, in milliseconds and in any order."""
     with av.open(str(path), "w") as output:
@@ -309,22 +267,3 @@ def test_one_time_far_ahead_loses_nothing(tmp_path):
     with VideoSource(path) as source:
         assert [frame.time for frame in source] == [Fraction(time, 1000) for time in times]
         assert any("gives 1 frame a time far ahead of the next" in remark for remark in source.remarks)
-
-
-def test_timestamps_that_wrap(tmp_path):
-    """A transport stream whose 33 bits run over in the middle is one clip without a gap."""
-    tick = Fraction(1, 90000)
-    path = tmp_path / "in.ts"
-    with av.open(str(path), "w") as output:
-        video = output.add_stream("libx264", rate=25, width=64, height=48)
-        video.pix_fmt, video.time_base = "yuv420p", tick
-        video.codec_context.time_base = tick
-        packets = []
-        for number in range(20):
-            frame = av.VideoFrame.from_ndarray(scene(number), format="bgr24").reformat(format="yuv420p")
-            frame.pts, frame.time_base = 2**33 - 126000 - 36000 + 3600 * number, tick
-            packets += video.encode(frame)
-        output.mux([*packets, *video.encode(None)])
-    with VideoSource(path) as source:
-        times = [frame.time for frame in source]
-    assert [time - times[0] for time in times] == [Fraction(k, 25) for k in range(20)]
