@@ -30,9 +30,6 @@ def flat(level, dtype=np.uint8, size=(24, 40, 3)):
     return np.full(size, level, dtype)
 
 
-# ---------------------------------------------------------------- XPSNR and VMAF
-
-
 @needs_xpsnr
 def test_twice_the_error_takes_6_db_of_xpsnr():
     """Its weights come from the true video alone, and shown frames have their places but no figures."""
@@ -95,9 +92,6 @@ def test_vmaf_comes_from_the_log_of_libvmaf():
     assert read_vmaf(json.dumps({"version": "3.0.0", "frames": frames, "pooled_metrics": {}})) == [90, 91, 92]
 
 
-# ---------------------------------------------------------------- FLIP
-
-
 @needs_flip
 def test_flip_is_0_of_equal_images_and_near_1_of_black_beside_white():
     """And grows with the difference."""
@@ -108,9 +102,6 @@ def test_flip_is_0_of_equal_images_and_near_1_of_black_beside_white():
     assert equal == 0
     assert 0.05 < gray < white
     assert white > 0.9
-
-
-# ---------------------------------------------------------------- names
 
 
 def test_metrics_are_chosen_by_name_once():

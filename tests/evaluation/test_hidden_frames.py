@@ -39,15 +39,6 @@ def test_shown_and_hidden_frames_follow_each_other_without_gaps(folder, skip, fi
         assert [each.t for each in interval.hidden] == [Fraction(k, skip + 1) for k in range(1, skip + 1)]
 
 
-def test_frames_are_those_of_the_clip(folder, tmp_path):
-    """Pixel for pixel."""
-    images = [cv2.imread(str(path)) for path in sorted((tmp_path / "clip").iterdir())]
-    for interval in Hiding().intervals(folder):
-        np.testing.assert_array_equal(interval.shown0.image, images[interval.number])
-        np.testing.assert_array_equal(interval.hidden[0].truth, images[interval.number + 1])
-        np.testing.assert_array_equal(interval.shown1.image, images[interval.number + 2])
-
-
 def test_a_clip_that_is_too_short_is_refused(tmp_path, save_images):
     """In one sentence that says how many frames it takes."""
     save_images(tmp_path / "short", count=3)
@@ -79,9 +70,6 @@ def test_hiding_nothing_is_refused(options):
     """Too small a range, nothing to skip, or a frame before the first."""
     with pytest.raises(OptionError, match=r"`skip`|`range"):
         Hiding(**options)
-
-
-# ------------------------------------------------------------------------------------------------- repeats and times
 
 
 def save_pan(folder, positions):

@@ -11,7 +11,7 @@ import pytest
 
 from fpsboost.errors import InputError
 from fpsboost.evaluation.hidden_frames import Hiding, read_samples
-from fpsboost.evaluation.peers import find_frames, list_images, read_like, run_peer
+from fpsboost.evaluation.peers import find_frames, read_like, run_peer
 
 HEIGHT, WIDTH = 20, 24
 
@@ -79,12 +79,6 @@ def test_images_are_matched(tmp_path, clip, names, hiding):
         assert np.isnan(frame.seconds)
     (sample,) = read_samples(clip, hiding, [wanted[-1]])
     np.testing.assert_array_equal(sample.interpolate(contestant), gray(wanted[-1]))
-
-
-def test_numbers_count_and_not_letters(tmp_path):
-    """Frame 10 comes after frame 9; of several numbers in a name the one that changes is the frame's."""
-    folder = save(tmp_path / "made", {f"shot2_{k}_v3.png": 0 for k in (8, 9, 10)})
-    assert [image.number for image in list_images(folder)] == [8, 9, 10]
 
 
 def test_a_folder_that_does_not_fit_is_one_sentence(tmp_path, clip):

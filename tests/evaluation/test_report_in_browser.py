@@ -109,19 +109,6 @@ def test_keyboard_steps_flips_and_chooses(page, comparison):
     assert left(page) == "difference of truth and nearest"
 
 
-def test_player_plays_a_passage(page):
-    """It goes on by itself until it is stopped, at its own speed or a quarter."""
-    page.locator(".stage").focus()
-    page.keyboard.press("Home")
-    at_frame(page, 0)
-    page.locator(".play.round").click()
-    expect(page.locator(".place")).not_to_have_text(re.compile("frame 0\\b"))
-    page.locator(".slow").click()
-    assert page.locator(".play.round").get_attribute("aria-label") == "Pause"
-    page.locator(".play.round").click()
-    expect(page.locator(".play.round")).to_have_attribute("aria-label", "Play")
-
-
 def test_choosing_the_other_sides_picture_swaps(page):
     """Two equal pictures side by side would show nothing."""
     page.locator('[data-side="right"]').first.click()
