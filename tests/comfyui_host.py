@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -133,13 +132,10 @@ def _fault(
     return None
 
 
-def run(
-    workflow: Workflow, number: str, nodes: dict[str, type], inference: AbstractContextManager[Any] | None = None
-) -> tuple[Any, ...]:
+def run(workflow: Workflow, number: str, nodes: dict[str, type]) -> tuple[Any, ...]:
     """Check a workflow and return the outputs of a node; the nodes before it are run first."""
     assert invalid_inputs(workflow, nodes) == []
-    with inference or nullcontext():
-        return _outputs(workflow, number, nodes)
+    return _outputs(workflow, number, nodes)
 
 
 def _outputs(workflow: Workflow, number: str, nodes: dict[str, type]) -> tuple[Any, ...]:

@@ -159,16 +159,6 @@ def test_rgb30_is_scaled_and_rounded_back_exactly():
     assert_equal([made], [[values, values[::-1], values[:, ::-1]]])
 
 
-@pytest.mark.parametrize("format", ["YUV420P8", "YUV444P16", "RGB30", "RGBS"])
-def test_frames_of_the_source_pass_unchanged(format):
-    """Every second frame is one of the source, and shares its planes."""
-    clip = vs.core.std.BlankClip(
-        format=getattr(vs, format), width=64, height=48, length=3, color=[0.3] * 3 if format == "RGBS" else [77, 88, 99]
-    )
-    output = interpolate(clip, method="blend")
-    assert_equal([planes_of(output.get_frame(2 * n)) for n in range(3)], all_planes(clip))
-
-
 def test_frames_do_not_depend_on_the_order_of_requests():
     """Asked for backward, at random and all at once, they are those asked for in order."""
     frames = [[scene(5 * n)[..., plane] for plane in range(3)] for n in range(8)]

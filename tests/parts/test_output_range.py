@@ -17,17 +17,16 @@ from numpy.typing import NDArray
 from test_pipeline import FakeSink, FakeSource
 from truth import frozen
 
-from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_synchronised, group_duplicates
+from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_synchronised
 from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.contracts import OutputRange, Summary
 from fpsboost.frame import Frame
-from fpsboost.frame_cache import FrameCache, SourcePosition
+from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import methods
 from fpsboost.parts.plan import find_entry
 from fpsboost.streaming import run_conversion
-from fpsboost.timing.output_numbers import OutputNumbers
-from fpsboost.timing.schedule import ByFactor, ByRate, ExposureSchedule, Schedule, Shutter, rising_time
+from fpsboost.timing.schedule import ByFactor, ByRate, ExposureSchedule, Schedule, Shutter
 
 RATE = Fraction(25)
 SIZE = (32, 48)
@@ -131,28 +130,6 @@ def test_ranges_are_parts_of_the_whole(schedule, clip, data):
         assert summary.boundaries[outputs.stop] == following.boundaries[outputs.stop]
 
 
-@given(clip=clips())
-@settings(max_examples=40)
-def test_grouping_goes_on_from_every_synchronised_frame(clip):
-    """Groups from there on are those of the whole clip, and no group of the whole reaches across it."""
-    detector = DuplicateDetector()
-    shown = [
-        SourceFrame(frame, FrameCache(frame.image, source_position=SourcePosition(number, frame.time)))
-        for number, frame in enumerate(clip)
-    ]
-    groups = [[numbered(each) for each in group] for group in group_duplicates(shown, detector)]
-    for frame, step in find_synchronised(shown, detector):
-        rest = group_duplicates(shown[numbered(frame) :], detector, step)
-        found = [[numbered(each) for each in group] for group in rest]
-        assert found == groups[-len(found) :]
-
-
-def numbered(frame: SourceFrame) -> int:
-    """Return the number of a frame in its clip."""
-    assert frame.image.source_position is not None
-    return frame.image.source_position.number
-
-
 @pytest.mark.parametrize(("kind", "expected"), [(1, 0.9), (2, 0.4), (3, 0.3)])
 def test_grouping_is_certain_at_most_moves(kind, expected):
     """In ordinary motion nearly everywhere, and in animation at each new picture; never within a still."""
@@ -161,28 +138,3 @@ def test_grouping_is_certain_at_most_moves(kind, expected):
     found = [frame for frame, _ in find_synchronised(shown, DuplicateDetector())]
     assert len(found) >= expected * 38
     assert not list(find_synchronised([shown[0]] * 9, DuplicateDetector()))
-
-
-@given(ticks=st.lists(st.integers(1, 90), min_size=3, max_size=40), rate=st.sampled_from([10, 25, 60]), data=st.data())
-def test_numbers_of_output_frames(ticks, rate, data):
-    """Frames before each frame of the source, and the source's frame of each, are those that steps tell."""
-    times = [Fraction(tick, 1000) for tick in np.cumsum([0, *ticks]).tolist()]
-    if data.draw(st.booleans()):
-        place = data.draw(st.integers(1, len(times) - 1))
-        times = [time + 700 * (index >= place) for index, time in enumerate(times)]
-    schedule = data.draw(
-        st.sampled_from([ByFactor(Fraction(5, 2)), ByRate.forgiving(Fraction(rate), RATE, Fraction(1, 1000))])
-    )
-    numbers, last, kept = OutputNumbers(times, schedule), None, []
-    for number, time in enumerate(times):
-        moment = rising_time(schedule, times[0], time, last)
-        if moment is not None:
-            last = moment
-            kept.append((number, moment))
-    count = 0
-    for (number, time), (_, following) in pairwise(kept):
-        assert numbers.before(number) == count
-        steps = list(schedule.steps(number, times[0], time, following))
-        if len(kept) == len(times):
-            assert all(numbers.source_frame(count + index) == number for index in range(len(steps)))
-        count += len(steps)

@@ -30,7 +30,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
 from fpsboost.parts.join import join
-from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, as_json, from_json
+from fpsboost.parts.manifest import MANIFEST_NAME, Manifest
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Position, Trim
 from fpsboost.timing.rate import OutputRate
@@ -318,17 +318,6 @@ def test_nothing_is_left_of_a_part_that_fails(tmp_path, clip, snapshot):
     with pytest.raises(KeyboardInterrupt):
         convert(str(clip), str(tmp_path / "out.mp4"), method="blend", factor=FACTOR, run=run)
     assert snapshot(tmp_path) == before
-
-
-def test_options_as_json_and_back():
-    """Every kind of value comes back as it was."""
-    values = [
-        OutputRate(Fraction(5, 2), slow_motion=True),
-        DecodeOptions(Trim(Position(Fraction(1, 3)), Position(Fraction(90), is_frame=True)), size_change="scale"),
-        Encoding(crf=18, encoder_options=(("tune", "film"), ("bf", "2"))),
-    ]
-    for value in values:
-        assert from_json(type(value), json.loads(json.dumps(as_json(value)))) == value
 
 
 def test_a_manifest_comes_back_as_it_was(made, tmp_path):

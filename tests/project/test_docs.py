@@ -5,18 +5,16 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda page: page.stem)
-def test_functions_that_a_page_names_exist(page):
+def test_functions_that_pages_name_exist():
     """``path.py:name`` is a file of the package, and it defines or assigns that name."""
-    for path, name in re.findall(r"`(\w+/[\w/]*\.py):([\w.]+)`", page.read_text(encoding="utf-8")):
+    pages = {page.name: page.read_text(encoding="utf-8") for page in (ROOT / "docs").glob("*.md")}
+    places = [(page, *place) for page in pages for place in re.findall(r"`(\w+/[\w/]*\.py):([\w.]+)`", pages[page])]
+    assert places
+    for page, path, name in places:
         code = (ROOT / "fpsboost" / path.removeprefix("fpsboost/")).read_text(encoding="utf-8")
         last = name.split(".")[-1]
-        found = re.search(
-            rf"^\s*(def|class) {last}\b|^\s*{last}\b(, \w+)* *(:.*)?=|^\s*(\w+, )+{last} =|^    {last}: ", code, re.M
-        )
-        assert found, f"{page.name}: {path}:{name}"
+        definition = rf"(def|class) {last}\b|{last}\b(, \w+)* *(:.*)?=|(\w+, )+{last} =| *{last}: "
+        assert re.search(rf"^\s*({definition})", code, re.M), f"{page}: {path}:{name}"

@@ -23,10 +23,8 @@ from fpsboost.rerender.regions import (
     TileGrid,
     choose_regions,
     partition,
-    simplified,
-    smooth_over_time,
 )
-from fpsboost.rerender.score import ErrorCurve, Trial, comparable, squared_error
+from fpsboost.rerender.score import comparable, squared_error
 
 HEIGHT, WIDTH, TILE = 64, 96, 16
 UNPREDICTABLE = Rectangle(48, 16, 32, 32)
@@ -145,13 +143,6 @@ def test_regions_do_not_flicker():
     assert (chosen == (errors > 0.1)).all()
 
 
-def test_scenes_are_not_smoothed_together():
-    """The weights 1, 2, 1 end at a cut."""
-    errors = np.array([0.0, 0.0, 4.0, 8.0]).reshape(4, 1, 1)
-    smooth = smooth_over_time(errors, np.array([0, 0, 1, 1]))
-    assert smooth.ravel().tolist() == [0, 0, 5, 7]
-
-
 @given(mask=masks)
 def test_rectangles_cover_exactly_the_mask(mask):
     """Each tile of the mask lies in one rectangle, and no other tile in any."""
@@ -159,14 +150,6 @@ def test_rectangles_cover_exactly_the_mask(mask):
     for rectangle in partition(mask):
         count[rectangle.part] += 1
     assert (count == mask).all()
-
-
-def test_nearby_rectangles_are_joined():
-    """Two halves of a square with a missing corner become the square."""
-    mask = np.zeros((8, 8), bool)
-    mask[1:5, 1:5] = True
-    mask[1, 4] = False
-    assert partition(simplified(mask)) == [Rectangle(1, 1, 4, 4)]
 
 
 @given(size=st.tuples(st.integers(1, 40), st.integers(1, 40)), tile=st.integers(1, 50))
@@ -180,14 +163,6 @@ def test_means_of_tiles(size, tile):
         part = grid.in_pixels(Rectangle(x, y, 1, 1)).part
         assert means[y, x] == pytest.approx(values[part].mean())
         assert grid.areas[y, x] == values[part].size
-
-
-def test_the_curve_learns_errors_by_doubt():
-    """Of tiles whose error is ten times their doubt it says so, and how far it is off on others."""
-    doubt = np.linspace(0, 1, 600).reshape(20, 30)
-    curve = ErrorCurve.fitted([Trial(False, [doubt], 10 * doubt)])
-    assert curve.at(np.array([0.25, 0.75])) == pytest.approx([2.5, 7.5], rel=0.02)
-    assert curve.bias([Trial(False, [doubt], 5 * doubt)]) == pytest.approx(2, rel=0.02)
 
 
 def test_what_is_transparent_does_not_show():

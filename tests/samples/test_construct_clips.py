@@ -41,19 +41,6 @@ def test_a_frame_hangs_on_its_number_alone(program: ModuleType, name: str) -> No
     assert not np.array_equal(first, second)
 
 
-def test_another_seed_gives_other_textures(program: ModuleType) -> None:
-    """The seed changes what is seen, far beyond the noise."""
-    (one,), (other,) = (program.construct("posts", SIZE, [0], seed) for seed in (0, 1))
-    assert np.abs(one.astype(int) - other).mean() > 10
-
-
-def test_a_size_changes_the_sampling_alone(program: ModuleType) -> None:
-    """Twice the size shows the same, finer."""
-    (small,), (large,) = (program.construct("fence", size, [3]) for size in ((240, 135), (480, 270)))
-    shrunk = cv2.resize(large, (240, 135), interpolation=cv2.INTER_AREA)
-    assert np.abs(shrunk.astype(int) - small).mean() < 4
-
-
 def test_the_program_writes_what_is_asked_for(
     program: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -86,12 +73,3 @@ def test_samples_show_the_place_that_the_matrix_takes_there(raster: ModuleType) 
     seen = view.look_up(texture, x + 3.25, y - 1.5)
     np.testing.assert_allclose(seen[..., 0], x + 3.25, atol=0.1)
     np.testing.assert_allclose(seen[..., 1], y - 1.5, atol=0.1)
-
-
-def test_a_pan_of_whole_pixels_moves_them_unchanged(raster: ModuleType) -> None:
-    """Two times apart by four pixels of a pan show the same pixels, four apart."""
-    layers, textures = (importlib.import_module(f"constructed.{name}") for name in ("layers", "textures"))
-    view = raster.Raster(480, 54)
-    show = layers.stack(view, [(textures.scenery(np.random.default_rng(5), (560, 100), view.density), layers.pan(8))])
-    before, after = (cv2.resize(show(time), (480, 54), interpolation=cv2.INTER_AREA) for time in (1, 1.5))
-    np.testing.assert_allclose(after[:, 4:], before[:, :-4], atol=0.002)

@@ -85,13 +85,6 @@ def test_every_frame_has_colour_depth_and_vectors(name):
 
 
 @needs_scenes
-def test_the_set_is_small():
-    """What is committed of the scenes stays below 15 MB."""
-    files = [path for kind in ("*.png", "depth/*.exr", "vectors/*.exr") for path in SCENES.glob(f"*/{kind}")]
-    assert 0 < sum(path.stat().st_size for path in files) < 15e6
-
-
-@needs_scenes
 @pytest.mark.parametrize(("name", "number"), [("reflective", 0), ("texture", MIDDLE), ("glass", FRAMES - 1)])
 def test_files_hold_what_the_formulas_say(geometry, stage, name, number):
     """Depth is a half float, vectors are rounded to 1/64 of a pixel, and both are those of the scene."""
