@@ -71,7 +71,11 @@ def metadata_of(path: Path) -> ImageMetadata:
             exif,
             xmp,
             orientation if is_turned else 1,
-            tuple((name, data) for name, data in png_chunks(path) if _is_kept(name, data)),
+            tuple(  # the shape of pixels only where no size is told with it
+                (name, data)
+                for name, data in png_chunks(path)
+                if name in _colour_chunks or (name == b"pHYs" and data[8:] == b"\0")
+            ),
             spec.get_int_attribute("oiio:BitsPerSample") if file.format_name() == "dpx" else 0,
         )
 
@@ -96,11 +100,6 @@ def png_chunks(path: Path) -> Iterator[tuple[bytes, bytes]]:
                 return
             yield name, file.read(size)
             file.seek(4, 1)
-
-
-def _is_kept(name: bytes, data: bytes) -> bool:
-    """Return whether a chunk of a PNG is of use to another one: colours, or the shape of pixels without a size."""
-    return name in _colour_chunks or (name == b"pHYs" and data[8:] == b"\0")
 
 
 def lost_metadata(extension: str, metadata: ImageMetadata, channels: int) -> list[str]:
