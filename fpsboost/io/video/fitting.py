@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
-from io import BytesIO
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -68,9 +67,11 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
         samples = first_packets(file, strict)
         for stream in strict:
             sample = samples.get(stream.index)
-            if stream.type == "audio" and (stretch != 1 or (asked is not None and not is_of(stream, asked))):
+            is_other = asked is not None and av.Codec(asked, "w").canonical_name != codec_of(stream)
+            if stream.type == "audio" and (stretch != 1 or is_other):
                 encoders[stream.index] = asked or defaults[container]
-                _check_encodes(stream, encoders[stream.index], stretch, source.name)
+                if not can_encode(stream, encoders[stream.index], stretch):
+                    raise OutputError(_undecodable(stream, stretch, source.name))
             elif not fits(container, stream, sample):
                 instead = [
                     suffix
@@ -85,20 +86,12 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
     return Fitting(encoders, any_codec)
 
 
-def is_of(stream: av.stream.Stream, encoder: str) -> bool:
-    """Return whether a stream has the format of an encoder."""
-    return av.Codec(encoder, "w").canonical_name == codec_of(stream)
-
-
-def _check_encodes(stream: av.stream.Stream, encoder: str, stretch: Fraction, source: str) -> None:
-    if can_encode(stream, encoder, stretch):
-        return
-    done, option = ("stretched", "`slow_motion_sound='drop'`") if stretch != 1 else ("encoded anew", "`audio=False`")
-    raise OutputError(f"The {codec_of(stream)} sound of {source} cannot be {done} here; leave it out with {option}.")
+def _undecodable(stream: av.stream.Stream, stretch: Fraction, source: str) -> str:
+    aim, option = ("stretched", "`slow_motion_sound='drop'`") if stretch != 1 else ("encoded anew", "`audio=False`")
+    return f"The {codec_of(stream)} sound of {source} cannot be {aim} here; leave it out with {option}."
 
 
 def _refusal(stream: av.stream.Stream, container: str, others: Sequence[str], name: str, source: str) -> str:
-    """Return the message for a stream that the container cannot hold, with the options and containers that help."""
     what, option = ("sound", "`audio=False`") if stream.type == "audio" else ("subtitles", "`subtitles=False`")
     ways = []
     if stream.type == "audio" and can_encode(stream, defaults[container]):
@@ -116,15 +109,10 @@ def is_wanted(stream: av.stream.Stream, encoding: Encoding) -> bool:
 
 
 def first_packets(file: av.container.InputContainer, streams: Sequence[av.stream.Stream]) -> dict[int, bytes]:
-    """Return the first packet of each stream, by stream number.
-
-    Streams without a packet among the first ones of the file are missing; subtitles may start late.
-    """
+    """Return the first packet of each stream by its number, if it is among the first of the file."""
     packets: dict[int, bytes] = {}
-    if not streams:
-        return packets
     with suppress(av.error.FFmpegError):
-        for packet in islice(file.demux(streams), MAX_PROBED_PACKETS):
+        for packet in islice(file.demux(streams), MAX_PROBED_PACKETS) if streams else ():
             if packet.size:
                 packets.setdefault(packet.stream.index, bytes(packet))
             if len(packets) == len(streams):
@@ -138,21 +126,12 @@ def fits(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool
     The trial uses a packet of the stream, since a muxer may have to rewrite packets, such as audio of MPEG transport
     streams.
     """
-    context: Any = stream.codec_context
-    if context is None:
-        return False
     if _listed(container, stream):
-        try:
-            with av.open(BytesIO(), "w", format=container) as probe:
-                _mux_one(probe, stream, sample or bytes(64))
-        except (av.error.FFmpegError, ValueError):
-            return False
-        return True
-    return (
-        container in INCOMPLETE_LIST_CONTAINERS
-        and stream.type == "audio"
-        and _is_recognized_after_muxing(container, stream, sample)
+        return _muxed(container, stream, sample) is not None
+    is_possible = (
+        container in INCOMPLETE_LIST_CONTAINERS and stream.type == "audio" and stream.codec_context is not None
     )
+    return is_possible and _muxed(container, stream, sample, any_codec=True) == [codec_of(stream)]
 
 
 def is_text(stream: av.stream.Stream) -> bool:
@@ -180,17 +159,7 @@ def kind_of(stream: av.stream.Stream) -> str:
 def keeps_data(container: str, stream: av.stream.Stream) -> bool:
     """Return whether a data stream is recognized after muxing, by a trial, as codec lists are too permissive."""
     kind = getattr(stream, "name", None)
-    if kind is None:
-        return False
-    file = BytesIO()
-    try:
-        with av.open(file, "w", format=container) as probe:
-            _mux_one(probe, stream, bytes(64))
-        file.seek(0)
-        with av.open(file, "r") as again:
-            return [data.name for data in again.streams.data] == [kind]
-    except (av.error.FFmpegError, ValueError):
-        return False
+    return kind is not None and _muxed(container, stream, None) == [kind]
 
 
 def _listed(container: str, stream: av.stream.Stream) -> bool:
@@ -198,38 +167,33 @@ def _listed(container: str, stream: av.stream.Stream) -> bool:
     return context is not None and holds(container, context.codec.name)
 
 
-def _is_recognized_after_muxing(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool:
-    """Return whether a stream whose codec is missing from the muxer's list is recognized after muxing.
-
-    The trial writes a real file, since nothing else shows it.
-    """
+def _muxed(
+    container: str, stream: av.stream.Stream, sample: bytes | None, *, any_codec: bool = False
+) -> list[str] | None:
+    """Return the formats of the streams in a file with one packet of a stream; None if the muxer refuses it."""
     with TemporaryDirectory() as folder:
-        path = Path(folder) / "probe"
+        path = Path(folder) / "trial"
         try:
-            with open_muxer(path, container, any_codec=True) as probe:
-                _mux_one(probe, stream, sample or bytes(64))
-            with av.open(str(path)) as again:
-                return [codec_of(muxed) for muxed in again.streams] == [codec_of(stream)]
+            with open_muxer(path, container, any_codec=any_codec) as output:
+                target = output.add_stream_from_template(stream)
+                output.start_encoding()
+                packet: av.Packet[Any] = av.Packet(sample or bytes(64))
+                packet.stream, packet.pts, packet.dts, packet.duration = target, 0, 0, 1
+                packet.time_base = target.time_base or Fraction(1)
+                output.mux(packet)
         except (av.error.FFmpegError, ValueError):
-            return False
-
-
-def _mux_one(probe: av.container.OutputContainer, stream: av.stream.Stream, sample: bytes) -> None:
-    target = probe.add_stream_from_template(stream)
-    probe.start_encoding()
-    packet: av.Packet[Any] = av.Packet(sample)
-    packet.stream, packet.pts, packet.dts, packet.duration = target, 0, 0, 1
-    packet.time_base = target.time_base or Fraction(1)
-    probe.mux(packet)
+            return None
+        with suppress(av.error.FFmpegError, ValueError), av.open(str(path)) as file:
+            return [str(again.name) if again.type == "data" else codec_of(again) for again in file.streams]
+    return []
 
 
 def open_muxer(path: Path, container: str, *, any_codec: bool = False) -> av.container.OutputContainer:
     """Open a file for muxing; with `any_codec`, only the container's muxer decides which codecs it accepts.
 
-    PyAV looks a codec up in the muxer's list before it adds a stream. Matroska's list names only codecs with a Matroska
-    codec ID of their own, and omits those that Matroska holds by their Windows codec tag (Windows Media Audio, mu-law,
-    ADPCM). FFmpeg's tee muxer has no list; with one file as its output, it passes all packets on to the muxer of that
-    file. It drops chapters.
+    PyAV looks a codec up in the muxer's list before it adds a stream. Matroska's omits what it holds by a Windows codec
+    tag (Windows Media Audio, mu-law, ADPCM). FFmpeg's tee muxer has no list and passes all packets on to the muxers of
+    its files, here one. It drops chapters.
     """
     # FFmpeg would parse the part of a relative path before a colon as a protocol
     place = str(path.absolute())
@@ -245,7 +209,7 @@ class StreamFacts:
     """Properties of one stream of a file; details are its frame size or its sound format.
 
     The kind is ``video``, ``audio``, ``subtitle``, ``cover``, ``data`` or ``attachment``. `carries_over` says whether
-    an .mp4 made of the video stream that is read holds this stream.
+    an .mp4 holds it too.
     """
 
     index: int
@@ -268,7 +232,7 @@ def list_streams(file: VideoFile) -> list[StreamFacts]:
 def _facts_of(stream: av.stream.Stream, converted: int, sample: bytes | None) -> StreamFacts:
     context: Any = stream.codec_context
     kind: str = "cover" if stream.type == "video" and is_cover_art(stream) else stream.type
-    details = ""
+    details, carries_over = "", stream.index == converted
     if stream.type == "video" and context:
         details = f"{context.width}x{context.height}"
     elif stream.type == "audio" and context:
@@ -279,8 +243,6 @@ def _facts_of(stream: av.stream.Stream, converted: int, sample: bytes | None) ->
         carries_over = stream.name in ("png", "mjpeg")
     elif kind == "data":
         carries_over = bool(find_timecode(stream.metadata)) or keeps_data("mp4", stream)
-    else:
-        carries_over = stream.index == converted
     return StreamFacts(
         stream.index,
         kind,

@@ -20,7 +20,6 @@ from av.subtitles.subtitle import AssSubtitle, SubtitleSet
 from fpsboost.io.output import Output, VideoFile
 from fpsboost.io.trim import Window
 from fpsboost.io.video.demuxer import is_cover_art, open_video, read_packets
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoded_sound import EncodedSound, output_time
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, containers
 from fpsboost.io.video.fitting import Fitting, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
@@ -51,10 +50,9 @@ class OtherStreams:
         container: str,
         fitting: Fitting,
     ) -> None:
-        self._window, self._fitting = plan.window, fitting
-        name = plan.path
+        self._window, self._fitting, self._encoding = plan.window, fitting, plan.encoding
+        self._output, self._name, self._container, self._source = output, plan.path, container, source
         self.remarks: list[str] = []
-        self._output, self._name, self._container, self._source = output, name, container, source
         self._input = open_video(source.path, source.name)
         self._targets: dict[int, av.stream.Stream] = {}
         self._labels: dict[int, Labels] = {}
@@ -66,19 +64,18 @@ class OtherStreams:
         output.metadata.update(self.tags.values)
         if self.tags.lost:
             names = ", ".join(self.tags.lost)
-            self.remarks.append(f"{name} lost tags of its source, which its container has no place for: {names}.")
+            self._remark(f"lost tags of its source, which its container has no place for: {names}.")
         chapters = _chapters_within(self._input, plan.window, source.start)
         output.set_chapters(chapters)
         if chapters and fitting.any_codec:
-            self.remarks.append(f"{name} lost the chapters of its source, which its kind of sound rules out here.")
+            self._remark("lost the chapters of its source, which its kind of sound rules out here.")
         copy_labels(self._input.streams[source.stream_index], video, container)
         self._has_timecode = self._copy_timecode(video)
         for stream in self._input.streams:
             if stream.index != source.stream_index:
-                self._add(stream, plan.encoding)
-        self.clock = _exact_timescale(
-            self._input, source.start, [Fraction(sound.stream.time_base) for sound in self._sounds.values()]
-        )
+                self._add(stream)
+        ticks = [Fraction(sound.stream.time_base) for sound in self._sounds.values()]
+        self.clock = _exact_timescale(self._input, source.start, ticks)
         self._packets = self._read()
         self._ahead: av.Packet[av.stream.Stream] | None = None
 
@@ -112,19 +109,23 @@ class OtherStreams:
             for index, labels in self._labels.items():
                 lost = lost_labels(labels, file.streams[labels.index]) if labels.index < len(file.streams) else []
                 if lost:
-                    self.remarks.append(f"{self._name} lost of stream {index} of its source: {', '.join(lost)}.")
+                    self._remark(f"lost of stream {index} of its source: {', '.join(lost)}.")
 
-    def _add(self, stream: av.stream.Stream, encoding: Encoding) -> None:
+    def _remark(self, sentence: str) -> None:
+        self.remarks.append(f"{self._name} {sentence}")
+
+    def _add(self, stream: av.stream.Stream) -> None:
         """Add the counterpart of a stream to the output, or a remark that there is none."""
+        is_kept = is_wanted(stream, self._encoding)
         if stream.type == "video" and is_cover_art(stream):
             self._add_cover(stream)
         elif stream.discard == av.stream.Discard.all:
             pass  # chapter track of an mp4, which FFmpeg reads as chapters
         elif stream.index in self._fitting.encoders:
             self._add_encoded(stream, self._fitting.encoders[stream.index])
-        elif is_wanted(stream, encoding) and is_text(stream) and not fits(self._container, stream, None):
+        elif is_kept and is_text(stream) and not fits(self._container, stream, None):
             self._add_converted(stream)
-        elif is_wanted(stream, encoding) or (stream.type == "data" and keeps_data(self._container, stream)):
+        elif is_kept or (stream.type == "data" and keeps_data(self._container, stream)):
             self._add_target(stream, self._output.add_stream_from_template(stream))
         elif stream.type == "attachment" and _keeps(self._container, stream):
             self._output.add_stream_from_template(stream)
@@ -144,8 +145,8 @@ class OtherStreams:
         converter = TextConverter(stream, self._output, self._container)
         self._converters[stream.index] = converter
         self._add_target(stream, converter.stream)
-        self.remarks.append(
-            f"{self._name} holds stream {stream.index} ({codec_of(stream)} subtitles) of its source as "
+        self._remark(
+            f"holds stream {stream.index} ({codec_of(stream)} subtitles) of its source as "
             f"{text_formats[self._container]}; styles may differ."
         )
 
@@ -156,9 +157,9 @@ class OtherStreams:
         self._add_target(stream, sound.stream)
         stretch = 1 if self._window is None else self._window.stretch
         stretched = "" if stretch == 1 else f"stretched to {stretch} times its length and "
-        self.remarks.append(
-            f"{self._name} holds stream {stream.index} ({codec_of(stream)} sound) of its source {stretched}encoded "
-            f"anew as {codec_of(sound.stream)}{sound.changes}."
+        self._remark(
+            f"holds stream {stream.index} ({codec_of(stream)} sound) of its source {stretched}encoded anew as "
+            f"{codec_of(sound.stream)}{sound.changes}."
         )
 
     def _finish_sounds(self) -> None:
@@ -184,24 +185,19 @@ class OtherStreams:
             skipped = 0 if self._window is None else self._window.frames_before(old)
             again = at_rate(frames_later(timecode, old, skipped), old, Fraction(new))
         if again is None:
-            self.remarks.append(
-                f"{self._name} lost the timecode {timecode} of its source, which its rate cannot count."
-            )
+            self._remark(f"lost the timecode {timecode} of its source, which its rate cannot count.")
         else:
             video.metadata["timecode"] = again
         return True
 
     def _add_cover(self, stream: av.stream.Stream) -> None:
-        picture = stream.metadata
-        if self._container == "matroska":
-            packet = _attached_picture(self._source, stream.index)
-            if packet is not None:
-                kind = "png" if stream.name == "png" else "jpeg"
-                self._output.add_attachment(
-                    picture.get("filename", f"cover.{kind}"), picture.get("mimetype", f"image/{kind}"), bytes(packet)
-                )
-                return
-        elif self._container == "mp4" and stream.name in ("png", "mjpeg"):
+        packet = _attached_picture(self._source, stream.index) if self._container == "matroska" else None
+        if packet is not None:
+            kind, tags = "png" if stream.name == "png" else "jpeg", stream.metadata
+            name, mimetype = tags.get("filename", f"cover.{kind}"), tags.get("mimetype", f"image/{kind}")
+            self._output.add_attachment(name, mimetype, bytes(packet))
+            return
+        if self._container == "mp4" and stream.name in ("png", "mjpeg"):
             target = self._output.add_stream_from_template(stream, opaque=True)
             target.disposition = av.stream.Disposition.attached_pic
             self._targets[stream.index] = target
@@ -211,8 +207,7 @@ class OtherStreams:
         self.remarks.append(not_held_remark(self._name, "the cover picture", keeping))
 
     def _read(self) -> Iterator[av.Packet[av.stream.Stream]]:
-        covers = {stream.index for stream in self._covers}
-        wanted = {index for index in self._targets if index not in covers}
+        wanted = set(self._targets) - {stream.index for stream in self._covers}
         if not wanted:
             return
         damage = Damage()
@@ -235,10 +230,7 @@ class OtherStreams:
         return end is not None and (packet.dts or 0) * Fraction(packet.time_base) > end + MAX_INTERLEAVING
 
     def _move(self, packet: av.Packet[av.stream.Stream], window: Window) -> bool:
-        """Offset a packet's times as those of the pictures, and return whether it is to be muxed.
-
-        Packets outside the window are not, nor are, outside mp4 and mov, those with a time before 0.
-        """
+        """Offset a packet's times as those of the pictures, and return whether it lies in the window."""
         assert packet.dts is not None
         tick = Fraction(packet.time_base)
         pts = packet.dts if packet.pts is None else packet.pts

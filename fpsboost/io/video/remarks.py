@@ -28,38 +28,26 @@ class Damage:
             (self.corrupt, "frame", "decoded with errors"),
         )
         parts = " and ".join(f"{counted(count, what)} {how}" for count, what, how in losses if count)
-        remarks = (
-            (parts, f"{name} is damaged: {parts}; {counted(frames, 'frame')} could be read."),
+        damaged = [f"{name} is damaged: {parts}; {counted(frames, 'frame')} could be read."] if parts else []
+        others = "as where recordings were joined; pictures, sound and subtitles go on from there."
+        sentences = (
+            (f"{name} shows", self.misplaced, "frame", " no later than the one before; left out."),
             (
-                self.misplaced,
-                f"{name} shows {counted(self.misplaced, 'frame')} no later than the one before; left out.",
+                *(f"{name} gives", self.displaced, "frame"),
+                " no later time than the one before; put into the gap that follows.",
             ),
             (
-                self.displaced,
-                f"{name} gives {counted(self.displaced, 'frame')} no later time than the one before; put into the gap "
-                "that follows.",
+                *(f"{name} gives", self.far_ahead, "frame"),
+                " a time far ahead of the next; put back between its neighbours.",
             ),
             (
-                self.far_ahead,
-                f"{name} gives {counted(self.far_ahead, 'frame')} a time far ahead of the next; put back between its "
-                "neighbours.",
+                *(f"The times of {name} jump back at", self.jumps, "place"),
+                "; the pictures go on from there, but sound and subtitles may not.",
             ),
-            (
-                self.jumps,
-                f"The times of {name} jump back at {counted(self.jumps, 'place')}; the pictures go on from there, but "
-                "sound and subtitles may not.",
-            ),
-            (
-                self.joints,
-                f"The clock of {name} jumps at {counted(self.joints, 'place')}, as where recordings were joined; "
-                "pictures, sound and subtitles go on from there.",
-            ),
-            (
-                self.untimed,
-                f"{name} gives no time for {counted(self.untimed, 'frame')}; the nominal rate was used.",
-            ),
+            (f"The clock of {name} jumps at", self.joints, "place", f", {others}"),
+            (f"{name} gives no time for", self.untimed, "frame", "; the nominal rate was used."),
         )
-        return [sentence for applies, sentence in remarks if applies]
+        return damaged + [f"{begin} {counted(count, what)}{end}" for begin, count, what, end in sentences if count]
 
 
 def counted(count: int, what: str) -> str:
