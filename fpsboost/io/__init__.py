@@ -7,6 +7,7 @@ chooses an implementation by the path, which names a video file, an animation, a
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from fractions import Fraction
 from types import TracebackType
@@ -28,12 +29,12 @@ class DescribedSource(FrameSource, Protocol):
         ...
 
 
-class ClosesOnExit:
+class ClosesOnExit(ABC):
     """Context manager that calls `close` on exit."""
 
+    @abstractmethod
     def close(self) -> None:
         """Release all resources."""
-        raise NotImplementedError
 
     def __enter__(self) -> Self:
         return self
@@ -48,8 +49,7 @@ class ClosesOnExit:
 class Resumable(Protocol):
     """Contract: sink that can resume an earlier run of the same job.
 
-    Frames that the earlier run finished are written again in order, with their times and durations; only their pixels
-    are ignored, so that they need not be made.
+    Frames that the earlier run finished are written again in order; only their pixels are ignored.
     """
 
     @property
@@ -72,9 +72,8 @@ class RandomAccess(Protocol):
     def begin_at(self, number: int) -> None:
         """Begin reading at a frame, counted from 0. Before the first is read.
 
-        Images, times and durations are those of reading from the start, bit by bit. Where that cannot be had without
-        decoding the frames before, they are decoded and dropped, and a remark says why. Raises `InputError`, here or
-        while iterating, if there is no such frame.
+        Frames are those of reading from the start, bit by bit; where that needs the frames before, they are decoded and
+        dropped, and a remark says why. Raises `InputError`, here or while iterating, if there is no such frame.
         """
         ...
 

@@ -47,8 +47,8 @@ def fingerprint_options(state_of: Callable[[Iterable[Path]], str] | None = None,
     >>> fingerprint_options(factor=2, fps=None)
     {'factor': '2', 'fps': 'None'}
     """
-    state_of = state_of or fingerprint_files
-    return dict(fact for name, value in values.items() for fact in _facts(name, value, state_of))
+    facts = (_facts(name, value, state_of or fingerprint_files) for name, value in values.items())
+    return dict(fact for facts_of_value in facts for fact in facts_of_value)
 
 
 def _facts(name: str, value: Any, state_of: Callable[[Iterable[Path]], str]) -> Iterator[tuple[str, str]]:
@@ -64,8 +64,7 @@ def _facts(name: str, value: Any, state_of: Callable[[Iterable[Path]], str]) -> 
 
 def fingerprint_files(files: Iterable[Path]) -> str:
     """Return a digest of names, sizes and modification times, which changes if a file is replaced."""
-    states = [(file.name, file.stat()) for file in files]
-    listed = json.dumps([(name, state.st_size, state.st_mtime_ns) for name, state in states])
+    listed = json.dumps([(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in files])
     return hashlib.sha256(listed.encode()).hexdigest()
 
 

@@ -100,9 +100,8 @@ def new_folder(path: Path) -> Iterator[Path]:
 class StagedFiles:
     """Files that are written in a hidden folder and get their names at the end, all of them or none.
 
-    The folder is created if it does not exist. Existing files that are named by one of `namings` are replaced with
-    `overwrite`, those that are not written again too; anything else in the folder stays. `alone` refuses a folder that
-    holds any file, unless `overwrite` is given. `path` is the folder or pattern in messages.
+    With `overwrite`, all existing files that are named by one of `namings` are replaced, and others stay. `alone` makes
+    a new folder, or refuses one that holds any file without `overwrite`. `path` is the folder or pattern in messages.
     """
 
     def __init__(self, path: str, folder: Path, namings: Sequence[Numbering], *, overwrite: bool, alone: bool) -> None:
@@ -126,14 +125,10 @@ class StagedFiles:
         if self._overwrite or not self._folder.is_dir():
             return
         if self._alone and any(not name.startswith(".") for name in os.listdir(self._folder)):
-            raise OutputError(
-                f"{self._folder} is not empty; add `overwrite=True` to replace the files in it, or name another."
-            )
-        old = self._find_old()
-        if old:
-            raise OutputError(
-                f"{old[0]} exists; add `overwrite=True` to replace such files, or choose another pattern."
-            )
+            advice = "add `overwrite=True` to replace the files in it, or name another."
+            raise OutputError(f"{self._folder} is not empty; {advice}")
+        for old in self._find_old():
+            raise OutputError(f"{old} exists; add `overwrite=True` to replace such files, or choose another pattern.")
 
     def _find_old(self) -> list[Path]:
         return [path for naming in self._namings for _, path in naming.find(any_padding=self._alone)]
@@ -163,9 +158,8 @@ class StagedFiles:
                 return
             replaced = self._staging.folder / "replaced"
             replaced.mkdir()
-            old = {path.name for path in self._find_old()} | {
-                name for name in self._names if (self._folder / name).exists()
-            }
+            old = {path.name for path in self._find_old()}
+            old |= {name for name in self._names if (self._folder / name).exists()}
             moves = [(self._folder / name, replaced / name) for name in sorted(old)]
             moves += [(self._staging.staged / name, self._folder / name) for name in self._names]
             move_all(moves)

@@ -103,10 +103,8 @@ def open_source(
 def _check_light_and_layers(path: str, decoding: DecodeOptions, requirements: TargetRequirements) -> None:
     """Raise OptionError if `passes` or `view` is given where the output cannot hold layers, or holds their light."""
     if not requirements.layers and decoding.passes not in (None, BEAUTY):
-        raise OptionError(
-            f"`passes` makes layers of OpenEXR images, which the output of {path} cannot hold; name a folder or a "
-            "pattern such as shot_####.exr, or leave it out."
-        )
+        advice = "name a folder or a pattern such as shot_####.exr, or leave it out."
+        raise OptionError(f"`passes` makes layers of OpenEXR images, which the output of {path} cannot hold; {advice}")
     if decoding.view != "none" and requirements.layers:
         raise OptionError(f"`view` is for videos and animations, and the images made of {path} keep their light.")
 

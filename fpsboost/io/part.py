@@ -23,18 +23,7 @@ INDEX_NAME = ".index.npz"
 
 @dataclass(frozen=True)
 class Part:
-    """One of the parts that a conversion is cut into: its number, counted from 1, and how many there are.
-
-    Raises
-    ------
-    OptionError
-        There is no such part.
-
-    Examples
-    --------
-    >>> str(Part(3, 8))
-    '3/8'
-    """
+    """One of the parts that a conversion is cut into: its number, counted from 1, and how many there are."""
 
     number: int
     count: int
@@ -82,8 +71,7 @@ class PartFolder:
 
     def __init__(self, output: Output) -> None:
         assert output.part is not None
-        self._part = output.part
-        folder = output.part.folder
+        self._part, folder = output.part, output.part.folder
         self.name = str(folder)
         self._staging = StagingDirectory(hidden_place(folder.parent, folder.name), "output", self.name, output.job)
         self.files = self._staging.staged

@@ -32,10 +32,8 @@ LOCK, MANIFEST, COMPLETE = "lock", "manifest.json", "whole"
 MAX_ATTEMPTS = 1000
 """Attempts to lock a folder that other runs remove meanwhile; a folder that keeps nothing would take any number."""
 MAX_FACT_LENGTH = 60
-MAX_NAME_BYTES = 230
-"""Maximum bytes of a name, which leaves room for prefix and suffix; the limit of file systems is 255."""
-SHORT_NAME_LENGTH = 50
-"""Number of characters to which a longer name is cut."""
+MAX_NAME_BYTES, SHORT_NAME_LENGTH = 230, 50
+"""Bytes of a name beyond which it is cut to so many characters: file systems take 255, with prefix and suffix."""
 IN_EXISTING_FOLDER = "fpsboost"
 """Name of the staging folder of images that go into a folder that was there."""
 
@@ -48,10 +46,9 @@ def hidden_place(folder: Path, name: str) -> Path:
 
 
 class StagingDirectory:
-    """Hidden folder in which an output, called `name` in messages, is written.
+    """Hidden folder in which an output, called `name` in messages, is written; without a job nothing of it is kept.
 
-    `staged` is the name, in the folder, of the file or folder that gets the output's name at the end. Without a job no
-    later run can resume, and nothing is kept.
+    `staged` is the name, in the folder, of the file or folder that gets the output's name at the end.
     """
 
     def __init__(self, folder: Path, staged: str, name: str, job: JobFingerprint | None) -> None:
@@ -100,10 +97,9 @@ class StagingDirectory:
         rename_safely(self.staged, path)
 
     def leave(self, error: BaseException | None, frames: int, expected: int | None, *, stays: bool = False) -> None:
-        """Release the folder; if the run was interrupted and another can resume it, keep it and note that on the error.
+        """Release the folder, and keep it if another run can resume from `frames` of the `expected`, or it `stays`.
 
-        `frames` of the `expected` are finished. After an error in an input or option nothing is kept, unless the folder
-        `stays` in any case: its correction makes another job.
+        The error says so. One in an input or option keeps nothing, since its correction makes another job.
         """
         is_cut_short = error is not None and not isinstance(error, InputError | OptionError)
         keep = is_cut_short and frames > 0 and self._lock is not None and self._job is not None
@@ -180,33 +176,27 @@ class StagingDirectory:
 
     def _clear(self) -> None:
         for path in self.folder.iterdir():
-            if path.name == LOCK:
-                continue
             if path.is_dir():
                 shutil.rmtree(path)
-            else:
+            elif path.name != LOCK:
                 path.unlink()
 
     def _read_manifest(self) -> dict[str, str] | None:
-        try:
+        with contextlib.suppress(OSError, ValueError):
             facts = json.loads((self.folder / MANIFEST).read_bytes())
-        except (OSError, ValueError):
-            return None
-        return facts if isinstance(facts, dict) else None
+            return facts if isinstance(facts, dict) else None
+        return None
 
     def _check_same(self, before: Mapping[str, str], now: Mapping[str, str]) -> None:
-        """Raise an OutputError that names the first difference, if there is one."""
         for key in [*now, *(key for key in before if key not in now)]:
             old, new = before.get(key, "nothing"), now.get(key, "nothing")
             if old == new:
                 continue
-            what = key.rpartition(".")[2].replace("_", " ")
-            wording = f"with {what} {old} and not {new}"
+            what, wording = key.rpartition(".")[2].replace("_", " "), f"{old} and not {new}"
             if max(len(old), len(new)) > MAX_FACT_LENGTH:
-                wording = f"with {what} that {'have' if what.endswith('s') else 'has'} changed since"
-            raise OutputError(
-                f"{self._name} was begun {wording}; say the same as then, or leave `resume` out to start anew."
-            )
+                wording = f"that {'have' if what.endswith('s') else 'has'} changed since"
+            advice = "say the same as then, or leave `resume` out to start anew."
+            raise OutputError(f"{self._name} was begun with {what} {wording}; {advice}")
 
 
 def discard_unfinished(output: str) -> None:

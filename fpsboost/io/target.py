@@ -111,13 +111,6 @@ class Target:
             what = "an animation, which takes" if self.kind == "animation" else "images, which take"
             raise OptionError(f"{self.path} will be {what} no {' or '.join(encoding.given)}; leave that out.")
 
-    def check_resume(self) -> None:
-        """Raise `OptionError` if no run into this output can be resumed."""
-        if self.kind == "pipe":
-            raise OptionError("`resume` cannot go on with what went into a pipe; name a file, or leave it out.")
-        if self.kind == "animation":
-            raise OptionError(f"`resume` cannot go on with the animation {self.path}; leave it out.")
-
     def check_parts(self) -> None:
         """Raise `OptionError` if the output cannot be put together of parts."""
         if self.kind == "pipe":
@@ -128,7 +121,10 @@ class Target:
     def open(self, output: Output) -> FrameSink:
         """Prepare the output for writing; it appears when the sink is left without an error."""
         if output.job is not None and output.job.resume:
-            self.check_resume()
+            if self.kind == "pipe":
+                raise OptionError("`resume` cannot go on with what went into a pipe; name a file, or leave it out.")
+            if self.kind == "animation":
+                raise OptionError(f"`resume` cannot go on with the animation {self.path}; leave it out.")
         if output.part is not None:
             self.check_parts()
             return ImagePartSink(output) if self.kind == "images" else VideoPartSink(output)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections import deque
 from collections.abc import Iterator, Sequence
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -41,9 +42,13 @@ class Assembly:
         self._output: av.container.OutputContainer | None = open_muxer(path, container, any_codec=fitting.any_codec)
         self._others: OtherStreams | None = None
         try:
-            self._stream = self._add_video(self._output, template, display_matrix)
+            self._stream = stream = self._output.add_stream_from_template(template)
+            stream.time_base = self._time_base
+            stream.codec_context.codec_tag = template.codec_context.codec_tag
+            if display_matrix is not None:
+                stream.set_display_matrix(display_matrix)
             if output.stream.video is not None:
-                self._others = OtherStreams(output, output.stream.video, self._output, self._stream, container, fitting)
+                self._others = OtherStreams(output, output.stream.video, self._output, stream, container, fitting)
                 if container in EXACT_TIME_BASE_CONTAINERS:
                     self._output.container_options["movie_timescale"] = str(self._others.clock)
                     if self._others.tags.free_keys:
@@ -63,12 +68,11 @@ class Assembly:
         """Write everything and close the file; raise `OutputError` for a chunk of an encoder with other settings."""
         assert self._output is not None
         extradata = bytes(self._stream.codec_context.extradata or b"")
-        for chunk in chunks:
-            if chunk.extradata != extradata:
-                raise OutputError(
-                    f"{self._name} was begun by an encoder that works differently; leave `resume` out to start anew."
-                )
-        self._mux(chunks)
+        if any(chunk.extradata != extradata for chunk in chunks):
+            raise OutputError(
+                f"{self._name} was begun by an encoder that works differently; leave `resume` out to start anew."
+            )
+        self._mux(self._output, chunks)
         if self._others is not None:
             self._others.copy_until(None)
             self._others.close()
@@ -90,52 +94,37 @@ class Assembly:
         with contextlib.suppress(av.error.FFmpegError, OSError, ValueError):
             output.close()
 
-    def _add_video(
-        self, output: av.container.OutputContainer, template: av.VideoStream, display_matrix: tuple[int, ...] | None
-    ) -> av.VideoStream:
-        stream = output.add_stream_from_template(template)
-        stream.time_base = self._time_base
-        stream.codec_context.codec_tag = template.codec_context.codec_tag
-        if display_matrix is not None:
-            stream.set_display_matrix(display_matrix)
-        return stream
+    def _mux(self, output: av.container.OutputContainer, chunks: Sequence[Chunk]) -> None:
+        """Mux the packets of the video, and those of the other streams that are due before each of them."""
+        begin: tuple[int, int] | None = None
+        end_pts = 0
+        for packet, following in pairwise(chain(self._packets(chunks), (None,))):
+            assert packet is not None
+            pts, dts = packet.pts or 0, packet.dts or 0
+            begin, end_pts = begin or (pts, dts), max(end_pts, pts + (packet.duration or 0))
+            if following is None and self._container in EXACT_TIME_BASE_CONTAINERS:
+                # The duration of an mp4 track is a sum of decoding time differences; only the last one can be chosen.
+                left = (end_pts - begin[0]) - (dts - begin[1])
+                packet.duration = left if left > 0 else packet.duration
+            if self._others is not None:
+                self._others.copy_until(dts * self._time_base)
+            output.mux(packet)
+        if begin is None:
+            raise OutputError(f"{self._name} was not written because its encoder made nothing; try another `codec`.")
 
-    def _mux(self, chunks: Sequence[Chunk]) -> None:
-        """Mux the video packets, each after the next is read, since the last duration is known only at the end."""
-        last: av.Packet[Any] | None = None
-        first_pts = first_dts = end_pts = 0
+    def _packets(self, chunks: Sequence[Chunk]) -> Iterator[av.Packet[Any]]:
         decoding_times = decoding_times_of(chunks)
         for packet in (packet for chunk in chunks for packet in chunk.packets()):
             packet.dts, packet.time_base, packet.stream = next(decoding_times), self._time_base, self._stream
-            assert packet.pts is not None
-            if last is None:
-                first_pts, first_dts = packet.pts, packet.dts or 0
-            else:
-                self._mux_one(last)
-            end_pts = max(end_pts, packet.pts + (packet.duration or 0))
-            last = packet
-        if last is None:
-            raise OutputError(f"{self._name} was not written because its encoder made nothing; try another `codec`.")
-        if self._container in EXACT_TIME_BASE_CONTAINERS and last.dts is not None:
-            # The duration of an mp4 track is a sum of decoding time differences; only the last one can be chosen.
-            left = (end_pts - first_pts) - (last.dts - first_dts)
-            last.duration = left if left > 0 else last.duration
-        self._mux_one(last)
-
-    def _mux_one(self, packet: av.Packet[Any]) -> None:
-        assert self._output is not None
-        if self._others is not None and packet.dts is not None:
-            self._others.copy_until(packet.dts * self._time_base)
-        self._output.mux(packet)
+            yield packet
 
 
 def decoding_times_of(chunks: Sequence[Chunk]) -> Iterator[int]:
     """Yield the decoding time of each packet, in ticks.
 
-    With reordering, decoding starts before presentation, so the decoding times of each chunk reach back into the chunk
-    before. Here they continue across chunks as if they came from one encoder: the decoding time of a packet is
-    the presentation time of the picture a fixed number of places before it in presentation order. The encoder's own
-    decoding times are not used: for fewer pictures than x265 buffers, they are far before the presentation times.
+    With reordering, those of each chunk's encoder reach back into the chunk before, and for fewer pictures than x265
+    buffers they are far before the presentation times. So the decoding time of a packet is the presentation time of
+    the picture a fixed number of places before it in presentation order.
     """
     delay = max(_delay_of(chunk) for chunk in chunks)
     presented: deque[int] = deque()

@@ -156,7 +156,7 @@ class EncodedSound:
         self, stream: av.stream.Stream, output: av.container.OutputContainer, encoder: str, window: Window | None
     ) -> None:
         self.lost_packets = 0
-        self._window = window
+        self._output, self._window = output, window
         self._source: Any = stream.codec_context
         traits, channels = _traits_of_stream(stream)
         self._target = traits_for(encoder, traits, channels)
@@ -164,8 +164,9 @@ class EncodedSound:
         self.changes = "" if layout == traits[2] else f", its {traits[2]} as {layout}"
         if self._rate != traits[0]:
             self.changes += f", at {self._rate} instead of {traits[0]} Hz"
-        if is_lossless(encoder) and self._source.codec.lossless and _bits(format) < _bits(traits[1]):
-            self.changes += f", in {_bits(format)} bits"
+        depths = [8 * av.AudioFormat(name).bytes for name in (format, traits[1])]
+        if is_lossless(encoder) and self._source.codec.lossless and depths[0] < depths[1]:
+            self.changes += f", in {depths[0]} bits"
         target: Any = output.add_stream(encoder, rate=self._rate, layout=layout)
         target.codec_context.format = format
         if not is_lossless(encoder):
@@ -178,32 +179,36 @@ class EncodedSound:
         self._packets_end = Fraction(0)
         self._tick = Fraction(0)
 
-    def converted(self, packet: av.Packet[Any]) -> list[av.Packet[Any]]:
+    def take(self, packet: av.Packet[Any]) -> None:
+        """Decode a packet of the source, and mux what is ready."""
         assert packet.dts is not None
         self._tick = tick = Fraction(packet.time_base)
         pts = packet.dts if packet.pts is None else packet.pts
         begin, end = pts * tick, (pts + (packet.duration or 0)) * tick
-        if end < self._begin - PREROLL or (self._end is not None and begin >= self._end):
-            return []
+        first, last = self._span
+        if end < first - PREROLL or (last is not None and begin >= last):
+            return
         self._packets_end = end if packet.duration else Fraction(0)
         try:
             frames: list[Any] = packet.decode()
         except av.error.FFmpegError:
-            self.lost_packets += end > self._begin
-            return []
-        return [ready for frame in frames for ready in self._wait(frame, begin)]
+            self.lost_packets += end > first
+            return
+        for frame in frames:
+            self._wait(frame, begin)
 
-    def finish(self) -> list[av.Packet[Any]]:
-        """Return the remaining output packets after the end of the source."""
-        ready = []
+    def finish(self) -> None:
+        """Mux what remains after the end of the source."""
         try:
-            for frame in self._source.decode(None):
-                ready += self._wait(frame, None)
+            frames: list[Any] = self._source.decode(None)
         except av.error.FFmpegError:
-            self.lost_packets += 1
-        ready += self._take_latest(self._packets_end)
-        ready += self._end_run()
-        return ready if self._next_pts is None else [*ready, *self._with_padding_marked(self.stream.encode(None))]
+            frames, self.lost_packets = [], self.lost_packets + 1
+        for frame in frames:
+            self._wait(frame, None)
+        self._take_latest(self._packets_end)
+        self._end_run()
+        if self._next_pts is not None:
+            self._output.mux(self._with_padding_marked(self.stream.encode(None)))
 
     def _with_padding_marked(self, packets: list[av.Packet[Any]]) -> list[av.Packet[Any]]:
         """Return the encoder's last packets with the padding marked, which not all encoders do themselves.
@@ -226,26 +231,21 @@ class EncodedSound:
         return packets
 
     @property
-    def _begin(self) -> Fraction:
-        return MIN_TIME if self._window is None else self._window.begin
+    def _span(self) -> tuple[Fraction, Fraction | None]:
+        return (MIN_TIME, None) if self._window is None else (self._window.begin, self._window.end)
 
-    @property
-    def _end(self) -> Fraction | None:
-        return None if self._window is None else self._window.end
-
-    def _wait(self, frame: av.AudioFrame, begin: Fraction | None) -> list[av.Packet[Any]]:
+    def _wait(self, frame: av.AudioFrame, begin: Fraction | None) -> None:
         """Process the frame before, which is not the last one, and let this one wait."""
-        ready = self._take_latest(None)
+        self._take_latest(None)
         self._latest = frame, begin
-        return ready
 
-    def _take_latest(self, end: Fraction | None) -> list[av.Packet[Any]]:
+    def _take_latest(self, end: Fraction | None) -> None:
         """Process the waiting frame up to `end`, where the source's packets end; None for all of it, 0 if unknown.
 
         A packet's time and duration may both be rounded to the file's time base, and are then not exact to the sample.
         """
         if self._latest is None:
-            return []
+            return
         (frame, begin), self._latest = self._latest, None
         if end and frame.pts is not None and frame.time_base:
             beyond = frame.pts * frame.time_base + Fraction(frame.samples, frame.sample_rate) - end
@@ -254,9 +254,9 @@ class EncodedSound:
                 time, base = frame.pts, frame.time_base
                 frame = _slice_samples(frame, 0, frame.samples - padding)
                 frame.pts, frame.time_base = time, base
-        return self._take(frame, begin)
+        self._take(frame, begin)
 
-    def _take(self, frame: av.AudioFrame, begin: Fraction | None) -> list[av.Packet[Any]]:
+    def _take(self, frame: av.AudioFrame, begin: Fraction | None) -> None:
         """Stretch and encode the new samples of a decoded frame that lie in the window.
 
         `begin` is the start of its packet, seconds, used if the frame has no timestamp.
@@ -265,41 +265,38 @@ class EncodedSound:
         time = begin if frame.pts is None else frame.pts * Fraction(frame.time_base or 1)
         if time is None or (run is not None and abs(time - run.end) < MIN_GAP):
             if run is None:
-                return []
+                return
             time = run.end
-        earliest = self._begin if run is None else max(self._begin, run.end)
+        earliest, end = self._span
+        earliest = earliest if run is None else max(earliest, run.end)
         first = max(0, math.ceil((earliest - time) * frame.sample_rate))
-        last = frame.samples
-        if self._end is not None:
-            last = min(last, math.ceil((self._end - time) * frame.sample_rate))
+        last = frame.samples if end is None else min(frame.samples, math.ceil((end - time) * frame.sample_rate))
         if first >= last:
-            return []
+            return
         time += Fraction(first, frame.sample_rate)
-        ready = []
         if run is None or time > run.end or not run.fits(frame):
-            ready = self._end_run()
+            self._end_run()
             try:
                 stretch = Fraction(1) if self._window is None else self._window.stretch
                 run = self._run = _Run(frame, time, stretch, self._target)
             except (av.error.FFmpegError, ValueError):  # a channel layout decoded from damaged data
                 self.lost_packets += 1
-                return ready
+                return
             pts = round(output_time(time, self._window) * self._rate)
             self._next_pts = pts if self._next_pts is None else max(pts, self._next_pts)
-        return [*ready, *self._encode(run.stretched(_slice_samples(frame, first, last)))]
+        self._encode(run.stretched(_slice_samples(frame, first, last)))
 
-    def _end_run(self) -> list[av.Packet[Any]]:
+    def _end_run(self) -> None:
         run, self._run = self._run, None
-        return [] if run is None else self._encode(run.finish())
+        if run is not None:
+            self._encode(run.finish())
 
-    def _encode(self, frames: Iterator[av.AudioFrame]) -> list[av.Packet[Any]]:
-        ready = []
+    def _encode(self, frames: Iterator[av.AudioFrame]) -> None:
         for frame in frames:
             assert self._next_pts is not None
             frame.pts, frame.time_base = self._next_pts, Fraction(1, self._rate)
             self._next_pts += frame.samples
-            ready += self.stream.encode(frame)
-        return ready
+            self._output.mux(self.stream.encode(frame))
 
 
 class _Run:
@@ -377,10 +374,6 @@ def _slice_samples(frame: av.AudioFrame, first: int, last: int) -> av.AudioFrame
     part = av.AudioFrame.from_ndarray(samples, format=frame.format.name, layout=frame.layout.name)
     part.sample_rate = frame.sample_rate
     return part
-
-
-def _bits(format: str) -> int:
-    return 8 * av.AudioFormat(format).bytes
 
 
 def _traits_of_stream(stream: av.stream.Stream) -> tuple[Traits, int]:

@@ -15,6 +15,7 @@ import av
 import av.container
 import av.error
 import numpy as np
+from av.codec.codec import Capabilities
 from av.video.frame import PictureType
 from av.video.reformatter import VideoReformatter
 
@@ -22,17 +23,13 @@ from fpsboost.errors import OutputError
 from fpsboost.frame import Frame
 from fpsboost.image import Pixels
 from fpsboost.io.output import Output
-from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, needs_hardware
+from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS
 from fpsboost.io.video.pixel_choice import choose_pixel_format
 from fpsboost.io.video.traits import LightLevel, MasteringDisplay, VideoTraits
 from fpsboost.io.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha
 
 MIN_CUTREE_WIDTH = 64
 """Minimum width for x265's "cutree", pixels; in narrower pictures it writes out of bounds (seen up to 48)."""
-
-
-THREADS = Path("/proc/self/task")
-"""Folder with an entry for each thread of this process."""
 
 
 class VideoEncoder:
@@ -45,34 +42,39 @@ class VideoEncoder:
     def __init__(
         self, output: Output, encoder: str, options: dict[str, str], container: str, traits: VideoTraits
     ) -> None:
-        self.remarks: list[str] = []
         self._encoder, self._format = encoder, container
         self._name, self._info, self._timing, self._encoding = output.path, output.info, output.timing, output.encoding
-        self._traits = traits
-        name = self._name
-        # decoded pictures are used where the source is video
-        self._keeps_original = keeps_original = output.stream.traits is not None
+        self._traits, name = traits, self._name
+        self._keeps_original = output.stream.traits is not None  # decoded pictures are used where the source is video
         self._reformatter = VideoReformatter()
-        self._full_range = traits.full_range
-        self._options = dict(options)
+        self._full_range, self._options = traits.full_range, dict(options)
         is_default = traits.chroma_location == "left" and encoder in ("libx264", "libx265")  # needs no tag
         if traits.tagged_chroma_location and not is_default:
             self._options["chroma_sample_location"] = traits.chroma_location
-        self.pixel_format, lost = choose_pixel_format(
-            encoder, self._encoding, container, traits.pixel_format, self._info, name, of_images=not keeps_original
+        self.pixel_format, self.remarks = choose_pixel_format(
+            encoder,
+            self._encoding,
+            container,
+            traits.pixel_format,
+            self._info,
+            name,
+            of_images=not self._keeps_original,
         )
-        self.remarks += lost
         if has_alpha(self.pixel_format) and encoder.startswith("libvpx"):
             self._options["auto-alt-ref"] = "0"  # libvpx does not support hidden frames with alpha
         if encoder == "libx265" and self._info.width < MIN_CUTREE_WIDTH:
-            given = [self._options["x265-params"]] if self._options.get("x265-params") else []
-            self._options["x265-params"] = ":".join([*given, "cutree=0"])
-        if traits.sample_aspect_ratio not in (None, 1) and not self._keeps_pixel_shape():
+            self._options["x265-params"] = ":".join(filter(None, [self._options.get("x265-params"), "cutree=0"]))
+        # PyAV cannot set the field of Matroska's container, so there the coded stream must hold it
+        keeps_shape = container in EXACT_TIME_BASE_CONTAINERS or encoder in ("libx264", "libx265")
+        if traits.sample_aspect_ratio not in (None, 1) and not keeps_shape:
             self.remarks.append(
                 f"{name} lost the pixel shape {traits.sample_aspect_ratio} of its source, which {encoder} cannot say "
                 "in this container; write an .mp4 or .mov to keep it."
             )
-        self._add_hdr_options(traits)
+        self._options, is_whole = with_hdr(self._options, encoder, traits.mastering_display, traits.light_level)
+        lost = ["HDR mastering data"] * (not is_whole) + ["dynamic HDR metadata"] * traits.has_dynamic_hdr
+        if lost:
+            self.remarks.append(f"{name} lost the {' and the '.join(lost)} of its source; colour tags were kept.")
         self._nowhere: av.container.OutputContainer | None = None
         self._stream: av.VideoStream | None = None
 
@@ -150,8 +152,7 @@ class VideoEncoder:
     def _tag_colours(self, context: av.VideoCodecContext, traits: VideoTraits) -> None:
         """Set the colour tags to those of the source, or to those that the pixel format requires."""
         context.color_primaries, context.color_trc = traits.color_primaries, traits.color_transfer
-        context.color_range = traits.color_range
-        context.colorspace = traits.tagged_color_space
+        context.color_range, context.colorspace = traits.color_range, traits.tagged_color_space
         if _is_rgb(traits.pixel_format) and not _is_rgb(self.pixel_format):
             # RGB has neither matrix nor range; the matrix is chosen by the size.
             self._full_range = False
@@ -161,22 +162,7 @@ class VideoEncoder:
         elif self.pixel_format.startswith("gray") and not self._keeps_original:
             context.color_range = FULL_RANGE
         elif self.pixel_format.startswith("yuvj"):
-            self._full_range = True
-            context.color_range = FULL_RANGE
-
-    def _add_hdr_options(self, traits: VideoTraits) -> None:
-        """Add the mastering display and the light levels to the encoder's options, and remark on what is lost."""
-        self._options, is_whole = with_hdr(self._options, self._encoder, traits.mastering_display, traits.light_level)
-        lost = ["HDR mastering data"] * (not is_whole) + ["dynamic HDR metadata"] * traits.has_dynamic_hdr
-        if lost:
-            self.remarks.append(f"{self._name} lost the {' and the '.join(lost)} of its source; colour tags were kept.")
-
-    def _keeps_pixel_shape(self) -> bool:
-        """Return whether the output stores the pixel aspect ratio.
-
-        PyAV cannot set the field of Matroska's container, so there the coded stream must hold it.
-        """
-        return self._format in EXACT_TIME_BASE_CONTAINERS or self._encoder in ("libx264", "libx265")
+            self._full_range, context.color_range = True, FULL_RANGE
 
     def _open_encoder(self, context: av.VideoCodecContext) -> None:
         try:
@@ -185,7 +171,8 @@ class VideoEncoder:
         except av.error.FFmpegError:
             given = " ".join(f"{name}={value}" for name, value in self._encoding.encoder_options)
             check = f"check `encoder_options={given}`, or " if given else ""
-            missing = ", and its device or driver may be missing here" if needs_hardware(self._encoder) else ""
+            is_hardware = av.Codec(self._encoder, "w").capabilities & (Capabilities.hardware | Capabilities.hybrid)
+            missing = ", and its device or driver may be missing here" if is_hardware else ""
             raise OutputError(
                 f"{self._name} cannot be encoded by {self._encoder} at {self._info.width}x{self._info.height}, "
                 f"{float(self._timing.rate):g} frames per second, {self.pixel_format}{missing}; {check}choose another "
@@ -225,10 +212,9 @@ def _bounded(rate: Fraction) -> Fraction:
 def undisturbed() -> Iterator[None]:
     """Keep SVT-AV1, which may be opened in the block, from printing and from taking real-time priority.
 
-    It prints past FFmpeg's log, unless an environment variable says otherwise when it is opened for the first time. It
-    gives real-time priority to its own threads and to the one that opens it, if the user may do that: what this process
-    starts afterwards inherits it, and two busy processes then keep a machine of two cores from all other work. So all
-    threads of the process get the priority that the current one has.
+    It prints past FFmpeg's log, unless an environment variable says otherwise when it is first opened. It gives its
+    threads and the one that opens it real-time priority, if the user may do that, which keeps a machine from all other
+    work: so all threads of the process get the priority of the current one.
     """
     is_free = "SVT_LOG" not in os.environ
     os.environ.setdefault("SVT_LOG", "1")
@@ -238,7 +224,7 @@ def undisturbed() -> Iterator[None]:
     finally:
         if is_free:
             os.environ.pop("SVT_LOG", None)
-        for task in THREADS.iterdir() if before else ():
+        for task in Path("/proc/self/task").iterdir() if before else ():
             with contextlib.suppress(OSError):  # a thread has ended meanwhile
                 if before and os.sched_getscheduler(int(task.name)) != before[0]:
                     os.sched_setscheduler(int(task.name), *before)
@@ -270,8 +256,8 @@ _parameters = {
     "libx265": ("x265-params", "master-display", "max-cll", True),
     "libsvtav1": ("svtav1-params", "mastering-display", "content-light", False),
 }
-"""By encoder: the name of its parameter list, its parameters for display and light level, and whether their unit is
-the integer unit of the standard (0.00002 for chromaticities, 0.0001 cd/m2) or a decimal number."""
+"""By encoder: its parameter list, its parameters for display and light level, and whether these are whole numbers of
+the standard's units (0.00002 for chromaticities, 0.0001 cd/m2)."""
 
 
 def _display_text(display: MasteringDisplay, whole_units: bool) -> str:
@@ -281,11 +267,6 @@ def _display_text(display: MasteringDisplay, whole_units: bool) -> str:
         assert value is not None
         return str(round(value * unit)) if whole_units else f"{float(value):.6f}"
 
-    pairs = {
-        **{letter: point for letter, point in zip("GBR", (display.green, display.blue, display.red), strict=True)},
-        "WP": display.white,
-    }
-    colours = "".join(
-        f"{name}({text(point[0], 50_000)},{text(point[1], 50_000)})" for name, point in pairs.items() if point
-    )
+    points = {"G": display.green, "B": display.blue, "R": display.red, "WP": display.white}
+    colours = "".join(f"{name}({text(p[0], 50_000)},{text(p[1], 50_000)})" for name, p in points.items() if p)
     return f"{colours}L({text(display.brightest, 10_000)},{text(display.darkest, 10_000)})"

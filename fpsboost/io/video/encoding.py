@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from io import BytesIO
 
 import av
 import cv2
-from av.codec.codec import Capabilities, UnknownCodecError
+from av.codec.codec import UnknownCodecError
 from av.codec.context import OptionFlags
 
 from fpsboost.errors import OptionError
@@ -28,7 +29,6 @@ EXACT_TIME_BASE_CONTAINERS = ("mp4", "mov")
 """Containers whose time base can be chosen; that of the others is a millisecond."""
 
 CPU_AVX_512F = 13  # OpenCV's number of the CPU feature, which has no name in Python
-
 repeatable_parameters = ("asm=avx2",) if cv2.checkHardwareSupport(CPU_AVX_512F) else ()
 """Entries of ``x264-params`` that make x264 repeat itself; empty where none is needed.
 
@@ -38,17 +38,11 @@ With AVX-512, decisions of x264 (core 165) depend on memory next to its tables, 
 ENCODER_THREADS = 8
 """Threads of an encoder, on any number of cores.
 
-With x264 at 1920x1080, presets veryfast to slow, they take no more processor time on 1, 2 or 4 cores than the number
-that x264 chooses there. On more cores they bound an encoder to 8 of them, more than its share of a conversion. Each
-costs x264 about 20 MB at that size. Its packets depend on their number even where ``mvrange-thread`` and
-``lookahead-threads`` are set: always from preset slow on, and at veryfast seen in one of many clips.
+With x264 at 1920x1080 they take no more processor time on 1, 2 or 4 cores than the number that x264 chooses there, and
+each costs about 20 MB. Packets depend on their number, even where ``mvrange-thread`` and ``lookahead-threads`` are set.
 """
-
-LARGE_PICTURE = 2560 * 1440
-"""Pixels of a picture beyond which the memory of a thread counts for more than its speed."""
-
-THREADS_FOR_LARGE_PICTURES = 6
-"""Threads of an encoder beyond `LARGE_PICTURE`: at 3840x2160, x264 keeps 170 of 1040 MB less than with 8."""
+LARGE_PICTURE, THREADS_FOR_LARGE_PICTURES = 2560 * 1440, 6
+"""Pixels beyond which an encoder has fewer threads: at 3840x2160, x264 keeps 170 of 1040 MB less than with 8."""
 
 threads_of_encoders = {
     "libx265": 4,
@@ -71,7 +65,6 @@ _further_options = {
     # threads. Its note of its own options names the features of the processor.
     "libx265": (("x265-params", "info=0"), ("x265-params", f"pools={ENCODER_THREADS}")),
 }
-
 x26x_presets = (
     *("ultrafast", "superfast", "veryfast", "faster", "fast"),
     *("medium", "slow", "slower", "veryslow", "placebo"),
@@ -138,19 +131,17 @@ def default_codec(container: str, pixel_format: str = "yuv420p", source_codec: s
 
 def depth_of(pixel_format: str) -> int:
     """Return the bits per sample of a pixel format, or 8 if FFmpeg does not know it."""
-    try:
+    with suppress(ValueError):
         return max((component.bits for component in av.VideoFormat(pixel_format).components), default=8)
-    except ValueError:
-        return 8
+    return 8
 
 
 def find_encoder(name: str, kind: str) -> av.Codec | None:
     """Return the encoder with this very name for ``video`` or ``audio``, or None if FFmpeg has none here."""
-    try:
+    with suppress(UnknownCodecError):
         codec = av.Codec(name, "w")
-    except UnknownCodecError:
-        return None
-    return codec if (codec.type, codec.name) == (kind, name) else None
+        return codec if (codec.type, codec.name) == (kind, name) else None
+    return None
 
 
 def choose_encoder(
@@ -296,11 +287,6 @@ def _check_pixel_format(codec: av.Codec, asked: str | None) -> None:
         av.VideoFormat(asked)
     except ValueError:
         raise OptionError(f"`pixel_format={asked!r}` is no pixel format of FFmpeg; use one such as yuv420p.") from None
-
-
-def needs_hardware(encoder: str) -> bool:
-    """Return whether an encoder requires a hardware device and its driver."""
-    return bool(av.Codec(encoder, "w").capabilities & (Capabilities.hardware | Capabilities.hybrid))
 
 
 def check_holds(container: str, codec: str, name: str, option: str, others: Mapping[str, str]) -> None:

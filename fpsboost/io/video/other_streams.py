@@ -165,7 +165,7 @@ class OtherStreams:
     def _finish_sounds(self) -> None:
         """Mux the remaining packets of re-encoded audio, and add remarks on packets that could not be decoded."""
         for index, sound in self._sounds.items():
-            self._output.mux(sound.finish())
+            sound.finish()
             if sound.lost_packets:
                 self.remarks.append(
                     f"{self._source.name} is damaged: {counted(sound.lost_packets, 'packet')} of sound in stream "
@@ -262,13 +262,13 @@ class OtherStreams:
                 self.remarks.append(sentence)
             return
         self._last_dts[index] = packet.dts
-        if index in self._converters:
-            packets = self._converters[index].converted(packet)
-        elif index in self._sounds:
-            packets = self._sounds[index].converted(packet)
+        if index in self._sounds:
+            self._sounds[index].take(packet)
+        elif index in self._converters:
+            self._output.mux(self._converters[index].converted(packet))
         else:
-            packet.stream, packets = self._targets[index], [packet]
-        self._output.mux(packets)
+            packet.stream = self._targets[index]
+            self._output.mux(packet)
 
 
 def _keeps(container: str, stream: av.stream.Stream) -> bool:
