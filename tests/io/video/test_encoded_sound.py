@@ -17,7 +17,6 @@ from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, wr
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.timing.position import Position, Trim
 
 RATE = 48000
 SAMPLES = RATE + 1234
@@ -166,16 +165,6 @@ def test_encoded_sound_is_in_its_place_and_as_long(tmp_path, name, suffix, canon
             assert sum(frame.samples for frame in file.decode(stream)) == SAMPLES
         else:
             assert stream.duration * stream.time_base == pytest.approx(SAMPLES / RATE, abs=0.5 / RATE)
-
-
-def test_parts_of_it(tmp_path):
-    """--start and --end cut encoded sound to the sample."""
-    clip, target = write_sounds(tmp_path / "in.mkv"), tmp_path / "out.mp4"
-    double(clip, target, "aac", trim=Trim(Position(Fraction(4, 5)), Position(Fraction(9, 5))))
-    expected = [click - 0.8 + CLICK / 2 for click in CLICKS[1:]]
-    assert clicks_of(target, expected, 0.3) == pytest.approx(expected, abs=0.002)
-    with av.open(str(target)) as file:
-        assert file.streams.audio[0].duration * file.streams.audio[0].time_base == 1
 
 
 def test_packets_shorter_than_the_clock(tmp_path):

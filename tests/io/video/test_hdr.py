@@ -42,14 +42,6 @@ def converted(source: Path, target: Path, encoding: Encoding) -> tuple[VideoTrai
         return written.traits, summary
 
 
-def test_both_are_read(tmp_path):
-    """As exact fractions and whole numbers."""
-    with VideoSource(write_hdr(tmp_path / "in.mp4")) as source:
-        assert (source.traits.mastering_display, source.traits.light_level) == (DISPLAY, LIGHT)
-    with VideoSource(write_clip(tmp_path / "plain.mp4")) as source:
-        assert not source.traits.has_hdr_data
-
-
 @pytest.mark.parametrize(("codec", "suffix"), [("h264", ".mp4"), ("h264", ".mkv"), ("hevc", ".mp4"), ("av1", ".mkv")])
 def test_both_arrive(tmp_path, codec, suffix):
     """Numbers are the same in the output, to the digits that its format keeps, and nothing is said to be lost."""
@@ -85,13 +77,6 @@ def test_what_cannot_keep_them_says_so(tmp_path):
         f"{tmp_path / 'out.mkv'} lost the HDR mastering data of its source; colour tags were kept."
     ]
     assert with_hdr({"a": "b"}, "ffv1", None, None) == ({"a": "b"}, True)
-
-
-def test_one_without_the_other(tmp_path):
-    """A light level alone arrives alone."""
-    clip = write_hdr(tmp_path / "in.mp4", "cll=1000,400")
-    traits, summary = converted(clip, tmp_path / "out.mp4", Encoding(preset="ultrafast"))
-    assert (traits.mastering_display, traits.light_level, summary.remarks) == (None, LIGHT, [])
 
 
 def test_half_a_display_is_not_invented():
