@@ -22,7 +22,7 @@ from fpsboost.errors import explained
 from fpsboost.image import Image, view
 from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.exr import read_exr_header
-from fpsboost.io.images.files import IMAGE_SUFFIXES, content_of, extension_of, read_image, storage_of
+from fpsboost.io.images.files import IMAGE_SUFFIXES, content_of, extension_of, read_image
 from fpsboost.io.images.layers import ALL, Passes, encode_like
 from fpsboost.io.images.metadata import metadata_of
 from fpsboost.io.images.sequence import list_files
@@ -179,7 +179,7 @@ class _Merger:
             )
         if frame.whole and rendered.whole is not None and path.suffix == rendered.whole.suffix:
             _check_alike(rendered.whole, self._read(rendered.whole, passes), path, made)
-            if storage_of(rendered.whole).can_pass:
+            if metadata_of(rendered.whole).can_pass:
                 return content_of(rendered.whole)
         mask = frame.mask(self.plan.height, self.plan.width)
         weights = seam_weights(mask, self.feather)

@@ -21,7 +21,7 @@ from fpsboost.errors import OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image, type_names, view
 from fpsboost.io.images.exr import ExrHeader, encode_exr, read_exr_header
-from fpsboost.io.images.files import content_of, extension_of, keeps_alpha, storage_of, types_kept
+from fpsboost.io.images.files import content_of, extension_of, keeps_alpha, types_kept
 from fpsboost.io.images.layers import contents_of, encode_like, losses_like
 from fpsboost.io.images.library import image_library
 from fpsboost.io.images.metadata import (
@@ -178,15 +178,13 @@ class ImageEncoder:
     def _passes(self, source: Path, image: Image, *, is_same: bool, in_place: bool = False) -> bool:
         """Return whether an original passes as its file, and remark, once per kind, on how those between differ."""
         self._follow(source)
-        stored = storage_of(source)
-        passes = in_place or (is_same and stored.can_pass)
-        if stored.kind and stored.kind not in self._kinds:
-            self._kinds.add(stored.kind)
+        stored = self._metadata.stored
+        passes = in_place or (is_same and self._metadata.can_pass)
+        if stored and stored not in self._kinds:
+            self._kinds.add(stored)
             written = {1: "gray", 3: "RGB"}.get(image.shape[2], "RGB with alpha")
             which = "the frames between" if passes else "all frames"
-            self.remarks.append(
-                f"{source.name} and its like are stored {stored.kind}; {which} were written as {written}."
-            )
+            self.remarks.append(f"{source.name} and its like are stored {stored}; {which} were written as {written}.")
         return passes
 
     def _follow(self, source: Path) -> None:

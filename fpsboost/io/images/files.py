@@ -9,7 +9,6 @@ it), which is how the package takes all float images; values beyond black and wh
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from fpsboost.errors import InputError, explained
 from fpsboost.image import Image
 from fpsboost.io.images.layers import read_picture
-from fpsboost.io.images.library import damaged, opened, said_by_pillow
+from fpsboost.io.images.library import damaged, opened
 from fpsboost.io.memory_limit import MemoryLimit
 
 # What each format keeps exactly (JPEG and HDR: as far as their ways of storing go).
@@ -41,17 +40,7 @@ types_kept: dict[str, tuple[type[np.generic], ...]] = {
 IMAGE_SUFFIXES = tuple(types_kept)
 _types_with_alpha = (".png", ".tif", ".tiff", ".webp", ".exr", ".dpx", ".tga", ".jxl")
 
-_white_is_0, _palette = 0, 3
-_stored = {
-    "1": "with 1 bit a pixel",
-    "P": "with a palette",
-    "LA": "as gray with alpha",
-    "CMYK": "as CMYK",
-    "LAB": "as CIELab",
-    "YCbCr": "as YCbCr",
-}
-"""By Pillow's mode of an image; any other is read as it is."""
-
+WHITE_IS_0, PALETTE = 0, 3  # of the numbers that TIFF gives to its colours
 _types_read = {"uint8": "uint8", "uint16": "uint16", "float": "float", "half": "float"}
 _orders = {3: cv2.COLOR_RGB2BGR, 4: cv2.COLOR_RGBA2BGRA}
 
@@ -93,18 +82,18 @@ def read_image(path: Path, limit: MemoryLimit | None = None, *, upright: bool = 
         stored = file.read_image(0, 0, 0, channels, kind)
         if stored is None or file.geterror():  # a JPEG that ends early has pixels, of which the last are gray
             raise damaged(path)
-        photometric, orientation = _tiff_tags(spec)
+        photometric, orientation = tiff_tags(spec)
         if upright:
             orientation = spec.get_int_attribute("Orientation", 1)
     image: NDArray[Any] = stored[..., [0, 0, 0, 1]] if channels == 2 else stored
     if channels > 2:
         image = cv2.cvtColor(image, _orders[channels])
-    if photometric == _white_is_0 and image.dtype == np.uint16:  # the library turns 8 bits, but not 16
+    if photometric == WHITE_IS_0 and image.dtype == np.uint16:  # the library turns 8 bits, but not 16
         image = np.uint16(0xFFFF) - image
     return _turned(image, orientation)
 
 
-def _tiff_tags(spec: Any) -> tuple[int | None, int]:
+def tiff_tags(spec: Any) -> tuple[int | None, int]:
     """Return a TIFF's number of its colours and its orientation; None and 1 for other types of file."""
     photometric = spec.getattribute("tiff:PhotometricInterpretation")
     return photometric, 1 if photometric is None else spec.get_int_attribute("Orientation", 1)
@@ -116,34 +105,3 @@ def _turned(image: Image, orientation: int) -> Image:
         image = image[:, ::-1]
     turns = {3: 2, 4: 2, 5: 1, 6: -1, 7: -1, 8: 1}.get(orientation, 0)
     return np.ascontiguousarray(np.rot90(image, turns))
-
-
-@dataclass(frozen=True)
-class Storage:
-    """How a file stores its image.
-
-    The kind is ``with a palette``, ``as CMYK``; empty where the image is stored as it is read. It can pass where every
-    viewer shows what `read_image` makes of it: upright, no colours for print. It has more where it holds pages or
-    frames beside the first.
-    """
-
-    kind: str = ""
-    can_pass: bool = True
-    has_more: bool = False
-
-
-def storage_of(path: Path) -> Storage:
-    """Return how a file that could be read stores its image."""
-    if extension_of(path.name) == ".exr":
-        return Storage()
-    with opened(path) as (file, spec):
-        photometric, orientation = _tiff_tags(spec)
-        mode, said = said_by_pillow(path, spec)
-        is_png = file.format_name() == "png"
-        kind = _stored.get(mode, "as gray with alpha" if spec.nchannels == 2 else "")
-        if photometric == _white_is_0:
-            kind = "with white as 0"
-        elif is_png and mode != "P" and "transparency" in said:
-            kind = "with one transparent colour"
-        can_pass = orientation == 1 and mode != "CMYK" and (photometric is None or photometric <= _palette)
-        return Storage(kind, can_pass, bool(file.seek_subimage(1, 0)) or (is_png and "loop" in said))

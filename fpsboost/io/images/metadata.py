@@ -1,4 +1,5 @@
-"""What images carry beside their pixels: colour profile, resolution, EXIF and XMP, read and put into encoded images.
+"""What images carry beside their pixels: colour profile, resolution, EXIF and XMP, read and put into encoded images;
+and how they are stored.
 
 Frames that pass keep their file to the byte; what is here is for the frames made between them, so that a viewer shows
 all of them in the same colours, size and orientation. OpenImageIO reads profile and resolution. EXIF and XMP go along
@@ -17,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from fpsboost.io.images.exr import read_exr_header
-from fpsboost.io.images.files import extension_of
+from fpsboost.io.images.files import PALETTE, WHITE_IS_0, extension_of, tiff_tags
 from fpsboost.io.images.library import opened, said_by_pillow
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -29,15 +30,28 @@ _colour_chunks = (b"cICP", b"sRGB", b"gAMA", b"cHRM", b"mDCV", b"cLLI")
 _xmp_packet = re.compile(
     rb"(<\?xpacket begin[^>]*>\s*)?<x:xmpmeta\b.*?</x:xmpmeta>(\s*<\?xpacket end[^>]*>)?", re.DOTALL
 )
+_stored = {
+    "1": "with 1 bit a pixel",
+    "P": "with a palette",
+    "LA": "as gray with alpha",
+    "CMYK": "as CMYK",
+    "LAB": "as CIELab",
+    "YCbCr": "as YCbCr",
+}
+"""By Pillow's mode of an image; any other is read as it is."""
 _per_inch = {"in": 1.0, "inch": 1.0, "cm": 2.54}
 
 
 @dataclass(frozen=True)
 class ImageMetadata:
-    """What a file says beside its pixels; everything may be absent.
+    """What a file says beside its pixels, and how it is stored; everything may be absent.
 
     The resolution is across and down; EXIF has its own header, which is that of TIFF; the orientation is EXIF's number;
     chunks are those of a PNG on its colours and its pixels' shape, bits those per value of a DPX.
+
+    It is stored ``with a palette``, ``as CMYK``; empty where the image is stored as it is read. It can pass where every
+    viewer shows what `read_image` makes of it: upright, no colours for print. It has more where it holds pages or
+    frames beside the first.
     """
 
     profile: bytes = b""
@@ -48,6 +62,9 @@ class ImageMetadata:
     chunks: tuple[tuple[bytes, bytes], ...] = ()
     bits: int = 0
     has_exr_attributes: bool = False
+    stored: str = ""
+    can_pass: bool = True
+    has_more: bool = False
 
     def profile_for(self, channels: int) -> bytes:
         """Return the profile if it is one for images of so many channels."""
@@ -59,35 +76,38 @@ def metadata_of(path: Path) -> ImageMetadata:
     if extension_of(path.name) == ".exr":
         return ImageMetadata(has_exr_attributes=read_exr_header(path).describes_colours)
     with opened(path) as (file, spec):
-        profile = spec.getattribute("ICCProfile")
+        profile, kind = spec.getattribute("ICCProfile"), file.format_name()
         scale = _per_inch.get(spec.get_string_attribute("ResolutionUnit"))
         across, down = (spec.get_float_attribute(name) for name in ("XResolution", "YResolution"))
         orientation = spec.get_int_attribute("Orientation", 1)
-        is_turned = file.format_name() != "tiff" and 1 <= orientation <= 8  # a TIFF is turned as it is read
-        exif, xmp = _exif_and_xmp(path, spec)
+        is_turned = kind != "tiff" and 1 <= orientation <= 8  # a TIFF is turned as it is read
+        mode, said = said_by_pillow(path, spec)
+        exif, xmp = (said.get(name, b"") for name in ("exif", "xmp"))
+        if kind == "tiff":  # of which Pillow opens few with 16 bits or float
+            packet = _xmp_packet.search(path.read_bytes())
+            exif, xmp = b"", b"" if packet is None else packet[0]
+        photometric, turned = tiff_tags(spec)
+        stored = _stored.get(mode, "as gray with alpha" if spec.nchannels == 2 else "")
+        if photometric == WHITE_IS_0:
+            stored = "with white as 0"
+        elif kind == "png" and mode != "P" and "transparency" in said:
+            stored = "with one transparent colour"
         return ImageMetadata(
             b"" if profile is None else bytes(profile),
             (across * scale, down * scale) if scale and across > 0 and down > 0 else None,
-            exif,
-            xmp,
+            exif.removeprefix(EXIF_MARK),
+            xmp.encode() if isinstance(xmp, str) else xmp,
             orientation if is_turned else 1,
             tuple(  # the shape of pixels only where no size is told with it
                 (name, data)
                 for name, data in png_chunks(path)
                 if name in _colour_chunks or (name == b"pHYs" and data[8:] == b"\0")
             ),
-            spec.get_int_attribute("oiio:BitsPerSample") if file.format_name() == "dpx" else 0,
+            spec.get_int_attribute("oiio:BitsPerSample") if kind == "dpx" else 0,
+            stored=stored,
+            can_pass=turned == 1 and mode != "CMYK" and (photometric is None or photometric <= PALETTE),
+            has_more=bool(file.seek_subimage(1, 0)) or (kind == "png" and "loop" in said),
         )
-
-
-def _exif_and_xmp(path: Path, spec: Any) -> tuple[bytes, bytes]:
-    """Return EXIF and XMP as they are stored, of a TIFF only XMP."""
-    if extension_of(path.name) in (".tif", ".tiff"):  # of which Pillow opens few with 16 bits or float
-        packet = _xmp_packet.search(path.read_bytes())
-        return b"", b"" if packet is None else packet[0]
-    said = said_by_pillow(path, spec)[1]
-    exif, xmp = (said.get(name, b"") for name in ("exif", "xmp"))
-    return exif.removeprefix(EXIF_MARK), xmp.encode() if isinstance(xmp, str) else xmp
 
 
 def png_chunks(path: Path) -> Iterator[tuple[bytes, bytes]]:

@@ -21,8 +21,9 @@ from fpsboost.frame_cache import SourcePosition
 from fpsboost.image import Image, view
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.images.encoder import ImageFile
-from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, read_image, storage_of
+from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, read_image
 from fpsboost.io.images.layers import ALL, BEAUTY, Passes
+from fpsboost.io.images.metadata import metadata_of
 from fpsboost.io.images.sequence import (
     FileSequence,
     NumberedImages,
@@ -113,7 +114,7 @@ class ImageSource(ClosesOnExit):
             fills_gaps=fills_gaps,
             layers=() if self._passes is None else self._passes.layers,
         )
-        self._holds_more = storage_of(first).has_more
+        self._holds_more = metadata_of(first).has_more
         self._kind, self._described = (image.shape, image.dtype), f"{first} ({view(image).describe()})"
         height, width = image.shape[:2]
         self._limit.check(path, width, height, self.images.planes)
