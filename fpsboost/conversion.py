@@ -23,7 +23,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
 from fpsboost.parts.plan import plan_part, share_index
-from fpsboost.preparation import ConversionJob, closing_remarks, exposed, opened_clip, prepare
+from fpsboost.preparation import ConversionJob, closing_remarks, exposed, prepared
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import interpolate_frames, run_conversion
 from fpsboost.threads import available_cores
@@ -112,12 +112,12 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
         See `fpsboost.errors`.
     """
     run = run or RunOptions()
-    with opened_clip(job, run) as clip:
-        ready = prepare(job, run, clip)
+    with prepared(job, run) as ready:
+        clip = ready.clip
         images = clip.whole.stream_info.images
         options = Job(job.rate, job.method, job.decoding, job.encoding, run.in_place)
         fingerprint = fingerprint_job(clip.whole, options, resume=run.resume)
-        part = None if run.chunk is None else plan_part(job, run, clip, ready)
+        part = None if run.chunk is None else plan_part(ready)
         output = replace(ready.output, job=fingerprint, part=None if part is None else part.output)
         sink = with_side_outputs(
             ready.target.open(output), run.side, images, overwrite=run.overwrite, watcher=run.watcher
@@ -156,7 +156,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
     # some are known only after the sink has finished the output
     summary.remarks += [remark for remark in sink.remarks if remark not in summary.remarks]
     if part is None:
-        summary.remarks += closing_remarks(job, clip, ready, summary.frame_intervals)
+        summary.remarks += closing_remarks(ready, summary.frame_intervals)
     return summary
 
 

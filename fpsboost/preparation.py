@@ -115,11 +115,21 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
 class Preparation:
     """What is known of a conversion before its first frame; the interpolator is the method, for this clip."""
 
+    job: ConversionJob
+    run: RunOptions
+    clip: OpenedClip
     target: Target
     interpolator: Interpolator
     base_schedule: Schedule
     output: Output
     remarks: list[str]
+
+
+@contextmanager
+def prepared(job: ConversionJob, run: RunOptions) -> Iterator[Preparation]:
+    """Open the source of a job while the block lasts, and `prepare` the job."""
+    with opened_clip(job, run) as clip:
+        yield prepare(job, run, clip)
 
 
 def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparation:
@@ -147,13 +157,13 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
         factor=multiple,
         in_place=run.in_place,
     )
-    return Preparation(target, interpolator, schedule, output, [*lost, *on_vectors])
+    return Preparation(job, run, clip, target, interpolator, schedule, output, [*lost, *on_vectors])
 
 
-def closing_remarks(job: ConversionJob, clip: OpenedClip, ready: Preparation, intervals: FrameIntervals) -> list[str]:
+def closing_remarks(ready: Preparation, intervals: FrameIntervals) -> list[str]:
     """Return the remarks on the whole conversion when it is done; `intervals` are complete to the source's end."""
-    images, info = clip.whole.stream_info.images, clip.source.info
-    remarks = [*ready.remarks, *job.rate.remarks(info, ready.base_schedule, intervals)]
+    images, info = ready.clip.whole.stream_info.images, ready.clip.source.info
+    remarks = [*ready.remarks, *ready.job.rate.remarks(info, ready.base_schedule, intervals)]
     if images is not None and images.step > 1 and ready.target.has_rate:
         remarks.append(
             f"`input_fps` counts the images of {info.name} and not their numbers: of a scene with 24 numbers a second "

@@ -92,7 +92,7 @@ def join(
             elif isinstance(sink, ImageSink):
                 sink.join(files)
         summary.remarks += [remark for remark in sink.remarks if remark not in summary.remarks]
-        closing = closing_remarks(job, clip, ready, summary.frame_intervals)
+        closing = closing_remarks(ready, summary.frame_intervals)
         summary.remarks += [remark for remark in closing if remark not in summary.remarks]
     summary.seconds = time.perf_counter() - begin
     return summary

@@ -22,7 +22,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pyav import pyav_version
 from fpsboost.parts.self_test import digest_of, self_test
-from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, opened_clip, prepare
+from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, opened_clip, prepared
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import FrameIntervals, OutputRate
 from fpsboost.version import __version__
@@ -124,22 +124,22 @@ def input_identity(clip: OpenedClip) -> str:
         return identify_files(clip.whole.stream_info.files)
 
 
-def facts_of(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Preparation) -> dict[str, str]:
+def facts_of(ready: Preparation) -> dict[str, str]:
     """Return everything that must be the same wherever parts of a job are made.
 
     These are the content of the input (by size, beginning and end), all options, the versions of the programs, and
     digests of the first frame and of interpolated ones, by which machines tell whether they decode and calculate alike.
     """
-    name = clip.whole.info.name
-    with opened_clip(job, run) as again:
+    job = ready.job
+    with opened_clip(job, ready.run) as again:
         image = next(iter(again.whole)).image
-    with explained(InputError, "read", name, "check that it is still there"):
+    with explained(InputError, "read", ready.clip.whole.info.name, "check that it is still there"):
         return fingerprint_options(
             identify_files,
             **program_facts(),
             first_frame=digest_of(image),
             self_test=self_test(ready.interpolator, image),
-            input=input_identity(clip),
+            input=input_identity(ready.clip),
             output_type=ready.target.file_type,
             rate=job.rate,
             method=job.method,
@@ -150,9 +150,8 @@ def facts_of(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Prepa
 
 def job_facts(job: ConversionJob) -> dict[str, str]:
     """Return what `facts_of` a job are, of which nothing is open yet."""
-    run = RunOptions()
-    with opened_clip(job, run) as clip:
-        return facts_of(job, run, clip, prepare(job, run, clip))
+    with prepared(job, RunOptions()) as ready:
+        return facts_of(ready)
 
 
 def as_json(value: Any) -> Any:

@@ -32,7 +32,7 @@ from fpsboost.io.staging import write_safely
 from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.io.video.frame_index import EntryPoint, FrameIndex
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_difference, input_identity, stored
-from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, exposed, opened_clip, prepare
+from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, exposed, opened_clip, prepared
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.output_numbers import OutputNumbers
 from fpsboost.timing.schedule import ByFactor, Schedule, count_frames, rising_time
@@ -65,19 +65,20 @@ class PartPlan:
         return self.outputs.first == self.outputs.stop
 
 
-def plan_part(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Preparation) -> PartPlan:
+def plan_part(ready: Preparation) -> PartPlan:
     """Choose the output frames of a part, and begin to read the source where it needs to be read for them.
 
     Parts are whole chunks of a video, in which its encoder begins anew, or any frames of images. All runs cut a job in
     the same way. Raises `OptionError` if the input or the output cannot be cut into parts.
     """
+    job, run, clip = ready.job, ready.run, ready.clip
     assert run.chunk is not None
     ready.target.check_parts()
     if not clip.whole.stream_info.files:
         raise OptionError("`chunk` reads a part of a file, and standard input is none; name a file.")
     source, folder = clip.source, run.chunk.folder(ready.target.path)
     times = frame_times(clip, folder.parent)
-    total = count_outputs(job, clip, ready, times)
+    total = count_outputs(ready, times)
     if total is None:
         raise OptionError(
             f"{source.info.name} does not say how many frames it holds; convert it whole, without `chunk`."
@@ -86,7 +87,7 @@ def plan_part(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Prep
     plan: PartPlan
 
     def complete(folder: Path) -> None:
-        manifest_of(plan, job, run, clip, ready, folder).write(folder)
+        manifest_of(plan, ready, folder).write(folder)
 
     frames = (total if outputs.stop is None else outputs.stop) - outputs.first
     plan = PartPlan(run.chunk, outputs, OutputPart(folder, outputs.first, frames, complete))
@@ -188,18 +189,17 @@ def planned_job(job: ConversionJob, run: RunOptions, count: int) -> Iterator[tup
     There are about `count`, or as many as an earlier run has cut. Raises `OptionError` or `OutputError` if parts cannot
     be made or joined, or there are parts of another job and the output must not be replaced.
     """
-    with opened_clip(job, run) as clip:
-        ready = prepare(job, run, clip)
+    with prepared(job, run) as ready:
         folder = Part(1, 1).folder(ready.target.path).parent
-        _refuse_others(folder, facts_of(job, run, clip, ready), overwrite=run.overwrite)
-        planned = _plan_parts(job, clip, ready, _count_of_earlier_run(folder) or count)
+        _refuse_others(folder, facts_of(ready), overwrite=run.overwrite)
+        planned = _plan_parts(ready, _count_of_earlier_run(folder) or count)
         fingerprint = JobFingerprint({}, resume=run.resume)
         ready.target.open(replace(ready.output, job=fingerprint))  # checks the place
         with explained(OutputError, "write to", folder, "check the path and the permissions"):
             folder.mkdir(exist_ok=True)
-        share_index(clip, folder)
+        share_index(ready.clip, folder)
     try:
-        yield clip.source.info, planned
+        yield ready.clip.source.info, planned
     finally:
         remove_if_empty(folder)
 
@@ -223,12 +223,12 @@ def _count_of_earlier_run(folder: Path) -> int | None:
     return max(counts, default=None)
 
 
-def _plan_parts(job: ConversionJob, clip: OpenedClip, ready: Preparation, count: int) -> list[PlannedPart]:
+def _plan_parts(ready: Preparation, count: int) -> list[PlannedPart]:
     """Plan the parts of a job in order: `count` of them, or as many as there are chunks of a video, or images."""
     ready.target.check_parts()
-    source = clip.source
+    clip, source = ready.clip, ready.clip.source
     times = frame_times(clip, Part(1, 1).folder(ready.target.path).parent)
-    total = count_outputs(job, clip, ready, times)
+    total = count_outputs(ready, times)
     if total is None or not clip.whole.stream_info.files:
         raise OptionError(f"{source.info.name} does not say how many frames it holds; convert it in one run.")
     unit = CHUNK_FRAMES if ready.target.kind == "video" else 1
@@ -265,11 +265,9 @@ def share_index(clip: OpenedClip, folder: Path) -> None:
         write_index(folder, input_identity(clip), clip.whole.frame_index)
 
 
-def count_outputs(
-    job: ConversionJob, clip: OpenedClip, ready: Preparation, times: Sequence[Fraction] | None
-) -> int | None:
+def count_outputs(ready: Preparation, times: Sequence[Fraction] | None) -> int | None:
     """Return the number of output frames by which a job is cut; None if nothing tells before all is decoded."""
-    info = clip.source.info
+    info = ready.clip.source.info
     if times:
         info = replace(info, frame_count=len(times), duration=times[-1] - times[0] + 1 / info.rate)
     return count_frames(ready.base_schedule, info, ready.target.has_clock)
@@ -314,11 +312,9 @@ def read_index(folder: Path, identity: str) -> FrameIndex | None:
         return None
 
 
-def manifest_of(
-    plan: PartPlan, job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Preparation, folder: Path
-) -> Manifest:
+def manifest_of(plan: PartPlan, ready: Preparation, folder: Path) -> Manifest:
     """Return the manifest of a part whose files are complete."""
-    summary, outputs = plan.summary, plan.outputs
+    job, summary, outputs = ready.job, plan.summary, plan.outputs
     assert summary is not None
     by_number = isinstance(ready.base_schedule, ByFactor) or job.method.match_grain or counts_frames(job.method.cuts)
     return Manifest(
@@ -328,7 +324,7 @@ def manifest_of(
         rate=job.rate,
         decoding=job.decoding,
         encoding=job.encoding,
-        facts=facts_of(job, run, clip, ready),
+        facts=facts_of(ready),
         first=outputs.first,
         frames=summary.frames_out,
         frames_made=summary.frames_made,
@@ -338,7 +334,7 @@ def manifest_of(
         begins=summary.boundaries.get(outputs.first),
         ends=None if outputs.stop is None else summary.boundaries.get(outputs.stop),
         counts_frames=by_number,
-        window=clip.window,
+        window=ready.clip.window,
         intervals=summary.frame_intervals,
         lowest_match=summary.lowest_match,
         remarks=[*plan.remarks, *summary.remarks],

@@ -26,7 +26,7 @@ from fpsboost import (
     convert_job,
 )
 from fpsboost.contracts import SilentObserver
-from fpsboost.preparation import opened_clip, prepare
+from fpsboost.preparation import prepared
 from fpsboost.preview.places import Passage, Selection, find_passages
 from fpsboost.preview.views import View
 from fpsboost.threads import available_cores
@@ -95,9 +95,8 @@ def preview(
     replace its own, and `on_task` is called with the name of each task.
     """
     target = job.target(run)
-    with opened_clip(job, run) as clip:
-        ready = prepare(job, run, clip)
-        info, frames = clip.whole.info, ready.output.expected_frames
+    with prepared(job, run) as ready:
+        info, frames = ready.clip.whole.info, ready.output.expected_frames
     on_task("looking for motion")
     selection = find_passages(job, run, at)
     trials: dict[str, list[Trial]] = {name: [] for name in methods}

@@ -21,7 +21,7 @@ from fpsboost.cli.options import MethodOptions, in_flags
 from fpsboost.errors import check_choice
 from fpsboost.io.video.encoding import encoders
 from fpsboost.options import options_from, words_of_options
-from fpsboost.preparation import opened_clip, prepare
+from fpsboost.preparation import prepared
 from fpsboost.ui.files import Files
 
 CRF_STEPS = {"usual": 0, "smaller": 6, "higher": -4, "lossless": 0}
@@ -84,9 +84,7 @@ class Choices:
 
     def check(self, job: ConversionJob) -> dict[str, Any]:
         """Return what the conversion would give, as plain data, without running it."""
-        run = RunOptions(overwrite=self.overwrite)
-        with opened_clip(job, run) as clip:
-            ready = prepare(job, run, clip)
+        with prepared(job, RunOptions(overwrite=self.overwrite)) as ready:
             remarks = [*ready.remarks, *ready.target.open(ready.output).remarks]
             frames, rate = ready.output.expected_frames, ready.output.timing.rate
         has_rate = ready.target.has_rate
