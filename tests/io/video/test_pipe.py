@@ -396,7 +396,7 @@ def test_from_pipe_to_file(piped, tmp_path):
 
 def test_from_pipe_to_images(piped, tmp_path):
     """A stream becomes images, and its pixel shape is told as lost."""
-    done = piped(stream_of(4, "444").replace(b"A1:1", b"A4:3", 1), "-", "frames", *NEAREST)
+    done = piped(stream_of(4, "444").replace(b"A1:1", b"A4:3", 1), "-", "frames/", *NEAREST)
     assert done.returncode == 0
     assert len(list((tmp_path / "frames").iterdir())) == 7
     assert "which images cannot say" in sentences(done)[1]
