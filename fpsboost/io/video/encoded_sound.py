@@ -80,11 +80,6 @@ def choose_sound_encoder(encoding: Encoding, container: str, name: str) -> str |
     return encoder
 
 
-def friendly_name(encoder: str) -> str:
-    """Return the name of an encoder as a value of ``--audio-codec``."""
-    return next((common for common, name in sound_encoders.items() if name == encoder), encoder)
-
-
 def traits_for(encoder: str, source: Traits, channels: int) -> Traits:
     """Return the source's sample rate, format and layout if the encoder supports them, else those that lose least.
 

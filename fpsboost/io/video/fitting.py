@@ -21,7 +21,7 @@ from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.output import Output, VideoFile
 from fpsboost.io.video.demuxer import is_cover_art, open_video
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.encoded_sound import can_encode, choose_sound_encoder, defaults, friendly_name
+from fpsboost.io.video.encoded_sound import can_encode, choose_sound_encoder, defaults, sound_encoders
 from fpsboost.io.video.encoding import containers, holds
 from fpsboost.io.video.tags import find_timecode
 
@@ -95,7 +95,8 @@ def _refusal(stream: av.stream.Stream, container: str, others: Sequence[str], na
     what, option = ("sound", "`audio=False`") if stream.type == "audio" else ("subtitles", "`subtitles=False`")
     ways = []
     if stream.type == "audio" and can_encode(stream, defaults[container]):
-        ways.append(f"encode it anew with `audio_codec={friendly_name(defaults[container])!r}`")
+        common = next(name for name, encoder in sound_encoders.items() if encoder == defaults[container])
+        ways.append(f"encode it anew with `audio_codec={common!r}`")
     if others:
         ways.append(f"write {' or '.join(others)}")
     ways.append(f"leave the {what} out with {option}")

@@ -17,6 +17,7 @@ from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, wr
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.timing.rate import OutputRate
 
 RATE = 48000
 SAMPLES = RATE + 1234
@@ -224,11 +225,18 @@ def test_options_of_sound_that_cannot_work(tmp_path, fpsboost_):
         (
             *("out.mp4", "--audio-codec", "copy", "--slow-motion", "--slow-motion-sound", "stretch"),
         ): "--slow-motion-sound stretch and --audio-codec copy contradict each other; give one of them.",
+        (
+            *("out.mp4", "--slow-motion", "--slow-motion-sound", "stretch", "--no-audio"),
+        ): "--slow-motion-sound stretch and --no-audio contradict each other; give one of them.",
+        ("out.mp4", "--slow-motion-sound", "stretch"): "--slow-motion-sound goes with --slow-motion; give that too, or",
     }
     for options, sentence in wrong.items():
         result = fpsboost_("in.mp4", *options)
         assert result.code == 2
         assert sentence in " ".join(result.lines)
+        assert not (tmp_path / "out.mp4").exists()
+    with pytest.raises(OptionError, match="`slow_motion_sound` must be one of drop, stretch, not 'loud'"):
+        OutputRate(slow_motion=True, slow_motion_sound="loud")  # type: ignore[arg-type]
     assert fpsboost_("in.mp4", "good.mkv", "--audio-codec", "flac", "-m", "nearest", "--preset", "ultrafast").code == 0
     assert codec_of_sound(tmp_path / "good.mkv") == "flac"
 

@@ -16,10 +16,9 @@ from video_truth import add_pictures, mux_in_order, packets_of, pictures_of, spo
 
 from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.conversion import convert
-from fpsboost.errors import OptionError, OutputError
+from fpsboost.errors import OutputError
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.timing.position import Position, Trim
-from fpsboost.timing.rate import OutputRate
 
 RATE = 48000
 CLICKS = (0.4, 1.0, 1.6)
@@ -290,24 +289,6 @@ def test_sound_is_left_out_unless_told(tmp_path):
     target = tmp_path / "same.mp4"
     assert slow(clip, target, 1).remarks == []
     assert packets_of(target, "audio") == packets_of(clip, "audio")
-
-
-def test_contradictions(tmp_path, fpsboost_):
-    """The option alone, an unknown choice, and sound that is asked for and left out."""
-    write_clip(tmp_path / "in.mp4", sound="aac")
-    alone = fpsboost_("in.mp4", "out.mp4", "--slow-motion-sound", "stretch")
-    assert (alone.code, alone.lines) == (
-        2,
-        ["fpsboost: --slow-motion-sound goes with --slow-motion; give that too, or leave it out."],
-    )
-    both = fpsboost_("in.mp4", "out.mp4", "--slow-motion", "--slow-motion-sound", "stretch", "--no-audio")
-    assert (both.code, both.lines) == (
-        2,
-        ["fpsboost: --slow-motion-sound stretch and --no-audio contradict each other; give one of them."],
-    )
-    with pytest.raises(OptionError, match="`slow_motion_sound` must be one of drop, stretch, not 'loud'"):
-        OutputRate(slow_motion=True, slow_motion_sound="loud")  # type: ignore[arg-type]
-    assert not (tmp_path / "out.mp4").exists()
 
 
 def test_sound_that_nobody_can_decode(tmp_path):
