@@ -17,11 +17,16 @@ def leave(number: int, frame: FrameType | None) -> None:
     os._exit(130)
 
 
+def stop_signals() -> list[int]:
+    """Return the signals that stop the command line: not those that are switched off, as by nohup and a shell's &."""
+    others = [signal.SIGINT, *([] if os.name == "nt" else [signal.SIGHUP])]
+    return [signal.SIGTERM, *(number for number in others if signal.getsignal(number) is not signal.SIG_IGN)]
+
+
 def main() -> None:
     """Run the command line and exit."""
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as nohup and a shell's & have it
-        signal.signal(signal.SIGINT, leave)
-    signal.signal(signal.SIGTERM, leave)
+    for number in stop_signals():
+        signal.signal(number, leave)
     gc.disable()  # imports make many objects and few cycles; the command enables it again
     from fpsboost.cli import app  # noqa: PLC0415 (takes a while, and may be stopped meanwhile)
 

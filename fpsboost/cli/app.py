@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import atexit
 import gc
-import signal
+import os
 import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
+from difflib import get_close_matches
 from itertools import pairwise
+from pathlib import Path
+from textwrap import shorten
 from typing import Annotated, Literal
 
-from cyclopts import App, CycloptsError, Group, Parameter
+from cyclopts import App, CycloptsError, Group, MissingArgumentError, Parameter, UnusedCliTokensError
 
+from fpsboost.__main__ import stop_signals
 from fpsboost.cli.messages import (
     LibraryTexts,
     console,
@@ -28,6 +34,7 @@ from fpsboost.cli.signature import GROUPS, PathName, default_text, with_flags
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
 from fpsboost.interruption import stopping_on
+from fpsboost.io.staging import discard_unfinished
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.memory import limit_free_memory
@@ -75,6 +82,9 @@ fi
 """Call of the function of Cyclopts' script for zsh: at the first TAB of a file of ``$fpath``, or once it is sourced."""
 
 group_of_join = Group("Options", sort_key=1)
+
+MAX_REASON = 200
+"""Characters of an error that nobody foresaw."""
 
 PIPE = "pipe:"
 """Replacement for an argument that is a lone dash, which the parser would take for an option without a name."""
@@ -146,12 +156,22 @@ def convert(
         if run_options.chunk is not None:
             target = str(run_options.chunk.folder(target))
         called = "standard output" if output == PIPE else target
-        with library_prints_apart(), reporter_of(called, messages, place) as reporter, one_opencv_thread():
+        unfinished = None if run_options.resume or output in (None, PIPE) else target
+        with (
+            library_prints_apart(),
+            all_explained([input], unfinished),
+            reporter_of(called, messages, place) as reporter,
+            one_opencv_thread(),
+        ):
             reporter.say_settings(motion.method, interpolator)
             job = ConversionJob(input, output, rate, interpolator, decoding, encoding)
             summary = convert_where(where, job, replace(run_options, observer=reporter))
         reporter.say_summary(summary)
 
+    if not Path(input).suffix and not os.path.exists(input):
+        names = {name.strip("-"): name for name in app}
+        for meant in get_close_matches(input.lower(), names, 1):
+            raise OptionError(f"{input} is no command, and no file; did you mean fpsboost {names[meant]}?")
     paths = [input, *([] if output is None else [output]), *more]
     inputs = paths if run_options.in_place else paths[:-1]
     if not inputs:
@@ -276,9 +296,7 @@ def main() -> None:
     limit_free_memory()  # before there is a second thread
     keep_columns_readable()
     atexit.register(_end_at_once)
-    is_ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN  # as nohup and a shell's & have it
-    numbers = [signal.SIGTERM, *([] if is_ignored else [signal.SIGINT])]
-    with stopping_on(*numbers), LibraryTexts() as texts:
+    with stopping_on(*stop_signals()), LibraryTexts() as texts:
         run_command(texts)
 
 
@@ -288,8 +306,13 @@ def run_command(texts: LibraryTexts) -> None:
     tokens = [PIPE if token == "-" else token for token in sys.argv[1:]] or ["--help"]
     quiet = bool({"--quiet", "-q"} & set(tokens))
     in_json = "--progress=json" in tokens or ("--progress", "json") in pairwise(tokens)
+    verbose = "--verbose" in tokens
+    commands = [name for name in app if not name.startswith("-")]
+    if tokens[0] in commands and tokens[0] != "join":  # the others have no details to say but tracebacks
+        tokens = [token for token in tokens if token != "--verbose"]
     try:
-        app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
+        with all_explained([token for token in tokens if token not in commands]), standard_output_finished():
+            app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
         if texts.sentence() and in_json:
             print_object(remarks=[texts.sentence()])
         elif texts.sentence() and not quiet:
@@ -305,19 +328,72 @@ def run_command(texts: LibraryTexts) -> None:
         if not quiet:
             errors.print(sentence(str(error)))
     except CycloptsError as error:
-        errors.print(f"[red]fpsboost:[/] {literal(str(error))} See fpsboost --help.")
+        command = " ".join(["fpsboost", *(error.command_chain or ())])
+        errors.print(f"[red]fpsboost:[/] {literal(_usage_sentence(error, command))} See {command} --help.")
         sys.exit(2)
-    except (FpsboostError, OSError, MemoryError) as error:
-        if "--verbose" in tokens and not isinstance(error, MemoryError):
+    except FpsboostError as error:
+        if verbose and not isinstance(error.__cause__, MemoryError):
             say_traceback()
             for line in texts.lines():
                 errors.print(literal(line))
-        say_error(errors, FpsboostError(explain(error)) if isinstance(error, OSError | MemoryError) else error)
+        say_error(errors, error)
         sys.exit(2 if isinstance(error, OptionError) else 1)
+
+
+def _usage_sentence(error: CycloptsError, command: str) -> str:
+    """Return what is wrong with the words of a command line."""
+    if isinstance(error, UnusedCliTokensError):
+        return f"{command} does not take {' '.join(error.unused_tokens or ())}."
+    if (
+        isinstance(error, MissingArgumentError)
+        and error.argument is not None
+        and not error.argument.name.startswith("-")
+    ):
+        return f"{error.argument.name} is missing."
+    return str(error)
+
+
+@contextmanager
+def all_explained(names: Sequence[str], output: str | None = None) -> Iterator[None]:
+    """Turn an error that nobody has explained into a sentence with the name of a file, the first that exists of some.
+
+    If nobody foresaw it, what was begun of an output is removed: the same job would come to the same error.
+    """
+    try:
+        yield
+    except (FpsboostError, CycloptsError):
+        raise
+    except (OSError, MemoryError) as error:
+        raise FpsboostError(explain(error)) from error
+    except Exception as error:
+        name = next((each for each in names if os.path.exists(each)), next(iter(names), "The command"))
+        name = "Standard input" if name == PIPE else name
+        if output is not None:
+            discard_unfinished(output)
+        reason = shorten(f"{type(error).__name__}: {error}", MAX_REASON)
+        raise FpsboostError(
+            f"{name} could not be processed because of a fault in fpsboost ({reason}); give --verbose for details, and "
+            "report it."
+        ) from error
 
 
 def explain(error: OSError | MemoryError) -> str:
     """Return a sentence about an error that the library has not explained, such as one from an unchecked path."""
     if isinstance(error, MemoryError):
         return "There is not enough memory for this; scale it down, or close other programs."
-    return f"{error.filename or 'A file'} cannot be used ({error.strerror}); check the place."
+    name = error.filename or "Standard output or a temporary file"
+    return f"{name} cannot be used ({error.strerror or error}); check the place."
+
+
+@contextmanager
+def standard_output_finished() -> Iterator[None]:
+    """Write all of standard output, or raise an error: Python would do so at its end, with an exit code of its own."""
+    try:
+        yield
+        sys.stdout.flush()
+    except OSError as error:
+        if error.filename is None:  # neither do errors of other files have a name, but those are explained
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python still flushes
+        if isinstance(error, BrokenPipeError):
+            raise ReaderGoneError from None
+        raise

@@ -14,6 +14,7 @@ import traceback
 import unicodedata
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
+from io import TextIOWrapper
 from typing import IO, Self, TextIO
 
 from rich.console import Console
@@ -111,9 +112,8 @@ class LibraryTexts:
         if _is_standard_error(sys.stderr):
             self._before = sys.stderr
             self._before.flush()
-            sys.stderr = open(
-                os.dup(self._terminal), "w", buffering=1, encoding=self._before.encoding, errors=self._before.errors
-            )
+            file = os.fdopen(os.dup(self._terminal), "wb")
+            sys.stderr = _Messages(file, self._before.encoding, self._before.errors, line_buffering=True)
         os.dup2(self._texts.fileno(), STANDARD_ERROR)
         return self
 
@@ -142,6 +142,19 @@ class LibraryTexts:
         lines = self.lines()
         more = f"; and {len(lines) - MAX_SHOWN} more" if len(lines) > MAX_SHOWN else ""
         return f"A library that reads files says: {'; '.join(lines[:MAX_SHOWN])}{more}." if lines else ""
+
+
+class _Messages(TextIOWrapper):
+    """Standard error, of which a message is lost if it takes none: that is no failure of what was done."""
+
+    def write(self, text: str) -> int:
+        with suppress(OSError):
+            super().write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with suppress(OSError):
+            super().flush()
 
 
 def _is_standard_error(stream: TextIO | None) -> bool:

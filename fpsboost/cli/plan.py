@@ -115,6 +115,7 @@ def merge(
     /,
     *,
     options: Annotated[MergeOptions, merge_options],
+    quiet: Annotated[bool, Parameter(group=merge_options, name=["--quiet", "-q"])] = False,
 ) -> None:
     """Put rendered regions back into the frames that were made.
 
@@ -127,12 +128,14 @@ def merge(
         frame 12: full frames, or cropped to the regions.
     output
         A new folder. Images without regions are copied.
+    quiet
+        Print errors only.
     """
     from fpsboost.rerender.merging import merge_regions  # noqa: PLC0415
 
-    with Console(stderr=True).status("merging"):
+    with Console(stderr=True, quiet=quiet).status("merging"):
         summary = merge_regions(images, rendered, output, options)
-    errors = console()
+    errors = console(quiet=quiet)
     errors.print(
         sentence(
             f"{output}: {summary.regions} regions put back into {summary.merged_frames} of {summary.frames} frames, "

@@ -203,7 +203,7 @@ def discard_unfinished(output: str) -> None:
     """Remove what a stopped run has left of a video or a folder of images, unless another run writes there."""
     path = Path(output)
     for place in (hidden_place(path.parent, path.name), hidden_place(path, IN_EXISTING_FOLDER)):
-        if (place / MANIFEST).is_file():
+        if (place / MANIFEST).is_file() and not (place / "replaced").exists():  # which may hold the only copy of files
             with explained(OutputError, "remove", place, "check the permissions"):
                 staging = StagingDirectory(place, "output", output, None)
                 staging.open()

@@ -68,7 +68,7 @@ class PlanOptions:
     """
 
     budget: RenderBudget | None = option(
-        None, "Share of the made frames' pixels, 10%, or seconds, 300s.", metavar="SHARE", parse=parse_budget
+        None, "Share of the made frames' pixels, or seconds, 300s; else 10%.", metavar="SHARE", parse=parse_budget
     )
     cost: float | None = option(None, "Seconds to render a full frame; for a budget in seconds.", metavar="SECONDS")
     overhead: float = option(0.0, "Seconds beside the pixels for every frame started.", metavar="SECONDS")

@@ -460,7 +460,13 @@ main()
 @pytest.mark.skipif(os.name == "nt", reason="Windows sends no such signals")
 @pytest.mark.parametrize(
     ("number", "output"),
-    [(signal.SIGINT, "out.mp4"), (signal.SIGINT, "frames/"), (signal.SIGTERM, "out.mov"), (signal.SIGTERM, "f_#.png")],
+    [
+        (signal.SIGINT, "out.mp4"),
+        (signal.SIGINT, "frames/"),
+        (signal.SIGTERM, "out.mov"),
+        (signal.SIGTERM, "f_#.png"),
+        (signal.SIGHUP, "out.mkv"),
+    ],
 )
 def test_a_stopped_run_says_what_it_leaves(tmp_path, number, output):
     """Ctrl-C and a request to end, in the middle: exit code 130, no output, and one line that says what can go on."""
@@ -507,14 +513,81 @@ def test_ctrl_c_keeps_what_was_there(fpsboost_, clip, tmp_path, snapshot, monkey
     assert result.err == "Stopped; nothing was written.\n"
 
 
-def test_errors_of_the_program_itself_are_not_hidden(fpsboost_, clip, tmp_path, snapshot, monkeypatch):
-    """A bug is no sentence about a file: it comes through whole, and leaves no trace either."""
+STAGES = {
+    "opening": "fpsboost.io.video.source.VideoSource.__init__",
+    "reading": "fpsboost.io.video.source.VideoSource.__iter__",
+    "compiling": "fpsboost.interpolator.Interpolator.compile_for",
+    "method": "fpsboost.interpolator.Interpolator.between",
+    "writing a video": "fpsboost.io.video.sink.VideoSink.write",
+    "writing images": "fpsboost.io.images.encoder.ImageEncoder.content",
+    "finishing a video": "fpsboost.io.video.sink.VideoSink._publish",
+    "finishing images": "fpsboost.io.images.sink.ImageSink._finish",
+    "finishing an animation": "fpsboost.io.animation.writers.AnimationWriter.finish",
+    "summary": "fpsboost.conversion.closing_remarks",
+}
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_what_nobody_foresaw_is_one_sentence(fpsboost_, clip, tmp_path, snapshot, monkeypatch, stage):
+    """With the file's name and exit code 1, and nothing is left; the whole error comes with --verbose."""
     before = snapshot(tmp_path)
-    monkeypatch.setattr(Interpolator, "between", lambda *_: 1 / 0)
-    monkeypatch.setattr(Interpolator, "compile_for", lambda *_: None)
-    with pytest.raises(ZeroDivisionError):
-        fpsboost_("in.mp4", "out.mp4", *CHEAP)
+    output = "out/" if "images" in stage else "out.gif" if "animation" in stage else "out.mp4"
+    with monkeypatch.context() as patched:
+        patched.setattr(STAGES[stage], lambda *_, **__: {}["a\nb"])
+        result = fpsboost_("in.mp4", output, *CHEAP)
+        assert_refused(result, 1, "in.mp4", "KeyError", "--verbose")
+        if stage != "summary":  # where the output is complete
+            assert snapshot(tmp_path) == before
+        verbose = fpsboost_("in.mp4", output, *CHEAP, "--verbose", "-y")
+        assert (verbose.code, verbose.lines[-1]) == (1, result.lines[0])
+        assert "Traceback" in verbose.err
+
+
+@pytest.mark.parametrize("command", ["probe", "compare", "preview", "tune"])
+def test_no_command_ends_in_a_traceback(fpsboost_, clip, tmp_path, snapshot, monkeypatch, command):
+    """Those without details to say take --verbose all the same."""
+    before = snapshot(tmp_path)
+    monkeypatch.setattr("fpsboost.io.video.source.VideoSource.__init__", lambda *_, **__: 1 / 0)
+    assert_refused(fpsboost_(command, "in.mp4"), 1, "in.mp4", "division by zero")
+    assert "Traceback" in fpsboost_(command, "in.mp4", "--verbose").err
     assert snapshot(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("comapre in.mp4", "did you mean fpsboost compare?"),
+        ("Probe in.mp4", "did you mean fpsboost probe?"),
+        ("help", "did you mean fpsboost --help?"),
+        ("compare", "IN is missing. See fpsboost compare --help."),
+        ("compare in.mp4 --bogus", "See fpsboost compare --help."),
+        ("doctor extra", "fpsboost doctor does not take extra. See fpsboost doctor --help."),
+    ],
+)
+def test_wrong_words_are_told_what_is_meant(fpsboost_, clip, arguments, said):
+    """A command that is nearly right, and the help of the command in question."""
+    result = fpsboost_(*arguments.split())
+    assert (result.code, result.out, len(result.lines)) == (2, "", 1)
+    assert result.err.endswith(f"{said}\n")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the device is Linux's")
+@pytest.mark.parametrize(
+    ("arguments", "ends", "code"),
+    [
+        ("in.mp4 out.mp4", "2", 0),
+        ("in.mp4 out.mp4 --progress json", "2", 0),
+        ("none.mp4 out.mp4", "2", 1),
+        ("probe in.mp4", "1", 1),
+        ("probe in.mp4 --json", "1", 1),
+        ("--help", "1", 1),
+    ],
+)
+def test_ends_that_take_no_text(clip, tmp_path, arguments, ends, code):
+    """A message that cannot be written is no failure, a result is one."""
+    command = f"{shlex.quote(sys.executable)} -m fpsboost {arguments} {ends}>/dev/full"
+    assert subprocess.run(command, shell=True, cwd=tmp_path, env=environment(), check=False).returncode == code
+    assert (tmp_path / "out.mp4").exists() == (code == 0)
 
 
 # ----------------------------------------------------------------------------------------------------------- file names
