@@ -407,7 +407,7 @@ def test_an_output_that_exists_is_refused_before_anything_is_made(client, video,
 
 def test_workers_of_this_machine_on_the_command_line(fpsboost_, images, output):
     """The same images, and how busy the workers were."""
-    result = fpsboost_(images.job.input, output, "--method", "blend", "--cluster", "local", "--verbose")
+    result = fpsboost_(images.job.input, f"{output}/", "--method", "blend", "--cluster", "local", "--verbose")
     assert result.code == 0, result.err
     assert "busy" in result.err
     assert images.is_whole(output)
@@ -425,7 +425,7 @@ def test_workers_of_this_machine_on_the_command_line(fpsboost_, images, output):
 def test_what_the_command_line_refuses(fpsboost_, images, output, monkeypatch, arguments, code, sentence):
     """A scheduler that is not there, encryption without certificates, no address, and what is no option any more."""
     monkeypatch.setattr(dask_engine, "CONNECT_SECONDS", 0.2)
-    result = fpsboost_(images.job.input, output, *arguments)
+    result = fpsboost_(images.job.input, f"{output}/", *arguments)
     assert result.code == code
     assert sentence in result.err
 
@@ -434,6 +434,6 @@ def test_dask_that_is_not_installed(fpsboost_, images, output, monkeypatch):
     """The sentence says what to install."""
     monkeypatch.setitem(sys.modules, "fpsboost.cluster.dask_engine", None)
     monkeypatch.delattr("fpsboost.cluster.dask_engine")
-    result = fpsboost_(images.job.input, output, "--cluster", "local")
+    result = fpsboost_(images.job.input, f"{output}/", "--cluster", "local")
     assert result.code == 2
     assert "--cluster needs Dask; install it with: pip install 'fpsboost[cluster]'." in result.err
