@@ -19,6 +19,7 @@ from typing import Any
 import numba
 from numba import types
 from numba.core import cgutils
+from numba.extending import register_jitable
 
 from fpsboost.kernels.compiling import listeners, tell_listeners
 
@@ -101,7 +102,11 @@ def delete_outdated(folder: Path) -> None:
 
 
 def njit(*, cache: bool = False, **options: Any) -> Callable[[Function], Any]:
-    """Decorate a function like `numba.njit`; with `cache` it becomes a `Kernel`, which no other kernel can call."""
-    if not cache or numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
-        return numba.njit(**options)
-    return lambda function: Kernel(function, options)
+    """Decorate a function like `numba.njit`; with `cache` it becomes a `Kernel`, which no other kernel can call.
+
+    Without, it is for kernels alone: it is compiled without an entry for Python, where it stays a plain function.
+    """
+    if cache and not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return lambda function: Kernel(function, options)
+    # functions that are inlined are inlined before types are known, which is faster than after
+    return numba.njit(**options) if cache or "inline" in options else register_jitable(**options)

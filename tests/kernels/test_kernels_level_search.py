@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from planes import plane_pair, points
+from planes import compiled, plane_pair, points
 from truth import noise
 
 from fpsboost.kernels.instruction import EIGHT
@@ -24,12 +24,14 @@ def searched_in_one_direction(pair, size, proposed, expected, ties, settings):
     )
     whole = (np.rint(each * settings.scale).astype(np.int32) for each in (proposed, expected))
     proposals = Proposals(*whole, settings.spacing)
-    search_tiles(pair, proposals, settings.step, settings.refine_radius, MAX_OFFSET, RADIUS, settings.row_step, lists)
+    radii = settings.refine_radius, MAX_OFFSET, RADIUS
+    compiled(search_tiles)(pair, proposals, settings.step, *radii, settings.row_step, lists)
     shared = np.ascontiguousarray(resample_points(ties, size, settings.spacing, settings.step))
     costs = np.empty((*shape, EIGHT), np.float32)
     flow, chosen = np.empty((*shape, 2), np.float32), np.empty(shape, np.float32)
     count, similarity, offsets = lists
-    choose_labels(count, offsets, similarity, shared, settings.smoothness, settings.slope, costs, flow, chosen)
+    limits = settings.smoothness, settings.slope
+    compiled(choose_labels)(count, offsets, similarity, shared, *limits, costs, flow, chosen)
     return flow, chosen
 
 

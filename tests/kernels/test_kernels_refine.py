@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planes import plane_pair, points
+from planes import compiled, plane_pair, points
 from truth import noise, waves
 from twins import refined
 
@@ -30,7 +30,7 @@ def refine(components0, components1, step, flow, damping=DAMPING, largest=1.0, s
     limits = np.float32(TAIL), np.float32(damping), np.float32(largest), steps
     unknown = np.full_like(out, 1e6)
     pair = plane_pair(components0, components1, PADDING, 0)
-    refine_points(pair, step, *limits, unknown if known is None else known, out)
+    compiled(refine_points)(pair, step, *limits, unknown if known is None else known, out)
     return out
 
 

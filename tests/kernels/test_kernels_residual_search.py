@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planes import plane_pair
+from planes import compiled, plane_pair
 from truth import noise
 from twins import level_similarity
 
@@ -41,7 +41,7 @@ def patch_similarity(image0, image1, here, there):
 def measured(image0, image1, step, flow):
     """What the kernel measures."""
     known = np.empty(flow.shape[:2], np.float32)
-    measure_point_similarity(plane_pair(image0, image1, PADDING, MOST), step, RADIUS, flow, known)
+    compiled(measure_point_similarity)(plane_pair(image0, image1, PADDING, MOST), step, RADIUS, flow, known)
     return known
 
 
@@ -73,7 +73,7 @@ def test_the_best_unexplained_place_is_found(height, width, step, seed):
     flow = np.full((*shape, 2), 99, np.float32)
     enough, better, limit = np.float32(0.6), np.float32(0.02), 5
     pair, known_here = plane_pair(image0, image1, PADDING, MOST), known * np.float32(0.1)
-    search_residuals(pair, step, limit, RADIUS, known_here, elsewhere, enough, better, flow)
+    compiled(search_residuals)(pair, step, limit, RADIUS, known_here, elsewhere, enough, better, flow)
     for row, y in enumerate(rows):
         for column, x in enumerate(columns):
             inside = [
@@ -102,7 +102,7 @@ def test_what_is_explained_stays():
         before = flow.copy()
         shares = (np.full((5, 6), share, np.float32) for share in (known, elsewhere))
         limits = np.float32(0.6), np.float32(0.2)
-        search_residuals(plane_pair(image0, image1, PADDING, MOST), 4, 6, RADIUS, *shares, *limits, flow)
+        compiled(search_residuals)(plane_pair(image0, image1, PADDING, MOST), 4, 6, RADIUS, *shares, *limits, flow)
         np.testing.assert_array_equal(flow, before)
 
 
@@ -120,7 +120,9 @@ def test_both_frames_are_searched_near_what_the_other_does_not_explain(height, w
     around = [cv2.erode(each, np.ones((3, 3), np.uint8)) for each in known]
     for direction, pair in enumerate((plane_pair(*images, PADDING, MOST), plane_pair(*images[::-1], PADDING, MOST))):
         flow = before[direction].copy()
-        search_residuals(pair, step, limit, RADIUS, known[direction], around[1 - direction], enough, better, flow)
+        compiled(search_residuals)(
+            pair, step, limit, RADIUS, known[direction], around[1 - direction], enough, better, flow
+        )
         np.testing.assert_array_equal(looked[direction], flow)
 
 

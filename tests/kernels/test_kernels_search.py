@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from planes import plane_pair
+from planes import compiled, plane_pair
 from truth import noise
 from twins import (
     best_offset,
@@ -16,10 +16,10 @@ from twins import (
     uncompiled,
 )
 
+from fpsboost.kernels import tiles
 from fpsboost.kernels.search import STRIP_WIDTH, rank_offsets
 from fpsboost.kernels.similarity import FRACTION_BITS, UNIT, colour_scale, similarity
 from fpsboost.kernels.tiles import PADDING, TILE, OffsetLists, Proposals
-from fpsboost.kernels.tiles import search_tiles as run_tiles
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_by_passes, search_fused
 
@@ -145,7 +145,7 @@ def list_tiles(image0, image1, radius, patch_radius, most, step=1, capacity=1, e
     pair = plane_pair(image0, image1, PADDING + patch_radius, np.uint8(most))
     proposals = Proposals(still, np.full_like(still, expected), 1)
     lists = OffsetLists(count, best, flows)
-    run_tiles(pair, proposals, step, 2 * radius, radius, patch_radius, every, lists)
+    compiled(tiles.search_tiles)(pair, proposals, step, 2 * radius, radius, patch_radius, every, lists)
     return count, best, flows
 
 
@@ -271,6 +271,6 @@ def test_tiles_that_lead_far_outside_read_nothing_else(motion, step):
     flows = np.empty((*points, 2, 2), np.float32)
     pair = plane_pair(image, image, PADDING + radius, np.uint8(200))
     lists = OffsetLists(count, best, flows)
-    run_tiles(pair, Proposals(proposals, proposals, 2 * TILE), step, 0, TILE, radius, 1, lists)
+    compiled(tiles.search_tiles)(pair, Proposals(proposals, proposals, 2 * TILE), step, 0, TILE, radius, 1, lists)
     assert np.isfinite(best).all()
     assert (count <= 2).all()  # no motion is the other

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from planes import compiled
 from twins import smoothed
 
 from fpsboost.kernels.instruction import EIGHT
@@ -30,7 +31,8 @@ def smooth(motions, energies, smoothness, slope, room=0, ties=None):
         similarity[place][: count[place]] = np.negative(energies[place])
     costs = np.full((*motions.shape, -(-capacity // EIGHT) * EIGHT), np.float32(np.nan))
     flow, chosen = np.full((*motions.shape, 2), np.float32(np.nan)), np.full(motions.shape, np.float32(np.nan))
-    choose_labels(count, numbers, similarity, ties, np.float32(smoothness), np.float32(slope), costs, flow, chosen)
+    limits = np.float32(smoothness), np.float32(slope)
+    compiled(choose_labels)(count, numbers, similarity, ties, *limits, costs, flow, chosen)
     for place in np.ndindex(motions.shape):
         best = int(costs[place][: count[place]].argmin())
         np.testing.assert_array_equal(flow[place], numbers[place][best])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from planes import compiled
 from truth import noise, waves
 from twins import (
     blended,
@@ -418,7 +419,7 @@ def test_finished_rows_equal_their_slow_twin(dtype, white, channels):
     image = np.full((24, 13, channels), 77, dtype)
     half = 0 if dtype == np.float32 else 0.5
     bounds = (np.float32(value) for value in (white, half, lowest, highest))
-    finish_rows(band, first, last, top, ValueRange(*bounds, straight_alpha), image.transpose(2, 0, 1))
+    compiled(finish_rows)(band, first, last, top, ValueRange(*bounds, straight_alpha), image.transpose(2, 0, 1))
     found = image[top + first : top + last].astype(float).transpose(2, 0, 1)
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=half + 1e-5)
     assert (np.delete(image, range(top + first, top + last), axis=0) == 77).all()
@@ -430,7 +431,7 @@ def test_finished_confidence_is_the_eighth_power_of_the_mean_similarity():
     weights = random.uniform(0.5, 2, (6, 9)).astype(np.float32)
     similarities = weights * random.uniform(0, 1.1, weights.shape).astype(np.float32)
     confidence = np.full((10, 9), 7, np.float32)
-    finish_confidence(weights, similarities, 1, 5, 3, confidence)
+    compiled(finish_confidence)(weights, similarities, 1, 5, 3, confidence)
     for y in range(1, 5):
         for x in range(9):
             mean = min(float(similarities[y, x]) / float(weights[y, x]), 1)
