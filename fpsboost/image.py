@@ -14,15 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.colour import (
-    MAX_VALUE,
-    Coding,
-    clipped,
-    colour_components,
-    has_alpha,
-    normalised,
-    premultiplied,
-)
+from fpsboost.colour import MAX_VALUE, Coding, clipped, colour_components, has_alpha, normalised, premultiplied
 from fpsboost.errors import InputError
 
 type_names = {np.dtype(np.uint8): "8-bit", np.dtype(np.uint16): "16-bit", np.dtype(np.float32): "float"}

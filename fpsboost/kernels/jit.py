@@ -65,11 +65,12 @@ class Kernel:
         """Call the kernel; the first call for some types compiles it or loads it from the cache."""
         if not listeners:
             return self.dispatcher(*arguments)
-        is_new, compiled = not (self.dispatcher.signatures or self._is_cached()), self._compiled()
+        is_new = not (self.dispatcher.signatures or self._is_cached())
+        misses = self.dispatcher.stats.cache_misses.copy()
         if is_new:
             tell_listeners()
         result = self.dispatcher(*arguments)
-        if not is_new and self._compiled() > compiled:
+        if not is_new and self.dispatcher.stats.cache_misses != misses:
             tell_listeners()
         return result
 
@@ -78,10 +79,6 @@ class Kernel:
         folder, name = self.dispatcher.stats.cache_path, self.py_func.__name__
         module = Path(self.py_func.__code__.co_filename).stem
         return folder is not None and any(Path(folder).glob(f"{module}.*{name}-*.nbi"))
-
-    def _compiled(self) -> int:
-        """Return for how many combinations of types this process has compiled the kernel."""
-        return sum(self.dispatcher.stats.cache_misses.values())
 
 
 @cache

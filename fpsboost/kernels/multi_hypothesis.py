@@ -29,14 +29,7 @@ from fpsboost.kernels.pixel_weights import (
     weigh_candidate,
 )
 from fpsboost.kernels.window_rows import SQUARES_PER_ROW, add_row
-from fpsboost.kernels.window_samples import (
-    WINDOW,
-    Samples,
-    locate_further,
-    locate_window,
-    make_layer,
-    sample_layer,
-)
+from fpsboost.kernels.window_samples import WINDOW, Samples, locate_further, locate_window, make_layer, sample_layer
 
 SPARE = LANES
 """Columns of coefficients that are needed beyond the right margin."""

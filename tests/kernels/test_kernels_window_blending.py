@@ -10,14 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from planes import compiled
 from truth import noise, waves
-from twins import (
-    blended,
-    faded_window,
-    finished,
-    heaviest,
-    spline_coefficients,
-    uncompiled,
-)
+from twins import blended, faded_window, finished, heaviest, spline_coefficients, uncompiled
 
 from fpsboost.kernels.candidates import VALUES_PER_MOTION, Candidates
 from fpsboost.kernels.dominant_motion import find_dominant_motion
@@ -31,11 +24,7 @@ from fpsboost.kernels.multi_hypothesis import (
     finish_rows,
     window_shape,
 )
-from fpsboost.kernels.pixel_weights import (
-    Weighting,
-    decay,
-    patch_shares,
-)
+from fpsboost.kernels.pixel_weights import Weighting, decay, patch_shares
 from fpsboost.kernels.spline import MARGIN
 from fpsboost.kernels.window_rows import SQUARES_PER_ROW
 from fpsboost.kernels.window_samples import (
