@@ -27,11 +27,11 @@ from fpsboost.colour import colour_components
 from fpsboost.evaluation.report.pictures import draw_wheel, in_colour
 from fpsboost.evaluation.report.self_contained import as_heat
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.kernels.window_samples import WINDOW
 from fpsboost.motion import nlm
 from fpsboost.motion.components import contrast_components
 from fpsboost.pair import Pair
+from fpsboost.render.folder import VectorFolder
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.multi_hypothesis import Candidates, MultiHypothesis
 

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from fpsboost.io.part import Part
     from fpsboost.io.side.options import SideOutputs
     from fpsboost.io.target import Target, open_sink
-    from fpsboost.io.vectors.folder import VectorFolder
     from fpsboost.io.video.decode_options import DecodeOptions
     from fpsboost.io.video.encode_options import Encoding
     from fpsboost.kernels.compiling import told_of_compiling
@@ -49,6 +48,7 @@ if TYPE_CHECKING:
     from fpsboost.pair import Pair
     from fpsboost.parts.join import join
     from fpsboost.preparation import ConversionJob
+    from fpsboost.render.folder import VectorFolder
     from fpsboost.rerender.frame_choice import FrameChoice, choose_frames
     from fpsboost.rerender.merging import MergeSummary, merge_regions
     from fpsboost.rerender.options import MergeOptions, PlanOptions, RenderBudget

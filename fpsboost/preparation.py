@@ -19,10 +19,10 @@ from fpsboost.io.opening import check_images, open_source
 from fpsboost.io.output import Output, StreamInfo
 from fpsboost.io.target import Target
 from fpsboost.io.trim import Seekable, Sliceable, Window, trim_source
-from fpsboost.io.vectors.fit import fit_vectors
-from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.render.fit import fit_vectors
+from fpsboost.render.folder import VectorFolder
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import beginning
 from fpsboost.timing.position import Trim

@@ -17,9 +17,9 @@ from stage.geometry import trace
 from stage.scenes import Scene, scenes
 
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method, vector_methods
 from fpsboost.motion.exhaustive import ExhaustiveSearch
+from fpsboost.render.folder import VectorFolder
 
 METHODS = ("reproject-scene", "reproject-image", "nlm-exhaustive", "nlm-brute-force", "nlm", "dis", "blend")
 ROOM = 2

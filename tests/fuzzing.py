@@ -23,10 +23,10 @@ from fpsboost import conversion, threads
 from fpsboost.errors import FpsboostError, notes_of
 from fpsboost.io.images.exr import read_exr
 from fpsboost.io.images.files import read_image
-from fpsboost.io.vectors.flow import encode_flow
-from fpsboost.io.vectors.folder import VectorFolder
+from fpsboost.io.side.flow import encode_flow
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.method_table import find_method
+from fpsboost.render.folder import VectorFolder
 from fpsboost.timing.rate import OutputRate
 
 SECONDS_PER_COPY = 30

@@ -10,7 +10,7 @@ import numpy as np
 from exr_truth import write_exr
 from numpy.typing import NDArray
 
-from fpsboost.io.vectors.flow import encode_flow
+from fpsboost.io.side.flow import encode_flow
 
 Array = NDArray[Any]
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from fpsboost.evaluation.contestants import Contestant
     from fpsboost.evaluation.hidden_frames import Hiding
     from fpsboost.evaluation.results import ComparedClip, Comparison, MethodResult
-    from fpsboost.io.vectors.folder import VectorFolder
+    from fpsboost.render.folder import VectorFolder
 
 EXIT_BELOW_LIMIT = 3
 """Exit code of a comparison that ends below ``--fail-under``."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from fpsboost.evaluation.contestants import Contestant
     from fpsboost.evaluation.hidden_frames import Interval
-    from fpsboost.io.vectors.folder import VectorFolder
+    from fpsboost.render.folder import VectorFolder
 
 
 class NamedMethod(NamedTuple):

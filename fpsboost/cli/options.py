@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, Literal
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import OptionError
 from fpsboost.io.memory_limit import MemoryLimit, parse_memory
-from fpsboost.io.vectors.convention import ConventionName
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.options import flags_of, option
+from fpsboost.render.convention import ConventionName
 from fpsboost.rerender.options import FrameChoiceOptions, MergeOptions, PlanOptions
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Position, parse_positions
@@ -23,7 +23,7 @@ from fpsboost.timing.rate import OutputRate
 
 if TYPE_CHECKING:
     from fpsboost.interpolator import Interpolator
-    from fpsboost.io.vectors.folder import VectorFolder
+    from fpsboost.render.folder import VectorFolder
 
 
 METHODS = (
@@ -56,8 +56,8 @@ class MethodOptions:
     vector_convention: ConventionName = option("auto", "Their convention: blender, nuke, ...", flag="vectors-as")
 
     def interpolator(self, tuning: TuningOptions) -> Interpolator:
-        from fpsboost.io.vectors.folder import VectorFolder  # noqa: PLC0415
         from fpsboost.method_table import configure, find_method  # noqa: PLC0415
+        from fpsboost.render.folder import VectorFolder  # noqa: PLC0415
 
         if self.depth is not None and self.vectors is None:
             raise OptionError("--depth goes with the motion vectors of --vectors; give that too, or leave --depth out.")
@@ -197,7 +197,7 @@ class ContestOptions:
     @property
     def vector_folder(self) -> VectorFolder | None:
         """The renderer's vectors, if there are any."""
-        from fpsboost.io.vectors.folder import VectorFolder  # noqa: PLC0415
+        from fpsboost.render.folder import VectorFolder  # noqa: PLC0415
 
         return None if self.vectors is None else VectorFolder(self.vectors, self.depth, self.vector_convention)
 

@@ -30,9 +30,9 @@ from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import view
 from fpsboost.interpolator import with_neighbours
-from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import methods
 from fpsboost.pair import Pair
+from fpsboost.render.folder import VectorFolder
 from fpsboost.version import __version__
 
 

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from fpsboost.analysis.duplicates import DuplicateDetector, brightness
 from fpsboost.evaluation.hidden_frames import Interval
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.motion.opencv import Dis
 from fpsboost.motion.rendered import frame_number
+from fpsboost.render.folder import VectorFolder
 
 MOVES = 1.0
 """Shortest motion from one shown frame to the next that counts as moving, pixels."""

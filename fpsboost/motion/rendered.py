@@ -27,7 +27,7 @@ class FrameVectors(NamedTuple):
 
 
 class RenderedVectors(Protocol):
-    """Contract: motion vectors for every frame at the output rate, such as `fpsboost.io.vectors.folder.VectorFolder`.
+    """Contract: motion vectors for every frame at the output rate, such as `fpsboost.render.folder.VectorFolder`.
 
     Attributes
     ----------

@@ -8,8 +8,8 @@ from truth import SCENES, needs_scenes
 from fpsboost.cli.contestants import choose, name_others, split_methods
 from fpsboost.errors import OptionError
 from fpsboost.evaluation.contestants import InterpolatorContestant, Minterpolate, method_names
-from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import configure, methods, read_options
+from fpsboost.render.folder import VectorFolder
 
 # said only under pytest
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")

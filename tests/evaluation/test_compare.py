@@ -23,8 +23,8 @@ from fpsboost.evaluation.export import as_json
 from fpsboost.evaluation.hidden_frames import Hiding, read_samples
 from fpsboost.evaluation.regions import find_regions
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
+from fpsboost.render.folder import VectorFolder
 
 STEP = 2
 """Pixels that everything moves from frame to frame."""

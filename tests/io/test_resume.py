@@ -26,9 +26,8 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.io.fingerprint import JobFingerprint, fingerprint_options
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageSource
+from fpsboost.io.side.flow import encode_flow
 from fpsboost.io.staging import StagingDirectory
-from fpsboost.io.vectors.flow import encode_flow
-from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.video.assembly import decoding_times_of
 from fpsboost.io.video.chunks import Times, find_chunks
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -37,6 +36,7 @@ from fpsboost.io.video.sink import ChunkSink, VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.method_table import find_method, methods
 from fpsboost.motion.field import ZeroMotion
+from fpsboost.render.folder import VectorFolder
 from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.rate import OutputRate

@@ -18,7 +18,6 @@ from vector_truth import save_translation
 
 from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.planes import PlanePair
 from fpsboost.kernels.shortest import ShortestMotion, find_shortest
@@ -27,6 +26,7 @@ from fpsboost.method_table import find_method
 from fpsboost.motion.components import contrast_components, padded_planes
 from fpsboost.motion.rendered import RenderedMotion
 from fpsboost.motion.search_radius import choose_search_radius
+from fpsboost.render.folder import VectorFolder
 
 LOWEST, HIGHEST = 0.8, 1.6
 """Of the true largest motion plus 20 %."""

@@ -24,13 +24,13 @@ from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.conversion import convert
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
 from fpsboost.io.part import Part, parse_part
-from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
 from fpsboost.parts.join import join
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest
+from fpsboost.render.folder import VectorFolder
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Position, Trim
 from fpsboost.timing.rate import OutputRate

@@ -19,9 +19,9 @@ from fpsboost.errors import InputError, OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.images.files import read_image
-from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method, interpolate, vector_methods
 from fpsboost.motion.field import ZeroMotion
+from fpsboost.render.folder import VectorFolder
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.scene_assisted import SceneAssisted
 

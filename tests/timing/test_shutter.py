@@ -18,8 +18,8 @@ from fpsboost.contracts import OutputRange
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
-from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method, methods
+from fpsboost.render.folder import VectorFolder
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.exposure import Exposure

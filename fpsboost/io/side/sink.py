@@ -26,9 +26,8 @@ from fpsboost.io.images.sequence import NumberedImages, Numbering
 from fpsboost.io.images.sink import VIDEO_DIGITS, ImageSink
 from fpsboost.io.images.source import is_pattern
 from fpsboost.io.new_output import StagedFiles
+from fpsboost.io.side.flow import BACKWARD, FORWARD, encode_flow, flow_picture
 from fpsboost.io.side.options import SideOutputs
-from fpsboost.io.vectors.flow import encode_flow, flow_picture
-from fpsboost.io.vectors.folder import BACKWARD, FORWARD
 
 PICTURE, EXR, FLO = ".png", ".exr", ".flo"
 

@@ -26,9 +26,9 @@ from fpsboost.io.images import sink as numbered
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.images.source import find_numbers
-from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
 from fpsboost.probing import probe
+from fpsboost.render.folder import VectorFolder
 from fpsboost.timing.position import Trim, parse_position
 
 HEIGHT, WIDTH = 12, 16

@@ -33,10 +33,10 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.io.images.exr import read_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.io.new_output import StagedFiles
-from fpsboost.io.vectors.flow import flow_picture
-from fpsboost.io.vectors.folder import VectorFolder
+from fpsboost.io.side.flow import flow_picture
 from fpsboost.method_table import find_method
 from fpsboost.motion.field import ZeroMotion
+from fpsboost.render.folder import VectorFolder
 from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.schedule import ByFactor

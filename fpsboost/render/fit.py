@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from fpsboost.colour import normalised
 from fpsboost.image import Image
-from fpsboost.io.vectors.convention import Direction, StoredVectors, VectorConvention
-from fpsboost.io.vectors.folder import VectorFolder
+from fpsboost.render.convention import Direction, StoredVectors, VectorConvention
+from fpsboost.render.folder import VectorFolder
 
 CLEARLY_BETTER = 0.8
 """Ratio of the errors of two conventions below which one is clearly better."""

@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, explained
 
+BACKWARD, FORWARD = "_backward.flo", "_forward.flo"
+"""Ends of the names of a frame's two files: to the frame before and to the next."""
+
 MAGIC = struct.pack("<f", 202021.25)
 UNKNOWN = 1e10
 MAX_KNOWN = 1e9

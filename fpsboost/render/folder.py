@@ -4,7 +4,7 @@ The vectors of a frame lead to the previous and the next output frame; if frames
 number to the next, whatever the step that was rendered with. Renderers write them as
 
 OpenEXR
-    Two or four channels in one of the conventions of `fpsboost.io.vectors.convention`.
+    Two or four channels in one of the conventions of `fpsboost.render.convention`.
 ``.flo``
     ``NAME_backward.flo`` and ``NAME_forward.flo``, to the previous and to the next frame, y down.
 """
@@ -33,14 +33,12 @@ from fpsboost.io.images.sequence import (
     list_files,
     order_names,
 )
-from fpsboost.io.vectors.convention import ConventionName, VectorConvention, conventions
-from fpsboost.io.vectors.flow import read_flow
+from fpsboost.io.side.flow import BACKWARD, FORWARD, read_flow
 from fpsboost.motion.rendered import FrameVectors
+from fpsboost.render.convention import ConventionName, VectorConvention, conventions
 
 CACHED_FRAMES = 4
 """Number of frames whose vectors are cached: a pair's two frames, and two between them."""
-
-BACKWARD, FORWARD = "_backward.flo", "_forward.flo"
 
 layer_names = ("vector", "motionvector", "motionvectors", "motion", "velocity", "vrayvelocity", "speed")
 """Last word of the names of layers with two channels of motion, in small letters."""

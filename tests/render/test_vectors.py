@@ -15,9 +15,9 @@ from vector_truth import constant, save_depth, save_flows, save_translation, sav
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vectors.flow import encode_flow, read_flow
-from fpsboost.io.vectors.folder import VectorFolder
+from fpsboost.io.side.flow import encode_flow, read_flow
 from fpsboost.motion.rendered import RenderedMotion
+from fpsboost.render.folder import VectorFolder
 
 SIZE = HEIGHT, WIDTH = 12, 18
 

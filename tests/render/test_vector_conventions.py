@@ -16,9 +16,9 @@ from vector_truth import constant, save_flows, save_translation
 from fpsboost.cli import app
 from fpsboost.errors import InputError, OptionError
 from fpsboost.io.images.encoder import encode_image
-from fpsboost.io.vectors.convention import StoredVectors, VectorConvention, conventions
-from fpsboost.io.vectors.fit import RenderedPair, fit_convention, fit_vectors
-from fpsboost.io.vectors.folder import VectorFolder, find_vector_channels
+from fpsboost.render.convention import StoredVectors, VectorConvention, conventions
+from fpsboost.render.fit import RenderedPair, fit_convention, fit_vectors
+from fpsboost.render.folder import VectorFolder, find_vector_channels
 
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")  # said only under pytest
 

@@ -1,0 +1,1 @@
+"""What renderers bring beside their images: motion vectors and depth."""
