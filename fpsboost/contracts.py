@@ -207,6 +207,8 @@ class Summary:
         Search radii that were chosen for pairs of frames, pixels; empty if the method has none.
     lowest_match : LowestMatch or None
         Where the result is least certain; None if nothing was made between two frames of a scene.
+    lowest_match_file : str
+        The image of that frame; empty in a video.
     boundaries : dict of int to SourceMoment
         The frame of the source at or before the first output frame of a part of a conversion, and before the first one
         after it, by the numbers of these output frames.
@@ -225,6 +227,7 @@ class Summary:
     frame_intervals: FrameIntervals = field(default_factory=FrameIntervals)
     search_radii: set[int] = field(default_factory=set)
     lowest_match: LowestMatch | None = None
+    lowest_match_file: str = ""
     boundaries: dict[int, SourceMoment] = field(default_factory=dict)
 
     def note_match(self, match: LowestMatch | None) -> None:

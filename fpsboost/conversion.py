@@ -15,6 +15,7 @@ from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import Resumable
 from fpsboost.io.fingerprint import fingerprint_job
+from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, TargetRequirements, open_source
 from fpsboost.io.side.sink import with_side_outputs
@@ -119,9 +120,8 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
         fingerprint = fingerprint_job(clip.whole, options, resume=run.resume)
         part = None if run.chunk is None else plan_part(ready)
         output = replace(ready.output, job=fingerprint, part=None if part is None else part.output)
-        sink = with_side_outputs(
-            ready.target.open(output), run.side, images, overwrite=run.overwrite, watcher=run.watcher
-        )
+        main = ready.target.open(output)
+        sink = with_side_outputs(main, run.side, images, overwrite=run.overwrite, watcher=run.watcher)
         info = clip.source.info
         threads = run.threads
         if threads is None:
@@ -153,6 +153,8 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
             summary.utilisation = f"On average {busy:.1f} of {available_cores()} cores were busy."
             if part is not None:
                 part.summary = summary
+            if isinstance(main, ImageSink) and summary.lowest_match is not None:
+                summary.lowest_match_file = main.names.path(summary.lowest_match.number).name
     # some are known only after the sink has finished the output
     summary.remarks += [remark for remark in sink.remarks if remark not in summary.remarks]
     if part is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import statistics
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -223,7 +224,7 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
             duplicates=len(findings.duplicates),
             cuts=[float(cut) for cut in cuts],
             interlaced=findings.interlaced,
-            remarks=list(source.remarks),
+            remarks=list(map(_as_prospect, source.remarks)),
             conversion=Conversion(frames or 0, float(schedule.rate(info.rate)), refused, losses),
         )
 
@@ -253,7 +254,12 @@ def _try_sink(info: ClipInfo, stream: StreamInfo, schedule: Schedule) -> tuple[s
                 raise _AbortSinkError
         except FpsboostError as error:
             return str(error).replace(path, "out.mp4"), []
-    return None, [remark.replace(path, "out.mp4") for remark in remarks]
+    return None, [_as_prospect(remark.replace(path, "out.mp4")) for remark in remarks]
+
+
+def _as_prospect(remark: str) -> str:
+    """Return a remark on what a conversion has done as one on what it would do."""
+    return re.sub(r"\b(was|were) (?=left out|taken|written)|(?<=; )(?=left out\.)", "would be ", remark)
 
 
 def _look(traits: VideoTraits) -> Look:

@@ -11,7 +11,9 @@ from pathlib import Path
 import fpsboost
 
 COLOUR_VARIABLES = ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE", "NO_COLOR", "COLUMNS")
-SUMMARY = r"{}: {} -> {} frames in [0-9.]+ s \([0-9.]+ frames/s\), least certain at [0-9:.]+ \(frame [0-9]+\)"
+SUMMARY = (
+    r"{}: {} -> {} frames in [0-9.]+ s \([0-9.]+ frames/s\), least certain at [0-9:.]+ \(frame [0-9]+(?:, [^)]+)?\)"
+)
 
 
 @dataclass(frozen=True)

@@ -150,6 +150,8 @@ def convert(
 
     interpolator = cuts.applied_to(motion.interpolator(tuning))
 
+    announced = list[object]()
+
     def run(input: str, output: str | None, place: str = "") -> None:
         target = input if output is None else output
         check_ending(input, target)
@@ -160,7 +162,7 @@ def convert(
         with (
             library_prints_apart(),
             all_explained([input], unfinished),
-            reporter_of(called, messages, place) as reporter,
+            reporter_of(called, messages, place, announced) as reporter,
             one_opencv_thread(),
         ):
             reporter.say_settings(motion.method, interpolator)

@@ -40,8 +40,9 @@ def collect_from_here_on() -> None:
 class Reporter(ExitStack):
     """Observer that shows a conversion: a bar on a terminal, nothing when piped, a summary at the end."""
 
-    def __init__(self, output: str, *, quiet: bool, verbose: bool) -> None:
+    def __init__(self, output: str, *, quiet: bool, verbose: bool, announced: list[Any] | None = None) -> None:
         super().__init__()
+        self._announced = [] if announced is None else announced
         self._console = console(quiet=quiet)
         self._output, self._verbose = output, verbose
         self._info: ClipInfo | None = None
@@ -66,7 +67,7 @@ class Reporter(ExitStack):
         if self._verbose:
             count = "an unknown number of" if info.frame_count is None else info.frame_count
             self._say(f"{info.name}: {info.width}x{info.height}, {count} frames at {readable(info.rate)} fps")
-        self.enter_context(told_of_compiling(self._say_compiling))
+        self.enter_context(told_of_compiling(self._say_compiling_once))
         self._task = self._progress.add_task(
             literal(self._output), total=expected_frames, start=False, frames=expected_frames or "?"
         )
@@ -105,10 +106,16 @@ class Reporter(ExitStack):
             self._say(text)
         lowest, where = summary.lowest_match, ""
         if lowest is not None and lowest.match_score < 1:
-            where = f", least certain at {format_time(lowest.time)} (frame {lowest.number})"
+            file = f", {summary.lowest_match_file}" if summary.lowest_match_file else ""
+            where = f", least certain at {format_time(lowest.time)} (frame {lowest.number}{file})"
         self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({speed:.1f} frames/s){where}")
         for remark in summary.remarks:
             self._say(f"Note: {remark}")
+
+    def _say_compiling_once(self) -> None:
+        if not self._announced:
+            self._announced.append(self._say_compiling)
+            self._say_compiling()
 
     def _say_compiling(self) -> None:
         self._say("Compiling for this machine, once; later runs start at once.")
@@ -162,11 +169,16 @@ class JsonReporter(ExitStack):
         print_object(frame=self._frames, frames=self._expected, fps=fps, stage=stage, **more)
 
 
-def reporter_of(output: str, messages: MessageOptions, place: str = "") -> Reporter | JsonReporter:
-    """Return the observer that the options ask for; `place` comes before the output's name, such as ``2/5``."""
+def reporter_of(
+    output: str, messages: MessageOptions, place: str = "", announced: list[Any] | None = None
+) -> Reporter | JsonReporter:
+    """Return the observer that the options ask for; `place` comes before the output's name, such as ``2/5``.
+
+    Reporters that share a list of what was `announced` say once that kernels are compiled.
+    """
     if messages.progress == "json":
         return JsonReporter(output)
-    return Reporter(place + output, quiet=messages.quiet, verbose=messages.verbose)
+    return Reporter(place + output, quiet=messages.quiet, verbose=messages.verbose, announced=announced)
 
 
 def print_object(**values: Any) -> None:

@@ -75,6 +75,7 @@ def test_all_kinds_at_once(fpsboost_, tmp_path, save_images):
     done = (("1/3 out/a.mp4", 3, 6), ("2/3 out/b.mkv", 4, 8), ("3/3 out/renders/", 3, 5))
     for line, counts in zip(result.lines, done, strict=False):
         assert re.fullmatch(SUMMARY.format(*counts), line)
+    assert [re.search(r"\(frame [0-9]+(.*)\)$", line)[1] for line in result.lines[:3]] == ["", "", ", shot_0004.png"]
     assert result.lines[3:] == ["All 3 inputs were converted."]
     assert len(packets_of(tmp_path / "out" / "a.mp4", "video")) == 6
     assert len(pictures_of(tmp_path / "out" / "b.mkv")) == 8

@@ -137,6 +137,8 @@ def test_compiling_is_said_when_kernels_are_compiled_and_only_then(fpsboost_, cl
     result = fpsboost_("in.mp4", "out.mp4", *CHEAP)
     assert len(result.lines) == 2
     assert "Compiling" in result.lines[0]
+    (tmp_path / "other.mp4").write_bytes(clip.read_bytes())
+    assert fpsboost_("in.mp4", "other.mp4", "both", *CHEAP).err.count("Compiling") == 1
 
     kernel = tmp_path / "kernel.py"
     kernel.write_text("from fpsboost.kernels.jit import njit\n@njit(cache=True)\ndef kernel(x):\n    return x + 1\n")

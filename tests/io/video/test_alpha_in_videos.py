@@ -19,6 +19,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import SMPTE170M, from_bgr, to_bgr
+from fpsboost.probing import probe
 from fpsboost.timing.position import Trim, parse_position
 
 VP9 = {"auto-alt-ref": "0", "lossless": "1", "cpu-used": "8", "deadline": "realtime"}
@@ -81,12 +82,13 @@ def test_alpha_is_read(clip):
 
 
 def test_alpha_that_is_left_out_is_said(clip, tmp_path):
-    """H.264 has no alpha: a remark says so, names what keeps it, and colours are as they were."""
+    """H.264 has no alpha: a remark says so and names what keeps it, as a probe does before; colours are as they were."""
     path, _ = clip
     summary = fpsboost.convert(str(path), str(tmp_path / "out.mp4"), method="blend")
     (remark,) = [remark for remark in summary.remarks if says_alpha(remark)]
     assert f"in{path.suffix} has an alpha channel, which was left out" in remark
     assert "prores_ks" in remark
+    assert remark.replace("was left out", "would be left out") in probe(str(path)).remarks
     with VideoSource(path) as source:
         assert next(iter(source)).image.shape == (48, 64, 3)
 
