@@ -82,7 +82,7 @@ def test_alpha_is_read(clip):
 
 
 def test_alpha_that_is_left_out_is_said(clip, tmp_path):
-    """H.264 has no alpha: a remark says so and names what keeps it, as a probe does before; colours are as they were."""
+    """H.264 has no alpha: a remark says so and names what keeps it, as a probe does before; colours stay."""
     path, _ = clip
     summary = fpsboost.convert(str(path), str(tmp_path / "out.mp4"), method="blend")
     (remark,) = [remark for remark in summary.remarks if says_alpha(remark)]
