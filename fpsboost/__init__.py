@@ -155,7 +155,7 @@ _modules = {
     "io.part": "Part",
     "io.side.options": "SideOutputs",
     "io.target": "Target open_sink",
-    "io.vectors.folder": "VectorFolder",
+    "render.folder": "VectorFolder",
     "io.video.decode_options": "DecodeOptions",
     "io.video.encode_options": "Encoding",
     "kernels.compiling": "told_of_compiling",

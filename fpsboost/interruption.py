@@ -6,7 +6,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from threading import Timer
+from threading import Timer, main_thread
 from traceback import walk_stack
 from types import FrameType
 
@@ -63,7 +63,10 @@ class _Request:
 
     def _repeat(self, number: int) -> None:
         self._is_repeated = True
-        signal.raise_signal(number)
+        if sys.platform == "win32":
+            signal.raise_signal(number)
+        else:  # in the main thread, so that it wakes from waiting
+            signal.pthread_kill(main_thread().ident or 0, number)
 
 
 def _is_on_its_way(error: BaseException | None) -> bool:

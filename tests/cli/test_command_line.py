@@ -210,7 +210,7 @@ def test_a_request_to_stop_is_repeated_if_it_is_lost(loss):
         with stopping_on(number):
             try:{LOSSES[loss].replace(chr(10), chr(10) + 8 * " ")}
                 print("went on", flush=True)
-                threading.Event().wait(60)
+                threading.Event().wait()
             except KeyboardInterrupt:
                 print("stopped", cleaned)
                 threading.Event().wait(4 * AGAIN_AFTER)
