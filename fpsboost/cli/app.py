@@ -83,6 +83,9 @@ fi
 
 group_of_join = Group("Options", sort_key=1)
 
+STANDARD_OUTPUT = "Standard output or a temporary file"
+"""What an error of the system is about that names no file."""
+
 MAX_REASON = 200
 """Characters of an error that nobody foresaw."""
 
@@ -346,13 +349,8 @@ def _usage_sentence(error: CycloptsError, command: str) -> str:
     """Return what is wrong with the words of a command line."""
     if isinstance(error, UnusedCliTokensError):
         return f"{command} does not take {' '.join(error.unused_tokens or ())}."
-    if (
-        isinstance(error, MissingArgumentError)
-        and error.argument is not None
-        and not error.argument.name.startswith("-")
-    ):
-        return f"{error.argument.name} is missing."
-    return str(error)
+    name = getattr(error.argument, "name", "-")
+    return str(error) if name.startswith("-") or not isinstance(error, MissingArgumentError) else f"{name} is missing."
 
 
 @contextmanager
@@ -366,7 +364,7 @@ def all_explained(names: Sequence[str], output: str | None = None) -> Iterator[N
     except (FpsboostError, CycloptsError):
         raise
     except (OSError, MemoryError) as error:
-        raise FpsboostError(explain(error)) from error
+        raise FpsboostError(explain(error, STANDARD_OUTPUT if output is None else names[0])) from error
     except Exception as error:
         name = next((each for each in names if os.path.exists(each)), next(iter(names), "The command"))
         name = "Standard input" if name == PIPE else name
@@ -379,12 +377,11 @@ def all_explained(names: Sequence[str], output: str | None = None) -> Iterator[N
         ) from error
 
 
-def explain(error: OSError | MemoryError) -> str:
+def explain(error: OSError | MemoryError, name: str = STANDARD_OUTPUT) -> str:
     """Return a sentence about an error that the library has not explained, such as one from an unchecked path."""
     if isinstance(error, MemoryError):
         return "There is not enough memory for this; scale it down, or close other programs."
-    name = error.filename or "Standard output or a temporary file"
-    return f"{name} cannot be used ({error.strerror or error}); check the place."
+    return f"{error.filename or name} cannot be used ({error.strerror or error}); check the place."
 
 
 @contextmanager
@@ -392,9 +389,12 @@ def standard_output_finished() -> Iterator[None]:
     """Write all of standard output, or raise an error: Python would do so at its end, with an exit code of its own."""
     try:
         yield
-        sys.stdout.flush()
+        if sys.stdout is not None:  # closed
+            sys.stdout.flush()
     except OSError as error:
-        if error.filename is None:  # neither do errors of other files have a name, but those are explained
+        if (
+            error.filename is None and sys.stdout is not None
+        ):  # neither do errors of other files have a name, but those are explained
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python still flushes
         if isinstance(error, BrokenPipeError):
             raise ReaderGoneError from None
