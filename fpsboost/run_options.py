@@ -47,13 +47,13 @@ class RunOptions:
     """
 
     overwrite: bool = option(False, "Replace an existing output.", short="y")
-    in_place: bool = option(False, "Write beside the input images; leave OUT out.")
+    in_place: bool = option(False, "Write into the folder of the input images; no OUT.")
     resume: bool = option(False, "Continue the same job where it was interrupted.")
     limit: MemoryLimit | None = option(
-        None, "Refuse jobs that need more: 8G; else what is free.", flag="max-memory", parse=parse_memory
+        None, "Refuse jobs above this: 8G; else the free memory.", flag="max-memory", parse=parse_memory
     )
-    threads: int | None = option(None, "Pairs of frames made in parallel; else one per core.")
-    chunk: Part | None = option(None, "Make the K-th of N parts, to be joined.", metavar="K/N", parse=parse_part)
+    threads: int | None = option(None, "Pairs of frames in parallel; else one per core.")
+    chunk: Part | None = option(None, "Convert part K of N; see fpsboost join.", metavar="K/N", parse=parse_part)
     observer: Observer | None = None
     watcher: FrameWatcher | None = None
     side: SideOutputs = SideOutputs()

@@ -47,23 +47,23 @@ EXAMPLES = """
   fpsboost in.mp4 out.mp4                              twice the frames
   fpsboost in.mp4 out.mkv --fps 59.94 --crf 16         a rate, not a factor
   fpsboost renders/ doubled/                           a folder of images
-  fpsboost renders/ --fill-gaps --in-place             those that are missing
+  fpsboost renders/ --fill-gaps --in-place             the missing images
   fpsboost shot_####.png out.mp4 --input-fps 24        images to video
   fpsboost in.mp4 out.mp4 --start 1:30 --end 2:00      a part of it
   fpsboost in.mp4 out.mp4 --factor 4 --slow-motion     four times as long
   fpsboost in.gif out.webp                             gif, apng or webp
-  fpsboost in.mp4 frames/ --method nlm-exhaustive      the report's method
+  fpsboost in.mp4 frames/ --method nlm-exhaustive      another method
   fpsboost a.mp4 b.mov renders/ out/                   several, into a folder
-  fpsboost in.mp4 out.mp4 --resume                     go on if it was stopped
+  fpsboost in.mp4 out.mp4 --resume                     continue a stopped run
   fpsboost in.mp4 out.mp4 --cluster tls://host:8786    on many machines
   fpsboost in.mp4 out.mp4 --chunk 3/8                  one part of eight
-  fpsboost join out.mp4 out.mp4.parts/                 and all of them joined
+  fpsboost join out.mp4 out.mp4.parts/                 the eight parts joined
   ffmpeg -i in -f yuv4mpegpipe - | fpsboost - out.mp4  from a pipe
   fpsboost probe in.mp4                                what a clip is
-  fpsboost preview in.mp4                              what would come out
-  fpsboost plan renders/ plan/ --budget 10%            regions worth rendering
-  fpsboost merge doubled/ regions/ out/ --plan plan/   and back into the frames
-  fpsboost compare in.mp4 --report page/               which method is best
+  fpsboost preview in.mp4                              before and after
+  fpsboost plan renders/ plan/ --budget 10%            regions to render
+  fpsboost merge doubled/ regions/ out/ --plan plan/   put into the frames
+  fpsboost compare in.mp4 --report page/               methods scored
 """
 
 Shell = Literal["bash", "zsh", "fish"]
@@ -133,7 +133,7 @@ def convert(
     output
         The same; video as mp4, m4v, mov, mkv or webm, and a
         folder with a slash at its end.
-        For several inputs a folder, made if it is missing.
+        With several inputs a folder, created if missing.
     more
         Further names; the last one is the folder.
     processes
@@ -196,28 +196,28 @@ def convert(
 
 
 app.command(
-    "fpsboost.cli.probe:probe", help="Say what a clip is, and what a conversion would do with it.", help_epilogue=""
+    "fpsboost.cli.probe:probe", help="Describe a clip, and what a conversion would keep of it.", help_epilogue=""
 )
 app.command(
     "fpsboost.cli.preview:preview",
-    help="Show passages before and after, and the time a run takes.",
+    help="Show passages before and after, and estimate the time.",
     usage="Usage: fpsboost preview [OPTIONS] IN [PAGE]",
     help_epilogue="",
 )
 app.command(
     "fpsboost.cli.compare:compare",
-    help="Hide frames, make them again, and say which method does best.",
+    help="Hide frames, interpolate them and score each method.",
     help_epilogue="Exit codes: 0 compared, 1 failed, 2 wrong usage or no method to compare, 3 below --fail-under.",
 )
 app.command(
-    "fpsboost.cli.plan:plan", help="Say which regions of the frames between are worth rendering.", help_epilogue=""
+    "fpsboost.cli.plan:plan", help="Find the regions of interpolated frames to render instead.", help_epilogue=""
 )
-app.command("fpsboost.cli.plan:merge", help="Put rendered regions back into the frames.", help_epilogue="")
+app.command("fpsboost.cli.plan:merge", help="Put rendered regions into interpolated frames.", help_epilogue="")
 
 
 @app.command(
     name="join",
-    help="Put the parts of a conversion together.",
+    help="Join the parts of a conversion.",
     usage="Usage: fpsboost join [OPTIONS] OUT PART...",
     help_epilogue="",
 )
@@ -230,7 +230,7 @@ def join(
     options: Annotated[JoinOptions, group_of_join],
     messages: Annotated[MessageOptions, group_of_join],
 ) -> None:
-    """Put the parts of a conversion together.
+    """Join the parts of a conversion.
 
     Parameters
     ----------
@@ -249,24 +249,24 @@ def join(
     reporter.say_summary(summary)
 
 
-app.command("fpsboost.cli.tune:tune", help="Say which options of the report's method suit a clip.", help_epilogue="")
+app.command("fpsboost.cli.tune:tune", help="Find the options of nlm-exhaustive that suit a clip.", help_epilogue="")
 app.command(
     "fpsboost.ui.command:ui",
-    help="Show a page to choose, look at and convert clips.",
+    help="Convert clips on a page in the browser.",
     usage="Usage: fpsboost ui [OPTIONS] [FOLDER]",
     help_epilogue="",
 )
-app.command("fpsboost.cli.doctor:doctor", help="Say whether fpsboost works on this machine.", help_epilogue="")
+app.command("fpsboost.cli.doctor:doctor", help="Check whether fpsboost works on this machine.", help_epilogue="")
 
 
 @app.command(
-    help="Print the script by which a shell completes what is typed.",
+    help="Print the completion script of a shell.",
     help_epilogue="bash: source <(fpsboost completion bash), in ~/.bashrc\n"
     "zsh: fpsboost completion zsh > ~/.zfunc/_fpsboost, with fpath+=~/.zfunc in ~/.zshrc\n"
     "fish: fpsboost completion fish > ~/.config/fish/completions/fpsboost.fish",
 )
 def completion(shell: Annotated[Shell, Parameter(name="SHELL")], /) -> None:
-    """Print the script by which a shell completes what is typed.
+    """Print the completion script of a shell.
 
     Parameters
     ----------

@@ -61,7 +61,7 @@ def compare(
     at_cuts: Annotated[CutOptions, GROUPS["Scenes"]],
     results: Annotated[ResultOptions, Group("Results", sort_key=3)],
 ) -> None:
-    """Hide frames, make them again with each method, and say which comes nearest to the truth.
+    """Hide frames, interpolate them and score each method.
 
     Exit codes: 0 compared, 1 failed, 2 wrong usage or no method to compare, 3 below --fail-under.
 
@@ -69,7 +69,7 @@ def compare(
     ----------
     input
         A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
-        Of several, each is compared, and all count alike.
+        Several clips count equally in the mean.
     more
         Further ones.
     """

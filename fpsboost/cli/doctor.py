@@ -24,7 +24,7 @@ options = Group("Options", sort_key=1)
 
 
 def doctor(*, json: Annotated[bool, Parameter(group=options)] = False) -> None:
-    """Say whether fpsboost works on this machine.
+    """Check whether fpsboost works on this machine.
 
     Parameters
     ----------

@@ -41,19 +41,20 @@ class MethodOptions:
     method: str = option(
         "nlm",
         "nlm, nlm-fast, blend or nearest;\n"
-        "the report's: nlm-exhaustive, nlm-brute-force,\n"
-        "nlm-passes (the same in passes of OpenCV);\n"
+        'of the report "Image-based Reprojection Using a\n'
+        'Non-local Means Algorithm": nlm-exhaustive,\n'
+        "nlm-brute-force, nlm-passes (slow, OpenCV alone);\n"
         "with --vectors: reproject-image, reproject-scene;\n"
-        "to compare: dis, farneback, tvl1, dis-warp, tvl1-warp,\n"
-        "farneback-warp, block, codec.",
+        "for comparison: dis, farneback, tvl1, dis-warp,\n"
+        "tvl1-warp, farneback-warp, block, codec.",
         short="m",
         choices=METHODS,
     )
     duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate or keep.")
-    match_grain: bool = option(False, "Make in-between frames as grainy as their neighbours.")
-    vectors: str | None = option(None, "Folder of rendered vectors, one file per output frame.", metavar="DIR")
-    depth: str | None = option(None, "Folder of rendered depth, for reproject-scene.", metavar="DIR")
-    vector_convention: ConventionName = option("auto", "Their convention: blender, nuke, ...", flag="vectors-as")
+    match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
+    vectors: str | None = option(None, "Motion vectors of a renderer, one file per frame.", metavar="DIR")
+    depth: str | None = option(None, "Depth of a renderer, for reproject-scene.", metavar="DIR")
+    vector_convention: ConventionName = option("auto", "Vector convention: blender, nuke...", flag="vectors-as")
 
     def interpolator(self, tuning: TuningOptions) -> Interpolator:
         from fpsboost.method_table import configure, find_method  # noqa: PLC0415
@@ -78,8 +79,10 @@ class TuningOptions:
     search_radius: int | None = option(None, "nlm-exhaustive: largest motion, pixels; else auto.")
     window: Literal["box", "gaussian"] | None = option(None, "nlm-exhaustive: patch window, box or gaussian.")
     implementation: Literal["fused", "passes"] | None = option(None, "nlm-exhaustive: fused kernel or OpenCV passes.")
-    search: Literal["iterative", "brute-force"] | None = option(None, "reproject-image too: iterative or brute-force.")
-    iterations: int | None = option(None, "The same: iteration limit; else 10.")
+    search: Literal["iterative", "brute-force"] | None = option(
+        None, "Search for source pixels: iterative or brute-force."
+    )
+    iterations: int | None = option(None, "Limit of the iterative search; else 10.")
     block_size: int | None = option(None, "block: block size, pixels.")
     search_range: int | None = option(None, "block: largest motion, pixels.")
     pattern: Literal["full", "three-step", "diamond"] | None = option(
@@ -155,9 +158,9 @@ class MessageOptions:
 class HidingOptions:
     """Which frames of a clip are shown, or hidden and made again."""
 
-    range: str | None = option(None, "Frames to take, from 0 on and without B; also A: or :B.", metavar="A:B")
-    skip: int = option(1, "Frames hidden between two that are shown.")
-    duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate (no truths) or keep them.")
+    range: str | None = option(None, "Frames A to B - 1, counted from 0; also A: or :B.", metavar="A:B")
+    skip: int = option(1, "Hidden frames between two shown ones.")
+    duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate (unscored) or keep.")
 
 
 @dataclass(frozen=True)
@@ -166,33 +169,31 @@ class ContestOptions:
 
     methods: tuple[str, ...] = option(
         ("nlm,nlm-fast,dis,minterpolate,blend",),
-        "As in conversions, with commas between them and options\n"
-        "behind a colon: dis,nlm-exhaustive:patch-radius=9,v=0.05;\n"
-        "or all; minterpolate is FFmpeg's. Given repeatedly, all.",
+        "Methods of conversions, minterpolate (FFmpeg) or all,\n"
+        "separated by commas, options after a colon:\n"
+        "dis,nlm-exhaustive:patch-radius=9,v=0.05. Repeatable.",
         short="m",
         choices=(*METHODS, "minterpolate", "all"),
         metavar="NAMES",
     )
     frames_of: tuple[str, ...] = option(
         (),
-        "Images that another tool made: all frames in order,\n"
-        "the hidden ones alone, or numbered like them, from 0.\n"
-        "May be given repeatedly.",
+        "Images of another tool: all frames in order, the hidden\n"
+        "frames alone, or images with the clip's frame numbers,\n"
+        "from 0. Repeatable.",
         flag="frames",
         metavar="NAME=DIR",
     )
     peer: tuple[str, ...] = option(
         (),
-        "A command that makes them: 'tool {in} {out}', from\n"
-        "and into a folder of images; also {factor} and {fps}.\n"
-        "May be given repeatedly.",
+        "Command of another tool that doubles a folder of\n"
+        "images: 'tool {in} {out}'; also {factor} and {fps}.\n"
+        "Repeatable.",
         metavar="NAME=COMMAND",
     )
-    vectors: str | None = option(None, "Folder of a renderer's vectors, for every frame of IN.", metavar="DIR")
-    depth: str | None = option(None, "Folder of its depth, for reproject-scene.", metavar="DIR")
-    vector_convention: ConventionName = option(
-        "auto", "What their channels mean; see fpsboost --help.", flag="vectors-as"
-    )
+    vectors: str | None = option(None, "Motion vectors of a renderer, one file per frame of IN.", metavar="DIR")
+    depth: str | None = option(None, "Depth of a renderer, for reproject-scene.", metavar="DIR")
+    vector_convention: ConventionName = option("auto", "Vector convention: blender, nuke...", flag="vectors-as")
 
     @property
     def vector_folder(self) -> VectorFolder | None:
@@ -214,25 +215,25 @@ class ResultOptions:
 
     metrics: tuple[str, ...] = option(
         (),
-        "Measured beside PSNR (and P5, its 5th percentile), SSIM,\n"
-        "MAE and MSE, with commas between: flip, xpsnr, vmaf;\n"
+        "Metrics beside PSNR, its 5th percentile (P5), SSIM, MAE\n"
+        "and MSE: flip, xpsnr, vmaf, separated by commas;\n"
         "see docs/comparison.md.",
         metavar="NAMES",
     )
-    report: str | None = option(None, "A new folder for the page, index.html.", metavar="DIR")
-    json: str | None = option(None, "A new file for all figures, as docs/comparison.md says.", metavar="FILE")
-    csv: str | None = option(None, "A new file for a table: a row a method and frame.", metavar="FILE")
+    report: str | None = option(None, "New folder for the page, index.html.", metavar="DIR")
+    json: str | None = option(None, "New JSON file of all results; see docs/comparison.md.", metavar="FILE")
+    csv: str | None = option(None, "New CSV file, a row for each method and frame.", metavar="FILE")
     fail_under: float | None = option(None, "Exit with 3 if the first method's PSNR is lower.", metavar="DB")
-    quiet: bool = option(False, "Say nothing but errors.", short="q")
+    quiet: bool = option(False, "Print errors only.", short="q")
 
 
 @dataclass(frozen=True)
 class PlannedMethodOptions:
     """The method whose frames are planned for."""
 
-    method: str = option("nlm", "Method that makes the frames.", short="m", choices=METHODS)
-    vectors: str | None = option(None, "Folder of rendered vectors, one file per output frame.", metavar="DIR")
-    depth: str | None = option(None, "Folder of rendered depth.", metavar="DIR")
+    method: str = option("nlm", "Interpolation method.", short="m", choices=METHODS)
+    vectors: str | None = option(None, "Motion vectors of a renderer, one file per frame.", metavar="DIR")
+    depth: str | None = option(None, "Depth of a renderer.", metavar="DIR")
     quiet: bool = option(False, "Print errors only.", short="q")
 
 
@@ -243,7 +244,7 @@ class SweepOptions:
     method: str = option(
         "nlm-exhaustive", "nlm-exhaustive, or nlm, which has no window and no search radius.", short="m"
     )
-    frames: int = option(3, "How many to try on; they are chosen for their motion.")
+    frames: int = option(3, "Number of frames to try on, chosen by their motion.")
 
 
 @dataclass(frozen=True)
@@ -252,21 +253,21 @@ class PreviewOptions:
 
     at: tuple[Position, ...] = option(
         (),
-        "Begin a passage there: 90, 1:30.5, or frame 120f; else\nwhere most moves. May be given repeatedly.",
+        "Start of a passage: 90, 1:30.5, or frame 120f; else\nwhere motion is largest. Repeatable.",
         metavar="TIME",
         parse=parse_positions,
     )
     methods: tuple[str, ...] = option(
-        ("nlm",), "As in compare: with commas between them and options\nbehind a colon.", short="m", metavar="NAMES"
+        ("nlm",), "As in compare: separated by commas, options after a\ncolon.", short="m", metavar="NAMES"
     )
     duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate or keep.")
-    match_grain: bool = option(False, "Make in-between frames as grainy as their neighbours.")
-    side_by_side: str | None = option(None, "Also a video of the passages before and after.", metavar="FILE")
+    match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
+    side_by_side: str | None = option(None, "Write the passages, before and after, as a video too.", metavar="FILE")
     overwrite: bool = option(False, "Replace an existing page and video.", short="y")
     limit: MemoryLimit | None = option(
-        None, "Refuse clips that need more: 8G; else what is free.", flag="max-memory", parse=parse_memory
+        None, "Refuse clips above this: 8G; else the free memory.", flag="max-memory", parse=parse_memory
     )
-    threads: int | None = option(None, "Pairs of frames made in parallel; else one per core.")
+    threads: int | None = option(None, "Pairs of frames in parallel; else one per core.")
     quiet: bool = option(False, "Print errors only.", short="q")
 
 

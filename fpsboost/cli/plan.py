@@ -35,13 +35,13 @@ def plan(
     choice: Annotated[FrameChoiceOptions, frames],
     motion: Annotated[PlannedMethodOptions, method],
 ) -> None:
-    """Say which regions of the frames between, or which frames, are worth rendering.
+    """Find the regions of interpolated frames, or the frames, to render instead.
 
     Parameters
     ----------
     input
         Rendered images: a folder, shot_%04d.png or shot_####.png;
-        with --quality a preview, of all frames or every so many.
+        with --quality a preview: all frames or every N-th.
     folder
         A new folder for plan.json and a mask for every frame,
         or frames.json and Blender's frame list, frames.txt.
@@ -117,7 +117,7 @@ def merge(
     options: Annotated[MergeOptions, merge_options],
     quiet: Annotated[bool, Parameter(group=merge_options, name=["--quiet", "-q"])] = False,
 ) -> None:
-    """Put rendered regions back into the frames that were made.
+    """Put rendered regions into interpolated frames.
 
     Parameters
     ----------

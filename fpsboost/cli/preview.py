@@ -39,7 +39,7 @@ def preview(
     rate: Annotated[OutputRate, GROUPS["Rate"]],
     cuts: Annotated[CutOptions, GROUPS["Scenes"]],
 ) -> None:
-    """Show some passages of a clip before and after, and what the whole conversion would take.
+    """Show passages of a clip before and after, and estimate the time of the whole conversion.
 
     Parameters
     ----------

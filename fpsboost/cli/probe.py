@@ -33,7 +33,7 @@ def probe(
     stream: Annotated[int | None, Parameter(group=options, metavar="N")] = None,
     json: Annotated[bool, Parameter(group=options)] = False,
 ) -> None:
-    """Say what a clip is, and what a conversion would do with it.
+    """Describe a clip, and what a conversion would keep of it.
 
     Parameters
     ----------

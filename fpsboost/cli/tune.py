@@ -44,9 +44,9 @@ def tune(
     input
         A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
     figure
-        A new file for the curves: .svg, .png or .pdf.
+        New file with the curves: .svg, .png or .pdf.
     quiet
-        Print the options and nothing else.
+        Print the options only.
     """
     from fpsboost.evaluation.tune import check_drawable, draw_tuning  # noqa: PLC0415
     from fpsboost.evaluation.tune import tune as run  # noqa: PLC0415

@@ -74,8 +74,7 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
     given = [*["`in_place`"] * run.in_place, *["`chunk`"] * (run.chunk is not None), *run.side.given]
     if given:
         raise OptionError(
-            f"`cluster` makes a new output of parts, and {' and '.join(given)} cannot be made so; leave one of them "
-            "out."
+            f"`cluster` converts in parts, which does not work with {' or '.join(given)}; leave one of them out."
         )
     observer, progress = run.observer or SilentObserver(), Summary()
     workers = max(GROWN_CLUSTER, len(client.nthreads()))

@@ -68,10 +68,10 @@ class PlanOptions:
     """
 
     budget: RenderBudget | None = option(
-        None, "Share of the made frames' pixels, or seconds, 300s; else 10%.", metavar="SHARE", parse=parse_budget
+        None, "Share of the interpolated pixels, or 300s; else 10%.", metavar="SHARE", parse=parse_budget
     )
     cost: float | None = option(None, "Seconds to render a full frame; for a budget in seconds.", metavar="SECONDS")
-    overhead: float = option(0.0, "Seconds beside the pixels for every frame started.", metavar="SECONDS")
+    overhead: float = option(0.0, "Seconds in addition for each frame that is rendered.", metavar="SECONDS")
     factor: int | None = option(None, "Output frames per image; else the step of the numbers.")
     tile: int = option(16, "The renderer's tile size, pixels.")
 
@@ -101,7 +101,7 @@ class FrameChoiceOptions:
     """Which frames are to be rendered at all."""
 
     quality: float | None = option(
-        None, "Choose frames instead: PSNR of every frame between.", metavar="DB", parse=parse_quality
+        None, "Choose whole frames instead, for this least PSNR.", metavar="DB", parse=parse_quality
     )
 
 

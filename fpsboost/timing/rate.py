@@ -68,14 +68,14 @@ class OutputRate:
         None, "Output frames per input frame: 3, 5/2; else 2.", short="f", metavar="N", parse=parse_number
     )
     fps: Fraction | int | None = option(None, "Output frames per second: 60, 59.94, 60000/1001.", parse=parse_rate)
-    keep_timing: bool = option(False, "Multiply each interval, for a variable rate.")
+    keep_timing: bool = option(False, "Keep a variable rate: multiply each interval.")
     slow_motion: bool = option(False, "Keep the rate and play `factor` times as long.")
     slow_motion_sound: SlowSound | None = option(None, "Audio of slow motion: drop or stretch; else drop.")
-    fill_gaps: bool = option(False, "Make only the images missing from the numbering.", group="Input")
+    fill_gaps: bool = option(False, "Interpolate only the missing image numbers.", group="Input")
     shutter: Fraction | int | None = option(
-        None, "Motion blur of every frame: shutter angle, to 360.", metavar="DEGREES", parse=parse_number
+        None, "Motion blur of this shutter angle, up to 360.", metavar="DEGREES", parse=parse_number
     )
-    shutter_samples: int | None = option(None, "Frames averaged for it, odd; else 15.")
+    shutter_samples: int | None = option(None, "Frames averaged for motion blur, odd; else 15.")
 
     def __post_init__(self) -> None:
         if self.slow_motion_sound is not None:

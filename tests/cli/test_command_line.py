@@ -661,7 +661,7 @@ def test_help_fits_a_small_terminal(fpsboost_, monkeypatch):
     rows = [line for line in lines[first:] if line.startswith("│")]
     broken = [row for row in rows if row.startswith("│    ")]
     method = next(number for number, row in enumerate(rows) if "--method" in row)
-    assert broken == rows[method + 1 : method + 6]
+    assert broken == rows[method + 1 : method + 7]
     assert lines[:3] == [
         "Usage: fpsboost [OPTIONS] IN OUT",
         "       fpsboost [OPTIONS] IN... FOLDER",

@@ -31,10 +31,10 @@ class SideOutputs:
     """
 
     confidence: str | None = option(
-        None, "Confidence of made frames, PNG; c_####.exr for EXR.", metavar="DIR", group="Side outputs"
+        None, "Write confidence maps, PNG; c_####.exr for EXR.", metavar="DIR", group="Side outputs"
     )
     save_motion: str | None = option(
-        None, "Motion of source frames, .flo; m_####.exr for EXR.", metavar="DIR", group="Side outputs"
+        None, "Write motion fields, .flo; m_####.exr for EXR.", metavar="DIR", group="Side outputs"
     )
 
     @property

@@ -55,12 +55,12 @@ class DecodeOptions:
     input_fps: Fraction | int | None = option(None, "Frames per second of input images.", parse=parse_rate)
     stream: int | None = option(None, "Video stream, numbered as in probe; else the largest.")
     deinterlace: bool = option(False, "Make one frame per field: 50 per second from 25i.")
-    size_change: SizeChange = option("stop", "At a change of size: stop or scale.")
-    decoder: Decoder = option("ffmpeg", "Read videos by ffmpeg or opencv.")
+    size_change: SizeChange = option("stop", "If the frame size changes: stop or scale.")
+    decoder: Decoder = option("ffmpeg", "Decode videos with ffmpeg or opencv.")
     passes: str | None = option(
         None, "Layers of OpenEXR: all, beauty or their names.", metavar="NAMES", group="Streams"
     )
-    view: View = option("none", "View of OpenEXR in video: none or srgb.")
+    view: View = option("none", "View transform of OpenEXR: none or srgb.")
 
     def __post_init__(self) -> None:
         check_choice("`size_change`", self.size_change, get_args(SizeChange))
