@@ -49,10 +49,10 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
 
 def check_ending(input: str, output: str) -> None:
     """Raise `OptionError` if a video gets an output that is a folder only because its name has no ending."""
-    is_images = os.path.isdir(input) or extension_of(input) in IMAGE_SUFFIXES
-    is_missing = input not in PIPES and not os.path.exists(input)  # which is said in its turn
-    is_folder = output in PIPES or output.endswith(("/", "\\")) or os.path.isdir(output) or is_pattern(output)
-    if output and not (Path(output).suffix or is_images or is_missing or is_folder):
+    # all other inputs are images, or refused in their turn, as is an output that is there and no folder
+    is_video = input in PIPES or (os.path.isfile(input) and extension_of(input) not in IMAGE_SUFFIXES)
+    is_meant = output in PIPES or output.endswith(("/", "\\")) or os.path.lexists(output) or is_pattern(output)
+    if output and is_video and not (Path(output).suffix or is_meant):
         ending = extension_of(input) if extension_of(input) in OUTPUT_SUFFIXES else ".mp4"
         raise OptionError(f"{output} has no ending; say {output}{ending}, or {output}/ for a folder of images.")
 
