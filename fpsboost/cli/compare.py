@@ -123,14 +123,15 @@ def compare(
 
 
 def print_comparison(comparison: Comparison, contestants: Mapping[str, Contestant], console: Console) -> None:
-    """Print the tables, the remarks and the verdict."""
+    """Print what to take, the tables, the remarks and the rest of the verdict."""
     from fpsboost.evaluation.verdict import judge  # noqa: PLC0415
 
+    advice, *reasons = judge(comparison).sentences
+    console.print(sentence(advice), style="bold", soft_wrap=True)
     for table in tables(comparison):
         console.print(table)
-    for line in remarks(comparison, contestants):
+    for line in [*reasons, *remarks(comparison, contestants)]:
         console.print(sentence(line))
-    console.print(sentence(judge(comparison).text), style="bold", soft_wrap=True)
 
 
 def write_results(
@@ -142,8 +143,9 @@ def write_results(
 
     comparisons = [clip.comparison for clip in compared]
     if len(comparisons) > 1:
-        console.print(table_of_means(comparisons))
-        console.print(sentence(judge_all(comparisons)), style="bold", soft_wrap=True)
+        advice, *reasons = judge_all(comparisons)
+        console.print(sentence(advice), style="bold", soft_wrap=True)
+        console.print(table_of_means(comparisons), *map(sentence, reasons), sep="\n")
     if results.json is not None:
         write_json(Path(results.json), comparisons)
     if results.csv is not None:

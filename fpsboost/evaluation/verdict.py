@@ -7,7 +7,7 @@ mean of the paired differences is known much better than either mean. Of several
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -56,36 +56,45 @@ class Verdict:
     factor: int
     """Number of frames in the range, and of output frames for each: one more than were hidden at once."""
     sentences: list[str]
-
-    @property
-    def text(self) -> str:
-        """The sentences as one text."""
-        return " ".join(self.sentences)
+    """What to take and why, then the figures behind it."""
 
 
 def judge(comparison: Comparison) -> Verdict:
     """Judge a comparison of one method at least; the terminal, the data and the page all say this."""
     psnr = {each.name: [frame.scores.psnr for frame in comparison.counted(each)] for each in comparison.methods}
     means = {name: float(np.mean(values)) for name, values in psnr.items()}
-    count = (comparison.clip_frames - 1) * comparison.hiding.skip
-    seconds = {each.name: comparison.mean_seconds(each)[1] * count for each in comparison.methods}
-    prices = {name: math.inf if math.isnan(each) else each for name, each in seconds.items()}
-    best, *others = sorted(means, key=lambda name: (-means[name], prices[name]))
+    seconds = _cpu_seconds(comparison)
+    best, *others = sorted(means, key=lambda name: (-means[name], _price(seconds[name])))
     ahead = [difference(name, psnr[best], psnr[name]) for name in others]
-    near = [name for name in means if means[best] - means[name] <= NEGLIGIBLE_DIFFERENCE]
     verdict = Verdict(
         best=best,
         psnr=means[best],
         frames=len(psnr[best]),
         ahead=ahead,
         level=[each.method for each in ahead if each.is_level],
-        cheapest=min(near, key=lambda name: (prices[name], -means[name])),
+        cheapest=_cheapest(best, ahead, seconds),
         cpu_seconds=seconds,
         clip_frames=comparison.clip_frames,
         factor=comparison.hiding.skip + 1,
         sentences=[],
     )
-    return replace(verdict, sentences=_say(verdict, means))
+    return replace(verdict, sentences=_say(verdict))
+
+
+def _cpu_seconds(comparison: Comparison) -> dict[str, float]:
+    """Return the CPU time that each method takes for the whole range; NaN if unknown."""
+    count = (comparison.clip_frames - 1) * comparison.hiding.skip
+    return {each.name: comparison.mean_seconds(each)[1] * count for each in comparison.methods}
+
+
+def _cheapest(best: str, ahead: Sequence[Difference], seconds: Mapping[str, float]) -> str:
+    """Return the method that takes the least time of those that are about as good as the best."""
+    near = {best: 0.0} | {each.method: each.mean for each in ahead if each.mean <= NEGLIGIBLE_DIFFERENCE}
+    return min(near, key=lambda name: (_price(seconds[name]), near[name]))
+
+
+def _price(seconds: float) -> float:
+    return math.inf if math.isnan(seconds) else seconds
 
 
 def difference(method: str, best: Sequence[float], other: Sequence[float]) -> Difference:
@@ -108,55 +117,65 @@ def difference(method: str, best: Sequence[float], other: Sequence[float]) -> Di
     return Difference(method, mean, independent * math.sqrt((1 + correlation) / (1 - correlation)))
 
 
-def _say(verdict: Verdict, means: dict[str, float]) -> list[str]:
-    work = f"{'Doubling' if verdict.factor == 2 else f'Making {verdict.factor} of each of'} these "
-    work += f"{verdict.clip_frames} frames takes"
-    seconds = verdict.cpu_seconds[verdict.best]
-    price = f"{work} {verdict.best} {say_seconds(seconds)} of CPU time"
-    if math.isnan(seconds):
-        price = f"What {verdict.best} costs is not known"
+def _say(verdict: Verdict) -> list[str]:
+    seconds = verdict.cpu_seconds
+    doing = "Doubling" if verdict.factor == 2 else f"Making {verdict.factor} of each of"
+    priced = [name for name in dict.fromkeys([verdict.best, verdict.cheapest]) if not math.isnan(seconds[name])]
+    prices = [f"{name} {say_seconds(seconds[name])}" for name in priced]
+    price = [f"{doing} these {verdict.clip_frames} frames takes {listed(prices)} of CPU time."] if prices else []
+    reached = f"{verdict.best} reaches {verdict.psnr:.1f} dB over {_count(verdict.frames)}"
     if not verdict.ahead:
-        return [f"{verdict.best} reaches {verdict.psnr:.1f} dB over {_count(verdict.frames)}.", f"{price}."]
-    nearest = verdict.ahead[0]
-    sentences = []
-    if verdict.frames == 1:
-        sentences.append(
-            f"{verdict.best} comes nearest to the truth with {verdict.psnr:.1f} dB, {nearest.mean:.2f} dB ahead of "
-            f"{nearest.method}, but one frame says nothing about others."
-        )
-    elif verdict.level:
-        apart = ", ".join(_apart(each) for each in verdict.ahead if each.is_level)
-        sentences.append(
-            f"{listed([verdict.best, *verdict.level])} are level: {verdict.best} reaches {verdict.psnr:.1f} dB over "
-            f"{_count(verdict.frames)}, and no lead is more than two standard errors ({apart})."
-        )
-    else:
-        sentences.append(
-            f"{verdict.best} comes nearest to the truth: {verdict.psnr:.1f} dB over {_count(verdict.frames)}, "
-            f"{_apart(nearest)}."
-        )
-    if verdict.cheapest == verdict.best:
-        sentences.append(f"{price}.")
-        if not math.isnan(seconds):
-            sentences.append(f"Take {verdict.best}: nothing cheaper comes within {NEGLIGIBLE_DIFFERENCE} dB.")
-    else:
-        less = means[verdict.best] - means[verdict.cheapest]
-        cheap = say_seconds(verdict.cpu_seconds[verdict.cheapest])
-        sentences.append(
-            f"{price}; {work[0].lower()}{work[1:]} {verdict.cheapest} {cheap}."
-            if math.isnan(seconds)
-            else f"{price}, and {verdict.cheapest} {cheap}."
-        )
-        sentences.append(
-            f"Take {verdict.best} for the best picture, or {verdict.cheapest}, the cheapest within "
-            f"{NEGLIGIBLE_DIFFERENCE} dB ({less:.2f} dB less)."
-        )
-    return sentences
+        return [f"{reached}.", *price]
+    advice = _advise(verdict.best, verdict.ahead, verdict.cheapest, seconds)
+    return [advice, f"{reached}, {_leads(verdict.ahead)}.", *price]
 
 
-def _apart(ahead: Difference) -> str:
-    assert ahead.standard_error is not None
-    return f"{ahead.mean:.2f} ± {ahead.standard_error:.2f} dB ahead of {ahead.method}"
+def _advise(
+    best: str, ahead: Sequence[Difference], cheapest: str, seconds: Mapping[str, float], where: str = "here"
+) -> str:
+    """Return what to take and why, to be read in five seconds."""
+    is_one_frame = ahead[0].standard_error is None
+    level = [] if is_one_frame else [each for each in ahead if each.is_level]
+    near = level or ahead[:1]
+    place = "on one frame" if is_one_frame else where
+    advice = f"Take {best}: best picture {place}, {_span(near)} ahead of {listed([each.method for each in near])}"
+    if level:
+        advice += f", which {'is' if len(level) == 1 else 'are'} level"
+    price, others = seconds[best], [seconds[each.method] for each in ahead]
+    if cheapest == best and not math.isnan(price):
+        is_cheapest = all(each >= price for each in others)
+        advice += f"; nothing {'is cheaper' if is_cheapest else f'cheaper comes within {NEGLIGIBLE_DIFFERENCE} dB'}"
+    elif cheapest != best:
+        behind = next(each for each in ahead if each.method == cheapest)
+        time = "the least known time" if math.isnan(price) else _share(seconds[cheapest] / price)
+        advice += f"; {cheapest} {'takes' if behind in near else f'is {_span([behind])} behind at'} {time}"
+    return f"{advice}."
+
+
+def _span(differences: Sequence[Difference]) -> str:
+    """Return the range of some leads, as people say it."""
+    low, high = (f"{pick(each.mean for each in differences):.1f}" for pick in (min, max))
+    if high == "0.0":
+        return "less than 0.1 dB"
+    return f"{high} dB" if low == high else f"{f'{low} to' if low != '0.0' else 'up to'} {high} dB"
+
+
+def _share(share: float) -> str:
+    """Return a part of the time that the best takes, as people say it."""
+    if share >= 0.95:
+        return "about the same time"
+    names = {2: "half", 3: "a third of", 4: "a quarter of", 5: "a fifth of", 10: "a tenth of"}
+    near = [name for part, name in names.items() if 0.9 < share * part < 1.1]
+    return f"{near[0] if near else f'{max(1, round(100 * share))} % of'} the time"
+
+
+def _leads(ahead: Sequence[Difference]) -> str:
+    """Return by how much the best is ahead of every other method, and how well that is known."""
+    if ahead[0].standard_error is None:
+        leads = ", ".join(f"{each.mean:.2f} dB ahead of {each.method}" for each in ahead)
+        return f"{leads}; one frame says nothing about others"
+    leads = ", ".join(f"{each.mean:.2f} ± {each.standard_error:.2f} dB ahead of {each.method}" for each in ahead)
+    return f"{leads} (mean and standard error; up to two of these count as level)"
 
 
 def _count(frames: int) -> str:
@@ -203,26 +222,24 @@ def means_over_clips(comparisons: Sequence[Comparison]) -> list[MeanOverClips]:
     return means
 
 
-def judge_all(comparisons: Sequence[Comparison]) -> str:
-    """Return in a sentence which method does best on several clips, by more than chance or not."""
+def judge_all(comparisons: Sequence[Comparison]) -> list[str]:
+    """Return what to take for several clips and why, in sentences; they are what `judge` says of one."""
     best, *others = sorted(means_over_clips(comparisons), key=lambda each: -each.mean)
-    of_all = f"in the mean of {len(comparisons)} clips"
+    clips = f"the mean of {len(comparisons)} clips"
+    reached = f"{best.method} reaches {best.mean:.2f} dB in {clips}"
     if not others:
-        return f"{best.method} reaches {best.mean:.2f} dB {of_all}."
-    differences = np.subtract(best.of_clips, others[0].of_clips)
-    mean, error = float(differences.mean()), float(differences.std(ddof=1)) / math.sqrt(len(differences))
-    lead = f"{mean:.2f} ± {error:.2f} dB"
-    if mean <= MAX_STANDARD_ERRORS * error:
-        return (
-            f"{best.method} and {others[0].method} are level {of_all}: {best.method} reaches {best.mean:.2f} dB, and "
-            f"no lead is more than two standard errors ({lead} ahead of {others[0].method})."
-        )
+        return [f"{reached}."]
+    ahead = []
+    for other in others:
+        differences = np.subtract(best.of_clips, other.of_clips)
+        error = float(differences.std(ddof=1)) / math.sqrt(len(differences))
+        ahead.append(Difference(other.method, float(differences.mean()), error))
+    each_seconds = [_cpu_seconds(comparison) for comparison in comparisons]
+    seconds = {each.method: sum(of_clip[each.method] for of_clip in each_seconds) for each in (best, *others)}
+    advice = _advise(best.method, ahead, _cheapest(best.method, ahead, seconds), seconds, f"in {clips}")
     wins = int((np.argmax([each.of_clips for each in (best, *others)], axis=0) == 0).sum())
     on = "all" if wins == len(comparisons) else str(wins)
-    return (
-        f"{best.method} does best {of_all}: {best.mean:.2f} dB, {lead} more than {others[0].method}; it is best on "
-        f"{on} of them."
-    )
+    return [advice, f"{reached}, {_leads(ahead)}; it is best on {on} of them."]
 
 
 def means_as_json(comparisons: Sequence[Comparison]) -> dict[str, Any]:
