@@ -121,11 +121,10 @@ def estimate_sentence(estimate: Estimate) -> str:
 def included_sentence(preview: Preview) -> str:
     """Return what the estimate contains, and how it was measured."""
     frames = sum(trial.frames for trial in next(iter(preview.trials.values())))
-    details = f" ({preview.details.rstrip('.')})" if preview.details else ""
-    what = f"encoding the video{details}; copying sound is not" if preview.is_video else "writing the images"
+    work = "encoding, but not the copying of sound" if preview.is_video else "writing the images"
     return (
-        f"Measured on {frames} frames of these passages, which have more motion than most. Reading, making frames and "
-        f"{what} included. The shorter time is that of cores that are always busy, the longer one as measured."
+        f"Measured on {frames} frames of these passages, which have more motion than most; it includes reading and "
+        f"{work}. The shorter time is that of cores that are always busy, the longer one as measured."
     )
 
 

@@ -70,7 +70,6 @@ class Preview:
     estimates: dict[str, Estimate]
     is_video: bool
     """Whether the conversion, and so the estimate, encodes video."""
-    details: str
     remarks: list[str]
 
     def views(self) -> list[dict[str, View]]:
@@ -100,7 +99,7 @@ def preview(
     on_task("looking for motion")
     selection = find_passages(job, run, at)
     trials: dict[str, list[Trial]] = {name: [] for name in methods}
-    remarks, details = dict.fromkeys(selection.remarks), ""
+    remarks = dict.fromkeys(selection.remarks)
     with TemporaryDirectory(prefix="fpsboost-") as folder:
         for number, passage in enumerate(selection.passages):
             for name, method in methods.items():
@@ -110,7 +109,6 @@ def preview(
                 trial, summary = _try(replace(job, method=method), run, target, passage, output)
                 trials[name].append(trial)
                 remarks |= dict.fromkeys(summary.remarks)
-                details = summary.details.partition(": ")[2]  # without the name of the file
     return Preview(
         info,
         ready.output.timing.rate,
@@ -119,7 +117,6 @@ def preview(
         trials,
         {name: _estimate(frames, each) for name, each in trials.items()},
         target.kind == "video",
-        details,
         list(remarks),
     )
 

@@ -265,6 +265,7 @@ def test_page_loads_nothing(page):
     text = page.read_text()
     assert not re.search(r"(?:src|href)=[\"']?(?!data:|#)[a-z/]", text)
     assert "https://" not in text
+    assert not re.search(r"\b(crf|preset|yuv420p|x264)\b", text), "an encoder's parameters are no words for a person"
     played = json.loads(text.split('class="played">')[1].split("</script>")[0])
     assert len(played["uris"]) == len(set(played["uris"]))
     assert len(played["frames"]) == 2 * 2 * RATE
