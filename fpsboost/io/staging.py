@@ -29,6 +29,8 @@ else:
     import fcntl
 
 LOCK, MANIFEST, COMPLETE = "lock", "manifest.json", "whole"
+LOCKED = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)
+"""Codes of the errors for a file that another process has locked; others say that the disk has no locks."""
 MAX_ATTEMPTS = 1000
 """Attempts to lock a folder that other runs remove meanwhile; a folder that keeps nothing would take any number."""
 MAX_FACT_LENGTH = 60
@@ -43,6 +45,11 @@ def hidden_place(folder: Path, name: str) -> Path:
     if len(os.fsencode(name)) > MAX_NAME_BYTES:
         name = f"{name[:SHORT_NAME_LENGTH]}.{hashlib.sha256(os.fsencode(name)).hexdigest()[:16]}"
     return folder / f".{name}.unfinished"
+
+
+def unfinished_places(output: Path) -> tuple[Path, Path]:
+    """Return where a stopped run leaves its part of an output: beside it, or in a folder that was there before."""
+    return hidden_place(output.parent, output.name), hidden_place(output, IN_EXISTING_FOLDER)
 
 
 class StagingDirectory:
@@ -135,7 +142,7 @@ class StagingDirectory:
             try:
                 self.folder.mkdir(exist_ok=True)
                 lock = (self.folder / LOCK).open("a+b")
-                _lock(lock)
+                lock_file(lock)
                 self._lock = lock
                 if not os.path.samestat(os.fstat(lock.fileno()), (self.folder / LOCK).stat()):
                     self._release()
@@ -149,7 +156,7 @@ class StagingDirectory:
             except OSError as error:
                 if lock is None:
                     raise
-                if error.errno in (errno.EAGAIN, errno.EACCES, errno.EDEADLK):
+                if error.errno in LOCKED:
                     lock.close()
                     raise InUseError(
                         f"{self._name} is being written by another run; wait for it, or choose another name."
@@ -164,7 +171,7 @@ class StagingDirectory:
         with contextlib.suppress(OSError):
             self._lock = lock or (self.folder / LOCK).open("a+b")
             try:
-                _lock(self._lock)
+                lock_file(self._lock)
             except OSError:
                 self._release()
             self.close(keep=self.is_pending)
@@ -201,8 +208,7 @@ class StagingDirectory:
 
 def discard_unfinished(output: str) -> None:
     """Remove what a stopped run has left of a video or a folder of images, unless another run writes there."""
-    path = Path(output)
-    for place in (hidden_place(path.parent, path.name), hidden_place(path, IN_EXISTING_FOLDER)):
+    for place in unfinished_places(Path(output)):
         if (place / MANIFEST).is_file() and not (place / "replaced").exists():  # which may hold the only copy of files
             with explained(OutputError, "remove", place, "check the permissions"):
                 staging = StagingDirectory(place, "output", output, None)
@@ -255,8 +261,8 @@ def sync(path: Path) -> None:
         os.close(number)
 
 
-def _lock(file: BufferedRandom) -> None:
-    """Lock a file until it is closed; raise OSError if another process has locked it."""
+def lock_file(file: BufferedRandom) -> None:
+    """Lock a file until it is closed; raise OSError, with one of the codes in `LOCKED` if another process holds it."""
     if sys.platform == "win32":
         msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
     else:

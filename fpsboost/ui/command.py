@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 import socket
 import sys
@@ -33,7 +34,7 @@ def ui(
     folder
         Use nothing outside of this folder; else begin in the home folder.
     port
-        Port of this machine; each has a queue of its own.
+        Port of this machine; the queue is the same on each.
     no_browser
         Print the address only.
     """
@@ -50,33 +51,36 @@ def ui(
     if files.root is not None and not files.root.is_dir():
         raise OptionError(f"{folder} is no folder; name one, or leave it out.")
     console, token = Console(highlight=False), secrets.token_urlsafe(24)
-    with _bound(port) as bound:
-        port = bound.getsockname()[1]
-        queue = Queue(platformdirs.user_state_path("fpsboost", appauthor=False) / f"queue-{port}.json")
-        desk = Desk(files, queue, files.root or Path.home(), token, port)
-        config = uvicorn.Config(make_app(desk), log_level="warning", access_log=False, timeout_graceful_shutdown=1)
-        address = f"http://127.0.0.1:{port}/?token={token}"
-        console.print(f"The page: {address}", soft_wrap=True)
-        console.print("Ctrl-C stops it; conversions that are not done can go on later.")
-        if not no_browser:
-            webbrowser.open(address)
-        try:
-            with closing(queue), closing(desk.prober):
+    path = platformdirs.user_state_path("fpsboost", appauthor=False) / "queue.json"
+    try:
+        with closing(Queue(path, files)) as queue, _bound(port) as bound:
+            port = bound.getsockname()[1]
+            desk = Desk(files, queue, files.root or Path.home(), token, port)
+            config = uvicorn.Config(make_app(desk), log_level="error", access_log=False, timeout_graceful_shutdown=1)
+            address = f"http://127.0.0.1:{port}/?token={token}"
+            console.print(f"The page: {address}", soft_wrap=True)
+            console.print("Ctrl-C stops it; conversions that are not done can go on later.")
+            if queue.outside:
+                console.print(f"Earlier conversions outside of {files.root} do not go on from here: {queue.outside}.")
+            if not no_browser:
+                webbrowser.open(address)
+            with closing(desk.prober):
                 uvicorn.Server(config).run(sockets=[bound])
-        except KeyboardInterrupt:
-            console.print("Stopped.")
-            sys.exit()  # without another request to stop, as while the exception is handled there is none
+    except KeyboardInterrupt:
+        console.print("Stopped.")
+        sys.exit()  # without another request to stop, as while the exception is handled there is none
 
 
 def _bound(port: int) -> socket.socket:
     """Return a socket on a port of this machine that other machines cannot reach."""
     bound = socket.socket()
     try:
+        if os.name == "posix":  # a port that was in use a minute ago; elsewhere the option takes it from who uses it
+            bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         bound.bind(("127.0.0.1", port))
         bound.listen()
     except (OSError, OverflowError) as error:
         bound.close()
-        raise OptionError(
-            f"--port {port} cannot be used, perhaps because fpsboost ui runs already; open its page, or name another."
-        ) from error
+        reason = error.strerror if isinstance(error, OSError) else "it must be 0 to 65535"
+        raise OptionError(f"--port {port} cannot be used ({reason}); name another, or 0 for any.") from error
     return bound

@@ -14,6 +14,7 @@ from fpsboost import InputError, OutputError
 from fpsboost.cli.batch import OUTPUT_SUFFIXES
 from fpsboost.errors import explained
 from fpsboost.io.images.files import IMAGE_SUFFIXES
+from fpsboost.io.staging import unfinished_places
 
 MAX_ENTRIES = 2000
 """Maximum number of folders and clips that are listed of a folder."""
@@ -48,7 +49,7 @@ class Files:
         for each in content:
             if each.name.startswith("."):
                 continue
-            kind, size = _kind(each)
+            kind, size = ("other", 0) if self._leads_out(each) else _kind(each)
             images += kind == "image"
             if kind in ("folder", "clip"):
                 entries.append({"name": each.name, "path": str(folder / each.name), "kind": kind, "size": size})
@@ -68,6 +69,7 @@ class Files:
         path = self.inside(text)
         if path.exists() and not (path.is_file() or path.is_dir()):
             raise InputError(f"{text} is neither a file nor a folder; name a video or a folder of images.")
+        self._check_links(path)
         with self._lock:
             if len(self._picked | {path}) > MAX_PICKED:
                 raise InputError(f"More than {MAX_PICKED} clips are picked; start fpsboost ui anew for others.")
@@ -80,6 +82,14 @@ class Files:
             is_picked = Path(path) in self._picked
         if not is_picked or self.inside(path) != Path(path):
             raise InputError(f"{path} was not picked on this page; pick it first.")
+        self._check_links(Path(path))
+
+    def check_job(self, input: str, output: str) -> None:
+        """Raise `InputError` or `OutputError` if a conversion would read or write outside of the root."""
+        if self.root is not None:
+            self._check_links(self.inside(input))
+            path = Path(output)
+            self.output(str(path.parent), f"{path.name}/" if output.endswith(("/", os.sep)) else path.name)
 
     def output(self, folder: str, name: str) -> str:
         place = self.inside(folder)
@@ -87,9 +97,25 @@ class Files:
         if not file or file in (".", "..") or file != Path(file).name or "\\" in file or "\0" in file:
             raise OutputError(f"{name!r} is no name of a file; write one such as clip-2x.mp4, and pick its folder.")
         path = place / file
-        if path.is_symlink():
-            raise OutputError(f"{path} is a link to another place; choose another name.")
+        if any(each.is_symlink() for each in (path, *unfinished_places(path))):
+            raise OutputError(f"{path} is a link to another place, or was begun there; choose another name.")
         return f"{path}/" if len(file) < len(name) else str(path)
+
+    def _leads_out(self, entry: os.DirEntry[str]) -> bool:
+        """Return whether an entry of a folder is a link to something outside of the root."""
+        if self.root is None or not entry.is_symlink():
+            return False
+        return not Path(os.path.realpath(entry.path)).is_relative_to(self.root)
+
+    def _check_links(self, path: Path) -> None:
+        """Raise `InputError` if the images of an input, a folder or a pattern, are links to outside of the root."""
+        folder = path if path.is_dir() else path.parent
+        if self.root is None or path.is_file() or not folder.is_dir():
+            return
+        with explained(InputError, "list", str(folder), "check the permissions"), os.scandir(folder) as entries:
+            for each in entries:
+                if self._leads_out(each):
+                    raise InputError(f"{each.path} is a link to outside of {self.root}; remove it, or pick another.")
 
 
 def _kind(entry: os.DirEntry[str]) -> tuple[str, int]:

@@ -7,14 +7,17 @@ import subprocess
 import sys
 from collections import deque
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from io import BufferedRandom
+from itertools import chain
 from pathlib import Path
 from threading import Condition, Thread
 from typing import Any, Literal
 
-from fpsboost import OptionError, OutputError, Target
-from fpsboost.errors import explained
-from fpsboost.io.staging import discard_unfinished, write_safely
+from fpsboost import FpsboostError, InputError, OptionError, OutputError, Target
+from fpsboost.errors import InUseError, explained
+from fpsboost.io.staging import LOCKED, discard_unfinished, lock_file, write_safely
+from fpsboost.ui.files import Files
 
 State = Literal["waiting", "running", "stopping", "paused", "done", "failed"]
 
@@ -53,14 +56,28 @@ class Job:
 class Queue:
     """Jobs, of which one at a time runs until it is closed; a file keeps them from one start to the next."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, files: Files | None = None) -> None:
+        """Take over the jobs of the last start; `files` are what jobs may read and write, by default everything.
+
+        Raises `InUseError` if another process has opened the queue.
+        """
+        self._path, self._files = path, files or Files()
         self._changed = Condition()
-        self._jobs = {job.number: job for job in _read(path)}
-        self._process: subprocess.Popen[str] | None = None
-        self._closed = False
-        with self._changed:
-            self._save()
+        self._lock = _locked(path)
+        try:
+            older = sorted(path.parent.glob(f"{path.stem}-*{path.suffix}"))  # once, each port had a queue of its own
+            jobs = [replace(job, number=number) for number, job in enumerate(chain(*map(_read, [path, *older])), 1)]
+            self._outside = [job for job in jobs if not self._is_inside(job)]
+            self._jobs = {job.number: job for job in jobs if job not in self._outside}
+            self._process: subprocess.Popen[str] | None = None
+            self._closed = False
+            with self._changed:
+                self._save()
+            for each in older:
+                each.unlink(missing_ok=True)
+        except BaseException:
+            self._lock.close()
+            raise
         self._thread = Thread(target=self._work, name="jobs", daemon=True)
         self._thread.start()
 
@@ -71,6 +88,12 @@ class Queue:
             self._stop()
             self._changed.notify_all()
         self._thread.join()
+        self._lock.close()
+
+    @property
+    def outside(self) -> int:
+        """Number of jobs of earlier starts that read or write what this one may not; they are kept, and do not run."""
+        return len(self._outside)
 
     def listing(self) -> list[dict[str, Any]]:
         """Return all jobs as plain data."""
@@ -91,7 +114,7 @@ class Queue:
                 raise OptionError(f"The queue has {MAX_JOBS} jobs; remove some first.")
             if any(job.output == output and job.state != "done" for job in self._jobs.values()):
                 raise OptionError(f"Another job in the queue writes {output}; choose another name.")
-            number = max(self._jobs, default=0) + 1
+            number = max((job.number for job in self._all), default=0) + 1
             self._jobs[number] = Job(number, words, output)
             self._save()
             return number
@@ -130,8 +153,17 @@ class Queue:
         """Wake who waits for a change, and write the jobs down."""
         self._changed.notify_all()
         with explained(OutputError, "write to", self._path, "check the permissions"):
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            write_safely(self._path, json.dumps([asdict(job) for job in self._jobs.values()]).encode())
+            write_safely(self._path, json.dumps([asdict(job) for job in self._all]).encode())
+
+    @property
+    def _all(self) -> list[Job]:
+        return [*self._jobs.values(), *self._outside]
+
+    def _is_inside(self, job: Job) -> bool:
+        with suppress(InputError, OutputError):
+            self._files.check_job(job.words[1], job.output)
+            return True
+        return False
 
     def _stop(self) -> None:
         if self._process is not None:
@@ -149,9 +181,13 @@ class Queue:
                     continue
                 job.state, job.stage, job.fps = "running", "", None
                 try:
+                    self._files.check_job(job.words[1], job.output)  # which may have become links
                     self._process = start_process(job.arguments)
-                except OSError as error:
-                    self._end(job, f"It could not be started ({error.strerror}); try again.", 1)
+                except (OSError, FpsboostError) as error:
+                    reason = (
+                        f"It could not be started ({error.strerror}); try again." if isinstance(error, OSError) else ""
+                    )
+                    self._end(job, reason or str(error), 1)
                     continue
                 self._changed.notify_all()
             self._end(job, *self._follow(job, self._process))
@@ -195,10 +231,26 @@ def start_process(words: list[str], stdout: int = subprocess.DEVNULL) -> subproc
     )
 
 
+def _locked(path: Path) -> BufferedRandom:
+    """Return a file that is locked as long as it is open, so that no other process opens the same queue."""
+    with explained(OutputError, "write to", path, "check the permissions"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = path.with_suffix(".lock").open("a+b")
+    try:
+        lock_file(file)
+    except OSError as error:  # else a disk without locks
+        if error.errno in LOCKED:
+            file.close()
+            raise InUseError("fpsboost ui runs already; open the page that it has printed, or stop it first.") from None
+    return file
+
+
 def _read(path: Path) -> list[Job]:
     """Return the jobs of the last start, paused if they were not done; none if there was none."""
     try:
         jobs = [Job(**each) for each in json.loads(path.read_bytes())]
+        if any(len(job.words) < 3 or {str} != {*map(type, [job.output, *job.words])} for job in jobs):
+            raise ValueError("a job has no words")
     except FileNotFoundError:
         return []
     except (OSError, ValueError, TypeError) as error:

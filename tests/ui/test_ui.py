@@ -65,9 +65,9 @@ def films(tmp_path):
 @pytest.fixture
 def desk(films, tmp_path):
     """What the page works with, allowed nothing but that folder."""
-    queue = Queue(tmp_path / "state" / "queue.json")
-    with closing(queue):
-        yield Desk(Files(films), queue, films, TOKEN, PORT)
+    files = Files(films)
+    with closing(Queue(tmp_path / "state" / "queue.json", files)) as queue:
+        yield Desk(files, queue, films, TOKEN, PORT)
 
 
 @pytest.fixture
@@ -206,6 +206,50 @@ def test_picked_file_that_became_a_link(client, films):
     assert "lies outside of" in notice(client, "/check", choices)
 
 
+def test_links_inside_a_folder_of_images(client, films, save_images):
+    """Images that are links to outside are not read, and no link out is listed; links within the folder are fine."""
+    save_images(films.parent / "other")
+    save_images(films / "shot", count=4)
+    (films / "shot" / "shot_0005.png").symlink_to(films / "shot" / "shot_0001.png")
+    choices = client.post("/pick", json={"path": str(films / "shot")}).json()["choices"]
+    assert client.post("/check", json=choices).status_code == 200
+    (films / "shot" / "shot_0006.png").symlink_to(films.parent / "other" / "shot_0005.png")
+    (films / "out.mp4").symlink_to(films.parent / "secret.mp4")
+    said = f"{films}/shot/shot_0006.png is a link to outside of {films}; remove it, or pick another."
+    for path, data in {"/check": choices, "/add": choices, "/look": {"choices": choices, "time": 0}}.items():
+        assert notice(client, path, data) == said
+    for path in ("shot", "shot/shot_%04d.png"):
+        assert notice(client, "/pick", {"path": str(films / path)}) == said
+    assert client.post("/folder", json={"path": str(films / "shot")}).json()["images"] == 5
+    listed = client.post("/folder", json={"path": str(films)}).json()["entries"]
+    assert [each["name"] for each in listed] == ["shot", "clip.mp4"]
+
+
+def test_jobs_outside_of_the_root_wait(films, tmp_path):
+    """A conversion of an earlier start that reads or writes outside is kept and not run, and others go on."""
+    there, here = str(tmp_path / "secret.mp4"), str(films / "clip.mp4")
+    words = [(there, f"{films}/a.mp4"), (here, str(tmp_path / "b.mp4")), (here, f"{films}/c.mp4")]
+    path = tmp_path / "queue.json"
+    kept = [asdict(jobs.Job(number, ["fpsboost", *each], each[1])) for number, each in enumerate(words, 1)]
+    path.write_text(json.dumps(kept))
+    with closing(Queue(path, Files(films))) as queue:
+        assert ([each["number"] for each in queue.listing()], queue.outside) == ([3], 2)
+        with pytest.raises(OptionError, match="no job 1"):
+            queue.resume(1)
+        queue.remove(3)
+    with closing(Queue(path)) as queue:
+        assert [Path(each["output"]).name for each in queue.listing()] == ["a.mp4", "b.mp4"]
+
+
+def test_input_that_became_a_link_is_not_converted(desk, client, films):
+    """A conversion that waited is checked again before it runs."""
+    choices = form(client, films)
+    (films / "clip.mp4").unlink()
+    (films / "clip.mp4").symlink_to(films.parent / "secret.mp4")
+    desk.queue.add(["fpsboost", choices["input"], str(films / "out.mp4")], str(films / "out.mp4"))
+    assert "lies outside of" in until(desk.queue, "failed")["message"]
+
+
 def test_picks_have_a_limit(films):
     """No more clips than the limit are picked; those that were, again."""
     files = Files(films)
@@ -225,9 +269,11 @@ def test_output_is_a_name_in_its_folder(client, films, name):
 
 def test_output_is_no_link(client, films):
     """Nothing is written through a link, not even if it may be replaced."""
-    (films / "out.mp4").symlink_to(films.parent / "secret.mp4")
-    said = notice(client, "/add", form(client, films, name="out.mp4", overwrite=True))
-    assert said == f"{films / 'out.mp4'} is a link to another place; choose another name."
+    for path in (films / "out.mp4", hidden_place(films, "out.mp4")):
+        path.symlink_to(films.parent)
+        said = notice(client, "/add", form(client, films, name="out.mp4", overwrite=True))
+        assert said == f"{films / 'out.mp4'} is a link to another place, or was begun there; choose another name."
+        path.unlink()
     assert "lies outside of" in notice(client, "/check", form(client, films, folder=str(films.parent)))
 
 
@@ -474,7 +520,9 @@ def test_animation_begins_anew():
     assert "--resume" not in jobs.Job(1, ["fpsboost", "in", "out.mp4"], "out.mp4").arguments
 
 
-@pytest.mark.parametrize("content", ["{", '{"a": 1}', '[{"number": 1}]', "3"])
+@pytest.mark.parametrize(
+    "content", ["{", '{"a": 1}', '[{"number": 1}]', "3", '[{"number": 1, "words": ["a", "b", 3], "output": "c"}]']
+)
 def test_broken_queue_is_said(tmp_path, content):
     """A file that is no queue is left as it is, and named."""
     (tmp_path / "queue.json").write_text(content)
@@ -483,12 +531,33 @@ def test_broken_queue_is_said(tmp_path, content):
     assert (tmp_path / "queue.json").read_text() == content
 
 
+def test_queue_belongs_to_one_server(tmp_path):
+    """A second server of a user is refused while the first one runs; queues of single ports are taken over."""
+    for port in (8517, 9000):
+        output = f"{tmp_path}/{port}.mp4"
+        job = jobs.Job(1, ["fpsboost", "in.mp4", output], output, frame=7)
+        (tmp_path / f"queue-{port}.json").write_text(json.dumps([asdict(job)]))
+    for _ in range(2):
+        with closing(Queue(tmp_path / "queue.json")) as queue:
+            assert [(each["number"], each["state"]) for each in queue.listing()] == [(1, "paused"), (2, "paused")]
+            assert {path.name for path in tmp_path.iterdir()} == {"queue.json", "queue.lock"}
+            with pytest.raises(OutputError, match="runs already"):
+                Queue(tmp_path / "queue.json")
+
+
 # ---------------------------------------------------------------- the command
 
 
 def test_command_prints_the_address_and_ends(tmp_path):
-    """`fpsboost ui` prints an address that answers, on this machine alone, and ends when it is told to."""
-    words = [sys.executable, "-m", "fpsboost", "ui", str(tmp_path), "--no-browser", "--port", "0"]
+    """`fpsboost ui` prints an address that answers, ends when it is told to, and can start on that port at once."""
+    port = "0"
+    for _ in range(2):
+        port = run_server(tmp_path, port)
+
+
+def run_server(tmp_path, port):
+    """The port of a server that was asked for its page and stopped, while the connection was open."""
+    words = [sys.executable, "-m", "fpsboost", "ui", str(tmp_path), "--no-browser", "--port", port]
     environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")}
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as ui:
         assert ui.stdout is not None
@@ -498,19 +567,22 @@ def test_command_prints_the_address_and_ends(tmp_path):
         with socket.create_connection((host, int(port))) as asked:
             asked.sendall(f"GET /?{address.partition('?')[2]} HTTP/1.0\r\nHost: {host}:{port}\r\n\r\n".encode())
             assert asked.recv(100).startswith(b"HTTP/1.1 200")
-        ui.terminate()
-        out, err = ui.communicate()
+            ui.terminate()
+            out, err = ui.communicate()
     assert (out.splitlines()[-1], err, ui.returncode) == ("Stopped.", "", 0)
+    return port
 
 
-def test_port_in_use_is_said(fpsboost_, tmp_path):
-    """A second server on the same port, and a folder that is none, end with a sentence."""
+def test_port_in_use_is_said(fpsboost_, tmp_path, monkeypatch):
+    """A port that another program uses, one that is none, and a folder that is none, end with a sentence."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
         result = fpsboost_("ui", str(tmp_path), "--port", str(port), "--no-browser")
     assert (result.code, result.err.count("\n")) == (2, 1)
-    assert f"--port {port} cannot be used" in result.err
+    assert f"--port {port} cannot be used (Address already in use)" in result.err
+    assert "it must be 0 to 65535" in fpsboost_("ui", str(tmp_path), "--port", "65536", "--no-browser").err
     (tmp_path / "file").touch()
     assert fpsboost_("ui", str(tmp_path / "file")).err.endswith("is no folder; name one, or leave it out.\n")
 
