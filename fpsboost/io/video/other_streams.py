@@ -21,7 +21,7 @@ from fpsboost.io.output import Output, VideoFile
 from fpsboost.io.trim import Window
 from fpsboost.io.video.demuxer import is_cover_art, open_video, read_packets
 from fpsboost.io.video.encoded_sound import EncodedSound, output_time
-from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, containers
+from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, containers
 from fpsboost.io.video.fitting import Fitting, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
 from fpsboost.io.video.pyav import open_input, printable
 from fpsboost.io.video.remarks import Damage, counted, not_held_remark
@@ -30,6 +30,8 @@ from fpsboost.io.video.tags import Labels, at_rate, copy_labels, find_timecode, 
 MAX_INTERLEAVING = 10
 """Maximum time by which packets of different streams in one file may be out of order, seconds."""
 
+MIN_TEXT_TICK = Fraction(1, 90_000)
+"""Shortest tick of subtitles in mp4 and mov, whose muxer takes no two that are 2**31 ticks apart, seconds."""
 
 text_formats = {"mp4": "mov_text", "mov": "mov_text", "matroska": "subrip", "webm": "webvtt"}
 """FFmpeg's name of a text subtitle format that each container supports."""
@@ -89,12 +91,16 @@ class OtherStreams:
             packet, self._ahead = self._ahead or next(self._packets, None), None
             if packet is None or (time is None and self._is_past(packet)):
                 self._finish_sounds()
-                return
+                break
             assert packet.dts is not None
             if time is not None and output_time(packet.dts * Fraction(packet.time_base), self._window) > time:
                 self._ahead = packet
-                return
+                break
             self._copy(packet)
+        for index, converter in self._converters.items():
+            self._output.mux(converter.until(time))
+            if time is None and converter.lost_lines:
+                self._remark(f"lost lines of stream {index} of its source, where more are shown than a text can hold.")
 
     def copy_cover(self) -> None:
         """Mux the attached pictures, which mp4 requires directly after its header."""
@@ -265,7 +271,7 @@ class OtherStreams:
         if index in self._sounds:
             self._sounds[index].take(packet)
         elif index in self._converters:
-            self._output.mux(self._converters[index].converted(packet))
+            self._output.mux(self._converters[index].take(packet))
         else:
             packet.stream = self._targets[index]
             self._output.mux(packet)
@@ -321,7 +327,8 @@ def _attached_picture(source: VideoFile, index: int) -> av.Packet[Any] | None:
 class TextConverter:
     """Converter of text subtitles into the format of another container; their text and times are kept.
 
-    It adds a stream to the output, whose header is not written yet.
+    It adds a stream to the output, whose header is not written yet. mp4 and mov show one text at a time, so cues that
+    overlap become one text while they do. `lost_lines` tells that more lines overlap than a text can hold.
     """
 
     def __init__(self, stream: av.stream.Stream, output: av.container.OutputContainer, container: str) -> None:
@@ -329,23 +336,62 @@ class TextConverter:
         source.open(strict=False)
         target: Any = output.add_stream(text_formats[container])
         self.stream: av.stream.Stream = target
-        target.time_base = stream.time_base
+        self.lost_lines = False
+        self._shows_one = container in EXACT_TIME_BASE_CONTAINERS
+        tick = Fraction(stream.time_base or MATROSKA_TICK)
+        self._tick = MATROSKA_TICK if self._shows_one and tick < MIN_TEXT_TICK else tick
         self._encoder = target.codec_context
-        self._encoder.time_base = stream.time_base
+        target.time_base = self._encoder.time_base = self._tick
         self._encoder.subtitle_header = source.subtitle_header
+        self._cues: list[tuple[int, list[bytes]]] = []
+        """End and lines of cues; those that end after `_begin` are not shown to their end yet."""
+        self._begin: int | None = None
 
-    def converted(self, packet: av.Packet[Any]) -> list[av.Packet[Any]]:
-        """Return a packet in the other format; none if it shows nothing or cannot be decoded."""
+    def take(self, packet: av.Packet[Any]) -> list[av.Packet[Any]]:
+        """Return the packets in the other format that are complete with this one, which may show nothing."""
         try:
             lines: list[bytes] = [line.ass for line in cast(list[AssSubtitle], packet.decode())]
         except av.error.FFmpegError:
             return []
-        if not lines:
+        start = packet.dts if packet.pts is None else packet.pts
+        if not lines or start is None:
             return []
-        first, *more = lines
-        # an ASS line has nine fields, of which the last is the text
-        text = b"\\N".join([first, *(line.split(b",", 8)[-1] for line in more)])
-        result: av.Packet[Any] = self._encoder.encode_subtitle(SubtitleSet.create(text, 0, packet.duration or 0))
-        result.stream, result.time_base = self.stream, packet.time_base
-        result.pts, result.dts, result.duration = packet.pts, packet.dts, packet.duration
-        return [result]
+        tick = Fraction(packet.time_base)
+        begin, end = (round(time * tick / self._tick) for time in (start, start + (packet.duration or 0)))
+        if not self._shows_one:
+            return self._packets(lines, begin, end)
+        complete = self._shown(begin, cut=True)
+        self._begin = begin if self._begin is None else max(begin, self._begin)
+        self._cues.append((max(end, begin + 1), lines))
+        return complete
+
+    def until(self, time: Fraction | None) -> list[av.Packet[Any]]:
+        """Return the packets that are complete when streams were read up to `time` seconds; None for all of them."""
+        return self._shown(None if time is None else math.floor(time / self._tick), cut=False)
+
+    def _shown(self, time: int | None, *, cut: bool) -> list[av.Packet[Any]]:
+        """Return the texts shown up to `time` that no later cue changes, with `cut` because one begins there."""
+        packets: list[av.Packet[Any]] = []
+        late = 0 if cut else math.ceil(MAX_INTERLEAVING / self._tick)  # a packet may come so late
+        while self._begin is not None and (cues := [cue for cue in self._cues if cue[0] > self._begin]):
+            end = min(end for end, _ in cues)
+            if time is not None and cut:
+                end = min(end, time)
+            if time is not None and not (self._begin < end <= time and self._begin <= time - late):
+                break
+            packets += self._packets([line for _, lines in cues for line in lines], self._begin, end)
+            self._cues, self._begin = cues, end
+        return packets
+
+    def _packets(self, lines: list[bytes], begin: int, end: int) -> list[av.Packet[Any]]:
+        # an ASS line has nine fields, of which the last is the text; layers repeat it
+        texts = list(dict.fromkeys(line.split(b",", 8)[-1] for line in lines))
+        text = b",".join([*lines[0].split(b",", 8)[:-1], b"\\N".join(texts)])
+        try:
+            packet: av.Packet[Any] = self._encoder.encode_subtitle(SubtitleSet.create(text, 0, end - begin))
+        except av.error.FFmpegError:
+            self.lost_lines = True
+            return self._packets(lines[1:], begin, end) if lines[1:] else []
+        packet.stream, packet.time_base = self.stream, self._tick
+        packet.pts, packet.dts, packet.duration = begin, begin, end - begin
+        return [packet]

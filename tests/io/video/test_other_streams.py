@@ -216,6 +216,48 @@ def test_text_becomes_the_text_of_the_container(tmp_path, suffix, codec):
     assert [each.carries_over for each in probe(str(clip)).streams] == [True, True]
 
 
+CUES = {
+    "one after the other begins": [(100 * number, 500, b"%d" % number) for number in range(10)],
+    "together, three at once": [(0, 300, b"a"), (0, 100, b"b"), (50, 250, b"c"), (300, 50, b"d"), (301, 0, b"e")],
+    "for hours": [(0, 9_000_000, b"long"), (50, 100, b"<i>a</i>"), (150, 100, b"b"), (8_000_000, 100, b"c")],
+    "more than a text holds": [(0, 300, b"a" * 40_000), (100, 100, b"b" * 40_000)],
+}
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mov", ".mkv", ".webm"])
+@pytest.mark.parametrize("name", CUES)
+def test_cues_that_overlap_keep_their_times(tmp_path, name, suffix):
+    """One text of all lines shown at a time in mp4 and mov, each cue for itself elsewhere; lines lost are said."""
+    cues = CUES[name]
+    source, target = write_clip(tmp_path / "in.mkv", subtitles=cues), tmp_path / f"out{suffix}"
+    lost = [remark for remark in double(source, target) if " lost lines of stream 1 " in remark]
+    result = shown(target)
+    if suffix in (".mkv", ".webm"):
+        assert result == shown(source)
+        return
+    moments = {start + part * length // 2 for start, length, _ in cues for part in range(3)} - {301}  # of no length
+    for moment in sorted(moments):
+        expected, lines = (
+            [words for start, length, words in texts if start <= moment < start + length]
+            for texts in (shown(source), result)
+        )
+        assert "\n".join(lines) == "\n".join(expected[-1:] if name.startswith("more") else expected)
+    assert bool(lost) == name.startswith("more")
+
+
+def test_ticks_of_nanoseconds_do_not_move_cues(tmp_path):
+    """A Matroska clock too fine for an mp4 track gives cues their times all the same."""
+    million = 10**6
+    lines = [(0, 100 * million, b"a"), (3000 * million, 100 * million, b"b")]
+    times = [40 * million * number for number in range(5)]
+    clip = write_clip(tmp_path / "in.mkv", times=times, time_base=Fraction(1, 1000), rate=Fraction(25), subtitles=lines)
+    data = clip.read_bytes()
+    assert data.count(b"\x2a\xd7\xb1\x83\x0f\x42\x40") == 1  # TimestampScale
+    clip.write_bytes(data.replace(b"\x2a\xd7\xb1\x83\x0f\x42\x40", b"\x2a\xd7\xb1\x83\0\0\x01"))
+    double(clip, tmp_path / "out.mp4")
+    assert shown(tmp_path / "out.mp4") == [(0, 100, "a"), (3000, 100, "b")]
+
+
 def test_pictures_of_text_are_no_text(tmp_path):
     """What mp4 cannot hold and nothing can convert is refused before any frame is read."""
     clip = write_with(tmp_path / "in.mkv", lambda output, video: output.add_mux_stream("hdmv_pgs_subtitle"), messages)
