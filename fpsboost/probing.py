@@ -25,7 +25,7 @@ from fpsboost.io.animation.source import is_animation
 from fpsboost.io.opening import TargetRequirements, open_source
 from fpsboost.io.output import Output, StreamInfo
 from fpsboost.io.target import Target
-from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.decode_options import DecodeOptions, SizeChange
 from fpsboost.io.video.fitting import StreamFacts, list_streams
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.method_table import methods
@@ -184,9 +184,10 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
 
     `input_fps` is the rate of images, 24 by default; `stream` is the number of a video's stream.
     """
-    # A size that changes is to be reported, though a conversion would stop there.
+    # A size that changes or wrong colours are to be reported, though a conversion would stop there.
     may_change = Path(path).is_file() and not is_animation(Path(path))
-    decoding = DecodeOptions(input_fps=input_fps, stream=stream, size_change="scale" if may_change else "stop")
+    size_change: SizeChange = "scale" if may_change else "stop"
+    decoding = DecodeOptions(input_fps=input_fps, stream=stream, size_change=size_change, force_colours=may_change)
     with open_source(path, requirements=TargetRequirements(layers=True), decoding=decoding) as source:
         beside = source.stream_info
         has_clock = beside.images is None

@@ -143,7 +143,8 @@ class Hiding:
         names = ("skip", "range", "start", "end", "stream", "size_change", "duplicates")
         given = {f"--{name.replace('_', '-')}": own[name] for name in names if own[name] != usual[name]}
         words = [word for option, value in given.items() for word in (option, str(value))]
-        return [*words, "--deinterlace"] if self.decoding.deinterlace else words
+        flags = {"--deinterlace": self.decoding.deinterlace, "--force-colours": self.decoding.force_colours}
+        return [*words, *(flag for flag, is_given in flags.items() if is_given)]
 
     def as_json(self) -> dict[str, Any]:
         """Return plain data by the names of the options; a range as its two ends."""

@@ -49,6 +49,8 @@ class Assembly:
                 stream.set_display_matrix(display_matrix)
             if output.stream.video is not None:
                 self._others = OtherStreams(output, output.stream.video, self._output, stream, container, fitting)
+                if output.stream.traits is not None and output.stream.traits.stereo_mode:
+                    stream.metadata["stereo_mode"] = output.stream.traits.stereo_mode  # Matroska's and WebM's element
                 if container in EXACT_TIME_BASE_CONTAINERS:
                     self._output.container_options["movie_timescale"] = str(self._others.clock)
                     if self._others.tags.free_keys:

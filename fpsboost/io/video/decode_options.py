@@ -34,6 +34,8 @@ class DecodeOptions:
         not flagged as interlaced.
     size_change : {'stop', 'scale'}
         If pictures change their size or pixel format: stop, or convert all of them to the first one's.
+    force_colours : bool
+        Take pictures of Dolby Vision that are no ordinary video (profile 5) for ordinary ones, in wrong colours.
     decoder : {'ffmpeg', 'opencv'}
         Library that reads videos: PyAV's FFmpeg, or the installed OpenCV, which may open what FFmpeg cannot (cameras,
         GStreamer pipelines) but gives 8-bit pictures only.
@@ -56,6 +58,7 @@ class DecodeOptions:
     stream: int | None = option(None, "Video stream, numbered as in probe; else the largest.")
     deinterlace: bool = option(False, "Make one frame per field: 50 per second from 25i.")
     size_change: SizeChange = option("stop", "If the frame size changes: stop or scale.")
+    force_colours: bool = option(False, "Convert Dolby Vision of profile 5, in wrong colours.")
     decoder: Decoder = option("ffmpeg", "Decode videos with ffmpeg or opencv.")
     passes: str | None = option(
         None, "Layers of OpenEXR: all, beauty or their names.", metavar="NAMES", group="Streams"

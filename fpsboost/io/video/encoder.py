@@ -25,6 +25,8 @@ from fpsboost.image import Pixels
 from fpsboost.io.output import Output
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS
 from fpsboost.io.video.pixel_choice import choose_pixel_format
+from fpsboost.io.video.remarks import lost_side_data_remark
+from fpsboost.io.video.side_data import filtered, stereo_modes
 from fpsboost.io.video.traits import LightLevel, MasteringDisplay, VideoTraits
 from fpsboost.io.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha
 
@@ -75,6 +77,12 @@ class VideoEncoder:
         lost = ["HDR mastering data"] * (not is_whole) + ["dynamic HDR metadata"] * traits.has_dynamic_hdr
         if lost:
             self.remarks.append(f"{name} lost the {' and the '.join(lost)} of its source; colour tags were kept.")
+        kept = self._kept_side_data(traits)
+        self.remarks += lost_side_data_remark(
+            name, [said for kind, said in traits.side_data.items() if kind not in kept]
+        )
+        self._has_captions = "A53_CC" in kept & traits.side_data.keys()
+        self._last_original: object | None = None
         self._nowhere: av.container.OutputContainer | None = None
         self._stream: av.VideoStream | None = None
 
@@ -82,6 +90,15 @@ class VideoEncoder:
     def details(self) -> str:
         options = " ".join(f"{name}={value}" for name, value in self._options.items())
         return f"{self._encoder}, {self.pixel_format}, {options}"
+
+    def _kept_side_data(self, traits: VideoTraits) -> set[str]:
+        """Return the types of side data that the output keeps; x264 writes these of the pictures of the source."""
+        is_passed = self._encoder == "libx264" and not _is_rgb(traits.pixel_format)
+        kept = {"A53_CC"} if is_passed else set()
+        is_left_first = any(traits.stereo_mode == left_first for left_first, _ in stereo_modes.values())
+        if (is_passed and is_left_first) or (self._format in ("matroska", "webm") and traits.stereo_mode):
+            kept.add("STEREO3D")
+        return kept
 
     @property
     def stream(self) -> av.VideoStream:
@@ -103,10 +120,13 @@ class VideoEncoder:
             reformatter=self._reformatter,
             keeps_original=self._keeps_original,
         )
+        self._follow_captions(frame)
         if picture is not frame.original:  # the ProRes encoder reads these and not its context
             context = stream.codec_context
             picture.colorspace, picture.color_range = context.colorspace, context.color_range
             picture.color_primaries, picture.color_trc = context.color_primaries, context.color_trc
+        if "VIEW_ID" in self._traits.side_data:  # of two views, one is left, which x264 must not call stereo
+            picture = filtered(picture, ["mode=delete:type=STEREO3D"]) or picture
         # The same decoded picture may be written again at another time, so its properties are restored. The encoder
         # holds a reference of its own, with the properties as set here.
         before = picture.pts, picture.duration, picture.time_base or time_base, picture.pict_type
@@ -116,6 +136,16 @@ class VideoEncoder:
             return stream.encode(picture)
         finally:
             picture.pts, picture.duration, picture.time_base, picture.pict_type = before
+
+    def _follow_captions(self, frame: Frame) -> None:
+        """Remark, once, that closed captions have gaps where a picture of the source is not written itself."""
+        if frame.original is not None:
+            self._last_original = frame.original
+        elif self._has_captions and frame.preceding is not self._last_original:
+            self._has_captions = False
+            self.remarks.append(
+                f"{self._name} lost closed captions where pictures of its source gave way to interpolated ones."
+            )
 
     def finish(self) -> list[av.Packet[Any]]:
         """Flush the encoder and return the remaining packets; the next frame begins a new chunk."""

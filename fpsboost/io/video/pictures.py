@@ -19,8 +19,19 @@ from fpsboost.errors import InputError
 from fpsboost.image import Image
 from fpsboost.io.video.clock import VideoClock
 from fpsboost.io.video.remarks import Damage, counted, interlaced_remark, lost_alpha_remark
+from fpsboost.io.video.side_data import Crop
 from fpsboost.io.video.traits import VideoTraits
-from fpsboost.io.video.ycc import color_space_of, from_bgr, is_full_range, reformatted, to_bgr
+from fpsboost.io.video.ycc import (
+    chroma_location_of,
+    color_space_of,
+    from_bgr,
+    full_chroma,
+    has_alpha,
+    is_full_range,
+    reformatted,
+    to_bgr,
+    with_chroma_location,
+)
 
 MAX_REORDERED = 16
 """Maximum reordering of H.264 and HEVC, pictures; a packet that is later than this produced no picture."""
@@ -32,11 +43,18 @@ class Pictures(Iterator[av.VideoFrame]):
     """Pictures of a video stream in presentation order, from where its file is.
 
     With `deinterlace`, each becomes two. With `keeps_alpha`, alpha that is stored beside the picture is decoded; else
-    there is a remark, which is added to `remarks`.
+    there is a remark, which is added to `remarks`. What a `crop` hides is left out.
     """
 
     def __init__(
-        self, clock: VideoClock, name: str, *, deinterlace: bool, keeps_alpha: bool, remarks: list[str]
+        self,
+        clock: VideoClock,
+        name: str,
+        *,
+        deinterlace: bool,
+        keeps_alpha: bool,
+        crop: Crop | None,
+        remarks: list[str],
     ) -> None:
         self.damage = Damage()
         self._file, self._tick = clock.file, clock.tick
@@ -50,7 +68,11 @@ class Pictures(Iterator[av.VideoFrame]):
         self._buffer = ReorderBuffer(float(1 / (clock.rate * clock.tick)), reorders=self._decoder.codec.reorder)
         self._count = self._interlaced_count = 0
         self._coded = self._decode()
-        self._presented = frames_of_fields(self._coded, clock.tick, name) if deinterlace else self._coded
+        self._presented: Iterator[av.VideoFrame] = self._coded
+        if deinterlace:
+            self._presented = frames_of_fields(self._presented, clock.tick, name)
+        if crop is not None:
+            self._presented = cropped(self._presented, crop, clock.tick, name)
         self._next: av.VideoFrame | None = None
 
     def __iter__(self) -> Self:
@@ -184,7 +206,7 @@ def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction, nam
     for _, alike in groupby(pictures, _kind):
         first = next(alike)
         try:
-            graph = _deinterlacer_of(first, time_base)
+            graph = _graph_of(first, time_base, "bwdif", "mode=send_field:parity=auto:deint=all")
         except (av.error.FFmpegError, ValueError):
             raise InputError(
                 f"{name} holds pictures of {first.width}x{first.height} {first.format.name}, which cannot be "
@@ -206,18 +228,18 @@ def _kind(picture: av.VideoFrame) -> tuple[int, int, str, int, int]:
     return picture.width, picture.height, picture.format.name, int(picture.colorspace), int(picture.color_range)
 
 
-def _deinterlacer_of(picture: av.VideoFrame, time_base: Fraction) -> av.filter.Graph:
+def _graph_of(picture: av.VideoFrame, time_base: Fraction, name: str, options: str) -> av.filter.Graph:
+    """Return a graph of one of FFmpeg's filters for pictures like this one."""
     width, height, pixel_format, color_space, color_range = _kind(picture)
     clock = Fraction(picture.time_base or time_base)
     graph = av.filter.Graph()
-    # The graph needs the colour tags too, so that a conversion to a format of bwdif does not change the colours.
+    # The graph needs the colour tags too, so that a conversion to a format of the filter does not change the colours.
     entry = graph.add(
         "buffer",
         f"video_size={width}x{height}:pix_fmt={pixel_format}:time_base={clock.numerator}/{clock.denominator}:"
         f"colorspace={color_space}:range={color_range}",
     )
-    bwdif = graph.add("bwdif", "mode=send_field:parity=auto:deint=all")
-    graph.link_nodes(entry, bwdif, graph.add("buffersink")).configure()
+    graph.link_nodes(entry, graph.add(name, options), graph.add("buffersink")).configure()
     return graph
 
 
@@ -225,6 +247,41 @@ def _pulled(graph: av.filter.Graph) -> Iterator[av.VideoFrame]:
     with suppress(av.error.BlockingIOError, av.error.EOFError):
         while True:
             yield graph.vpull()
+
+
+def cropped(pictures: Iterable[av.VideoFrame], crop: Crop, time_base: Fraction, name: str) -> Iterator[av.VideoFrame]:
+    """Yield what a crop leaves of pictures, without copying it.
+
+    Where it begins inside a sample of chroma, chroma is resampled, at full resolution, and luma stays as it is.
+    """
+    scaler = VideoReformatter()
+    options = f"iw-{crop.left + crop.right}:ih-{crop.top + crop.bottom}:{crop.left}:{crop.top}:exact=1"
+    for (*_, pixel_format, _, _), alike in groupby(pictures, _kind):
+        graph: av.filter.Graph | None = None
+        full, between, location = False, "", ""
+        for picture in alike:
+            if graph is None:
+                samples = picture.format
+                steps = 16 // samples.chroma_width(16), 16 // samples.chroma_height(16)
+                if crop.left % steps[0] or crop.top % steps[1]:
+                    between = full_chroma(samples.components[0].bits)
+                    between = between.replace("yuv", "yuva") if has_alpha(pixel_format) else between
+                    full, location = is_full_range(picture), chroma_location_of(picture, scaler)
+            whole = reformatted(picture, scaler, between, full) if between else picture
+            try:
+                graph = graph or _graph_of(whole, time_base, "crop", options)
+                graph.vpush(whole)
+                part = graph.vpull()
+            except (av.error.FFmpegError, ValueError):
+                raise InputError(
+                    f"{name} holds pictures of {picture.width}x{picture.height} {pixel_format}, which cannot be "
+                    "cropped as it asks for; remove its crop first."
+                ) from None
+            if between:
+                times = part.pts, part.duration, part.time_base
+                part = reformatted(with_chroma_location(part, location), scaler, pixel_format, full)
+                part.pts, part.duration, part.time_base = times
+            yield part
 
 
 class FormatUnifier:

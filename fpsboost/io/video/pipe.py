@@ -308,6 +308,7 @@ class PipeSink:
             "transfer function": traits.color_transfer in HDR_TRANSFERS,
             "HDR mastering data": traits.has_hdr_data,
             "rotation": traits.display_matrix is not None,
+            **dict.fromkeys(traits.side_data.values(), True),
         }
         words = " and ".join(word for word, is_lost in lost.items() if is_lost)
         if words:

@@ -6,8 +6,6 @@ UTF-8 as surrogates, which cannot be printed; PyAV 18 raises for them, or replac
 
 from __future__ import annotations
 
-import math
-import struct
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from typing import Any, Literal
@@ -15,7 +13,6 @@ from typing import Any, Literal
 import av
 import av.container
 from av.codec.codec import UnknownCodecError
-from av.sidedata.sidedata import Type
 
 KEEPS_UNDECODABLE_BYTES = int(av.__version__.partition(".")[0]) >= 19
 
@@ -47,22 +44,6 @@ def as_fraction(value: Any) -> Fraction | None:
     if not value:
         return None
     return Fraction(value.numerator, value.denominator)
-
-
-def side_data_of(picture: av.VideoFrame) -> dict[str, bytes]:
-    """Return the side data of a picture by the name of its type in FFmpeg: ``DISPLAYMATRIX``.
-
-    PyAV 18 gives none if it has no name for a type (EXIF of JPEG); then only the rotation is known, without flips.
-    """
-    try:
-        sides: Any = picture.side_data
-    except ValueError:
-        angle = math.radians(picture.rotation)  # counterclockwise
-        cosine, sine = (round(65536 * value) for value in (math.cos(angle), math.sin(angle)))
-        matrix = (cosine, -sine, 0, sine, cosine, 0, 0, 0, 1 << 30)
-        return {"DISPLAYMATRIX": struct.pack("=9i", *matrix)} if angle else {}
-    kinds = [item if isinstance(item, Type) else item.type for item in sides]  # PyAV 19 iterates over types
-    return {kind.name: bytes(sides[kind]) for kind in kinds}
 
 
 def pyav_version() -> str:

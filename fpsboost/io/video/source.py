@@ -37,7 +37,17 @@ from fpsboost.io.video.demuxer import Demuxer, left_out_remarks, open_video, rea
 from fpsboost.io.video.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
 from fpsboost.io.video.pictures import MAX_REORDERED, FormatUnifier, Pictures, is_on_its_side, turned_upright
 from fpsboost.io.video.pyav import as_fraction
-from fpsboost.io.video.remarks import Damage, counted, lost_alpha_remark, lost_companions_remark, lost_shape_remark
+from fpsboost.io.video.remarks import (
+    Damage,
+    counted,
+    cropped_remark,
+    dolby_vision_sentence,
+    lost_alpha_remark,
+    lost_companions_remark,
+    lost_shape_remark,
+    wrong_colours_remark,
+)
+from fpsboost.io.video.side_data import read_header
 from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
 from fpsboost.io.video.ycc import has_alpha, in_planes, to_bgr
 
@@ -88,6 +98,7 @@ class VideoSource(ClosesOnExit):
         self._started = False
         self.frame_index: FrameIndex | None = None
         self._unindexed: str | None = None
+        self._refused: str | None = None
         self._first = self._dropped = 0
         self._pictures = self._pictures_from_here()
         if for_images:
@@ -97,6 +108,12 @@ class VideoSource(ClosesOnExit):
         streams, stream = self._demuxer.container.streams, self._demuxer.stream
         context = stream.codec_context
         self._limit.check(self._name, context.width, context.height)
+        self._header = read_header(stream)
+        width, height = context.width, context.height
+        if self._header.crop is not None:
+            left, top, right, bottom = self._header.crop
+            width, height = width - left - right, height - top - bottom
+            self.remarks.append(cropped_remark(self._name, (context.width, context.height), (width, height)))
         with open_video(self.path, self._name) as file:
             times, start = survey(file, stream.index)
         tick = as_fraction(stream.time_base)
@@ -111,8 +128,8 @@ class VideoSource(ClosesOnExit):
         self.file = VideoFile(self.path, self._name, stream.index, start, coded_rate, companions)
         return ClipInfo(
             name=self._name,
-            height=context.height,
-            width=context.width,
+            height=height,
+            width=width,
             rate=self._clock.rate,
             time_base=self._clock.time_base,
             frame_count=fields * stream.frames or None,
@@ -124,8 +141,9 @@ class VideoSource(ClosesOnExit):
         traits = self.traits
         if is_on_its_side(traits.display_matrix):
             self.info = replace(self.info, width=self.info.height, height=self.info.width)
-        if self.file.companions:
-            self.remarks.append(lost_companions_remark(self._name, self.file.companions, "images"))
+        lost = [*self.file.companions, *dict.fromkeys(traits.side_data.values())]
+        if lost:
+            self.remarks.append(lost_companions_remark(self._name, lost, "images"))
         if traits.sample_aspect_ratio not in (None, 1):
             self.remarks.append(lost_shape_remark(self._name, traits.sample_aspect_ratio))
 
@@ -136,8 +154,8 @@ class VideoSource(ClosesOnExit):
 
     @property
     def stopped_by(self) -> str | None:
-        """Sentence about the first change of size, at which reading stops if so configured."""
-        return None if self._unifier is None else self._unifier.stopped_by
+        """Sentence about colours or the first change of size, at which reading stops if so configured."""
+        return self._refused or (None if self._unifier is None else self._unifier.stopped_by)
 
     @property
     def traits(self) -> VideoTraits:
@@ -154,7 +172,14 @@ class VideoSource(ClosesOnExit):
             self.info = replace(self.info, width=picture.width, height=picture.height)
             if has_alpha(picture.format.name) and not self._keeps_alpha:
                 self.remarks.append(lost_alpha_remark(self._name))
-            traits = read_traits(picture, self._demuxer.stream, self._reformatter, self._name)
+            dolby_vision = self._header.dolby_vision
+            traits = read_traits(picture, self._demuxer.stream, self._reformatter, self._name, dolby_vision)
+            if traits.dolby_vision_only:
+                sentence = dolby_vision_sentence(self._name)
+                if not self._decoding.force_colours:
+                    raise InputError(sentence)
+                self._refused = sentence
+                self.remarks.append(wrong_colours_remark(self._name))
             self._unifier = FormatUnifier(self._name, picture, traits, self._decoding.size_change == "stop")
         return self._unifier
 
@@ -301,6 +326,7 @@ class VideoSource(ClosesOnExit):
             self._name,
             deinterlace=self._decoding.deinterlace,
             keeps_alpha=self._keeps_alpha,
+            crop=self._header.crop,
             remarks=self.remarks,
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 
@@ -12,11 +13,15 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.colour import Coding
 from fpsboost.errors import InputError
-from fpsboost.io.video.pyav import as_fraction, side_data_of
+from fpsboost.io.video.pyav import as_fraction
+from fpsboost.io.video.side_data import described, is_ordinary, side_data_of, stereo_mode_of
 from fpsboost.io.video.ycc import PLANAR_FORMATS, bgr_of, chroma_location_of, color_space_of, is_full_range
 
 DYNAMIC_HDR_SIDE_DATA = {"DYNAMIC_HDR_PLUS", "DYNAMIC_HDR_VIVID", "DOVI_METADATA", "DOVI_RPU_BUFFER"}
 """Types of FFmpeg's side data that hold dynamic HDR metadata."""
+
+UPRIGHT = struct.pack("=9i", 1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 30)
+"""Display matrix that changes nothing, as of EXIF."""
 
 Point = tuple[Fraction, Fraction]
 
@@ -52,8 +57,9 @@ class VideoTraits:
     below. The tags are FFmpeg's numbers, 2 (range: 0) for unspecified. Full range has black at 0 rather than 16 (in 8
     bits); a chroma location that is not tagged is FFmpeg's guess. The aspect ratio is the width of a pixel over its
     height, and the display matrix is in 16.16 and 2.30 fixed point. Dynamic HDR is metadata of Dolby Vision, HDR10+ or
-    similar, which changes from frame to frame. `codec` is FFmpeg's name of the format that the pictures were coded in,
-    empty if they were not.
+    similar, which changes from frame to frame. Other side data is described by its type; `stereo_mode` is Matroska's
+    name of how a picture holds two views. The colours of `dolby_vision_only` are those of no other format. `codec` is
+    FFmpeg's name of the format that the pictures were coded in, empty if they were not.
     """
 
     pixel_format: str
@@ -70,6 +76,9 @@ class VideoTraits:
     mastering_display: MasteringDisplay | None = None
     light_level: LightLevel | None = None
     has_dynamic_hdr: bool = False
+    side_data: Mapping[str, str] = field(default_factory=dict, compare=False)
+    stereo_mode: str = field(default="", compare=False)
+    dolby_vision_only: bool = field(default=False, compare=False)
     codec: str = field(default="", compare=False)
 
     @property
@@ -78,10 +87,15 @@ class VideoTraits:
 
 
 def read_traits(
-    picture: av.VideoFrame, stream: av.VideoStream, reformatter: VideoReformatter, name: str
+    picture: av.VideoFrame,
+    stream: av.VideoStream,
+    reformatter: VideoReformatter,
+    name: str,
+    dolby_vision: tuple[int, int] | None = None,
 ) -> VideoTraits:
-    """Return the traits of a stream, read from its first picture."""
-    sides = side_data_of(picture)
+    """Return the traits of a stream, read from its first picture; see `HeaderData` about Dolby Vision."""
+    all_sides = side_data_of(picture)
+    sides = dict(all_sides)
     matrix = sides.get("DISPLAYMATRIX")
     try:
         color_space = color_space_of(picture)
@@ -104,10 +118,13 @@ def read_traits(
         # FFmpeg takes an untagged location for the centre; only these two formats always have a tag.
         tagged_chroma_location=location != "center" or codec in ("h264", "hevc"),
         sample_aspect_ratio=as_fraction(stream.sample_aspect_ratio),
-        display_matrix=tuple(np.frombuffer(matrix, np.int32).tolist()) if matrix else None,
+        display_matrix=None if matrix in (None, UPRIGHT) else tuple(np.frombuffer(matrix, np.int32).tolist()),
         mastering_display=parse_mastering_display(sides.get("MASTERING_DISPLAY_METADATA")),
         light_level=parse_light_level(sides.get("CONTENT_LIGHT_LEVEL")),
         has_dynamic_hdr=not DYNAMIC_HDR_SIDE_DATA.isdisjoint(sides),
+        side_data=described(all_sides, picture.width),
+        stereo_mode=stereo_mode_of(sides),
+        dolby_vision_only=not is_ordinary(sides, dolby_vision),
         codec=codec,
     )
 

@@ -1,0 +1,213 @@
+"""Side data: what a file says of its pictures beside their samples, with each of them or in its container's header."""
+
+from __future__ import annotations
+
+import struct
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from fractions import Fraction
+from io import BytesIO
+from typing import Any, NamedTuple
+
+import av
+import av.error
+import av.filter
+
+unnamed_types = {28: "LCEVC", 29: "VIEW_ID", 30: "THREE_D_REFERENCE_DISPLAYS", 31: "EXIF"}
+"""Names of FFmpeg's types, by their numbers, that PyAV 18 has no name for; PyAV 19 has these."""
+
+LAST_TYPE = 40
+"""Number of the last type that is looked for; FFmpeg 8 has 33."""
+
+words = {
+    "A53_CC": "closed captions",
+    "AFD": "active format",
+    "AMBIENT_VIEWING_ENVIRONMENT": "ambient viewing environment",
+    "DETECTION_BBOXES": "detected objects",
+    "EXIF": "EXIF metadata",
+    "FILM_GRAIN_PARAMS": "film grain parameters",
+    "GOP_TIMECODE": "timecodes inside the pictures",
+    "ICC_PROFILE": "ICC profile",
+    "LCEVC": "enhancement layer (LCEVC)",
+    "PANSCAN": "pan and scan window",
+    "S12M_TIMECODE": "timecodes inside the pictures",
+    "SEI_UNREGISTERED": "user data of the camera or encoder",
+    "SPHERICAL": "360-degree projection",
+    "STEREO3D": "stereo mode",
+    "VIEW_ID": "second view of the spatial video",
+}
+"""What side data is, by its type, if an output does not have it of its own accord."""
+
+renewed_types = {
+    *("DISPLAYMATRIX", "MASTERING_DISPLAY_METADATA", "CONTENT_LIGHT_LEVEL", "THREE_D_REFERENCE_DISPLAYS"),
+    *("DYNAMIC_HDR_PLUS", "DYNAMIC_HDR_VIVID", "DOVI_METADATA", "DOVI_RPU_BUFFER"),
+    *("MOTION_VECTORS", "VIDEO_ENC_PARAMS", "REGIONS_OF_INTEREST", "VIDEO_HINT"),
+}
+"""Types that are carried over or reported by name, and those by which a codec works."""
+
+encoder_notes = {
+    bytes.fromhex(uuid)
+    for uuid in (
+        "dc45e9bde6d948b7962cd820d923eeef",  # x264's options
+        "2ca2de09b51747dbbb55a4fe7fc2fc4e",  # x265's
+        "47564adc5c4c433f94efc5113cd143a8",  # Apple's hardware encoders, of each picture
+    )
+}
+"""Identifiers of user data that tells of the coding alone."""
+
+stereo_modes = {
+    1: ("left_right", "right_left"),
+    2: ("top_bottom", "bottom_top"),
+    4: ("checkerboard_lr", "checkerboard_rl"),
+    6: ("row_interleaved_lr", "row_interleaved_rl"),
+    7: ("col_interleaved_lr", "col_interleaved_rl"),
+}
+"""Matroska's names by FFmpeg's AVStereo3DType, with the left view first and with the right one."""
+
+FLAT, RECTILINEAR, FULL_FRAME = 0, 4, 8  # of AVStereo3DType, AVSphericalProjection and ETSI TS 101 154
+TIME_OF_GOP = 0xFFEFFF
+"""Bits of MPEG-2's timecode without its flag and its marker."""
+
+base_layers = (4, 6, 7, 9)
+"""Profiles of Dolby Vision whose base layer always is ordinary video; that of others is by their compatibility."""
+
+
+class Crop(NamedTuple):
+    """Margins of the pictures that are not shown, pixels."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+
+class HeaderData(NamedTuple):
+    """Side data of a stream that its pictures lack: the crop, and Dolby Vision's profile and compatibility."""
+
+    crop: Crop | None
+    dolby_vision: tuple[int, int] | None
+
+
+def side_data_of(picture: av.VideoFrame) -> list[tuple[str, bytes]]:
+    """Return the side data of a picture, by the name of its type in FFmpeg: ``DISPLAYMATRIX``.
+
+    PyAV 18 gives none if it has no name for a type (EXIF of JPEG); FFmpeg's filter takes those away, which are empty.
+    """
+    others: list[int] = []
+    try:
+        sides: Any = picture.side_data
+    except ValueError:
+        numbers = range(min(unnamed_types), LAST_TYPE + 1)
+        others = [number for number in numbers if filtered(picture, [f"mode=select:type={number}"])]
+        named = filtered(picture, [f"mode=delete:type={number}" for number in others])
+        sides = [] if named is None else named.side_data
+    items: list[Any] = []
+    with suppress(IndexError):  # iterating gives types in PyAV 19, one of each
+        while True:
+            items.append(sides[len(items)])
+    unnamed = [(unnamed_types.get(number, f"UNKNOWN_{number}"), b"") for number in others]
+    return [*((item.type.name, bytes(item)) for item in items), *unnamed]
+
+
+def filtered(picture: av.VideoFrame, operations: Iterable[str]) -> av.VideoFrame | None:
+    """Return a picture after operations of FFmpeg's filter of side data, without copying it; None if one stops it."""
+    graph = av.filter.Graph()
+    entry = graph.add_buffer(
+        width=picture.width, height=picture.height, format=picture.format, time_base=Fraction(1, 1000)
+    )
+    filters = [graph.add("sidedata", operation) for operation in operations]
+    graph.link_nodes(entry, *filters, graph.add("buffersink")).configure()
+    graph.vpush(picture)
+    with suppress(av.error.BlockingIOError):
+        return graph.vpull()
+    return None
+
+
+def described(sides: Sequence[tuple[str, bytes]], width: int) -> dict[str, str]:
+    """Return in words, by type, what side data tells of pictures of this width that a new encoder does not."""
+    kinds = dict(sides)
+    return {
+        kind: words.get(kind, f"side data of FFmpeg's type {kind.rpartition('_')[2]}")
+        for kind, data in sides
+        if kind in words or kind.startswith("UNKNOWN_")
+        if not _says_nothing(kind, data, width) and not (kind == "STEREO3D" and "VIEW_ID" in kinds)
+    }
+
+
+def _says_nothing(kind: str, data: bytes, width: int) -> bool:
+    """Return whether side data says what is so without it."""
+    number = int.from_bytes(data[:4], sys.byteorder)
+    window = struct.unpack_from("=i", data, 4)[0] if kind == "PANSCAN" and len(data) >= 8 else 0  # sixteenths
+    return {
+        "STEREO3D": number == FLAT,
+        "SPHERICAL": number == RECTILINEAR,
+        "PANSCAN": window in (0, 16 * width),
+        "GOP_TIMECODE": not number & TIME_OF_GOP,
+        "AFD": number & 15 == FULL_FRAME,
+        "SEI_UNREGISTERED": data[:16] in encoder_notes,
+    }.get(kind, False)
+
+
+def stereo_mode_of(sides: Mapping[str, bytes]) -> str:
+    """Return Matroska's name of how a picture holds two views; empty if it does not, or there is no name."""
+    data = sides.get("STEREO3D", bytes(8))
+    kind, flags = struct.unpack_from("=2i", data)
+    return "" if "VIEW_ID" in sides or kind not in stereo_modes else stereo_modes[kind][flags & 1]
+
+
+def read_header(stream: av.VideoStream) -> HeaderData:
+    """Return a stream's side data that PyAV does not give, from the header that a muxer writes for it in memory."""
+    header = next(filter(None, (_header_of(stream, container) for container in ("mp4", "mov", "matroska"))), b"")
+    crop, context = _crop_of_box(header, stream) or _crop_of_elements(header), stream.codec_context
+    is_whole = not any(crop) or crop.left + crop.right >= context.width or crop.top + crop.bottom >= context.height
+    boxes = [at for at in map(header.find, (b"dvcC", b"dvvC", b"dvwC")) if at >= 0]
+    dolby_vision = (header[boxes[0] + 6] >> 1, header[boxes[0] + 8] >> 4) if boxes else None
+    return HeaderData(None if is_whole else crop, dolby_vision)
+
+
+def _header_of(stream: av.VideoStream, container: str) -> bytes:
+    file, options = BytesIO(), {"movflags": "frag_keyframe+empty_moov", "strict": "unofficial"}
+    try:
+        with av.open(file, "w", format=container, container_options=options) as output:
+            output.add_stream_from_template(stream, opaque=True)
+            output.start_encoding()
+    except (av.error.FFmpegError, ValueError):
+        return b""
+    return file.getvalue()
+
+
+def _crop_of_box(header: bytes, stream: av.VideoStream) -> Crop | None:
+    """Parse QuickTime's clean aperture: fractions of its width, its height, and how far its centre is off."""
+    at = header.find(b"\0\0\0\x28clap")
+    if at < 0:
+        return None
+    numbers = struct.unpack_from(">8i", header, at + 8)
+    width, height, right, down = (Fraction(*numbers[place : place + 2]) for place in (0, 2, 4, 6))
+    left = (stream.codec_context.width - width) / 2
+    top = (stream.codec_context.height - height) / 2
+    return Crop(*(max(0, round(margin)) for margin in (left + right, top + down, left - right, top - down)))
+
+
+def _crop_of_elements(header: bytes) -> Crop:
+    """Parse Matroska's elements PixelCropLeft, -Top, -Right and -Bottom, two bytes each at most."""
+    margins = []
+    for element in (b"\x54\xcc", b"\x54\xbb", b"\x54\xdd", b"\x54\xaa"):
+        after = header.partition(element)[2] if header.startswith(b"\x1a\x45\xdf\xa3") else b""
+        size = after[0] - 0x80 if after else 0
+        margins.append(int.from_bytes(after[1 : 1 + size], "big") if 0 < size <= 2 else 0)
+    return Crop(*margins)
+
+
+def is_ordinary(sides: Mapping[str, bytes], dolby_vision: tuple[int, int] | None) -> bool:
+    """Return whether players without Dolby Vision show a stream's pictures in the right colours.
+
+    Without a profile in the header it follows from the metadata of a picture, as in FFmpeg: the base layer of profile 5
+    has full range.
+    """
+    if dolby_vision is not None:
+        profile, compatibility = dolby_vision
+        return compatibility != 0 or profile in base_layers
+    data = sides.get("DOVI_METADATA", b"")
+    header = int.from_bytes(data[:8], sys.byteorder)  # AVDOVIMetadata begins with its offset
+    return len(data) < header + 11 or data[header + 4] != 0 or data[header + 10] != 1
