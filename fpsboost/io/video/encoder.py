@@ -28,7 +28,7 @@ from fpsboost.io.video.pixel_choice import choose_pixel_format
 from fpsboost.io.video.remarks import lost_side_data_remark
 from fpsboost.io.video.side_data import filtered, stereo_modes
 from fpsboost.io.video.traits import LightLevel, MasteringDisplay, VideoTraits
-from fpsboost.io.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha
+from fpsboost.io.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha, is_gray
 
 MIN_CUTREE_WIDTH = 64
 """Minimum width for x265's "cutree", pixels; in narrower pictures it writes out of bounds (seen up to 48)."""
@@ -189,10 +189,12 @@ class VideoEncoder:
             context.colorspace, context.color_range = traits.color_space, LIMITED_RANGE
         elif _is_rgb(self.pixel_format):
             context.colorspace, context.color_range = RGB, FULL_RANGE
-        elif self.pixel_format.startswith("gray") and not self._keeps_original:
+        elif is_gray(av.VideoFormat(self.pixel_format)):  # else decoders that give yuv420p for it take it for limited
             context.color_range = FULL_RANGE
         elif self.pixel_format.startswith("yuvj"):
             self._full_range, context.color_range = True, FULL_RANGE
+        if context.colorspace == RGB and not _is_rgb(self.pixel_format):  # decoders of gray PNG say so
+            context.colorspace = traits.color_space
 
     def _open_encoder(self, context: av.VideoCodecContext) -> None:
         try:

@@ -22,6 +22,7 @@ from fpsboost.io.video.remarks import Damage, counted, interlaced_remark, lost_a
 from fpsboost.io.video.side_data import Crop
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.io.video.ycc import (
+    SCALER_FLAGS,
     chroma_location_of,
     color_space_of,
     from_bgr,
@@ -43,7 +44,8 @@ class Pictures(Iterator[av.VideoFrame]):
     """Pictures of a video stream in presentation order, from where its file is.
 
     With `deinterlace`, each becomes two. With `keeps_alpha`, alpha that is stored beside the picture is decoded; else
-    there is a remark, which is added to `remarks`. What a `crop` hides is left out.
+    there is a remark, which is added to `remarks`. Pictures with a palette become RGB, or RGBA if the first one has
+    transparent colours. What a `crop` hides is left out.
     """
 
     def __init__(
@@ -67,6 +69,7 @@ class Pictures(Iterator[av.VideoFrame]):
             self._says_alpha, self._decoder = False, cast(av.VideoCodecContext, av.CodecContext.create(hidden, "r"))
         self._buffer = ReorderBuffer(float(1 / (clock.rate * clock.tick)), reorders=self._decoder.codec.reorder)
         self._count = self._interlaced_count = 0
+        self._reformatter, self._palette_format = VideoReformatter(), ""
         self._coded = self._decode()
         self._presented: Iterator[av.VideoFrame] = self._coded
         if deinterlace:
@@ -128,8 +131,17 @@ class Pictures(Iterator[av.VideoFrame]):
             for picture in pictures:
                 if not picture.time_base:  # of the last ones, which no packet brought out
                     picture.time_base = self._tick
-                yield from self._counted(self._buffer.push(picture))
+                shown = self._without_palette(picture) if picture.format.has_palette else picture
+                yield from self._counted(self._buffer.push(shown))
         yield from self._counted(self._buffer.flush())
+
+    def _without_palette(self, picture: av.VideoFrame) -> av.VideoFrame:
+        whole = self._reformatter.reformat(picture, format="rgba", interpolation=SCALER_FLAGS)
+        is_opaque = whole.to_ndarray()[..., 3].min() == 255
+        self._palette_format = self._palette_format or ("rgb24" if is_opaque else "rgba")
+        if not is_opaque and self._palette_format == "rgb24":
+            self._remarks += {lost_alpha_remark(self._name)}.difference(self._remarks)
+        return self._reformatter.reformat(whole, format=self._palette_format, interpolation=SCALER_FLAGS)
 
     def _counted(self, pictures: list[av.VideoFrame]) -> Iterator[av.VideoFrame]:
         for picture in pictures:

@@ -141,7 +141,9 @@ def from_bgr(
     for channel, plane in enumerate(plane_arrays(planar)):
         plane[:] = codes[..., channel]
     planar = with_chroma_location(planar, chroma_location)
-    opaque = reformatted(planar, scaler, pixel_format.replace("yuva", "yuv"), full_range)
+    grays = {"ya8": "gray", "ya16le": "gray16le"}
+    without_alpha = grays.get(pixel_format) or pixel_format.replace("yuva", "yuv")
+    opaque = reformatted(planar, scaler, without_alpha, full_range)
     if not keeps_alpha:
         return opaque
     levels = np.rint(alpha * np.float32((2 ** _bits(opaque) - 1) / white))
@@ -189,10 +191,17 @@ def full_chroma(bits: int) -> str:
 
 
 def plane_arrays(picture: av.VideoFrame) -> list[NDArray[Any]]:
-    """Return views of a planar picture's planes, without the padding that FFmpeg adds to every row."""
+    """Return views of a planar picture's planes, and of gray and alpha, without the padding at the end of every row.
+
+    A negative line size means that the rows lie in memory from the last to the first, as AMV has them.
+    """
     dtype = _sample_type(_bits(picture))
-    rows = (np.frombuffer(memoryview(plane), dtype).reshape(plane.height, -1) for plane in picture.planes)
-    return [plane_rows[:, : plane.width] for plane, plane_rows in zip(picture.planes, rows, strict=True)]
+    interleaved = 2 if picture.format.name.startswith("ya") else 1
+    views: list[NDArray[Any]] = []
+    for plane in picture.planes:
+        rows = np.frombuffer(memoryview(plane), dtype).reshape(plane.height, -1)[:: -1 if plane.line_size < 0 else 1]
+        views += [rows[:, first : interleaved * plane.width : interleaved] for first in range(interleaved)]
+    return views
 
 
 def _bits(picture: av.VideoFrame) -> int:
@@ -297,8 +306,11 @@ def as_picture(
     if keeps_original and isinstance(original, av.VideoFrame) and (original.width, original.height) == (width, height):
         if original.format.name == pixel_format:
             return original
-        has_rgb = original.format.is_rgb or av.VideoFormat(pixel_format).is_rgb
-        if not has_rgb and is_full_range(original) == full_range:
+        target = av.VideoFormat(pixel_format)
+        has_rgb = original.format.is_rgb or target.is_rgb
+        # gray is full range whatever its tag says, so that its levels do not stay as they are in limited range
+        keeps_levels = full_range or is_gray(original.format) == is_gray(target)
+        if not has_rgb and keeps_levels and is_full_range(original) == full_range:
             return reformatted(original, reformatter, pixel_format, full_range)
     return from_bgr(
         view(image).to_bgr(),

@@ -12,13 +12,15 @@ import av
 import cv2
 import numpy as np
 import pytest
+from av.video.reformatter import VideoReformatter
 from conversion_options import keeping_duplicates
 from video_truth import pictures_of, samples_of
 
 from fpsboost import convert
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.ycc import plane_arrays
+from fpsboost.io.video.source import VideoSource
+from fpsboost.io.video.ycc import SCALER_FLAGS, plane_arrays
 
 SIZE = 48, 64
 BT709, BT601, BT2020, PQ, HLG = 1, 6, 9, 16, 18
@@ -121,6 +123,54 @@ def test_made_frames_have_the_colours_of_unusual_originals(tmp_path, pixel_forma
     """Of a still, in full range by name and in RGB."""
     clip = write_still(tmp_path / "in.mkv", pixel_format, codec)
     assert_still(clip, doubled(clip, tmp_path / "out.mkv", Encoding(codec=codec, lossless=True)))
+
+
+def with_palette(alpha: int = 255) -> av.VideoFrame:
+    """Noise of 256 colours, of which one has this alpha."""
+    random = np.random.default_rng(0)
+    palette = random.integers(0, 256, (256, 4), np.uint8)
+    palette[:, 0], palette[7, 0] = 255, alpha  # ARGB
+    return av.VideoFrame.from_ndarray((random.integers(0, 256, SIZE, np.uint8), palette), format="pal8")
+
+
+def colours(picture: av.VideoFrame, pixel_format: str = "bgr24") -> np.ndarray[Any, Any]:
+    """What FFmpeg shows of a picture."""
+    shown = VideoReformatter().reformat(picture, format=pixel_format, interpolation=SCALER_FLAGS).to_ndarray()
+    return shown.astype(float)
+
+
+@pytest.mark.parametrize("encoding", [Encoding(codec="ffv1"), Encoding(lossless=True)], ids=["ffv1", "h264"])
+@pytest.mark.parametrize(
+    ("codec", "pixel_format"),
+    [
+        *(("png", kind) for kind in ("pal8", "gray", "ya8", "rgb24", "monob")),
+        *(("rawvideo", kind) for kind in ("pal8", "gray", "ya8", "monow", "bgr8", "rgb565le", "rgb4_byte")),
+        ("amv", "yuvj420p"),
+    ],
+)
+def test_every_frame_has_the_colours_that_ffmpeg_shows(tmp_path, codec, pixel_format, encoding):
+    """Of a still with a palette, in gray, in packed samples, and in planes that lie in memory from bottom to top."""
+    still = gradients("bgr0" if pixel_format != "yuvj420p" else pixel_format, full_range=True)
+    still = with_palette() if pixel_format == "pal8" else still.reformat(format=pixel_format)
+    clip = write_pictures(tmp_path / "in.nut", still, codec)
+    expected = colours(pictures_of(clip)[0])
+    pictures = doubled(clip, tmp_path / "out.mkv", encoding)
+    assert len(pictures) == 6
+    for picture in pictures:
+        off = colours(picture) - expected
+        assert (abs(off.mean()) < 0.2, np.abs(off).max() <= 4) == (True, True)
+
+
+def test_transparent_colours_of_a_palette_are_kept_or_said_to_be_lost(tmp_path):
+    """As alpha of BGRA; a palette without any gives no alpha."""
+    clip = write_pictures(tmp_path / "in.nut", with_palette(alpha=70), "rawvideo")
+    with VideoSource(clip, keeps_alpha=True) as source:
+        np.testing.assert_array_equal(next(iter(source)).image, colours(pictures_of(clip)[0], "bgra"))
+        assert not source.remarks
+    for alpha in (70, 255):
+        with VideoSource(write_pictures(clip, with_palette(alpha), "rawvideo")) as source:
+            assert next(iter(source)).image.shape[2] == 3
+            assert ["alpha" in remark for remark in source.remarks] == [True] * (alpha < 255)
 
 
 @pytest.mark.parametrize("pixel_format", ["yuv420p", "yuv420p10le", "yuv444p12le", "gray10le", "gbrp10le"])
