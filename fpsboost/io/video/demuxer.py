@@ -120,7 +120,8 @@ def open_video(path: Path, name: str) -> av.container.InputContainer:
 def choose_video(container: av.container.InputContainer, name: str, wanted: int | None) -> av.VideoStream:
     """Choose a video stream: the one with the number `wanted`, or the one that FFmpeg considers the best.
 
-    That is the largest one, where the default flag outweighs all but very large sizes; among equals, the first.
+    That is the largest one, where the default flag outweighs all but very large sizes; among equals, the first that is
+    not gray, as alpha is in an AVIF. A single frame, as its still picture, is taken only where nothing else is.
     """
     videos = {stream.index: stream for stream in container.streams.video if not is_cover_art(stream)}
     if not videos:
@@ -128,7 +129,8 @@ def choose_video(container: av.container.InputContainer, name: str, wanted: int 
     if wanted is not None and wanted not in videos:
         listed = ", ".join(_described(stream) for stream in videos.values())
         raise OptionError(f"`stream={wanted}` is no video stream of {name}; choose one of {listed}.")
-    chosen = max(videos.values(), key=_score) if wanted is None else videos[wanted]
+    moving = [stream for stream in videos.values() if stream.frames != 1] or list(videos.values())
+    chosen = max(moving, key=_score) if wanted is None else videos[wanted]
     if chosen.codec_context is None:
         raise InputError(f"{name} uses a video codec that cannot be decoded here; convert it to H.264 first.")
     return chosen
@@ -136,10 +138,17 @@ def choose_video(container: av.container.InputContainer, name: str, wanted: int 
 
 def left_out_remarks(container: av.container.InputContainer, chosen: av.VideoStream, name: str) -> list[str]:
     """Return the remarks on the video streams that are not read."""
-    videos = [stream for stream in container.streams.video if not is_cover_art(stream)]
-    others = ", ".join(f"stream {_described(stream)}" for stream in videos if stream.index != chosen.index)
-    taken = f"{name} has more than one video stream; stream {_described(chosen)} was taken, left out: {others}."
-    return [taken] if others else []
+    videos = [stream for stream in container.streams.video if not is_cover_art(stream) and stream.index != chosen.index]
+    if not videos:
+        return []
+    others = ", ".join(f"stream {_described(stream)}" for stream in videos)
+    # AVIF has alpha as a gray track of its own, which FFmpeg does not tell from others
+    alphas = [stream for stream in videos if _extent(stream) == _extent(chosen) and _is_gray(stream)]
+    alphas = alphas if chosen.frames and not _is_gray(chosen) else []
+    return [
+        f"{name} has more than one video stream; stream {_described(chosen)} was taken, left out: {others}.",
+        *(f"Stream {stream.index} of {name} may be its alpha, which was left out, too." for stream in alphas),
+    ]
 
 
 def is_cover_art(stream: av.stream.Stream) -> bool:
@@ -157,15 +166,24 @@ def _described(stream: av.VideoStream) -> str:
     """Describe a video stream by its number, format and size: ``0 (h264 1280x720)``."""
     context = stream.codec_context
     coded = "unknown format" if context is None else f"{stream.name or 'unknown'} {context.width}x{context.height}"
-    return f"{stream.index} ({coded})"
+    return f"{stream.index} ({coded}{', one frame' if stream.frames == 1 else ''})"
 
 
-def _score(stream: av.VideoStream) -> int:
+def _score(stream: av.VideoStream) -> tuple[int, bool]:
     context = stream.codec_context
     if context is None:
-        return -1
+        return -1, False
     is_default = bool(stream.disposition & av.stream.Disposition.default)
-    return context.width * context.height + DEFAULT_STREAM_SCORE * is_default
+    return context.width * context.height + DEFAULT_STREAM_SCORE * is_default, not _is_gray(stream)
+
+
+def _extent(stream: av.VideoStream) -> tuple[int, int, int]:
+    context = stream.codec_context
+    return (stream.frames, 0, 0) if context is None else (stream.frames, context.width, context.height)
+
+
+def _is_gray(stream: av.VideoStream) -> bool:
+    return stream.codec_context is not None and (stream.codec_context.pix_fmt or "").startswith("gray")
 
 
 def clock_may_jump(container: av.container.InputContainer) -> bool:

@@ -211,6 +211,25 @@ def test_of_several_videos_the_best_is_read(tmp_path, sizes, default, taken):
         assert f"left out: stream {other} (ffv1 {width}x{height})" in source.remarks[0]
 
 
+@pytest.mark.parametrize("alpha_first", [False, True])
+def test_a_sequence_is_read_and_not_the_still_picture_beside_it(tmp_path, alpha_first):
+    """As in an animated AVIF: a larger still by default, then colours and alpha, which is said to be left out."""
+    clip = tmp_path / "in.mov"
+    kinds = [(1, 96, "yuv420p"), (4, 64, "gray"), (4, 64, "yuv420p")]
+    with av.open(str(clip), "w") as output:
+        packets = []
+        for count, width, kind in kinds if alpha_first else [kinds[0], kinds[2], kinds[1]]:
+            options = {"x265-params": "log-level=error"}
+            how = {"codec": "libx265", "pixel_format": kind, "options": options}
+            packets += add_pictures(output, count, size=(48, width), **how)[1]
+        mux_in_order(output, packets)
+    colours = 2 if alpha_first else 1
+    with VideoSource(clip) as source:
+        assert (source.file.stream_index, len(list(source))) == (colours, 4)
+        assert "left out: stream 0 (hevc 96x48, one frame)" in source.remarks[0]
+        assert f"Stream {3 - colours} of {clip} may be its alpha" in source.remarks[1]
+
+
 def test_a_stream_can_be_chosen(tmp_path):
     """By its number in the file."""
     clip = write_two(tmp_path / "in.mkv", ((32, 32), (64, 64)))
