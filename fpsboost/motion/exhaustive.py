@@ -41,7 +41,7 @@ class ExhaustiveSearch:
         Standard deviation of the similarity measure for colours in [0, 1]; 0.25 in the report (section 3.2), which
         calls v a variance but squares it in Eq. 3.
     implementation : {'fused', 'passes'}
-        One fused kernel, or full-image passes of OpenCV per offset: the same field, about 11 times slower.
+        One fused kernel, or full-image passes of OpenCV per offset: the same field, about 19 times slower.
     vectors : RenderedVectors or None
         A renderer's motion vectors; if given, they determine the search radius.
 
