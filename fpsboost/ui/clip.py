@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import subprocess
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from fractions import Fraction
 from itertools import islice
 from pathlib import Path
-from threading import Lock
+from threading import Event
 from typing import Any, NamedTuple
 
 from fpsboost import (
@@ -34,6 +34,9 @@ from fpsboost.ui.jobs import start_process
 QUICK_PIXELS = 1_500_000_000
 """Number of pixels in all frames of a clip up to which it is read to its end unasked, which takes seconds."""
 
+DROP_AFTER = 0.25
+"""Time after which it is looked whether anybody still waits for a clip that is read, seconds."""
+
 
 def header(path: str) -> dict[str, Any]:
     """Return the properties of a clip that are known without reading its frames, as plain data."""
@@ -56,36 +59,28 @@ def header(path: str) -> dict[str, Any]:
     }
 
 
-@dataclass
-class Prober:
-    """Reader of one clip at a time to its end, in a process of its own: a long clip is dropped for the next one."""
-
-    _lock: Lock = field(default_factory=Lock)
-    _process: subprocess.Popen[str] | None = None
-
-    def probe(self, path: str) -> dict[str, Any]:
-        """Return what `fpsboost probe` says, as plain data."""
-        with self._lock:
-            self.close()
-            self._process = process = start_process(["probe", path, "--json"], subprocess.PIPE)
-        text, messages = process.communicate()
-        if process.returncode != 0:
-            raise InputError(messages.strip().removeprefix("fpsboost: ") or f"{path} was not read to its end.")
-        result = Probe.from_json(json.loads(text))
-        return {
-            "facts": {name: value for name, value in facts(result).items() if not name.startswith("--")},
-            "streams": [
-                f"{each.kind}: {' '.join(filter(None, (each.codec, each.details, each.language, each.title)))}"
-                for each in result.streams
-            ],
-            "remarks": [*result.remarks, *result.conversion.remarks],
-            "last": max(0.0, result.duration - 1 / result.rate),
-        }
-
-    def close(self) -> None:
-        """Drop the clip that is being read."""
-        if self._process is not None:
-            self._process.terminate()
+def probe(path: str, is_dropped: Event) -> dict[str, Any]:
+    """Return what `fpsboost probe` says, as plain data; it runs as a process until it ends or is dropped."""
+    process = start_process(["probe", path, "--json"], subprocess.PIPE)
+    while True:
+        try:
+            text, messages = process.communicate(timeout=DROP_AFTER)
+            break
+        except subprocess.TimeoutExpired:
+            if is_dropped.is_set():
+                process.terminate()
+    if process.returncode != 0:
+        raise InputError(messages.strip().removeprefix("fpsboost: ") or f"{path} was not read to its end.")
+    result = Probe.from_json(json.loads(text))
+    return {
+        "facts": {name: value for name, value in facts(result).items() if not name.startswith("--")},
+        "streams": [
+            f"{each.kind}: {' '.join(filter(None, (each.codec, each.details, each.language, each.title)))}"
+            for each in result.streams
+        ],
+        "remarks": [*result.remarks, *result.conversion.remarks],
+        "last": max(0.0, result.duration - 1 / result.rate),
+    }
 
 
 class FrameBetween(NamedTuple):

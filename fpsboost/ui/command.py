@@ -56,7 +56,7 @@ def ui(
         with closing(Queue(path, files)) as queue, _bound(port) as bound:
             port = bound.getsockname()[1]
             desk = Desk(files, queue, files.root or Path.home(), token, port)
-            config = uvicorn.Config(make_app(desk), log_level="error", access_log=False, timeout_graceful_shutdown=1)
+            config = uvicorn.Config(make_app(desk), log_level="critical", access_log=False, timeout_graceful_shutdown=1)
             address = f"http://127.0.0.1:{port}/?token={token}"
             console.print(f"The page: {address}", soft_wrap=True)
             console.print("Ctrl-C stops it; conversions that are not done can go on later.")
@@ -64,8 +64,7 @@ def ui(
                 console.print(f"Earlier conversions outside of {files.root} do not go on from here: {queue.outside}.")
             if not no_browser:
                 webbrowser.open(address)
-            with closing(desk.prober):
-                uvicorn.Server(config).run(sockets=[bound])
+            uvicorn.Server(config).run(sockets=[bound])
     except KeyboardInterrupt:
         console.print("Stopped.")
         sys.exit()  # without another request to stop, as while the exception is handled there is none

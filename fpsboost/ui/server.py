@@ -5,20 +5,24 @@ The guard lets in nobody but the page that this server has sent.
 
 from __future__ import annotations
 
+import json
+import os
 import secrets
 import shlex
+from asyncio import FIRST_COMPLETED, create_task, wait, wrap_future
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from threading import Lock
+from threading import Event
 from typing import Any
 from urllib.parse import parse_qs
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -29,12 +33,21 @@ from fpsboost.cli.options import in_flags
 from fpsboost.errors import notes_of
 from fpsboost.evaluation.report.self_contained import data_uri, templates_of
 from fpsboost.ui.choices import Choices
-from fpsboost.ui.clip import Prober, header, look_between
+from fpsboost.ui.clip import header, look_between, probe
 from fpsboost.ui.files import Files
 from fpsboost.ui.jobs import Queue
 
 MAX_BODY = 64 * 1024
 """Largest body of a request, bytes; the page sends a few hundred."""
+
+MAX_FAULT = 300
+"""Most characters of a sentence about an error that nobody foresaw."""
+
+MAX_DIGITS = 9
+"""Most digits of a job's number."""
+
+READERS = 4
+"""Number of clips that are read to their ends at a time."""
 
 HEADERS = {
     "Cache-Control": "no-store",
@@ -56,8 +69,6 @@ class Desk:
     start: Path
     token: str
     port: int
-    prober: Prober = field(default_factory=Prober)
-    _looking: Lock = field(default_factory=Lock)
 
     def folder(self, data: Json) -> Json:
         return self.files.listing(str(data.get("path") or self.start))
@@ -66,11 +77,11 @@ class Desk:
         """Return the header of a clip, which may be read from now on."""
         return header(self.files.pick(str(data.get("path", ""))))
 
-    def probe(self, data: Json) -> Json:
+    def probe(self, data: Json, is_dropped: Event) -> Json:
         """Return the properties of a clip, read to its end."""
         path = str(data.get("path", ""))
         self.files.check_picked(path)
-        return self.prober.probe(path)
+        return probe(path, is_dropped)
 
     def check(self, data: Json) -> Json:
         """Return what a conversion would give, and the command line for it."""
@@ -78,14 +89,15 @@ class Desk:
         job = choices.job(self.files)
         return {**choices.check(job), "command": shlex.join(choices.words(job))}
 
-    def look(self, data: Json) -> Json:
-        """Return a frame between two, by a method and by blending."""
+    def look(self, data: Json, is_dropped: Event) -> Json:
+        """Return a frame between two, by a method and by blending; nothing if nobody waits for it any more."""
+        if is_dropped.is_set():
+            return {}
         choices, time = Choices.of(data.get("choices")), data.get("time")
         if not isinstance(time, int | float) or time is True or not 0 <= time < 1e9:
             raise OptionError("The page has sent no valid time; load it anew.")
         job = choices.job(self.files)
-        with self._looking:  # one at a time, so that it takes no more memory than a conversion
-            frame = look_between(job, Fraction(time).limit_denominator(10**9))
+        frame = look_between(job, Fraction(time).limit_denominator(10**9))
         return {
             "images": [data_uri(each, "jpeg") for each in (frame.blended, frame.interpolated)],
             "between": f"between {format_time(frame.begin)} and {format_time(frame.end)}",
@@ -102,14 +114,14 @@ class Desk:
         """Pause a job, let it go on, or remove it."""
         actions = {"pause": self.queue.pause, "resume": self.queue.resume, "remove": self.queue.remove}
         number, action = data.get("number"), data.get("action")
-        if type(number) is not int or action not in actions:
+        if type(number) is not int or not isinstance(action, str) or action not in actions:
             raise OptionError("The page has sent no valid action; load it anew.")
         actions[action](number)
         return {}
 
-    def result(self, number: int) -> Path:
+    def result(self, number: str) -> Path:
         """Return the file that a job has written."""
-        job = self.queue.job(number)
+        job = self.queue.job(int(number) if number.isdecimal() and len(number) <= MAX_DIGITS else 0)
         if job.state != "done":
             raise OptionError(f"Job {number} is not done; wait for it.")
         path = self.files.inside(job.output)
@@ -137,15 +149,27 @@ class Guard:
                 await self._app(scope, receive, send)
             return
 
+        is_answered = False
+
         async def sent(message: Message) -> None:
+            nonlocal is_answered
             if message["type"] == "http.response.start":
+                is_answered = True
                 more = [(name.lower().encode(), value.encode()) for name, value in HEADERS.items()]
                 message = {**message, "headers": [*message.get("headers", []), *more]}
             await send(message)
 
         refusal = self._refusal(scope)
         if refusal is None:
-            await self._app(scope, _limited(receive), sent)
+            try:
+                await self._app(scope, _limited(receive), sent)
+            except ClientDisconnect:
+                pass  # nobody waits for an answer
+            except Exception as error:
+                if is_answered:
+                    raise
+                fault = f"This is a fault in fpsboost ({type(error).__name__}: {error}); report it."
+                await Answer({"notice": fault[:MAX_FAULT]}, 500)(scope, receive, sent)
         else:
             await JSONResponse({"notice": refusal}, 403)(scope, receive, sent)
 
@@ -155,7 +179,8 @@ class Guard:
         host = headers.get(b"host", b"")
         if host not in self._hosts:
             return "This is not the address of fpsboost; open the one that it has printed."
-        given = headers.get(b"x-fpsboost-token") or parse_qs(scope["query_string"]).get(b"token", [b""])[0]
+        query = parse_qs(scope["query_string"].decode("latin-1"))
+        given = headers.get(b"x-fpsboost-token") or query.get("token", [""])[0].encode()
         if not secrets.compare_digest(given, self._token):
             return "The token is not that of this run; open the address that fpsboost has printed."
         if scope["method"] not in ("GET", "HEAD") and headers.get(b"origin") != b"http://" + host:
@@ -192,36 +217,76 @@ def make_app(desk: Desk) -> Starlette:
         return HTMLResponse(template.render(nonce=nonce), headers={"Content-Security-Policy": policy})
 
     async def jobs(request: Request) -> Response:
-        return JSONResponse(desk.queue.listing())
+        return Answer(desk.queue.listing())
 
     async def result(request: Request) -> Response:
         return FileResponse(desk.result(request.path_params["number"]))
 
     def answering(answer: Callable[[Json], Json]) -> Callable[[Request], Any]:
         async def endpoint(request: Request) -> Response:
-            try:
-                data = await request.json()
-            except ValueError as error:
-                raise OptionError("The page has sent what is no JSON; load it anew.") from error
-            return JSONResponse(await run_in_threadpool(answer, data if isinstance(data, dict) else {}))
+            return Answer(await run_in_threadpool(answer, await _data_of(request)))
 
         return endpoint
 
-    posts = (desk.folder, desk.pick, desk.probe, desk.check, desk.look, desk.add, desk.change)
+    def working(answer: Callable[[Json, Event], Json], workers: int) -> Callable[[Request], Any]:
+        """Return an endpoint for long work, which waits in a pool of its own and ends when nobody waits for it."""
+        pool = ThreadPoolExecutor(workers)
+
+        async def endpoint(request: Request) -> Response:
+            data, is_dropped = await _data_of(request), Event()
+            work = wrap_future(pool.submit(answer, data, is_dropped))
+            leaving = create_task(_left(request))
+            try:
+                await wait((work, leaving), return_when=FIRST_COMPLETED)
+                return Answer(await work) if work.done() else Response()
+            finally:
+                is_dropped.set()
+                leaving.cancel()
+                work.cancel()
+
+        return endpoint
+
+    posts = (desk.folder, desk.pick, desk.check, desk.add, desk.change)
+    # one look at a time, so that it takes no more memory than a conversion
+    works = {"/look": working(desk.look, 1), "/probe": working(desk.probe, READERS)}
     return Starlette(
         routes=[
             Route("/", page),
             Route("/jobs", jobs),
-            Route("/result/{number:int}", result),
+            Route("/result/{number}", result),
             *(Route(f"/{each.__name__}", answering(each), methods=["POST"]) for each in posts),
+            *(Route(path, work, methods=["POST"]) for path, work in works.items()),
         ],
         middleware=[Middleware(Guard, token=desk.token, port=desk.port)],
         exception_handlers={FpsboostError: _notice, OSError: _notice, MemoryError: _notice},
     )
 
 
+class Answer(JSONResponse):
+    """JSON in ASCII, since names of files need not be Unicode."""
+
+    def render(self, content: Any) -> bytes:
+        return json.dumps(content).encode()
+
+
+async def _data_of(request: Request) -> Json:
+    """Return the object in a request; raise `OptionError` for what no page sends."""
+    try:
+        data = await request.json()
+        os.fsencode(json.dumps(data, ensure_ascii=False))  # names of files need not be Unicode, but are not anything
+    except (ValueError, RecursionError) as error:
+        raise OptionError("The page has sent what is no JSON; load it anew.") from error
+    return data if isinstance(data, dict) else {}
+
+
+async def _left(request: Request) -> None:
+    """Wait until the client is gone."""
+    while (await request.receive())["type"] != "http.disconnect":
+        pass
+
+
 async def _notice(request: Request, error: Exception) -> Response:
     """Answer with the sentence that the command line would print."""
     sentence = explain(error) if isinstance(error, OSError | MemoryError) else str(error)
     text = " ".join(filter(None, (in_flags(sentence), in_flags(notes_of(error)))))
-    return JSONResponse({"notice": text}, 400)
+    return Answer({"notice": text}, 400)

@@ -11,9 +11,9 @@ import shutil
 import socket
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict
+from http.client import HTTPConnection
 from pathlib import Path
 from threading import Event, Thread
 
@@ -32,7 +32,7 @@ from fpsboost.ui import jobs
 from fpsboost.ui.choices import first_choices
 from fpsboost.ui.files import MAX_ENTRIES, MAX_PICKED, Files
 from fpsboost.ui.jobs import MAX_JOBS, Queue
-from fpsboost.ui.server import MAX_BODY, Desk, make_app
+from fpsboost.ui.server import MAX_BODY, Desk, Guard, make_app
 
 TOKEN, PORT = "the-token-of-this-run", 8517
 ADDRESS = f"http://127.0.0.1:{PORT}"
@@ -326,6 +326,12 @@ def test_bad_clips_are_said_as_on_the_command_line(client, films, fpsboost_, pat
         ("/change", b'{"number": true, "action": "pause"}'),
         ("/change", b'{"number": 1, "action": "explode"}'),
         ("/change", b'{"number": 1, "action": "pause"}'),
+        ("/change", b'{"number": 1, "action": []}'),
+        ("/change", b'{"number": %s, "action": "pause"}' % (b"9" * 5000)),
+        ("/folder", b'{"path": "\\ud800"}'),
+        ("/folder", b'{"path": "\xff"}'),
+        ("/folder", b"[" * 50_000),
+        ("/look", b'{"choices": {}, "time": 1e999}'),
     ],
 )
 def test_nonsense_is_answered_with_a_sentence(client, path, body):
@@ -333,6 +339,38 @@ def test_nonsense_is_answered_with_a_sentence(client, path, body):
     answer = client.post(path, content=body)
     assert answer.status_code == 400
     assert answer.json()["notice"].endswith(".")
+
+
+@pytest.mark.parametrize("number", ["9" * 5000, "-1", "x", "%ff", "%C2%B2"])
+def test_numbers_of_results_are_checked(client, number):
+    """A result is asked for by the number of a job."""
+    assert client.get(f"/result/{number}").json()["notice"].startswith("There is no job 0")
+
+
+@pytest.mark.parametrize("query", ["token=%ff", "token=%C3%A9", "token=\udcff", "%ff=", "token"])
+def test_tokens_need_not_be_text(desk, query):
+    """A token that is no ASCII is as wrong as any other."""
+    scope = {"query_string": query.encode("utf-8", "surrogateescape"), "headers": [(b"host", ADDRESS[7:].encode())]}
+    assert "is not that of this run" in str(Guard(make_app(desk), TOKEN, PORT)._refusal({**scope, "method": "GET"}))
+
+
+def test_client_may_hang_up(desk):
+    """A client that is gone before its request has come is no error, and gets no answer."""
+
+    async def gone():
+        return {"type": "http.disconnect"}
+
+    headers = [(name.encode(), value.encode()) for name, value in {**HEADERS, "host": ADDRESS[7:]}.items()]
+    scope = {"type": "http", "method": "POST", "path": "/folder", "query_string": b"", "headers": headers}
+    asyncio.run(make_app(desk)(scope, gone, None))
+
+
+def test_names_need_not_be_unicode(client, films):
+    """A file is listed, picked and checked under a name that is no UTF-8."""
+    (films / "clip.mp4").rename(films / "\udcff.mp4")
+    (entry,) = client.post("/folder", json={}).json()["entries"]
+    choices = client.post("/pick", content=json.dumps({"path": entry["path"]})).json()["choices"]
+    assert client.post("/check", content=json.dumps(choices)).json()["frames"] == 20
 
 
 @pytest.mark.parametrize("time", [-1, float("nan"), 1e30, True, "1"])
@@ -377,25 +415,64 @@ def test_probe_says_what_the_command_says(client, films):
     assert found["last"] == pytest.approx(client.post("/pick", json={"path": str(films / "clip.mp4")}).json()["last"])
 
 
-def test_next_probe_stops_the_last(desk, films, monkeypatch):
-    """A clip that takes long to read is dropped when another one is picked."""
-    real, begun = jobs.start_process, Event()
+@contextmanager
+def posted(address, path, data):
+    """The connection of a request whose answer has not been read, open while the block lasts."""
+    with closing(HTTPConnection(address.split("/")[2])) as connection:
+        origin = address.partition("/?")[0]
+        connection.request("POST", path, json.dumps(data), {"x-fpsboost-token": TOKEN, "origin": origin})
+        yield connection
+
+
+def posted_whole(address, path, data):
+    with posted(address, path, data) as connection:
+        return json.loads(connection.getresponse().read())
+
+
+def test_probes_of_two_tabs(films, tmp_path, monkeypatch):
+    """A clip that one tab reads to its end is not dropped for another tab's, but when its own tab leaves it."""
+    real, begun, waiting = jobs.start_process, Event(), list[subprocess.Popen[str]]()
 
     def start(words, stdout):
-        if begun.is_set():
+        if waiting:
             return real(words, stdout)
-        waits = [sys.executable, "-c", "import signal; signal.pause()"]
-        process = subprocess.Popen(waits, stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8")
+        command = [sys.executable, "-c", "import signal; signal.pause()"]
+        waiting.append(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8"))
         begun.set()
-        return process
+        return waiting[0]
 
     monkeypatch.setattr("fpsboost.ui.clip.start_process", start)
-    with ThreadPoolExecutor() as pool:
-        first = pool.submit(desk.prober.probe, "first.mp4")
-        assert begun.wait(60)
-        assert desk.prober.probe(str(films / "clip.mp4"))["facts"]["frames"] == "10"
-        with pytest.raises(InputError, match="was not read to its end"):
-            first.result()
+    data = {"path": str(films / "clip.mp4")}
+    with serving(films, tmp_path / "queue.json") as address:
+        posted_whole(address, "/pick", data)
+        with posted(address, "/probe", data):
+            assert begun.wait(60)
+            assert posted_whole(address, "/probe", data)["facts"]["frames"] == "10"
+            assert waiting[0].poll() is None
+        waiting[0].wait(60)
+
+
+def test_looks_wait_apart(films, tmp_path, monkeypatch):
+    """Frames that are waited for, however many, keep nothing else from being answered; those left are not made."""
+    ready, times = Event(), list[float]()
+
+    def look(job, time):
+        times.append(time)
+        ready.wait(60)
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("fpsboost.ui.server.look_between", look)
+    with serving(films, tmp_path / "queue.json") as address, ExitStack() as looks:
+        choices = {"choices": posted_whole(address, "/pick", {"path": str(films / "clip.mp4")})["choices"]}
+        for number in range(50):
+            looks.enter_context(posted(address, "/look", {**choices, "time": number}))
+        assert posted_whole(address, "/folder", {})["above"]
+        looks.pop_all().close()
+        posted_whole(address, "/folder", {})  # by its answer, the server has seen that the others are gone
+        with posted(address, "/look", {**choices, "time": 50}) as last:
+            ready.set()
+            assert json.loads(last.getresponse().read())["notice"].startswith("This is a fault in fpsboost (ZeroDiv")
+    assert times in ([0, 50], [50])
 
 
 def picture(uri):
@@ -602,6 +679,7 @@ def serving(films, state):
     """A server on a free port while the block lasts; its address."""
     with socket.socket() as bound, closing(Queue(state)) as queue:
         bound.bind(("127.0.0.1", 0))
+        bound.listen()
         port = bound.getsockname()[1]
         app = make_app(Desk(Files(films), queue, films, TOKEN, port))
         server = uvicorn.Server(uvicorn.Config(app, log_level="error", timeout_graceful_shutdown=1))

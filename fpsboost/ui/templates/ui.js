@@ -6,10 +6,11 @@ const state = { choices: null, clip: null, player: null, folder: "" };
 class Notice extends Error {}
 
 /** Ask the server; what is wrong with the question becomes a notice. */
-async function ask(path, data) {
+async function ask(path, data, signal) {
   let answer;
   try {
     answer = await fetch(path, {
+      signal,
       method: data === undefined ? "GET" : "POST",
       headers: { "X-Fpsboost-Token": token, "Content-Type": "application/json" },
       body: data === undefined ? undefined : JSON.stringify(data),
@@ -110,6 +111,8 @@ async function openOrPick(path) {
 
 async function pick(path) {
   const clip = await ask("/pick", { path });
+  state.reading?.abort(); // a clip that is no longer shown is not read on
+  byId("reading").hidden = true;
   Object.assign(state, { clip, choices: clip.choices, player: null });
   byId("choose").hidden = true;
   byId("clip-title").textContent = clip.name;
@@ -137,11 +140,12 @@ function fill(clip) {
 
 async function probe() {
   const { clip } = state;
+  state.reading = new AbortController();
   byId("read").hidden = true;
   byId("reading").hidden = false;
   await attempt(byId("clip"), async () => {
     try {
-      const found = await ask("/probe", { path: clip.choices.input });
+      const found = await ask("/probe", { path: clip.choices.input }, state.reading.signal);
       if (state.clip !== clip) return;
       const rows = Object.entries(found.facts).map(([name, value]) =>
         make("div", {}, make("dt", {}, name), make("dd", {}, value)),
