@@ -27,22 +27,12 @@ from fpsboost.io.output import Output, StreamInfo
 from fpsboost.io.target import Target
 from fpsboost.io.video.decode_options import DecodeOptions, SizeChange
 from fpsboost.io.video.fitting import StreamFacts, list_streams
-from fpsboost.io.video.traits import VideoTraits
+from fpsboost.io.video.traits import VideoTraits, matrices, primaries, tag_name, transfers
 from fpsboost.method_table import methods
 from fpsboost.pair import Pair
 from fpsboost.streaming import beginning
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import OutputTiming, Schedule, count_frames
-
-matrices = {0: "rgb", 1: "bt709", 4: "fcc", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020nc", 10: "bt2020c"}
-primaries = {1: "bt709", 4: "bt470m", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020", 12: "smpte432"}
-transfers = {
-    **{1: "bt709", 4: "gamma22", 5: "gamma28", 6: "smpte170m", 7: "smpte240m", 8: "linear", 11: "iec61966-2-4"},
-    **{13: "srgb", 14: "bt2020-10", 15: "bt2020-12", 16: "pq", 18: "hlg"},
-}
-"""Common names of FFmpeg's colour tags, by number; a tag without a name is shown as its number."""
-
-UNSPECIFIED = 2
 
 
 @dataclass(frozen=True)
@@ -270,12 +260,8 @@ def _look(traits: VideoTraits) -> Look:
         pixel_format=traits.pixel_format,
         pixel_aspect=str(traits.sample_aspect_ratio or 1).replace("/", ":"),
         rotation=rotation,
-        matrix=_tag_name(matrices, traits.tagged_color_space),
-        primaries=_tag_name(primaries, traits.color_primaries),
-        transfer=_tag_name(transfers, traits.color_transfer),
+        matrix=tag_name(matrices, traits.tagged_color_space),
+        primaries=tag_name(primaries, traits.color_primaries),
+        transfer=tag_name(transfers, traits.color_transfer),
         full_range=traits.full_range,
     )
-
-
-def _tag_name(names: dict[int, str], number: int) -> str | None:
-    return None if number == UNSPECIFIED else names.get(number, str(number))

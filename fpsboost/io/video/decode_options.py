@@ -33,7 +33,8 @@ class DecodeOptions:
         Make a frame of each field before any other step, which doubles the frame rate; this includes frames that are
         not flagged as interlaced.
     size_change : {'stop', 'scale'}
-        If pictures change their size or pixel format: stop, or convert all of them to the first one's.
+        If pictures change their size, pixel format or pixel shape, or are HDR and SDR: stop, or make all of them like
+        the first one, with black beside those of another shape; the colours of HDR are not converted.
     force_colours : bool
         Take pictures of Dolby Vision that are no ordinary video (profile 5) for ordinary ones, in wrong colours.
     decoder : {'ffmpeg', 'opencv'}

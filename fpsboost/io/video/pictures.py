@@ -7,7 +7,7 @@ from collections.abc import Generator, Iterable, Iterator
 from contextlib import suppress
 from fractions import Fraction
 from itertools import chain, groupby, pairwise
-from typing import Self, cast
+from typing import Any, Self, cast
 
 import av
 import av.error
@@ -18,9 +18,10 @@ from av.video.reformatter import VideoReformatter
 from fpsboost.errors import InputError
 from fpsboost.image import Image
 from fpsboost.io.video.clock import VideoClock
+from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import Damage, counted, interlaced_remark, lost_alpha_remark
 from fpsboost.io.video.side_data import Crop
-from fpsboost.io.video.traits import VideoTraits
+from fpsboost.io.video.traits import VideoTraits, primaries, tag_name, transfers
 from fpsboost.io.video.ycc import (
     SCALER_FLAGS,
     chroma_location_of,
@@ -36,6 +37,12 @@ from fpsboost.io.video.ycc import (
 
 MAX_REORDERED = 16
 """Maximum reordering of H.264 and HEVC, pictures; a packet that is later than this produced no picture."""
+
+MAX_SQUEEZE = Fraction(1, 50)
+"""Difference of the shapes of pictures that scaling ignores: 1088 rows for 1080, pixels of 59:54 for 16:15."""
+
+WIDE_COLOURS = {8, 9, 10, 11, 12, 16, 17, 18, 22}
+"""FFmpeg's numbers of transfers and primaries that look wrong where BT.709's are expected: HDR, BT.2020, cinema."""
 
 decoders_of_hidden_alpha = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 
@@ -77,6 +84,9 @@ class Pictures(Iterator[av.VideoFrame]):
         if crop is not None:
             self._presented = cropped(self._presented, crop, clock.tick, name)
         self._next: av.VideoFrame | None = None
+        self._aspects: list[Fraction] = []
+        """Pixel aspect ratios by the decoder, which is ahead of the pictures."""
+        self._measures: dict[Any, av.filter.Graph] = {}
 
     def __iter__(self) -> Self:
         return self
@@ -95,6 +105,17 @@ class Pictures(Iterator[av.VideoFrame]):
         self._next = next_picture
         self.damage.corrupt = 0
         self._count, self._interlaced_count = 1, int(next_picture.interlaced_frame)
+
+    def aspect_of(self, picture: av.VideoFrame) -> Fraction:
+        """Return the pixel aspect ratio of a picture; PyAV gives it none, so FFmpeg's scaler tells it as a width."""
+        if len(self._aspects) > 1:
+            kind = _kind(picture)
+            if kind not in self._measures:
+                self._measures[kind] = _graph_of(picture, self._tick, "scale", "16+1000*sar:16:neighbor:eval=frame")
+            self._measures[kind].vpush(picture)
+            width = self._measures[kind].vpull().width
+            return min(self._aspects, key=lambda aspect: abs(16 + 1000 * aspect - width))
+        return self._aspects[0] if self._aspects else Fraction(1)
 
     @property
     def differ_from_packets(self) -> bool:
@@ -128,6 +149,8 @@ class Pictures(Iterator[av.VideoFrame]):
                 self.damage.undecodable += 1
                 self._buffer.drop(pts)
                 continue
+            aspect = as_fraction(self._decoder.sample_aspect_ratio) or Fraction(1)
+            self._aspects += [aspect] * (bool(pictures) and aspect not in self._aspects)
             for picture in pictures:
                 if not picture.time_base:  # of the last ones, which no packet brought out
                     picture.time_base = self._tick
@@ -299,16 +322,20 @@ def cropped(pictures: Iterable[av.VideoFrame], crop: Crop, time_base: Fraction, 
 class FormatUnifier:
     """Converter of every picture to size, pixel format and colour coding of the first one, with counts for remarks.
 
-    With `stops`, a change of size or pixel format is an error.
+    Pictures are scaled into the frame of the first, with black beside them where their shape is another. Transfer and
+    primaries are not converted. With `stops`, a change of size, pixel format or pixel aspect ratio is an error, and one
+    to or from the colours of HDR or cinema.
     """
 
-    def __init__(self, name: str, first: av.VideoFrame, traits: VideoTraits, stops: bool) -> None:
+    def __init__(
+        self, name: str, first: av.VideoFrame, traits: VideoTraits, stops: bool, aspect: Fraction = Fraction(1)
+    ) -> None:
         self._name, self.traits, self._stops = name, traits, stops
-        self._width, self._height = first.width, first.height
+        self._width, self._height, self._aspect = first.width, first.height, aspect
         self._reformatter = VideoReformatter()
-        self._reshaped = self._recoded = 0
-        self._change = ""
-        """First change of size or pixel format: ``from 64x48 yuv420p to 96x64 yuv420p at frame 12``."""
+        self._reshaped = self._recoded = self._retagged = 0
+        self._change = self._new_colours = self._recoding = ""
+        """First change of size, format or shape: ``from 64x48 yuv420p to 96x64 yuv420p at frame 12``."""
 
     @property
     def stopped_by(self) -> str | None:
@@ -319,22 +346,28 @@ class FormatUnifier:
             "the first, or cut it there and convert the parts one by one."
         )
 
-    def unified(self, picture: av.VideoFrame, number: int) -> av.VideoFrame:
-        """Scale and convert a picture; return it unchanged if it matches the first one."""
+    def unified(self, picture: av.VideoFrame, number: int, aspect: Fraction = Fraction(1)) -> av.VideoFrame:
+        """Scale and convert a picture, whose pixels have this aspect ratio; return it unchanged if it matches."""
         traits = self.traits
+        before, now = self._described(picture, aspect)
+        old, new = (traits.color_transfer, traits.color_primaries), (picture.color_trc, picture.color_primaries)
         try:
             coding = picture.format.is_rgb, color_space_of(picture), is_full_range(picture)
-            before = f"{self._width}x{self._height} {traits.pixel_format}"
-            now = f"{picture.width}x{picture.height} {picture.format.name}"
             recodes = coding != (av.VideoFormat(traits.pixel_format).is_rgb, traits.color_space, traits.full_range)
-            if now == before and not recodes:
+            if now == before and old == new and not recodes:
                 return picture
-            if now == before:
-                self._recoded += 1
-            else:
+            if now != before:
                 self._reshaped += 1
                 self._change = self._change or f"from {before} to {now} at frame {number}"
-            unified = self._like_first(picture, recodes=recodes)
+            elif recodes:
+                self._recoded += 1
+                self._recoding = self._recoding or f"at frame {number}"
+            if old != new:
+                self._retagged += 1
+                self._new_colours = self._new_colours or f"from {_colours(*old)} to {_colours(*new)} at frame {number}"
+                if not WIDE_COLOURS.isdisjoint(set(old) ^ set(new)):
+                    self._change = self._change or self._new_colours
+            unified = self._like_first(picture, aspect, recodes=recodes)
         except (av.error.FFmpegError, ValueError):
             raise InputError(
                 f"{self._name} changes to {picture.format.name} at frame {number}, which cannot be converted; cut it "
@@ -344,7 +377,16 @@ class FormatUnifier:
             raise InputError(self.stopped_by or "")
         return unified
 
-    def _like_first(self, picture: av.VideoFrame, *, recodes: bool) -> av.VideoFrame:
+    def _described(self, picture: av.VideoFrame, aspect: Fraction) -> tuple[str, str]:
+        """Describe the first picture and another one by size and pixel format, and by pixel shapes that differ."""
+        before = f"{self._width}x{self._height} {self.traits.pixel_format}"
+        now = f"{picture.width}x{picture.height} {picture.format.name}"
+        if aspect == self._aspect:
+            return before, now
+        old, new = (f"{ratio.numerator}:{ratio.denominator}" for ratio in (self._aspect, aspect))
+        return f"{before} with pixels of {old}", f"{now} with pixels of {new}"
+
+    def _like_first(self, picture: av.VideoFrame, aspect: Fraction, *, recodes: bool) -> av.VideoFrame:
         traits, source = self.traits, picture
         if recodes:
             source = from_bgr(
@@ -354,8 +396,18 @@ class FormatUnifier:
                 traits.full_range,
                 chroma_location=traits.chroma_location,
             )
-        size = self._height, self._width
-        alike = reformatted(source, self._reformatter, traits.pixel_format, traits.full_range, size=size)
+        width, height = self._width, self._height
+        wider = Fraction(picture.width, picture.height) * aspect / (Fraction(width, height) * self._aspect)
+        if wider > 1 + MAX_SQUEEZE:
+            height = min(height, 4 * max(1, round(height / wider / 4)))  # whole samples of chroma
+        elif wider < 1 - MAX_SQUEEZE:
+            width = min(width, 4 * max(1, round(width * wider / 4)))
+        alike = reformatted(source, self._reformatter, traits.pixel_format, traits.full_range, size=(height, width))
+        if (width, height) != (self._width, self._height):
+            alike.colorspace, alike.color_range = traits.tagged_color_space, traits.color_range
+            pad = _graph_of(alike, Fraction(1, 1000), "pad", f"{self._width}:{self._height}:(ow-iw)/2:(oh-ih)/2")
+            pad.vpush(alike)
+            alike = reformatted(pad.vpull(), self._reformatter, traits.pixel_format, traits.full_range)
         alike.pts, alike.duration, alike.time_base = picture.pts, picture.duration, picture.time_base
         alike.colorspace, alike.color_range = traits.tagged_color_space, traits.color_range
         alike.color_primaries, alike.color_trc = traits.color_primaries, traits.color_transfer
@@ -368,8 +420,20 @@ class FormatUnifier:
         )
         remarks = [f"{self._name} changes {self._change}; {reshaped} made like the first."] * bool(self._reshaped)
         if self._recoded:
-            remarks.append(f"{self._name} changes its colour matrix or range; {recoded} converted to the first's.")
+            change = f"{self._name} changes its colour matrix or range {self._recoding}"
+            remarks.append(f"{change}; {recoded} converted to the first's.")
+        if self._retagged:
+            count = counted(self._retagged, "frame")
+            remarks.append(f"{self._name} changes its colours {self._new_colours}; {count} kept the numbers they have.")
         return remarks
+
+
+def _colours(transfer: int, primary: int) -> str:
+    """Describe colour tags: ``transfer pq, primaries bt2020``."""
+    names = tag_name(transfers, transfer), tag_name(primaries, primary)
+    return ", ".join(
+        f"{kind} {name or 'untagged'}" for kind, name in zip(("transfer", "primaries"), names, strict=True)
+    )
 
 
 def is_on_its_side(matrix: tuple[int, ...] | None) -> bool:

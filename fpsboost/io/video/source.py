@@ -180,7 +180,8 @@ class VideoSource(ClosesOnExit):
                     raise InputError(sentence)
                 self._refused = sentence
                 self.remarks.append(wrong_colours_remark(self._name))
-            self._unifier = FormatUnifier(self._name, picture, traits, self._decoding.size_change == "stop")
+            stops, aspect = self._decoding.size_change == "stop", self._pictures.aspect_of(picture)
+            self._unifier = FormatUnifier(self._name, picture, traits, stops, aspect)
         return self._unifier
 
     def __iter__(self) -> Iterator[Frame]:
@@ -226,7 +227,7 @@ class VideoSource(ClosesOnExit):
         """Yield the pictures, all alike, with the times that the file gives them."""
         end: Fraction | None = None
         for number, decoded in enumerate(self._pictures, self._first):
-            picture = unifier.unified(decoded, number)
+            picture = unifier.unified(decoded, number, self._pictures.aspect_of(decoded))
             time = self._clock.time_of(picture, end, self._pictures.damage)
             end = time + self._clock.duration_of(picture)
             yield picture, time

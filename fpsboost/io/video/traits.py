@@ -15,10 +15,18 @@ from fpsboost.colour import Coding
 from fpsboost.errors import InputError
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.side_data import described, is_ordinary, side_data_of, stereo_mode_of
-from fpsboost.io.video.ycc import PLANAR_FORMATS, bgr_of, chroma_location_of, color_space_of, is_full_range
+from fpsboost.io.video.ycc import PLANAR_FORMATS, UNSPECIFIED, bgr_of, chroma_location_of, color_space_of, is_full_range
 
 DYNAMIC_HDR_SIDE_DATA = {"DYNAMIC_HDR_PLUS", "DYNAMIC_HDR_VIVID", "DOVI_METADATA", "DOVI_RPU_BUFFER"}
 """Types of FFmpeg's side data that hold dynamic HDR metadata."""
+
+matrices = {0: "rgb", 1: "bt709", 4: "fcc", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020nc", 10: "bt2020c"}
+primaries = {1: "bt709", 4: "bt470m", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020", 12: "smpte432"}
+transfers = {
+    **{1: "bt709", 4: "gamma22", 5: "gamma28", 6: "smpte170m", 7: "smpte240m", 8: "linear", 11: "iec61966-2-4"},
+    **{13: "srgb", 14: "bt2020-10", 15: "bt2020-12", 16: "pq", 18: "hlg"},
+}
+"""Common names of FFmpeg's colour tags, by number; a tag without a name is shown as its number."""
 
 UPRIGHT = struct.pack("=9i", 1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 30)
 """Display matrix that changes nothing, as of EXIF."""
@@ -157,3 +165,8 @@ def coding_of(traits: VideoTraits) -> Coding | None:
     bits = av.VideoFormat(traits.pixel_format).components[0].bits
     location, pixel_format = traits.chroma_location, traits.pixel_format
     return Coding(bits, traits.color_space, traits.full_range, location, pixel_format, bgr_of)
+
+
+def tag_name(names: dict[int, str], number: int) -> str | None:
+    """Return the common name of a colour tag; None if it is unspecified."""
+    return None if number == UNSPECIFIED else names.get(number, str(number))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import av
 import av.filter
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -253,13 +255,15 @@ def test_a_wrong_stream_lists_the_videos(tmp_path, wanted):
 # ---------------------------------------------------------------------------------------------------------- their sizes
 
 
-def changing(folder: Path, *parts: dict) -> Path:
-    """One stream of several parts, five frames each."""
+def changing(folder: Path, *parts: dict, options: dict[str, str] | None = None) -> Path:
+    """One stream of several parts, five frames each; where options of the encoder are given, a pause between them."""
     data = []
+    step = 8 if options else 5
+    options = options or {"preset": "ultrafast", "bf": "0"}
     for number, part in enumerate(parts):
         name = folder / f"part{number}.ts"
-        times = range(5 * number, 5 * number + 5)
-        data.append(write_clip(name, times=times, options={"preset": "ultrafast", "bf": "0"}, **part).read_bytes())
+        times = range(step * number, step * number + 5)
+        data.append(write_clip(name, times=times, options=options, **part).read_bytes())
     clip = folder / "in.ts"
     clip.write_bytes(b"".join(data))
     return clip
@@ -286,7 +290,7 @@ def test_a_change_of_size_stops_or_scales(tmp_path):
     [
         {"pixel_format": "yuv444p10le"},
         {"pixel_format": "yuvj444p", "color_range": 2},
-        {"size": (80, 96), "colorspace": 1, "color_range": 1},
+        {"size": (72, 96), "colorspace": 1, "color_range": 1},
     ],
     ids=["deep", "full range", "other matrix"],
 )
@@ -307,9 +311,71 @@ def test_a_range_that_changes_is_always_converted(tmp_path):
     """Nobody need ask for it, since no size changes: frames after it look like those before."""
     clip = changing(tmp_path, {"colorspace": 5, "color_range": 1}, {"pixel_format": "yuvj420p", "color_range": 2})
     frames, remarks = read(clip)
-    assert "changes its colour matrix or range; 5 frames were converted to the first's" in remarks[-1]
+    assert "changes its colour matrix or range at frame 5; 5 frames were converted to the first's" in remarks[-1]
     assert {frame.original.color_range for frame in frames} == {1}
     assert np.abs(frames[9].image.astype(float) - frames[4].image).mean() < 2
+
+
+@pytest.mark.parametrize("options", [{"bf": "0"}, {"bf": "3", "b-adapt": "0"}], ids=["in order", "reordered"])
+@pytest.mark.parametrize(
+    ("first", "later", "change", "shown"),
+    [
+        (
+            {"sample_aspect_ratio": Fraction(16, 15)},
+            {"sample_aspect_ratio": Fraction(64, 45)},
+            "from 64x48 yuv420p with pixels of 16:15 to 64x48 yuv420p with pixels of 64:45 at frame 5",
+            (36, 64),
+        ),
+        (
+            {"sample_aspect_ratio": Fraction(4, 3)},
+            {},
+            "from 64x48 yuv420p with pixels of 4:3 to 64x48 yuv420p with pixels of 1:1 at frame 5",
+            (48, 48),
+        ),
+        ({}, {"size": (96, 64)}, "from 64x48 yuv420p to 64x96 yuv420p at frame 5", (48, 32)),
+    ],
+    ids=["wider pixels", "narrower pixels", "higher"],
+)
+def test_another_shape_is_not_squeezed(tmp_path, first, later, change, shown, options):
+    """Pictures of another shape, by their size or their pixels', stop, or are scaled with black beside them."""
+    clip = changing(tmp_path, first, later, options={"preset": "ultrafast", **options})
+    with pytest.raises(InputError, match=re.escape(change)):
+        read(clip)
+    frames, remarks = read(clip, SCALE)
+    assert f"changes {change}; 5 frames were made like the first" in remarks[-1]
+    assert {frame.image.shape for frame in frames} == {(48, 64, 3)}
+    assert np.abs(frames[4].image - scene(4).astype(float)).mean() < 12
+    height, width = shown
+    top, left = (48 - height) // 2, (64 - width) // 2
+    truth = cv2.resize(scene(4, *later.get("size", (48, 64))), (width, height), interpolation=cv2.INTER_AREA)
+    for frame in frames[5:]:
+        part = frame.image[top : top + height, left : left + width]
+        beside = frame.image.astype(float).sum() - part.astype(float).sum()
+        assert beside / max(1, frame.image.size - part.size) < 3
+    assert np.abs(part - truth.astype(float)).mean() < 12
+    assert {frame.original.color_range for frame in frames} == {frames[0].original.color_range}
+
+
+@pytest.mark.parametrize(
+    ("later", "change", "stops"),
+    [
+        ({"color_trc": 16}, "from transfer bt709, primaries bt709 to transfer pq, primaries bt709 at frame 5", True),
+        ({"color_primaries": 9}, "primaries bt709 to transfer bt709, primaries bt2020 at frame 5", True),
+        ({"color_trc": 6}, "to transfer smpte170m, primaries bt709 at frame 5", False),
+        ({"color_primaries": 5}, "to transfer bt709, primaries bt470bg at frame 5", False),
+        ({"color_trc": 2}, "to transfer untagged, primaries bt709 at frame 5", False),
+    ],
+)
+def test_colours_that_change_are_said(tmp_path, later, change, stops):
+    """HDR or wide colours within ordinary ones stop, or keep their numbers if asked; what looks alike is remarked."""
+    first = {"color_trc": 1, "color_primaries": 1}
+    clip = changing(tmp_path, first, {**first, **later})
+    if stops:
+        with pytest.raises(InputError, match=re.escape(change)):
+            read(clip)
+    frames, remarks = read(clip, SCALE if stops else DecodeOptions())
+    assert f"{change}; 5 frames kept the numbers they have." in remarks[-1]
+    assert {(frame.original.color_trc, frame.original.color_primaries) for frame in frames} == {(1, 1)}
 
 
 def test_sizes_that_change_can_be_deinterlaced(tmp_path):
