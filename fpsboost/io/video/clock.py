@@ -18,7 +18,7 @@ import av
 import av.container
 import av.stream
 
-from fpsboost.io.video.demuxer import Demuxer, clock_may_jump, read_packets
+from fpsboost.io.video.demuxer import Demuxer, clock_may_jump, is_encrypted, read_packets
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import Damage, counted
 from fpsboost.timing.schedule import is_implausible
@@ -151,8 +151,11 @@ def assumed_rate_remark(name: str) -> str:
     return f"{name} does not say its frame rate; {ASSUMED_RATE} frames per second assumed."
 
 
-def survey(container: av.container.InputContainer, video: int) -> tuple[list[int], Fraction]:
+def survey(container: av.container.InputContainer, video: int) -> tuple[list[int], Fraction, Fraction | None]:
     """Return the times of a stream's pictures in ticks, and the start of the file on its own clock in seconds.
+
+    The third is how long the pictures last that are before an encrypted one, or None; in a file with an index, only
+    the first one is looked at.
 
     Times are all that the index lists, or those of the first packets, in increasing order. The clocks of transmitters,
     cameras and streaming servers start at an arbitrary time, so the start of a file becomes time 0. If the clock starts
@@ -162,8 +165,8 @@ def survey(container: av.container.InputContainer, video: int) -> tuple[list[int
     stream, keeps_delays = container.streams[video], container.format.name.startswith(EDIT_LIST_FORMAT)
     is_complete = stream.frames and len(stream.index_entries) == stream.frames
     listed = sorted({entry.timestamp for entry in stream.index_entries}) if is_complete else []
-    if listed and keeps_delays:
-        return listed, Fraction(0)
+    most = 1 if listed and keeps_delays else MAX_SURVEY_PACKETS
+    clear: Fraction | None = None
     times: list[int] = []
     can_begin = False
     starts: dict[int, Fraction] = {}
@@ -174,17 +177,19 @@ def survey(container: av.container.InputContainer, video: int) -> tuple[list[int
             if index == video:
                 times.append(packet.pts)
                 can_begin = can_begin or packet.is_keyframe
+                if clear is None and is_encrypted(packet):
+                    clear = (packet.pts - times[0]) * Fraction(packet.time_base)
             if index != video or can_begin:  # pictures before the first keyframe cannot be decoded
                 time = packet.pts * Fraction(packet.time_base)
                 starts[index] = min(time, starts.get(index, time))
         count += index == video
         size += packet.size
-        if count >= MAX_SURVEY_PACKETS or size >= MAX_SURVEY_BYTES:
+        if count >= most or size >= MAX_SURVEY_BYTES:
             break
     start = min(starts.values(), default=Fraction(0))
     if keeps_delays or (start < 0 and not clock_may_jump(container)):
         start = Fraction(0)
-    return listed or sorted(set(times)), start
+    return listed or sorted(set(times)), start, clear
 
 
 @dataclass(frozen=True)

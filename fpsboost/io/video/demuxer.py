@@ -15,7 +15,7 @@ from av.format import Flags
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.io.video.pyav import open_input
-from fpsboost.io.video.remarks import Damage
+from fpsboost.io.video.remarks import Damage, encrypted_sentence
 from fpsboost.threads import available_cores
 
 STILL_CODECS = ("png", "mjpeg", "bmp", "gif", "tiff", "webp")
@@ -49,12 +49,15 @@ class Demuxer:
     """Video file with one of its video streams chosen, which can be read again from its beginning.
 
     On the file's own clock in seconds, `furthest` is the end of all packets of video, sound and subtitles read so far,
-    and `last_start` the presentation time of the last video packet.
+    and `last_start` the presentation time of the last video packet. Reading ends at a video packet that is encrypted;
+    `clear` is how long the pictures before it last, or None if there is none.
     """
 
     def __init__(self, path: Path, name: str, wanted: int | None) -> None:
         self._path, self._name, self._wanted = path, name, wanted
         self.furthest = self.last_start = Fraction(0)
+        self.clear: Fraction | None = None
+        self._first: Fraction | None = None
         self._open()
 
     def _open(self) -> None:
@@ -71,9 +74,16 @@ class Demuxer:
     def packets(self, damage: Damage) -> Iterator[av.Packet[Any]]:
         """Yield the video stream's packets from where the file is, and update `damage`, `furthest` and `last_start`."""
         video, streams = self.stream.index, self.container.streams
+        self.clear = None
         companions = {stream.index for stream in (*streams.audio, *streams.subtitles)}
         for packet in read_packets(self.container, {video, *companions}, damage):
             start = packet.pts if packet.pts is not None else packet.dts
+            if packet.stream.index == video:
+                place = (start or 0) * Fraction(packet.time_base)
+                self._first = place if self._first is None else self._first
+                if is_encrypted(packet):
+                    self.clear = place - self._first
+                    return
             if start is not None and packet.time_base:
                 tick = Fraction(packet.time_base)
                 self.furthest = max((start + (packet.duration or 0)) * tick, self.furthest)
@@ -133,7 +143,14 @@ def choose_video(container: av.container.InputContainer, name: str, wanted: int 
     chosen = max(moving, key=_score) if wanted is None else videos[wanted]
     if chosen.codec_context is None:
         raise InputError(f"{name} uses a video codec that cannot be decoded here; convert it to H.264 first.")
+    if "enc_key_id" in chosen.metadata or "ASF_Protection_Type" in container.metadata:
+        raise InputError(encrypted_sentence(name))
     return chosen
+
+
+def is_encrypted(packet: av.Packet[Any]) -> bool:
+    """Return whether a packet is encrypted as in MP4, one by one; other containers encrypt whole streams."""
+    return bool(packet.has_sidedata("encryption_info"))
 
 
 def left_out_remarks(container: av.container.InputContainer, chosen: av.VideoStream, name: str) -> list[str]:

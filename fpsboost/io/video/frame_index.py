@@ -16,7 +16,7 @@ import av.error
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.io.video.demuxer import read_packets
+from fpsboost.io.video.demuxer import is_encrypted, read_packets
 from fpsboost.io.video.pyav import open_input
 from fpsboost.io.video.remarks import Damage
 
@@ -62,6 +62,8 @@ def read_index(path: Path, video: int) -> FrameIndex:
             for place, packet in enumerate(read_packets(container, {video}, damage)):
                 if packet.pts is None:
                     raise UnindexedError("some of its packets have no time")
+                if is_encrypted(packet):
+                    raise UnindexedError("it is encrypted")
                 if packet.is_corrupt:
                     raise UnindexedError("some of its packets are damaged")
                 pts.append(packet.pts)

@@ -17,9 +17,10 @@ import av.container
 import av.error
 from av.subtitles.subtitle import AssSubtitle, SubtitleSet
 
+from fpsboost.errors import InputError
 from fpsboost.io.output import Output, VideoFile
 from fpsboost.io.trim import Window
-from fpsboost.io.video.demuxer import is_cover_art, open_video, read_packets
+from fpsboost.io.video.demuxer import is_cover_art, is_encrypted, open_video, read_packets
 from fpsboost.io.video.encoded_sound import EncodedSound, output_time
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, containers
 from fpsboost.io.video.fitting import Fitting, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
@@ -257,6 +258,10 @@ class OtherStreams:
         """Mux one packet, unless its decoding time runs backwards, which no container accepts."""
         assert packet.dts is not None
         index, kind = packet.stream.index, packet.stream.type
+        end = None if self._window is None else self._window.end
+        if is_encrypted(packet) and (end is None or packet.dts * Fraction(packet.time_base) < end):
+            without = {"audio": "`audio=False`", "subtitle": "`subtitles=False`"}.get(kind, "a copy without it")
+            raise InputError(f"{self._source.name} has encrypted {kind} (DRM) in stream {index}; take {without}.")
         if index not in self._sounds and self._window is not None and not self._move(packet, self._window):
             return
         last = self._last_dts.get(index)

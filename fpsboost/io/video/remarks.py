@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -58,6 +59,16 @@ def counted(count: int, what: str) -> str:
 def interlaced_remark(name: str, which: str = "", advice: str = "deinterlace it first") -> str:
     """Return the remark on an interlaced clip; `which` may restrict it: `` in 2 of 10 frames``."""
     return f"{name} is interlaced{which} and its fields were taken as whole pictures; {advice} for smooth motion."
+
+
+def encrypted_sentence(name: str, begin: Fraction = Fraction(0)) -> str:
+    """Return the sentence that a video is encrypted from a time on, seconds."""
+    if begin <= 0:
+        return f"{name} is encrypted (DRM) and cannot be decoded; name a copy that is not."
+    end = f"{math.floor(begin * 1000) / 1000:.3f}".rstrip("0").rstrip(".")
+    return (
+        f"{name} is encrypted (DRM) from {end} s on and cannot be decoded there; `end={end}` converts what is before."
+    )
 
 
 def lost_alpha_remark(name: str) -> str:

@@ -42,6 +42,7 @@ from fpsboost.io.video.remarks import (
     counted,
     cropped_remark,
     dolby_vision_sentence,
+    encrypted_sentence,
     lost_alpha_remark,
     lost_companions_remark,
     lost_shape_remark,
@@ -115,7 +116,7 @@ class VideoSource(ClosesOnExit):
             width, height = width - left - right, height - top - bottom
             self.remarks.append(cropped_remark(self._name, (context.width, context.height), (width, height)))
         with open_video(self.path, self._name) as file:
-            times, start = survey(file, stream.index)
+            times, start, clear = survey(file, stream.index)
         tick = as_fraction(stream.time_base)
         cadence = None if tick is None else measured_cadence(times, tick)
         coded_rate, rate_is_known = nominal_rate(stream, cadence)
@@ -124,6 +125,7 @@ class VideoSource(ClosesOnExit):
         tick = tick or 1 / coded_rate
         fields = 2 if self._decoding.deinterlace else 1
         self._clock = VideoClock(self._demuxer, start, tick, tick / fields, coded_rate * fields)
+        self._check_clear(clear)
         companions = ["sound"] * bool(streams.audio) + ["subtitles"] * bool(streams.subtitles)
         self.file = VideoFile(self.path, self._name, stream.index, start, coded_rate, companions)
         return ClipInfo(
@@ -136,6 +138,12 @@ class VideoSource(ClosesOnExit):
             duration=stream.duration * tick if stream.duration and stream.duration > 0 else None,
             mean_rate=None if cadence is None else cadence.mean_rate * fields,
         )
+
+    def _check_clear(self, clear: Fraction | None) -> None:
+        """Raise `InputError` unless the part to be read ends before what is encrypted, after `clear` seconds."""
+        end = self._decoding.trim.end
+        if clear is not None and (end is None or end.seconds(self._clock.rate) > clear):
+            raise InputError(encrypted_sentence(self._name, clear))
 
     def _prepare_for_images(self) -> None:
         traits = self.traits
@@ -166,6 +174,7 @@ class VideoSource(ClosesOnExit):
         if self._unifier is None:
             picture = self._pictures.peek()
             if picture is None:
+                self._check_clear(self._demuxer.clear)
                 raise InputError(f"{self._name} holds no frame that can be decoded; check it with a player.")
             # The header may be wrong or silent about the size; the first picture is not.
             self._limit.check(self._name, picture.width, picture.height)
@@ -215,13 +224,15 @@ class VideoSource(ClosesOnExit):
                     end = time + duration
                 image = self._convert(picture) if coding is None else in_planes(picture, coding)
                 yield Frame(image, time, duration, None if self._for_images else picture)
+            self._check_clear(self._demuxer.clear)
             if end is None:  # `traits` has decoded a frame, and the first one is never left out
                 raise InputError(f"{self._name} has ended before frame {self._dropped}; begin at an earlier one.")
         finally:  # also where not all of the clip was asked for
             self.remarks += self._pictures.interlacing_remarks()
             self.remarks += unifier.remarks()
             self.remarks += damage.remarks(self._name, count)
-        self.remarks += clock.early_end_remarks(self._name, end, count, self.info.frame_count)
+        if self._demuxer.clear is None:
+            self.remarks += clock.early_end_remarks(self._name, end, count, self.info.frame_count)
 
     def _timed(self, unifier: FormatUnifier) -> Iterator[tuple[av.VideoFrame, Fraction]]:
         """Yield the pictures, all alike, with the times that the file gives them."""

@@ -1,0 +1,79 @@
+"""Files that cannot or may not be read: the sentence says why, and what to do."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import pytest
+from video_truth import add_pictures, copy_packets, pictures_of, write_clip
+
+from fpsboost import convert
+from fpsboost.errors import InputError
+from fpsboost.io.video import clock, demuxer
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.source import VideoSource
+from fpsboost.timing.position import Position, Trim
+
+KEYS = {
+    "encryption_scheme": "cenc-aes-ctr",
+    "encryption_key": "76a6c65c5ea762046bd749a2e632ccbb",
+    "encryption_kid": "a7e61c373e219033c21091fa607bf3b8",
+}
+FAST = Encoding(preset="ultrafast")
+
+
+def write_encrypted_matroska(path: Path) -> Path:
+    """A clip whose stream says that it is encrypted, in place of its title."""
+    with av.open(str(path), "w") as output:
+        stream, packets = add_pictures(output)
+        stream.metadata["title"] = "x" * 40
+        output.mux(packets)
+    key = b"\x47\xe2\x84\x01\x02\x03\x04"  # of ContentEncKeyID; below, of ContentEncryption, its type, and its parents
+    method = b"\x50\x35" + bytes([0x80 + len(key)]) + key
+    entry = b"\x62\x40" + bytes([0x84 + len(method)]) + b"\x50\x33\x81\x01" + method
+    whole = b"\x6d\x80" + bytes([0x80 + len(entry)]) + entry
+    title = b"\x53\x6e\xa8" + b"x" * 40
+    data = path.read_bytes()
+    assert data.count(title) == 1
+    void = b"\xec" + bytes([0x80 + len(title) - len(whole) - 2])
+    path.write_bytes(data.replace(title, (whole + void).ljust(len(title), b"\0")))
+    return path
+
+
+@pytest.mark.parametrize("kind", ["mp4", "mov", "mkv"])
+def test_an_encrypted_file_is_refused_before_work(tmp_path, kind):
+    """Where its packets say so one by one, and where its stream does."""
+    clip = tmp_path / f"in.{kind}"
+    if kind == "mkv":
+        write_encrypted_matroska(clip)
+    else:
+        copy_packets(write_clip(tmp_path / "clear.mkv", sound="aac"), clip, **KEYS)
+    with pytest.raises(InputError, match=r"in\.\w+ is encrypted \(DRM\) and cannot be decoded; name a copy"):
+        VideoSource(clip)
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv"])  # with an index, and surveyed
+def test_what_is_clear_of_an_encrypted_file_is_converted_on_request(tmp_path, monkeypatch, suffix):
+    """Up to the time that the refusal names; nothing else is written."""
+    clip, output = write_clip(tmp_path / f"in{suffix}", times=range(20)), tmp_path / "out.mp4"
+    for module in (clock, demuxer):
+        monkeypatch.setattr(module, "is_encrypted", lambda packet: packet.pts * packet.time_base >= Fraction(2, 5))
+    for end in (None, Position(Fraction(1, 2))):
+        with pytest.raises(InputError, match=r"is encrypted \(DRM\) from 0\.4 s on .*; `end=0.4` converts"):
+            convert(str(clip), str(output), method="nearest", decoding=DecodeOptions(Trim(end=end)), encoding=FAST)
+        assert not output.exists()
+    clear = DecodeOptions(Trim(end=Position(Fraction(2, 5))))
+    summary = convert(str(clip), str(output), method="nearest", decoding=clear, encoding=FAST)
+    assert len(pictures_of(output)) == 20
+    assert not summary.remarks
+
+
+def test_encrypted_sound_is_refused_and_can_be_left_out(tmp_path, monkeypatch):
+    """Where the pictures are clear."""
+    clip = write_clip(tmp_path / "in.mkv", sound="aac")
+    monkeypatch.setattr("fpsboost.io.video.other_streams.is_encrypted", lambda packet: packet.stream.type == "audio")
+    with pytest.raises(InputError, match=r"in\.mkv has encrypted audio \(DRM\) in stream 1; take `audio=False`\."):
+        convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST)
