@@ -180,6 +180,7 @@ def run_in_parallel(
                 future.set_result(job())
             except BaseException as error:
                 future.set_exception(error)
+            del item, future, job  # what a finished job holds is free while the thread waits
         waiting.put(End())  # for the next thread
 
     def stop() -> None:

@@ -150,7 +150,7 @@ def test_the_option_reaches_every_kind_of_input(fpsboost_, tmp_path, save_images
     """Refused with it, converted with more of it; nothing is left behind."""
     write_clip(tmp_path / "in.mp4", times=range(3))
     save_images(tmp_path / "in", count=2)
-    for arguments in (("in.mp4", "out.mp4"), ("in", "out"), ("in.mp4", "out")):
+    for arguments in (("in.mp4", "out.mp4"), ("in", "out"), ("in.mp4", "out/")):
         refused = fpsboost_(*arguments, "--method", "nearest", "--max-memory", "1M")
         assert refused.code == 1
         assert refused.lines[0].startswith("fpsboost: in")
