@@ -169,15 +169,24 @@ class Findings:
             last = group[0]
 
 
-def probe(path: str, input_fps: Fraction | None = None, stream: int | None = None) -> Probe:
+def probe(
+    path: str, input_fps: Fraction | None = None, stream: int | None = None, *, allow_playlists: bool = False
+) -> Probe:
     """Read a clip to its end and return its properties; see `fpsboost.io.opening.open_source` about errors.
 
-    `input_fps` is the rate of images, 24 by default; `stream` is the number of a video's stream.
+    `input_fps` is the rate of images, 24 by default; `stream` is the number of a video's stream, and
+    `allow_playlists` reads playlists and the files that they name.
     """
     # A size that changes or wrong colours are to be reported, though a conversion would stop there.
     may_change = Path(path).is_file() and not is_animation(Path(path))
     size_change: SizeChange = "scale" if may_change else "stop"
-    decoding = DecodeOptions(input_fps=input_fps, stream=stream, size_change=size_change, force_colours=may_change)
+    decoding = DecodeOptions(
+        input_fps=input_fps,
+        stream=stream,
+        size_change=size_change,
+        force_colours=may_change,
+        allow_playlists=allow_playlists,
+    )
     with open_source(path, requirements=TargetRequirements(layers=True), decoding=decoding) as source:
         beside = source.stream_info
         has_clock = beside.images is None

@@ -31,6 +31,7 @@ def probe(
     *,
     input_fps: Annotated[str | None, Parameter(group=options, metavar="RATE")] = None,
     stream: Annotated[int | None, Parameter(group=options, metavar="N")] = None,
+    allow_playlists: Annotated[bool, Parameter(group=options)] = False,
     json: Annotated[bool, Parameter(group=options)] = False,
 ) -> None:
     """Describe a clip, and what a conversion would keep of it.
@@ -43,6 +44,8 @@ def probe(
         Frames per second of input images; else 24.
     stream
         Number of the video stream in its file; else the largest.
+    allow_playlists
+        Read playlists and the files that they name.
     json
         Plain JSON on standard output.
     """
@@ -51,7 +54,7 @@ def probe(
 
     rate = None if input_fps is None else parse_rate(input_fps, "`input_fps`")
     with Console(stderr=True, quiet=json).status("reading"):
-        result = run(input, rate, stream)
+        result = run(input, rate, stream, allow_playlists=allow_playlists)
     result = replace(
         result,
         remarks=[in_flags(remark) for remark in result.remarks],

@@ -144,6 +144,7 @@ class Hiding:
         given = {f"--{name.replace('_', '-')}": own[name] for name in names if own[name] != usual[name]}
         words = [word for option, value in given.items() for word in (option, str(value))]
         flags = {"--deinterlace": self.decoding.deinterlace, "--force-colours": self.decoding.force_colours}
+        flags["--allow-playlists"] = self.decoding.allow_playlists
         return [*words, *(flag for flag, is_given in flags.items() if is_given)]
 
     def as_json(self) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from fpsboost.io.images.source import ImageReading, ImageSource, is_pattern
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.video.capture import CaptureSource
 from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.demuxer import check_is_no_playlist
 from fpsboost.io.video.pipe import PipeSource
 from fpsboost.io.video.source import VideoSource
 
@@ -94,7 +95,9 @@ def open_source(
             return ImageSource(path, input_fps or ASSUMED_IMAGE_RATE, reading, limit=limit)
         if decoding.decoder == "opencv":
             _check_has_own_rate(input_fps, path)
-            if decoding.given != ["`decoder`"]:
+            if Path(path).is_file() and not decoding.allow_playlists:
+                check_is_no_playlist(Path(path), path)
+            if {*decoding.given} - {"`allow_playlists`"} != {"`decoder`"}:
                 raise OptionError(f"{' and '.join(decoding.given)} do not go together; OpenCV reads a video as it is.")
             return CaptureSource(path, limit=limit)
         return _open_file(path, input_fps, requirements, decoding, limit)

@@ -32,6 +32,8 @@ class VideoFile:
     """Nominal frames per second of the coded pictures; fields made into frames double the source's rate."""
     companions: Sequence[str]
     """Kinds of streams beside the pictures: ``sound``, ``subtitles``, both or neither."""
+    playlists: bool = False
+    """Whether it may be a playlist, for which other files are read."""
 
 
 @dataclass(frozen=True)

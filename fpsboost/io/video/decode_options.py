@@ -35,6 +35,8 @@ class DecodeOptions:
     size_change : {'stop', 'scale'}
         If pictures change their size, pixel format or pixel shape, or are HDR and SDR: stop, or make all of them like
         the first one, with black beside those of another shape; the colours of HDR are not converted.
+    allow_playlists : bool
+        Read playlists (.m3u8, .mpd, scripts of FFmpeg's concat), and whatever other files and addresses they name.
     force_colours : bool
         Take pictures of Dolby Vision that are no ordinary video (profile 5) for ordinary ones, in wrong colours.
     decoder : {'ffmpeg', 'opencv'}
@@ -59,6 +61,7 @@ class DecodeOptions:
     stream: int | None = option(None, "Video stream, numbered as in probe; else the largest.")
     deinterlace: bool = option(False, "Make one frame per field: 50 per second from 25i.")
     size_change: SizeChange = option("stop", "If the frame size changes: stop or scale.")
+    allow_playlists: bool = option(False, "Read playlists and the files that they name.")
     force_colours: bool = option(False, "Convert Dolby Vision of profile 5, in wrong colours.")
     decoder: Decoder = option("ffmpeg", "Decode videos with ffmpeg or opencv.")
     passes: str | None = option(

@@ -53,15 +53,15 @@ class Demuxer:
     `clear` is how long the pictures before it last, or None if there is none.
     """
 
-    def __init__(self, path: Path, name: str, wanted: int | None) -> None:
-        self._path, self._name, self._wanted = path, name, wanted
+    def __init__(self, path: Path, name: str, wanted: int | None, *, playlists: bool = False) -> None:
+        self._path, self._name, self._wanted, self._playlists = path, name, wanted, playlists
         self.furthest = self.last_start = Fraction(0)
         self.clear: Fraction | None = None
         self._first: Fraction | None = None
         self._open()
 
     def _open(self) -> None:
-        self.container = open_video(self._path, self._name)
+        self.container = open_video(self._path, self._name, playlists=self._playlists)
         try:
             self.stream = choose_video(self.container, self._name, self._wanted)
         except BaseException:
@@ -108,7 +108,7 @@ class Demuxer:
         self.container.close()
 
 
-def open_video(path: Path, name: str) -> av.container.InputContainer:
+def open_video(path: Path, name: str, *, playlists: bool = False) -> av.container.InputContainer:
     """Open a file for demuxing, or raise `InputError` with a sentence about `name`."""
     if path.is_dir():
         raise InputError(f"{name} is a folder; name a video file, or a pattern of images inside it.")
@@ -116,15 +116,28 @@ def open_video(path: Path, name: str) -> av.container.InputContainer:
         raise InputError(f"{name} does not exist; check the path.")
     try:
         # An absolute path, because FFmpeg takes what stands before a colon in a relative one for a protocol.
-        container = open_input(str(path.absolute()))
+        container = open_input(str(path.absolute()), playlists=playlists)
     except PermissionError:
         raise InputError(f"{name} may not be read; check its permissions.") from None
     except (av.error.FFmpegError, OSError, ValueError):
+        if not playlists:
+            check_is_no_playlist(path, name)
         raise InputError(f"{name} is not a video file that can be read, or it is damaged at its beginning.") from None
     if container.format.name == "tty":  # FFmpeg shows any text file as a terminal session
         container.close()
         raise InputError(f"{name} is a text file; name a video file.")
     return container
+
+
+def check_is_no_playlist(path: Path, name: str) -> None:
+    """Raise `InputError` for a file of text that names other files to be read: HLS, DASH, SDP, scripts of concat."""
+    with path.open("rb") as file:
+        head = file.read(1000).lstrip(b"\xef\xbb\xbf \t\r\n")
+    if head.startswith((b"#EXTM3U", b"ffconcat version", b"v=0")) or b"<MPD" in head:
+        raise InputError(
+            f"{name} is a playlist, which other files would be read for; name the file that it plays, or pass "
+            "`allow_playlists=True`."
+        )
 
 
 def choose_video(container: av.container.InputContainer, name: str, wanted: int | None) -> av.VideoStream:

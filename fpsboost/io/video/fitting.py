@@ -61,7 +61,7 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
         )
     encoders: dict[int, str] = {}
     any_codec = False
-    with open_video(source.path, source.name) as file:
+    with open_video(source.path, source.name, playlists=source.playlists) as file:
         streams = [stream for stream in file.streams if is_wanted(stream, encoding)]
         strict = [stream for stream in streams if not is_text(stream)]
         samples = first_packets(file, strict)
@@ -224,7 +224,7 @@ class StreamFacts:
 
 def list_streams(file: VideoFile) -> list[StreamFacts]:
     """Return the properties of all streams in a file."""
-    with open_video(file.path, file.name) as container:
+    with open_video(file.path, file.name, playlists=file.playlists) as container:
         streams = list(container.streams)
         samples = first_packets(container, [stream for stream in streams if stream.type in ("audio", "subtitle")])
         return [_facts_of(stream, file.stream_index, samples.get(stream.index)) for stream in streams]

@@ -45,7 +45,7 @@ class UnindexedError(Exception):
     """The packets of a file do not give the times of its frames; the message is the reason, as a clause."""
 
 
-def read_index(path: Path, video: int) -> FrameIndex:
+def read_index(path: Path, video: int, *, playlists: bool = False) -> FrameIndex:
     """Read all packets of a video stream and return the index of its frames.
 
     Raises `UnindexedError` if packets lack times or share them, cannot be read, or become no frame of their own.
@@ -56,7 +56,7 @@ def read_index(path: Path, video: int) -> FrameIndex:
     keys: list[int] = []
     presented: list[int] = []
     try:
-        with open_input(str(path.absolute())) as container:
+        with open_input(str(path.absolute()), playlists=playlists) as container:
             stream = container.streams.get(video)[0]
             listed, codec = len(stream.index_entries), stream.codec_context.codec.canonical_name
             for place, packet in enumerate(read_packets(container, {video}, damage)):

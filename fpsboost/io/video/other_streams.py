@@ -56,7 +56,7 @@ class OtherStreams:
         self._window, self._fitting, self._encoding = plan.window, fitting, plan.encoding
         self._output, self._name, self._container, self._source = output, plan.path, container, source
         self.remarks: list[str] = []
-        self._input = open_video(source.path, source.name)
+        self._input = open_video(source.path, source.name, playlists=source.playlists)
         self._targets: dict[int, av.stream.Stream] = {}
         self._labels: dict[int, Labels] = {}
         self._last_dts: dict[int, int] = {}
@@ -321,7 +321,7 @@ def _attached_picture(source: VideoFile, index: int) -> av.Packet[Any] | None:
 
     The file is opened separately, since seeking back to the start afterwards would lose audio before time 0.
     """
-    with open_video(source.path, source.name) as file:
+    with open_video(source.path, source.name, playlists=source.playlists) as file:
         try:
             packet = next(iter(file.demux(file.streams[index])), None)
         except av.error.FFmpegError:

@@ -17,12 +17,23 @@ from av.codec.codec import UnknownCodecError
 KEEPS_UNDECODABLE_BYTES = int(av.__version__.partition(".")[0]) >= 19
 
 
-def open_input(file: Any) -> av.container.InputContainer:
-    """Open a path or a file object for demuxing; bytes of its texts that are not UTF-8 become U+FFFD."""
+formats_of_other_files = {"concat", "dash", "hls", "imf", "rtp", "rtsp", "sap", "sdp", "vobsub", "webm_dash_manifest"}
+"""FFmpeg's formats of files that name other files, or streams of a network, which are read in their place."""
+
+
+def open_input(file: Any, *, playlists: bool = False) -> av.container.InputContainer:
+    """Open a path or a file object for demuxing; bytes of its texts that are not UTF-8 become U+FFFD.
+
+    Without `playlists`, only the file itself may be read.
+    """
+    allowed = {}
+    if not playlists:
+        formats = ",".join(sorted(av.formats_available - formats_of_other_files))
+        allowed = {"format_whitelist": formats, "protocol_whitelist": "file"}
     if not KEEPS_UNDECODABLE_BYTES:
-        older: av.container.InputContainer = av.open(file, "r", metadata_errors="replace")
+        older: av.container.InputContainer = av.open(file, "r", metadata_errors="replace", container_options=allowed)
         return older
-    container: av.container.InputContainer = av.open(file, "r")
+    container: av.container.InputContainer = av.open(file, "r", container_options=allowed)
     for tags in (container.metadata, *(stream.metadata for stream in container.streams)):
         texts = printable(tags)
         tags.clear()

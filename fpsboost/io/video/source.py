@@ -88,7 +88,8 @@ class VideoSource(ClosesOnExit):
         self._keeps_planes = keeps_planes and not for_images
         self._decoding, self._limit = decoding or DecodeOptions(), limit or MemoryLimit()
         self.remarks: list[str] = []
-        self._demuxer = Demuxer(self.path, self._name, self._decoding.stream)
+        self._playlists = self._decoding.allow_playlists
+        self._demuxer = Demuxer(self.path, self._name, self._decoding.stream, playlists=self._playlists)
         try:
             self.info = self._read_header()
         except BaseException:
@@ -115,7 +116,7 @@ class VideoSource(ClosesOnExit):
             left, top, right, bottom = self._header.crop
             width, height = width - left - right, height - top - bottom
             self.remarks.append(cropped_remark(self._name, (context.width, context.height), (width, height)))
-        with open_video(self.path, self._name) as file:
+        with open_video(self.path, self._name, playlists=self._playlists) as file:
             times, start, clear = survey(file, stream.index)
         tick = as_fraction(stream.time_base)
         cadence = None if tick is None else measured_cadence(times, tick)
@@ -127,7 +128,7 @@ class VideoSource(ClosesOnExit):
         self._clock = VideoClock(self._demuxer, start, tick, tick / fields, coded_rate * fields)
         self._check_clear(clear)
         companions = ["sound"] * bool(streams.audio) + ["subtitles"] * bool(streams.subtitles)
-        self.file = VideoFile(self.path, self._name, stream.index, start, coded_rate, companions)
+        self.file = VideoFile(self.path, self._name, stream.index, start, coded_rate, companions, self._playlists)
         return ClipInfo(
             name=self._name,
             height=height,
@@ -286,7 +287,7 @@ class VideoSource(ClosesOnExit):
                 self._unindexed = str(reason)
         if self.frame_index is None:
             if self.info.frame_count is None and self.info.duration is None:
-                with open_video(self.path, self._name) as file:
+                with open_video(self.path, self._name, playlists=self._playlists) as file:
                     packets = sum(1 for _ in read_packets(file, {self.file.stream_index}, Damage()))
                 self.info = replace(self.info, frame_count=packets * (2 if self._decoding.deinterlace else 1))
             return None
@@ -353,7 +354,7 @@ class VideoSource(ClosesOnExit):
             raise UnindexedError("its container has no index of frames")
         if self._decoding.deinterlace:
             raise UnindexedError("its packets tell nothing of fields")
-        index = read_index(self.path, self.file.stream_index)
+        index = read_index(self.path, self.file.stream_index, playlists=self._playlists)
         times = [picture.pts for picture in islice(self._pictures, CHECKED_PICTURES)]
         is_right = times == index.ticks[:CHECKED_PICTURES].tolist() and not self._pictures.differ_from_packets
         self._reopen()

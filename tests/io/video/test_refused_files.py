@@ -11,6 +11,7 @@ from video_truth import add_pictures, copy_packets, pictures_of, write_clip
 
 from fpsboost import convert
 from fpsboost.errors import InputError
+from fpsboost.io.opening import open_source
 from fpsboost.io.video import clock, demuxer
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
@@ -77,3 +78,17 @@ def test_encrypted_sound_is_refused_and_can_be_left_out(tmp_path, monkeypatch):
     monkeypatch.setattr("fpsboost.io.video.other_streams.is_encrypted", lambda packet: packet.stream.type == "audio")
     with pytest.raises(InputError, match=r"in\.mkv has encrypted audio \(DRM\) in stream 1; take `audio=False`\."):
         convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST)
+
+
+@pytest.mark.parametrize("name", ["in.m3u8", "in.mp4"])
+def test_a_playlist_is_read_only_on_request(tmp_path, name):
+    """One of HLS, and a script of FFmpeg's concat under another name, which both name a file elsewhere."""
+    part, clip = write_clip(tmp_path / "part.ts", options={"preset": "ultrafast", "bf": "0"}), tmp_path / name
+    head = "#EXTM3U\n#EXT-X-TARGETDURATION:2\n#EXTINF:1," if name == "in.m3u8" else "ffconcat version 1.0"
+    clip.write_text(f"{head}\n{part.as_uri()}\n#EXT-X-ENDLIST\n" if name == "in.m3u8" else f"{head}\nfile part.ts\n")
+    for decoder in ("ffmpeg", "opencv"):
+        with pytest.raises(InputError, match=r"is a playlist, .* or pass `allow_playlists=True`\."):
+            open_source(str(clip), decoding=DecodeOptions(decoder=decoder))
+    allowed = DecodeOptions(allow_playlists=True)
+    convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", decoding=allowed, encoding=FAST)
+    assert len(pictures_of(tmp_path / "out.mp4")) == 20
