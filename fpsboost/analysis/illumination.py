@@ -1,8 +1,8 @@
 """Illumination compensation: fades, flashes and exposure changes are removed before motion is estimated.
 
 The report's similarity compares colours, so that under a flash every patch matches a wrong one best, and the picture
-tears. A gain and an offset for each colour model a fade, a flash or a change of exposure. The model is used only where
-it makes the frames more similar.
+tears. A gain and an offset for each colour model a fade, a flash or a change of exposure; a smooth map of gains models
+what lights up or darkens a part of the picture. Either is used only where it makes the frames more similar.
 """
 
 from __future__ import annotations
@@ -37,6 +37,33 @@ MIN_SCORE = 0.6
 MAX_GAIN = 8.0
 """Maximum gain; the minimum is its inverse. Gains beyond these would amplify noise into patterns."""
 
+LOCAL_SIDES = SMALL_COPY_SIDE, 2 * SMALL_COPY_SIDE
+"""Longer sides of the copies on which a local change of light is looked for, and if there seems to be one, measured."""
+
+LOCAL_SEARCH_RANGE = 1 / 12
+"""Search range on these copies, as a fraction of the longer side."""
+
+LOCAL_MOTION_PENALTY = 0.8
+"""Reduction of the similarity by motion as long as the longer side: what light has burnt out is found where it was."""
+
+LOCAL_MIN_GAIN = 0.1
+"""Minimum increase of the similarity around a pixel at which a local change of light is accepted."""
+
+LOCAL_MIN_SHARE = 2 / 3
+"""Minimum share of the dissimilarity around a pixel that the change explains: it is the cause, not one more freedom."""
+
+LOCAL_MIN_CHANGE = math.log(1.15)
+"""Minimum logarithm of the gain around a pixel, either way: patches match through what is less."""
+
+LOCAL_MIN_DETAIL = 0.1
+"""Minimum detail of the frame with less, as a share of that of the other: light leaves what it falls on to be seen."""
+
+LOCAL_CONSISTENCY_TOLERANCE = 1.5
+"""Limit of the forward-backward error of motion that confirms a change of light, pixels of the copies."""
+
+DARK = 0.02
+"""Brightness below which the ratio of two colours says little; 1 is white."""
+
 
 class _Colours(NamedTuple):
     """Mean and standard deviation of an image's colours, (C,) float32, and the largest value."""
@@ -48,29 +75,69 @@ class _Colours(NamedTuple):
 
 @dataclass(frozen=True)
 class IlluminationModel:
-    """Change of colours in [0, 1] from frame 0 to frame 1: ``gain * colour + offset``, both (C,) float32."""
+    """Change of colours in [0, 1] from frame 0 to frame 1: ``gain * colour + offset``.
+
+    Both are float32, (C,), or (h, w, C) for copies of the frames if the change is not the same everywhere.
+    """
 
     gain: NDArray[Any]
     offset: NDArray[Any]
 
     def undo(self, image1: Image) -> Image:
         """Return frame 1 under the illumination of frame 0, float32."""
-        matched: Image = (normalised(image1) - self.offset) / self.gain
+        matched: Image = (normalised(image1) - _at_pixels(self.offset, image1)) / _at_pixels(self.gain, image1)
         return matched
 
     def apply(self, image: Image, t: float, dtype: np.dtype[Any]) -> Image:
         """Return a float32 image under the illumination of frame 0 as it appears at time t, in the frames' `dtype`."""
-        lit: Image = image * (1 + (self.gain - 1) * np.float32(t)) + self.offset * np.float32(t)
+        gain, offset = (_at_pixels(values, image) for values in (self.gain, self.offset))
+        lit: Image = image * (1 + (gain - 1) * np.float32(t)) + offset * np.float32(t)
         if dtype == np.float32:
             return lit
         levels: Image = np.rint(lit.clip(0, 1) * np.iinfo(dtype).max).astype(dtype)
         return levels
 
 
+def _at_pixels(values: NDArray[Any], image: Image) -> NDArray[Any]:
+    """Return the values for the pixels of an image."""
+    if values.ndim == 1:
+        return values
+    height, width, channels = image.shape
+    return cv2.resize(values, (width, height), interpolation=cv2.INTER_CUBIC).reshape(height, width, channels)
+
+
 def estimate_illumination(image0: FrameCache, image1: FrameCache) -> IlluminationModel | None:
     """Estimate the illumination change between two frames; None if there is none, and of images with alpha."""
     if has_alpha(image0.pixels):
         return None
+    everywhere = _estimate_everywhere(image0, image1)
+    in_part = _estimate_in_part(image0, image1, None)
+    if everywhere is None:
+        return in_part
+    small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
+    candidates = [each for each in (in_part, _estimate_in_part(image0, image1, everywhere)) if each is not None]
+    scores = [sum(_measure_similarity(small0, small1, each)) / 2 for each in (everywhere, *candidates)]
+    best = max(scores)
+    # what is simpler needs no proof
+    return everywhere if best < scores[0] + MIN_SCORE_GAIN else candidates[scores.index(best) - 1]
+
+
+def _estimate_in_part(
+    image0: FrameCache, image1: FrameCache, everywhere: IlluminationModel | None
+) -> IlluminationModel | None:
+    """Estimate the change of light that only part of the picture has, on top of one that it shares; None if none."""
+    for side in LOCAL_SIDES:
+        small0, small1 = (image.cached(small_copy, side) for image in (image0, image1))
+        gain = _find_local_gain(small0, small1 if everywhere is None else everywhere.undo(small1))
+        if gain is None:
+            return None
+        offset = np.zeros_like(gain) if everywhere is None else gain * everywhere.offset
+        model = IlluminationModel(gain if everywhere is None else gain * everywhere.gain, offset)
+    return model
+
+
+def _estimate_everywhere(image0: FrameCache, image1: FrameCache) -> IlluminationModel | None:
+    """Estimate the change of light that the whole picture shares; None if there is none."""
     small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
     colours0, colours1 = (image.derived(_measure_colours) for image in (image0, image1))
     white = np.float32(max(1.0, colours0.largest, colours1.largest))
@@ -105,6 +172,94 @@ def _measure_similarity(small0: Image, small1: Image, illumination: Illumination
     in_light0 = _search(small0, illumination.undo(small1))
     in_light1 = _search(illumination.apply(small0, 1, small0.dtype), small1)
     return float(in_light0.similarity.mean()), float(in_light1.similarity.mean())
+
+
+def _find_local_gain(small0: Image, small1: Image) -> NDArray[Any] | None:
+    """Return the gain at each pixel of frame 1 where light changes in a part of the picture, else 1; None if nowhere.
+
+    Motion is found on frames without light first, then under the light that follows from it. A change of light is
+    accepted around pixels where it explains most of what differs, and as far as the frames are more similar by it.
+    """
+    reach = max(small0.shape[:2]) / SMALL_COPY_SIDE
+    is_changed = np.abs(np.log(_brightness(small1, reach) / _brightness(small0, reach))) > LOCAL_MIN_CHANGE
+    if not is_changed.any():
+        return None
+    before = _smoothed(_search_near(small0, small1)[1].similarity, reach)
+
+    def explains(gain: NDArray[Any], *fields: tuple[MotionField, MotionField]) -> NDArray[Any]:
+        confirmed = [field10.similarity * _returns(field10, field01)[0] for field01, field10 in fields]
+        gained = _smoothed(np.minimum.reduce(confirmed), reach) - before
+        change = _smoothed(np.abs(np.log(gain)).max(axis=2), reach)
+        least = np.maximum(LOCAL_MIN_SHARE * (1 - before), LOCAL_MIN_GAIN)
+        is_explained: NDArray[Any] = (gained > least) & (change > LOCAL_MIN_CHANGE) & is_changed
+        return is_explained
+
+    even0, even1 = _without_light(small0), _without_light(small1)
+    gain = _fit_locally(small0, small1, _search_near(even0, even1))
+    fields = _search_near(small0, small1 / gain)
+    if not explains(gain, fields).any():
+        return None
+    gain = _fit_locally(small0, small1, fields)
+    either = _search_near(small0, small1 / gain), _search_near(small0 * gain, small1)
+    is_explained = explains(gain, *either)
+    if not is_explained.any():
+        return None
+    similarity = np.minimum.reduce([field10.similarity for _, field10 in either])
+    more_similar = is_explained | (_smoothed(similarity, reach) > before + LOCAL_MIN_GAIN)
+    _, regions = cv2.connectedComponents(more_similar.astype(np.uint8))
+    accepted = np.isin(regions, np.unique(regions[is_explained])).astype(np.float32)
+    detail = [even.mean(axis=2)[accepted > 0].var() for even in (even0, even1)]
+    if min(detail) < LOCAL_MIN_DETAIL * max(detail):  # white or black, not lit
+        return None
+    share = _smoothed(cv2.dilate(accepted, np.ones((5, 5), np.uint8)), reach)
+    local: NDArray[Any] = gain ** share[..., np.newaxis]
+    return local
+
+
+def _search_near(small0: Image, small1: Image) -> tuple[MotionField, MotionField]:
+    """Search small copies for motion that is not fast."""
+    side, components = max(small0.shape[:2]), (contrast_components(small0), contrast_components(small1))
+    return search_fused(*components, math.ceil(LOCAL_SEARCH_RANGE * side), 2, "box", 0.09, LOCAL_MOTION_PENALTY / side)
+
+
+def _without_light(small: Image) -> Image:
+    """Return an image in which all surroundings of a pixel are equally bright."""
+    even: Image = small * (np.float32(0.5) / _brightness(small, max(small.shape[:2]) / 60))[..., np.newaxis]
+    return even
+
+
+def _brightness(small: Image, deviation: float) -> NDArray[Any]:
+    """Return the brightness around each pixel, which is above zero also where colours are not, (h, w)."""
+    brightness: NDArray[Any] = np.maximum(_smoothed(small.mean(axis=2), deviation), 0) + np.float32(DARK)
+    return brightness
+
+
+def _smoothed(values: NDArray[Any], deviation: float) -> NDArray[Any]:
+    """Return values smoothed by a Gaussian, in the same shape."""
+    smooth: NDArray[Any] = cv2.GaussianBlur(values, (0, 0), deviation, borderType=cv2.BORDER_REPLICATE)
+    return smooth.reshape(values.shape)
+
+
+def _returns(there: MotionField, back: MotionField) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return whether the way there and back ends where it began, 0 or 1, and the places in between, flat, (h, w)."""
+    height, width = there.similarity.shape
+    y, x = np.mgrid[:height, :width]
+    moved_x = (x + there.flow[..., 0]).astype(int).clip(0, width - 1)
+    moved_y = (y + there.flow[..., 1]).astype(int).clip(0, height - 1)
+    across = there.flow + back.flow[moved_y, moved_x]
+    return (across**2).sum(axis=2) < LOCAL_CONSISTENCY_TOLERANCE**2, moved_y * width + moved_x
+
+
+def _fit_locally(small0: Image, small1: Image, fields: tuple[MotionField, MotionField]) -> NDArray[Any]:
+    """Fit a gain around each pixel of frame 1 by least squares over pixels and their matches in frame 0."""
+    field01, field10 = fields
+    returns, places = _returns(field10, field01)
+    matched = small0.reshape(-1, small0.shape[2])[places]
+    weight = (field10.similarity.clip(0, 1) * np.where(returns, np.float32(1), np.float32(0.05)))[..., np.newaxis]
+    deviation = max(small0.shape[:2]) / 80
+    products, squares = (_smoothed(weight * matched * other, deviation) for other in (small1, matched))
+    gain: NDArray[Any] = (products + 1e-3) / (squares + 1e-3)
+    return gain.clip(1 / MAX_GAIN, MAX_GAIN).astype(np.float32)
 
 
 def _search(small0: Image, small1: Image) -> MotionField:

@@ -1,10 +1,11 @@
-"""Fades, flashes and exposure: found where the light changes, only there, and followed through."""
+"""Fades, flashes, exposure and lamps: found where the light changes, only there, and followed through."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
 
+import cv2
 import numpy as np
 import pytest
 from truth import affine, as_type, layers, noise, prepared, translation, waves
@@ -188,3 +189,89 @@ def test_a_fade_over_several_frames_is_one_scene():
         between = NLM.between(pair, [0.5], before, after)
         assert not between.scene_cut
         assert error(next(between.images), at(k / 2 + 0.25)) < 0.5
+
+
+# ----------------------------------------------------------------------------------------------------------- one place
+
+
+def spot(size=(180, 240), radius=0.3, place=(0.5, 0.5)):
+    """A Gaussian spot of light, its standard deviation and its place in heights and shares of the picture."""
+    y, x = np.mgrid[: size[0], : size[1]]
+    squared = (y - place[0] * size[0]) ** 2 + (x - place[1] * size[1]) ** 2
+    return np.exp(-squared / (2 * (radius * size[0]) ** 2))[..., np.newaxis]
+
+
+def lamp_clip(gain, lamp, shift=(6, -4), **options):
+    """A moving texture of which a lamp lights up a part, at any time."""
+    at = lit_clip(1, shift=shift, size=lamp.shape[:2], dtype=np.float32, **options)
+    return lambda t, dtype=np.uint8: as_type(0.7 * at(t) * (1 + (gain - 1) * lamp * t), dtype)
+
+
+def decibels(image, truth):
+    return -10 * np.log10(np.mean((image.astype(float) - truth) ** 2) / 255**2 + 1e-7)
+
+
+@pytest.mark.parametrize("shift", [(6, -4), (0, 0)])
+@pytest.mark.parametrize(
+    ("radius", "gain"),
+    [(0.05, 1.3), (0.05, 2), *((radius, gain) for radius in (0.15, 0.3, 0.5) for gain in (1.3, 2, 3))],
+)
+def test_a_spot_of_light_is_as_good_as_by_any_other_method(radius, gain, shift):
+    """At most half a decibel worse than the better of `dis` and mixing, or too near to the truth for anyone to see."""
+    at = lamp_clip(gain, spot(radius=radius), shift)
+    others = replace(methods["dis"], compensate_illumination=False, cuts=None), PLAIN
+    lit, *plain = (decibels(made(each, at(0), at(1)), at(0.5)) for each in (NLM, *others))
+    assert lit > min(max(plain) - 0.5, 47)
+
+
+@pytest.mark.parametrize("radius", [0.15, 0.5])
+def test_nothing_jumps_under_a_spot_of_light(radius):
+    """What does not move has hardly any motion in it, though the middle is burnt out; else vectors lead far away."""
+    at = lamp_clip(3, spot(radius=radius), (0, 0))
+    lit, unlit = (
+        max(abs(field.flow).max() for field in each.pair(*prepared(at(0), at(1))).fields) for each in (NLM, UNLIT)
+    )
+    assert lit < 2
+    assert unlit > 10
+
+
+@every_type
+@pytest.mark.parametrize("channels", [1, 3])
+def test_every_type_is_lit_in_one_place(dtype, channels):
+    """Right to one and a half levels of 255 and nearer than mixing, in the frames' own type."""
+    at = lamp_clip(2, spot(), channels=channels)
+    images = [made(each, at(0, dtype), at(1, dtype)) for each in (NLM, PLAIN)]
+    assert {image.dtype for image in images} == {np.dtype(dtype)}
+    lit, plain = (error(image, at(0.5, dtype)) for image in images)
+    assert lit < min(1.5, plain / 2)
+
+
+@pytest.mark.parametrize("gain", [1.5, 2, 3])
+@pytest.mark.parametrize("is_hard", [False, True])
+def test_a_lamp_over_a_third_of_the_picture_is_no_cut(gain, is_hard):
+    """Switched on or off while everything moves; with the light left alone it would be."""
+    lamp = np.zeros((180, 240, 1))
+    lamp[:, :80] = 1
+    lamp = lamp if is_hard else cv2.GaussianBlur(lamp, (0, 0), 12)[..., np.newaxis]
+    at = lamp_clip(gain, lamp)
+    for images in ((at(0), at(1)), (at(1), at(0))):
+        assert not ends(NLM.pair(*prepared(*images)))
+    assert gain < 3 or ends(replace(NLM, compensate_illumination=False).pair(*prepared(at(0), at(1))))
+
+
+def test_a_flash_in_one_place_is_followed_into_and_out_of():
+    """A flash of one frame, a lamp that fades up over three and a headlight that passes: no cut, nearer than mixing."""
+    at, shift = lit_clip(1, shift=(5, 2), size=(180, 240), dtype=np.float32), [0.3, 0.4, 0.5, 0.6]
+    lights = {
+        "flash": [0 * spot(), spot(), 0 * spot(), 0 * spot()],
+        "fade": [n / 3 * spot() for n in range(4)],
+        "headlight": [spot(radius=0.2, place=(0.6, x)) for x in shift],
+    }
+    for name, light in lights.items():
+        clip = [as_type(0.6 * at(n) * (1 + each), np.uint8) for n, each in enumerate(light)]
+        pairs = [NLM.pair(*each) for each in pairwise(prepared(*clip))]
+        for n, (before, pair, after) in enumerate(zip([None, *pairs], pairs, [*pairs[1:], None], strict=False)):
+            truth = as_type(0.6 * at(n + 0.5) * (1 + (light[n] + light[n + 1]) / 2), np.uint8)
+            between = NLM.between(pair, [0.5], before, after)
+            assert not between.scene_cut, name
+            assert error(next(between.images), truth) < error(made(PLAIN, *clip[n : n + 2]), truth) / 2, name
