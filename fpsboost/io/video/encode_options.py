@@ -65,8 +65,8 @@ class Encoding:
         FFmpeg's own options of the encoder; they override everything above.
     audio_codec : str, optional
         Format that audio in another format is re-encoded in: ``aac``, ``opus``, ``mp3``, ``ac3``, ``eac3``, ``flac``,
-        ``alac``, ``pcm`` or the exact name of an FFmpeg encoder. By default, and with ``copy``, audio is copied packet
-        by packet.
+        ``alac``, ``pcm`` or the exact name of an FFmpeg encoder. By default audio is copied packet by packet, unless a
+        .webm cannot hold it, which gets Opus; with ``copy`` always.
     audio, subtitles : bool
         Keep the source's audio and subtitles.
 

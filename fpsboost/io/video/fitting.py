@@ -68,6 +68,8 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
         for stream in strict:
             sample = samples.get(stream.index)
             is_other = asked is not None and av.Codec(asked, "w").canonical_name != codec_of(stream)
+            is_webm = container == "webm" and encoding.audio_codec is None  # it holds no sound that films usually have
+            is_other |= is_webm and not fits(container, stream, sample)
             if stream.type == "audio" and (stretch != 1 or is_other):
                 encoders[stream.index] = asked or defaults[container]
                 if not can_encode(stream, encoders[stream.index], stretch):

@@ -113,7 +113,7 @@ def test_what_cannot_be_held_names_the_option_first(tmp_path, codec, suffix, way
     clip = tmp_path / ("in.asf" if codec == "wmav2" else "in.mp4")
     write_noise(clip, codec, 44100, "fltp")
     with pytest.raises(OutputError, match=f"cannot hold the {codec} sound of .*; {ways}"):
-        double(clip, tmp_path / f"out{suffix}")
+        double(clip, tmp_path / f"out{suffix}", "copy")
     assert not (tmp_path / f"out{suffix}").exists()
 
 
@@ -137,6 +137,7 @@ def test_mov_refuses_what_it_lists(tmp_path):
         ("aac", ".mp4", "aac"),
         ("AAC", ".mkv", "aac"),
         ("opus", ".webm", "opus"),
+        (None, ".webm", "opus"),
         ("opus", ".mp4", "opus"),
         ("mp3", ".mkv", "mp3"),
         ("ac3", ".mov", "ac3"),
@@ -147,7 +148,7 @@ def test_mov_refuses_what_it_lists(tmp_path):
     ],
 )
 def test_encoded_sound_is_in_its_place_and_as_long(tmp_path, name, suffix, canonical):
-    """To the sample, priming and padding cut off, as Matroska's samples and mp4's tracks say; lossless is exact."""
+    """To the sample, priming and padding cut off, as Matroska and mp4 say; lossless is exact, and .webm takes Opus."""
     clip, target = tmp_path / "in.mkv", tmp_path / f"out{suffix}"
     truth = write_noise(clip)
     assert double(clip, target, name) == [
