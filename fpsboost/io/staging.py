@@ -206,6 +206,11 @@ class StagingDirectory:
             raise OutputError(f"{self._name} was begun with {what} {wording}; {advice}")
 
 
+def is_unfinished(output: str) -> bool:
+    """Return whether a stopped run has left something of an output that another can resume."""
+    return any((place / MANIFEST).is_file() for place in unfinished_places(Path(output)))
+
+
 def discard_unfinished(output: str) -> None:
     """Remove what a stopped run has left of a video or a folder of images, unless another run writes there."""
     for place in unfinished_places(Path(output)):

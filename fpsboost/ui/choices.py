@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Self
@@ -24,8 +25,41 @@ from fpsboost.options import options_from, words_of_options
 from fpsboost.preparation import prepared
 from fpsboost.ui.files import Files
 
+LABELS = {
+    **{"overwrite": "Replace it if it exists", "no-audio": "Keep the sound", "no-subtitles": "Keep the subtitles"},
+    **{"factor": "Times as many frames", "fps": "Frames a second", "slow-motion": "Slow motion", "method": "Method"},
+    **{"input-fps": "The images were made for how many a second", "start": "From", "end": "to", "codec": "Format"},
+    **{"crf": "Higher quality", "lossless": "Without loss", "resume": "Try again"},
+}
+"""What the page calls the options that it has, by their flags."""
+
+PHRASES = {
+    r"(?:give|pass|add|use) (?=--overwrite)": "tick ",
+    r"with --no-(?=audio|subtitles)": "by clearing --no-",
+    "a higher --crf": "“Smaller file”",
+    "leave --resume out to start anew": "remove it here, and convert anew",
+}
+"""How sentences go on where the page has another way than an option."""
+
+FOR_COMMANDS = " What begins with -- is for a command line."
+
 CRF_STEPS = {"usual": 0, "smaller": 6, "higher": -4, "lossless": 0}
 """Difference from the usual constant rate factor by words for the quality; 6 is about half of the size."""
+
+
+def on_page(sentence: str) -> str:
+    """Return a sentence of the library or of the command line in the words of the page.
+
+    Examples
+    --------
+    >>> on_page("a.mp4 exists already; pass `overwrite=True` to replace it.")
+    'a.mp4 exists already; tick “Replace it if it exists” to replace it.'
+    """
+    text = in_flags(sentence)
+    for words, others in PHRASES.items():
+        text = re.sub(words, others, text)
+    text = re.sub(r"(?<!\S)--([a-z-]+)", lambda flag: f"“{LABELS[flag[1]]}”" if flag[1] in LABELS else flag[0], text)
+    return text + FOR_COMMANDS * (re.search(r"(?<!\S)--[a-z]", text) is not None)
 
 
 @dataclass(frozen=True)
@@ -43,6 +77,7 @@ class Choices:
     codec: str = ""
     quality: str = "usual"
     sound: bool = True
+    subtitles: bool = True
     overwrite: bool = False
     input_fps: str = ""
 
@@ -71,7 +106,8 @@ class Choices:
 
     @property
     def encoding(self) -> Encoding:
-        encoding = Encoding(codec=self.codec or None, lossless=self.quality == "lossless", audio=self.sound)
+        codec, lossless = self.codec or None, self.quality == "lossless"
+        encoding = Encoding(codec=codec, lossless=lossless, audio=self.sound, subtitles=self.subtitles)
         if not CRF_STEPS[self.quality]:
             return encoding
         codec = self.codec or ("vp9" if self.name.lower().endswith(".webm") else "h264")
@@ -92,7 +128,7 @@ class Choices:
             "frames": frames,
             "rate": float(rate) if has_rate else None,
             "length": format_time(frames / rate) if has_rate and frames else "",
-            "remarks": [in_flags(each) for each in remarks],
+            "remarks": [on_page(each) for each in remarks],
         }
 
 
@@ -100,5 +136,5 @@ def first_choices(path: str) -> Choices:
     """Return the form's first values for a clip."""
     folder = Path(path).parent
     planned = plan_outputs([path], str(folder / "converted"))[0]
-    name = f"{Path(path).name}-2x/" if planned.endswith("/") else f"{Path(path).stem}-2x{Path(planned).suffix}"
+    name = f"{Path(planned).name}-2x/" if planned.endswith("/") else f"{Path(path).stem}-2x{Path(planned).suffix}"
     return Choices(path, str(folder), name)

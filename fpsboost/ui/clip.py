@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 from dataclasses import asdict, replace
 from fractions import Fraction
@@ -12,6 +13,7 @@ from threading import Event
 from typing import Any, NamedTuple
 
 from fpsboost import (
+    ClipInfo,
     ConversionJob,
     Frame,
     InputError,
@@ -24,11 +26,11 @@ from fpsboost import (
     with_neighbours,
 )
 from fpsboost.cli.probe import facts
-from fpsboost.io.opening import TargetRequirements, open_source
+from fpsboost.io.opening import TargetRequirements, open_source, stands_for_images
 from fpsboost.preparation import opened_clip
 from fpsboost.preview.views import View
 from fpsboost.probing import Findings, Probe
-from fpsboost.ui.choices import first_choices
+from fpsboost.ui.choices import first_choices, on_page
 from fpsboost.ui.jobs import start_process
 
 QUICK_PIXELS = 1_500_000_000
@@ -43,8 +45,8 @@ def header(path: str) -> dict[str, Any]:
     with open_source(path, requirements=TargetRequirements(layers=True)) as source:
         info, is_images = source.info, source.stream_info.images is not None
         remarks = list(source.remarks)
-    count = info.frame_count
-    duration = info.duration or (count / info.rate if count else None)
+    count, duration = info.frame_count, _duration(info)
+    unit = info.rate if is_images else 1  # of places: images, or seconds
     says = [f"{info.width}x{info.height}", *([f"{count:,} frames"] if count else [])]
     if not is_images:
         says += [f"{float(info.rate):.6g} frames a second", *([format_time(duration)] if duration else [])]
@@ -52,9 +54,9 @@ def header(path: str) -> dict[str, Any]:
         "name": Path(path).name,
         "says": ", ".join(says),
         "is_images": is_images,
-        "last": None if duration is None else max(0.0, float(duration - 1 / info.rate)),
+        "last": None if duration is None else max(0.0, float(duration * unit - unit / info.rate)),
         "is_quick": count is not None and count * info.width * info.height <= QUICK_PIXELS,
-        "remarks": remarks,
+        "remarks": [on_page(each) for each in remarks],
         "choices": asdict(first_choices(path)),
     }
 
@@ -78,42 +80,54 @@ def probe(path: str, is_dropped: Event) -> dict[str, Any]:
             f"{each.kind}: {' '.join(filter(None, (each.codec, each.details, each.language, each.title)))}"
             for each in result.streams
         ],
-        "remarks": [*result.remarks, *result.conversion.remarks],
-        "last": max(0.0, result.duration - 1 / result.rate),
+        "remarks": [on_page(each) for each in (*result.remarks, *result.conversion.remarks)],
+        "last": result.frames - 1 if stands_for_images(path) else max(0.0, result.duration - 1 / result.rate),
     }
 
 
 class FrameBetween(NamedTuple):
-    """A frame between two of a clip as JPEG, the times of the two in the clip, and whether a scene ends there."""
+    """A frame between two of a clip as JPEG, the times or names of the two, and whether a scene ends there."""
 
     interpolated: bytes
     blended: bytes
-    begin: Fraction
-    end: Fraction
+    neighbours: list[str]
     is_cut: bool
 
 
 def look_between(job: ConversionJob, time: Fraction) -> FrameBetween:
-    """Interpolate the frame in the middle between the two around a time, or between the last two."""
+    """Interpolate the frame in the middle between the two around a time, or between the last two.
+
+    For images, which have no rate, the time counts images.
+    """
     run = RunOptions(overwrite=True)  # nothing is written
     with opened_clip(job.of_part(Trim()), run) as clip:
-        info, traits = clip.whole.info, clip.whole.stream_info.traits
-    if info.duration is not None:
-        time = min(time, info.duration - 1 / info.rate)
+        info, traits, images = clip.whole.info, clip.whole.stream_info.traits, clip.whole.stream_info.images
+    time = time if images is None else time / info.rate
+    duration = _duration(info)
+    if duration is not None:
+        time = min(time, duration - 1 / info.rate)
     start = time - Fraction(3, 2) / info.rate
-    with opened_clip(job.of_part(Trim(Position(start) if start > 0 else None)), run) as clip:
+    place = Position(start) if images is None else Position(Fraction(math.ceil(start * info.rate)), is_frame=True)
+    with opened_clip(job.of_part(Trim(place if start > 0 else None)), run) as clip:
         findings = Findings()
         # the pair and one on either side, whose motion says where its own one bends
         pairs = list(islice(findings.pairs(clip.source, job.method), 3))
         if not pairs:
+            if start <= 0:
+                raise InputError(f"{info.name} has one frame, and none to interpolate; choose a longer clip.")
             raise OptionError(f"{info.name} has no two frames at {float(time):g} s; choose an earlier place.")
         moments = [findings.in_clip(moment) for moment in findings.moments[: len(pairs) + 1]]
-        place = max((number for number in range(len(pairs)) if moments[number] <= time), default=0)
-        before, pair, after = list(with_neighbours(pairs))[place]
+        nearest = max((number for number in range(len(pairs)) if moments[number] <= time), default=0)
+        before, pair, after = list(with_neighbours(pairs))[nearest]
         view = View(traits)
         for method in (job.method, replace(methods["blend"], at_cuts="blend")):
             image = next(iter(method.between(pair, [0.5], before, after).images))
             view.add(Frame(image, Fraction(0)), Fraction(0))
-        is_cut = pair.is_cut(before, after)
+        is_cut, ends = pair.is_cut(before, after), moments[nearest : nearest + 2]
     interpolated, blended = view.pictures
-    return FrameBetween(interpolated, blended, moments[place], moments[place + 1], is_cut)
+    names = [format_time(end) if images is None else images.files[round(end * info.rate)].name for end in ends]
+    return FrameBetween(interpolated, blended, names, is_cut)
+
+
+def _duration(info: ClipInfo) -> Fraction | None:
+    return info.duration or (info.frame_count / info.rate if info.frame_count else None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from collections import deque
@@ -16,10 +17,16 @@ from typing import Any, Literal
 
 from fpsboost import FpsboostError, InputError, OptionError, OutputError, Target
 from fpsboost.errors import InUseError, explained
-from fpsboost.io.staging import LOCKED, discard_unfinished, lock_file, write_safely
+from fpsboost.io.staging import LOCKED, discard_unfinished, is_unfinished, lock_file, write_safely
+from fpsboost.ui.choices import on_page
 from fpsboost.ui.files import Files
 
 State = Literal["waiting", "running", "stopping", "paused", "done", "failed"]
+
+BEGINS_ANEW = "Paused; less than can be kept was finished, so it begins anew."
+
+FINISHED = r"(\d+)(?: of \d+)? frames are finished"
+"""What a run that was stopped says of the frames that another need not make."""
 
 MAX_JOBS = 100
 """Maximum number of jobs in the queue."""
@@ -50,7 +57,14 @@ class Job:
         """Take over the progress that a run reports."""
         for name in ("stage", "frame", "frames", "fps"):
             setattr(self, name, report.get(name, getattr(self, name)))
-        self.remarks += [each for each in report.get("remarks", []) if each not in self.remarks]
+        remarks = map(on_page, report.get("remarks", []))
+        self.remarks += [each for each in remarks if each not in self.remarks]
+
+    def pause(self, kept: int, message: str) -> None:
+        """Pause with so many frames that the next run need not make; the message says why there are none."""
+        self.state, self.frame = "paused", kept
+        of_all = f" of {self.frames}" if self.frames else ""
+        self.message = f"Paused at {kept}{of_all} frames." if kept else message
 
 
 class Queue:
@@ -127,7 +141,7 @@ class Queue:
                 job.state = "stopping"
                 self._stop()
             elif job.state == "waiting":
-                job.state = "paused"
+                job.pause(job.frame, "Paused before it began.")
             self._save()
 
     def resume(self, number: int) -> None:
@@ -179,7 +193,7 @@ class Queue:
                 if job is None:
                     self._changed.wait()
                     continue
-                job.state, job.stage, job.fps = "running", "", None
+                job.state, job.stage, job.fps, kept = "running", "", None, job.frame
                 try:
                     self._files.check_job(job.words[1], job.output)  # which may have become links
                     self._process = start_process(job.arguments)
@@ -187,10 +201,11 @@ class Queue:
                     reason = (
                         f"It could not be started ({error.strerror}); try again." if isinstance(error, OSError) else ""
                     )
-                    self._end(job, reason or str(error), 1)
+                    self._end(job, reason or str(error), 1, kept)
                     continue
-                self._changed.notify_all()
-            self._end(job, *self._follow(job, self._process))
+                with suppress(OutputError):
+                    self._save()
+            self._end(job, *self._follow(job, self._process), kept)
 
     def _follow(self, job: Job, process: subprocess.Popen[str]) -> tuple[str, int]:
         """Take over the progress of a run until it ends; return its messages and its exit code."""
@@ -209,12 +224,18 @@ class Queue:
         code = process.wait()
         return " ".join(lines) or f"The conversion ended with code {code} and without a message.", code
 
-    def _end(self, job: Job, message: str, code: int) -> None:
+    def _end(self, job: Job, message: str, code: int, kept: int) -> None:
+        """Set the state of a job whose run has ended; an earlier run had kept so many frames."""
         with self._changed:
             self._process = None
             is_stopped = self._closed or job.state == "stopping"
-            job.state = "done" if code == 0 else "paused" if is_stopped else "failed"
-            job.message = "" if code == 0 else message
+            if code == 0:
+                job.state, job.message = "done", ""
+            else:
+                finished = re.search(FINISHED, message)
+                job.pause(int(finished[1]) if finished else kept * is_unfinished(job.output), BEGINS_ANEW)
+            if code != 0 and not is_stopped:
+                job.state, job.message = "failed", on_page(message)
             with suppress(OutputError):  # on a full disk jobs go on; the next change writes all of them
                 self._save()
 
@@ -256,5 +277,10 @@ def _read(path: Path) -> list[Job]:
     except (OSError, ValueError, TypeError) as error:
         raise OutputError(f"{path} is no queue of fpsboost ui; move it away.") from error
     for job in jobs:
-        job.state = job.state if job.state in ("done", "failed") else "paused"
+        if job.state in ("running", "stopping"):  # its server was killed
+            is_kept = is_unfinished(job.output)
+            job.pause(0, "Interrupted; it goes on from the last chunk that was finished." if is_kept else BEGINS_ANEW)
+            job.frame = int(is_kept)
+        elif job.state == "waiting":
+            job.pause(job.frame, "Paused before it began.")
     return jobs

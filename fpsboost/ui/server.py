@@ -27,12 +27,11 @@ from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Respon
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from fpsboost import FpsboostError, InputError, OptionError, format_time
+from fpsboost import FpsboostError, InputError, OptionError
 from fpsboost.cli.app import explain
-from fpsboost.cli.options import in_flags
 from fpsboost.errors import notes_of
 from fpsboost.evaluation.report.self_contained import data_uri, templates_of
-from fpsboost.ui.choices import Choices
+from fpsboost.ui.choices import Choices, on_page
 from fpsboost.ui.clip import header, look_between, probe
 from fpsboost.ui.files import Files
 from fpsboost.ui.jobs import Queue
@@ -100,7 +99,7 @@ class Desk:
         frame = look_between(job, Fraction(time).limit_denominator(10**9))
         return {
             "images": [data_uri(each, "jpeg") for each in (frame.blended, frame.interpolated)],
-            "between": f"between {format_time(frame.begin)} and {format_time(frame.end)}",
+            "between": f"between {' and '.join(frame.neighbours)}",
             "is_cut": frame.is_cut,
         }
 
@@ -288,5 +287,4 @@ async def _left(request: Request) -> None:
 async def _notice(request: Request, error: Exception) -> Response:
     """Answer with the sentence that the command line would print."""
     sentence = explain(error) if isinstance(error, OSError | MemoryError) else str(error)
-    text = " ".join(filter(None, (in_flags(sentence), in_flags(notes_of(error)))))
-    return Answer({"notice": text}, 400)
+    return Answer({"notice": on_page(" ".join(filter(None, (sentence, notes_of(error)))))}, 400)

@@ -29,7 +29,7 @@ from video_truth import scene, write_clip
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.io.staging import MANIFEST, hidden_place
 from fpsboost.ui import jobs
-from fpsboost.ui.choices import first_choices
+from fpsboost.ui.choices import first_choices, on_page
 from fpsboost.ui.files import MAX_ENTRIES, MAX_PICKED, Files
 from fpsboost.ui.jobs import MAX_JOBS, Queue
 from fpsboost.ui.server import MAX_BODY, Desk, Guard, make_app
@@ -295,13 +295,32 @@ def test_output_is_no_link(client, films):
     ],
 )
 def test_page_and_command_line_say_the_same(client, films, fpsboost_, changes, arguments):
-    """What is wrong with a form is said in the words of the command line."""
+    """What is wrong with a form is said as on the command line, with the form's words for options."""
     choices = form(client, films, name="out.mp4") | changes
     if "method" not in changes:
         arguments = ["--method", "nearest", *arguments]
     expected = fpsboost_(str(films / "clip.mp4"), str(films / choices["name"]), *arguments)
     assert expected.code != 0
-    assert f"fpsboost: {notice(client, '/check', choices)}\n" == expected.err
+    said = notice(client, "/check", choices)
+    assert f"fpsboost: {said}" == on_page(expected.err.strip())
+    assert "--" not in said
+
+
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        (
+            "cannot hold it; leave it out with `audio=False`.",
+            "cannot hold it; leave it out by clearing “Keep the sound”.",
+        ),
+        ("it is there; add `overwrite=True` to go on.", "it is there; tick “Replace it if it exists” to go on."),
+        ("9 frames are finished, and --resume goes on.", "9 frames are finished, and “Try again” goes on."),
+        ("add it, or give `fill_gaps`.", "add it, or give --fill-gaps. What begins with -- is for a command line."),
+    ],
+)
+def test_sentences_speak_of_the_page(said, shown):
+    """What the page has is called as on the page, and what it has not is said to be for a command line."""
+    assert on_page(said) == shown
 
 
 @pytest.mark.parametrize("path", ["broken.mp4", "missing.mp4", "empty"])
@@ -395,13 +414,18 @@ def test_form_says_what_comes_out(client, films):
 
 
 def test_images_become_images(client, films, save_images):
-    """A folder of images is picked, and by default becomes one; as a video it needs a rate."""
+    """A folder of images is picked, looked at by names, and by default becomes one; as a video it needs a rate."""
     save_images(films / "shot")
     found = client.post("/pick", json={"path": str(films / "shot")}).json()
     assert (found["is_images"], found["choices"]["name"]) == (True, "shot-2x/")
     assert client.post("/check", json=found["choices"]).json()["frames"] == 9
     as_video = {**found["choices"], "name": "shot.mp4"}
-    assert "--input-fps" in notice(client, "/check", as_video)
+    assert "say it with “The images were made for how many a second”" in notice(client, "/check", as_video)
+    assert found["last"] == 4
+    for time, between in enumerate([(1, 2), (2, 3), (3, 4), (4, 5), (4, 5), (4, 5)]):
+        shown = client.post("/look", json={"choices": {**found["choices"], "method": "blend"}, "time": time}).json()
+        assert shown["between"] == "between shot_{:04}.png and shot_{:04}.png".format(*between)
+    assert client.post("/probe", json={"path": found["choices"]["input"]}).json()["last"] == 4
     assert client.post("/check", json={**as_video, "input_fps": "24"}).json()["rate"] == 48
 
 
@@ -559,7 +583,7 @@ def test_cancelling_leaves_nothing(client, desk, films, waiting_process):
         assert len(os.listdir(films)) == len(before) + 1
         if is_paused_first:
             desk.queue.pause(number)
-            assert until(desk.queue, "paused")["message"].startswith("Stopped; 10 of 20")
+            assert until(desk.queue, "paused")["message"] == "Paused at 10 of 20 frames."
         assert client.post("/change", json={"number": number, "action": "remove"}).status_code == 200
         assert sorted(os.listdir(films)) == before
         assert desk.queue.listing() == []
@@ -588,6 +612,53 @@ def test_queue_has_a_limit(desk, tmp_path):
         desk.queue.add(["fpsboost", "in.mp4", output], output)
     with pytest.raises(OptionError, match="remove some first"):
         desk.queue.add(["fpsboost", "in.mp4", first], first)
+
+
+@pytest.mark.parametrize(
+    ("said", "frame", "message"),
+    [
+        (
+            "Stopped; 480 of 896 frames are finished, and --resume goes on from there.",
+            480,
+            "Paused at 480 of 896 frames.",
+        ),
+        ("Stopped; nothing was written.", 0, jobs.BEGINS_ANEW),
+    ],
+)
+def test_pause_says_where_it_goes_on(desk, films, monkeypatch, said, frame, message):
+    """A paused conversion says how many frames are kept, or that it begins anew; the next start asks for no others."""
+    script = STOPPED_AT_TEN.replace("of 20", "of 896").replace('"frames": 20', '"frames": 896')
+    script = re.sub('"Stopped; .*?"', repr(said), script)
+    process = [sys.executable, "-c", script]
+    monkeypatch.setattr(
+        jobs, "start_process", lambda words: subprocess.Popen(process, stderr=subprocess.PIPE, encoding="utf-8")
+    )
+    desk.queue.add(["fpsboost", str(films / "clip.mp4"), str(films / "out.mp4")], str(films / "out.mp4"))
+    until(desk.queue, "running", 10)
+    desk.queue.pause(1)
+    job = until(desk.queue, "paused")
+    assert (job["frame"], job["message"]) == (frame, message)
+    assert ("--resume" in desk.queue.job(1).arguments) == bool(frame)
+    if frame:  # a run that is stopped before it says anything has changed nothing
+        hidden_place(films, "out.mp4").mkdir()
+        (hidden_place(films, "out.mp4") / MANIFEST).write_text("{}")
+    desk.queue.resume(1)
+    until(desk.queue, "running")
+    desk.queue.pause(1)
+    assert until(desk.queue, "paused")["message"] == message
+
+
+def test_conversion_of_a_server_that_was_killed(tmp_path):
+    """A conversion that was interrupted goes on from what is there, or begins anew."""
+    output, place = str(tmp_path / "out.mp4"), hidden_place(tmp_path, "out.mp4")
+    job = asdict(jobs.Job(1, ["fpsboost", "in.mp4", output], output, "running"))
+    for resumes in (False, True):
+        (tmp_path / "queue.json").write_text(json.dumps([job]))
+        with closing(Queue(tmp_path / "queue.json")) as queue:
+            assert ("--resume" in queue.job(1).arguments) == resumes
+            assert ("goes on" in queue.job(1).message, queue.job(1).state) == (resumes, "paused")
+        place.mkdir(exist_ok=True)
+        (place / MANIFEST).write_text("{}")
 
 
 def test_animation_begins_anew():
@@ -745,7 +816,7 @@ def test_page_says_what_is_wrong(chromium, films, tmp_path):
         page.locator("#path").press("Enter")
         page.get_by_label("A second…").check()
         page.locator("[name=value]").fill("many")
-        page.locator("#form .notice").get_by_text("--fps").wait_for()
+        page.locator("#form .notice").get_by_text("“Frames a second”").wait_for()
         expect(page.locator("#start")).to_be_disabled()
         page.locator("[name=value]").fill("30")
         page.get_by_text("12 frames, at 30 a second").wait_for()
@@ -784,7 +855,7 @@ def test_conversion_goes_on_after_a_restart(chromium, films, tmp_path):
         page.get_by_role("button", name="Convert").click()
         page.get_by_text("10 of 20 frames, 5.0 a second, 2 s left").wait_for()
         page.get_by_role("button", name="Pause").click()
-        page.get_by_text("Stopped; 10 of 20 frames are finished").wait_for()
+        page.get_by_text("Paused at 10 of 20 frames.").wait_for()
     shutil.rmtree(hidden_place(films, "clip-2x.mp4"))  # which was none of a real run
     with serving(films, tmp_path / "queue.json") as address, opened(chromium, address) as page:
         page.get_by_role("button", name="Continue").click()

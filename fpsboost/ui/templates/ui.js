@@ -175,6 +175,7 @@ function choices() {
     codec: elements.codec.value,
     quality: elements.quality.value,
     sound: elements.sound.checked,
+    subtitles: elements.subtitles.checked,
     overwrite: elements.overwrite.checked,
     name: elements.name.value.trim(),
     input_fps: elements.input_fps.value.trim(),
@@ -236,7 +237,9 @@ form.addEventListener("submit", async (event) => {
 
 // ---------------------------------------------------------------- one frame
 
+/** A place as it is written: a time, or the number of an image. */
 function clock(seconds) {
+  if (state.clip.is_images) return `${Math.round(seconds) + 1}`;
   const whole = Math.floor(seconds / 60);
   return `${whole}:${(seconds - 60 * whole).toFixed(3).padStart(6, "0")}`;
 }
@@ -309,7 +312,8 @@ byId("time").addEventListener("input", () => (byId("at").value = clock(+byId("ti
 byId("time").addEventListener("change", () => goTo(+byId("time").value));
 byId("at").addEventListener("change", () => {
   const parts = byId("at").value.split(":").map(Number);
-  if (parts.every(Number.isFinite)) goTo(parts.reduce((sum, part) => 60 * sum + part, 0));
+  const place = parts.reduce((sum, part) => 60 * sum + part, 0);
+  if (parts.every(Number.isFinite)) goTo(state.clip.is_images ? place - 1 : place);
   else say(byId("look"), `${byId("at").value} is no place in a clip; write 90.5 or 1:30.5.`);
 });
 
@@ -328,7 +332,7 @@ function stateOf(job) {
     if (!job.fps) return "Starting";
     return [frames, `${job.fps.toFixed(1)} a second`, ...(job.frames ? [left(job)] : [])].join(", ");
   }
-  const words = { waiting: "Waits for the one before", stopping: "Stopping", paused: "Paused", done: frames, failed: "Not done" };
+  const words = { waiting: "Waits for the one before", stopping: "Stopping", paused: job.message || "Paused", done: frames, failed: "Not done" };
   return words[job.state];
 }
 
@@ -358,7 +362,7 @@ function show(job) {
   bar.hidden = job.state === "done";
   bar.value = job.frames ? job.frame / job.frames : 0;
   item.querySelector(".state").textContent = stateOf(job);
-  item.querySelector(".said").textContent = [job.message, ...job.remarks].filter(Boolean).join(" ");
+  item.querySelector(".said").textContent = [job.state === "paused" ? "" : job.message, ...job.remarks].filter(Boolean).join(" ");
   if (shownStates.get(job.number) === job.state) return;
   shownStates.set(job.number, job.state);
   item.className = `is-${job.state}`;
