@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from fpsboost.frame_cache import FrameCache, SourcePosition
     from fpsboost.image import YCbCrImage
     from fpsboost.interpolator import Interpolator, with_neighbours
-    from fpsboost.io.memory_limit import MemoryLimit
     from fpsboost.io.part import Part
     from fpsboost.io.side.options import SideOutputs
     from fpsboost.io.target import Target, open_sink
@@ -42,6 +41,7 @@ if TYPE_CHECKING:
     from fpsboost.io.video.encode_options import Encoding
     from fpsboost.kernels.compiling import told_of_compiling
     from fpsboost.layered import Layer, LayeredImage
+    from fpsboost.memory import MemoryLimit
     from fpsboost.method_table import find_method, interpolate, interpolate_with_confidence, methods
     from fpsboost.motion import MotionEstimator
     from fpsboost.motion.rendered import RenderedVectors
@@ -151,7 +151,7 @@ _modules = {
     "frame_cache": "FrameCache SourcePosition",
     "image": "YCbCrImage",
     "interpolator": "Interpolator with_neighbours",
-    "io.memory_limit": "MemoryLimit",
+    "memory": "MemoryLimit",
     "io.part": "Part",
     "io.side.options": "SideOutputs",
     "io.target": "Target open_sink",

@@ -16,12 +16,12 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.io import Resumable
 from fpsboost.io.fingerprint import fingerprint_job
 from fpsboost.io.images.sink import ImageSink
-from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, TargetRequirements, open_source
 from fpsboost.io.side.sink import with_side_outputs
 from fpsboost.io.video.capture import ArraySource, captured, rate_of
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.memory import MemoryLimit
 from fpsboost.method_table import find_method
 from fpsboost.parts.plan import plan_part, share_index
 from fpsboost.preparation import ConversionJob, closing_remarks, exposed, prepared

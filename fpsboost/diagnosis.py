@@ -108,7 +108,7 @@ def _codecs() -> Iterator[Finding]:
 def _machine() -> Iterator[Finding]:
     import cv2  # noqa: PLC0415
 
-    from fpsboost.io.memory_limit import available_memory  # noqa: PLC0415
+    from fpsboost.memory import available_memory  # noqa: PLC0415
     from fpsboost.threads import available_cores  # noqa: PLC0415
 
     features = [name.strip("*") for name in cv2.getCPUFeaturesLine().split() if not name.endswith("?")]

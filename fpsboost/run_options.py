@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 from fpsboost.contracts import FrameWatcher, Observer
 from fpsboost.errors import OptionError
-from fpsboost.io.memory_limit import MemoryLimit, parse_memory
 from fpsboost.io.part import Part, parse_part
 from fpsboost.io.side.options import SideOutputs
+from fpsboost.memory import MemoryLimit, parse_memory
 from fpsboost.options import option
 
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import OptionError
-from fpsboost.io.memory_limit import MemoryLimit, parse_memory
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.memory import MemoryLimit, parse_memory
 from fpsboost.options import flags_of, option
 from fpsboost.render.convention import ConventionName
 from fpsboost.rerender.options import FrameChoiceOptions, MergeOptions, PlanOptions

@@ -12,12 +12,12 @@ from fpsboost.io.animation.source import AnimationSource, is_animation
 from fpsboost.io.images.files import IMAGE_SUFFIXES
 from fpsboost.io.images.layers import ALL, BEAUTY
 from fpsboost.io.images.source import ImageReading, ImageSource, is_pattern
-from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.video.capture import CaptureSource
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.demuxer import check_is_no_playlist
 from fpsboost.io.video.pipe import PipeSource
 from fpsboost.io.video.source import VideoSource
+from fpsboost.memory import MemoryLimit
 
 ASSUMED_IMAGE_RATE = Fraction(24)
 """For images that become images: their times then only serve as an order."""

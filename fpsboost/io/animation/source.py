@@ -18,9 +18,9 @@ from fpsboost.errors import InputError, explained
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
 from fpsboost.io import ClosesOnExit
-from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import StreamInfo
 from fpsboost.io.video.pyav import as_fraction
+from fpsboost.memory import MemoryLimit
 
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage  # whoever reads no animation does not wait for Pillow

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import InputError
 from fpsboost.io.images.library import damaged, name_for_libraries, opened
-from fpsboost.io.memory_limit import MemoryLimit
+from fpsboost.memory import MemoryLimit
 
 Precision = Literal["uint", "half", "float"]
 

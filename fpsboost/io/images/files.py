@@ -20,7 +20,7 @@ from fpsboost.errors import InputError, explained
 from fpsboost.image import Image
 from fpsboost.io.images.layers import read_picture
 from fpsboost.io.images.library import damaged, opened
-from fpsboost.io.memory_limit import MemoryLimit
+from fpsboost.memory import MemoryLimit
 
 # What each format keeps exactly (JPEG and HDR: as far as their ways of storing go).
 types_kept: dict[str, tuple[type[np.generic], ...]] = {

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from fpsboost.errors import InputError
 from fpsboost.image import Image, view
 from fpsboost.io.images.exr import ExrHeader, Precision, encode_exr_like, read_channels, read_exr_header
-from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.layered import FrameImage, Layer, LayeredImage, LayerKind
+from fpsboost.memory import MemoryLimit
 
 ALL, BEAUTY = "all", "beauty"
 """Which passes are made, unless some are named."""

@@ -33,12 +33,12 @@ from fpsboost.io.images.sequence import (
     list_files,
     order_names,
 )
-from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import StreamInfo
 from fpsboost.io.staging import hidden_place
 from fpsboost.io.video.decode_options import View
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES
 from fpsboost.layered import LayeredImage
+from fpsboost.memory import MemoryLimit
 
 MAX_GAP = 1000
 """Frames that are made between two images at most, as with the largest factor; names that are dates end here."""

@@ -16,8 +16,8 @@ from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image, check_pair
 from fpsboost.io import ClosesOnExit
-from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import StreamInfo
+from fpsboost.memory import MemoryLimit
 
 MAX_DENOMINATOR = 1001
 """Maximum denominator of a frame rate that OpenCV gives as a float: 29.97 becomes 30000/1001."""

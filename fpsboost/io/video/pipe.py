@@ -28,13 +28,13 @@ from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneErro
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Pixels
 from fpsboost.io import ClosesOnExit
-from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import Output, StreamInfo, check_frame_size
 from fpsboost.io.video.clock import ASSUMED_RATE, assumed_rate_remark
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import interlaced_remark, lost_companions_remark, lost_shape_remark
 from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
 from fpsboost.io.video.ycc import UNSPECIFIED, as_picture, assumed_color_space, in_planes, plane_arrays, to_bgr
+from fpsboost.memory import MemoryLimit
 
 T = TypeVar("T")
 

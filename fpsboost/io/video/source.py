@@ -22,7 +22,6 @@ from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
 from fpsboost.io import ClosesOnExit
-from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import StreamInfo, VideoFile
 from fpsboost.io.video.clock import (
     VideoClock,
@@ -51,6 +50,7 @@ from fpsboost.io.video.remarks import (
 from fpsboost.io.video.side_data import read_header
 from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
 from fpsboost.io.video.ycc import has_alpha, in_planes, to_bgr
+from fpsboost.memory import MemoryLimit
 
 STEPS_BACK = (0, 1, 10)
 """Seconds, or key frames, before the wanted one that are tried in turn."""

@@ -18,9 +18,9 @@ from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
 from fpsboost.io.animation.sink import AnimationSink
 from fpsboost.io.animation.source import AnimationSource
-from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import open_source
 from fpsboost.io.output import Output, StreamInfo
+from fpsboost.memory import MemoryLimit
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import OutputTiming
 

@@ -13,13 +13,15 @@ import pytest
 from animation_truth import write_animation
 from video_truth import scene, write_clip
 
+from fpsboost import memory
 from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
-from fpsboost.io import memory_limit
 from fpsboost.io.animation.source import AnimationSource
 from fpsboost.io.images.exr import encode_exr, read_exr
 from fpsboost.io.images.files import read_image
-from fpsboost.io.memory_limit import (
+from fpsboost.io.video.pipe import PipeSource
+from fpsboost.io.video.source import VideoSource
+from fpsboost.memory import (
     AT_LEAST,
     BYTES_PER_PIXEL,
     BYTES_PER_PIXEL_OF_A_THREAD,
@@ -27,8 +29,6 @@ from fpsboost.io.memory_limit import (
     available_memory,
     parse_memory,
 )
-from fpsboost.io.video.pipe import PipeSource
-from fpsboost.io.video.source import VideoSource
 from fpsboost.run_options import RunOptions
 
 HUGE = 60000
@@ -140,10 +140,10 @@ def test_available_memory_of_any_system(monkeypatch):
     monkeypatch.setattr(Path, "read_text", lambda _: "MemTotal: 2048 kB\nMemAvailable:    1000 kB\n")
     assert available_memory() == 1_024_000
     monkeypatch.setattr(Path, "read_text", lambda _: "")
-    monkeypatch.setattr(memory_limit.os, "sysconf", {"SC_PHYS_PAGES": 1000, "SC_PAGE_SIZE": 4096}.__getitem__)
+    monkeypatch.setattr(memory.os, "sysconf", {"SC_PHYS_PAGES": 1000, "SC_PAGE_SIZE": 4096}.__getitem__)
     assert available_memory() == 3_072_000
-    monkeypatch.delattr(memory_limit.os, "sysconf")
-    assert available_memory() == memory_limit.UNKNOWN_MACHINE
+    monkeypatch.delattr(memory.os, "sysconf")
+    assert available_memory() == memory.UNKNOWN_MACHINE
 
 
 def test_the_option_reaches_every_kind_of_input(fpsboost_, tmp_path, save_images):
