@@ -30,7 +30,6 @@ class FrameSource(Protocol):
     @property
     def remarks(self) -> list[str]:
         """Sentences about what was lost or guessed so far (damage, missing duration); complete after the last frame."""
-        ...
 
     def __iter__(self) -> Iterator[Frame]: ...
 
@@ -50,7 +49,6 @@ class HasBeginning(Protocol):
     @property
     def beginning(self) -> SourcePosition:
         """Position of the part's first frame in its clip; valid when that has been read."""
-        ...
 
 
 class FrameSink(Protocol):
@@ -68,7 +66,6 @@ class FrameSink(Protocol):
     @property
     def remarks(self) -> list[str]:
         """Sentences about what the target could not hold."""
-        ...
 
     def write(self, frame: Frame) -> None: ...
 
@@ -95,7 +92,6 @@ class Cancellable(Protocol):
 
     def cancel(self) -> None:
         """Stop waiting: a call in another thread ends with an exception."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -241,15 +237,12 @@ class Observer(Protocol):
 
     def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
         """Handle the opening of source and target; `expected_frames` follow if the source's header is right."""
-        ...
 
     def ready(self) -> None:
         """Handle that kernels are compiled, or loaded from the cache; the first frame comes next."""
-        ...
 
     def wrote(self, summary: Summary) -> None:
         """Handle another frame that was passed on to the target."""
-        ...
 
 
 class FrameWatcher(Protocol):
@@ -260,7 +253,6 @@ class FrameWatcher(Protocol):
 
     def watch(self, frame: Frame) -> None:
         """Take notice of the next frame, whose image must not be changed."""
-        ...
 
 
 class SilentObserver:

@@ -180,13 +180,8 @@ def probe(
     # A size that changes or wrong colours are to be reported, though a conversion would stop there.
     may_change = Path(path).is_file() and not is_animation(Path(path))
     size_change: SizeChange = "scale" if may_change else "stop"
-    decoding = DecodeOptions(
-        input_fps=input_fps,
-        stream=stream,
-        size_change=size_change,
-        force_colours=may_change,
-        allow_playlists=allow_playlists,
-    )
+    decoding = DecodeOptions(input_fps=input_fps, stream=stream, allow_playlists=allow_playlists)
+    decoding = replace(decoding, size_change=size_change, force_colours=may_change)
     with open_source(path, requirements=TargetRequirements(layers=True), decoding=decoding) as source:
         beside = source.stream_info
         has_clock = beside.images is None

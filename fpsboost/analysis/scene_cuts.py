@@ -62,19 +62,15 @@ class CutPolicy(Protocol):
 
     def match_score(self, image0: FrameCache, image1: FrameCache) -> float:
         """Return how well two consecutive frames match as frames of one scene, 0 to 1."""
-        ...
 
     def is_cut(self, match_score: float, *neighbours: float) -> bool:
         """Return whether a scene ends within a pair, given its match score and those of the pairs before and after."""
-        ...
 
     def is_gradual(self, match_score: float, *across: float) -> bool:
         """Return whether a poorly matching pair is part of a gradual change, given scores of frames farther apart."""
-        ...
 
     def is_flash(self, match_score: float, across: float, *neighbours: float) -> bool:
         """Return whether a frame only hides a scene that continues, given the match score of the frames around it."""
-        ...
 
 
 def counts_frames(policy: CutPolicy | None) -> bool:

@@ -55,19 +55,15 @@ class Executor(Protocol):
 
     def workers(self) -> Sequence[str]:
         """Return the names of the workers that are there now; it may change at any time."""
-        ...
 
     def submit(self, part: Part, worker: str, attempt: int) -> None:
         """Have a worker make a part; `attempt` counts, from 0, how often that was tried."""
-        ...
 
     def wait(self) -> Iterable[Report]:
         """Wait a short time for reports, and return those that have come."""
-        ...
 
     def cancel(self) -> None:
         """Stop all parts that are being made; what they have finished stays."""
-        ...
 
 
 @dataclass

@@ -41,11 +41,9 @@ class Observer(Protocol):
 
     def begin(self, name: str, frames: int | None) -> None:
         """Begin a method, or reading; `frames` is None if their number is not known yet."""
-        ...
 
     def advance(self) -> None:
         """Count one more frame."""
-        ...
 
 
 class _Areas:

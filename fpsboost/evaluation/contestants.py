@@ -61,11 +61,9 @@ class Contestant(Protocol):
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
         """Yield all hidden frames of the intervals, which have no gaps, in order, or those whose numbers are wanted."""
-        ...
 
     def describe(self) -> str:
         """Return the options in one line."""
-        ...
 
 
 @dataclass(frozen=True)

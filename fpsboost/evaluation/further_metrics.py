@@ -26,15 +26,12 @@ class Meter(Protocol):
 
     def add_shown(self, image: Image) -> None:
         """Add a frame that is shown to the methods; the first and the last of an output are such."""
-        ...
 
     def add(self, truth: Image, image: Image) -> None:
         """Add an interpolated frame and the true one."""
-        ...
 
     def values(self) -> list[float]:
         """Return the metric of every interpolated frame; called once, at the end."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,6 @@ class DescribedSource(FrameSource, Protocol):
     @property
     def stream_info(self) -> StreamInfo:
         """What a sink can keep besides the frames; may read the first frame."""
-        ...
 
 
 class ClosesOnExit(ABC):
@@ -55,7 +54,6 @@ class Resumable(Protocol):
     @property
     def completed_frames(self) -> int:
         """Number of frames, from the first, that an earlier run has finished; known when the sink is entered."""
-        ...
 
 
 @runtime_checkable
@@ -67,7 +65,6 @@ class RandomAccess(Protocol):
 
         They are exactly those that iterating yields: iterating raises `InputError` at a frame that has another time.
         """
-        ...
 
     def begin_at(self, number: int) -> None:
         """Begin reading at a frame, counted from 0. Before the first is read.
@@ -75,7 +72,6 @@ class RandomAccess(Protocol):
         Frames are those of reading from the start, bit by bit; where that needs the frames before, they are decoded and
         dropped, and a remark says why. Raises `InputError`, here or while iterating, if there is no such frame.
         """
-        ...
 
 
 @runtime_checkable
@@ -85,11 +81,9 @@ class SharesIndex(Protocol):
     @property
     def frame_index(self) -> FrameIndex | None:
         """The list; None if there is none, or `RandomAccess.frame_times` was not called yet."""
-        ...
 
     def take_index(self, index: FrameIndex) -> None:
         """Take the list of a source of the same file; must be called before `RandomAccess.frame_times`."""
-        ...
 
 
 @runtime_checkable
@@ -99,4 +93,3 @@ class Stoppable(Protocol):
     @property
     def stopped_by(self) -> str | None:
         """Sentence about the first such change among the frames read so far; None if there was none."""
-        ...

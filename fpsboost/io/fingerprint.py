@@ -34,7 +34,6 @@ class ReadsFiles(Protocol):
     @property
     def files(self) -> Sequence[Path]:
         """All files."""
-        ...
 
 
 def fingerprint_options(state_of: Callable[[Iterable[Path]], str] | None = None, /, **values: Any) -> dict[str, str]:

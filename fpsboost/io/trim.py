@@ -49,14 +49,12 @@ class Seekable(Protocol):
 
     def first_time(self) -> Fraction:
         """Return the time of the clip's first frame, seconds."""
-        ...
 
     def skip_to(self, time: Fraction) -> None:
         """Seek to a time, or as little before it as the source can; must be called before the first frame is read.
 
         All frames from that time on are the same as without seeking.
         """
-        ...
 
 
 @runtime_checkable
@@ -65,7 +63,6 @@ class Sliceable(Protocol):
 
     def keep(self, first: int, last: int | None) -> None:
         """Read only the frames from one place to before another; must be called before the first frame is read."""
-        ...
 
 
 def trim_source(

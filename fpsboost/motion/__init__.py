@@ -30,4 +30,3 @@ class MotionEstimator(Protocol):
         field01, field10 : MotionField
             Motion from frame 0 to frame 1 and back; two independent fields, not each other's inverse.
         """
-        ...

@@ -42,7 +42,6 @@ class RenderedVectors(Protocol):
 
     def has(self, number: int) -> bool:
         """Return whether there are vectors for an output frame, counted from 0."""
-        ...
 
     def for_image(self, number: int, image: Pixels) -> FrameVectors:
         """Return the vectors of an output frame, counted from 0, which must have the size of the image.
@@ -52,7 +51,6 @@ class RenderedVectors(Protocol):
         InputError
             There are none for it, they cannot be read, or they are of another size.
         """
-        ...
 
 
 @runtime_checkable
@@ -67,11 +65,9 @@ class UsesVectors(Protocol):
 
     def with_vectors(self, vectors: RenderedVectors) -> Self:
         """Return the same with other vectors."""
-        ...
 
     def without_vectors(self) -> Any:
         """Return what compiles the same kernels and needs no vectors."""
-        ...
 
 
 @dataclass(frozen=True)

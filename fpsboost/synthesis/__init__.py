@@ -68,7 +68,6 @@ class Synthesizer(Protocol):
         (H, W, C), dtype of the frames, or YCbCrImage where they are
             New arrays, generated one at a time, so that any number of them needs the memory of one.
         """
-        ...
 
 
 @runtime_checkable
@@ -77,4 +76,3 @@ class FusesHypotheses(Protocol):
 
     def fuse(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[InterpolatedImage]:
         """Generate one image with its confidence for every time; see `Synthesizer.synthesize`."""
-        ...

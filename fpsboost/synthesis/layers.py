@@ -43,7 +43,6 @@ class MixesLayers(Protocol):
         `frame_pair` has the frames that motion and weights are found on, perhaps under equal illumination; `layered`
         the frames as they are, with the same layers.
         """
-        ...
 
 
 class Mixed(NamedTuple):

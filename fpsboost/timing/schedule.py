@@ -52,7 +52,6 @@ class Schedule(Protocol):
         `start` and `time` are those of source frame 0 and of this one as given by the source, seconds. All other
         methods take times returned by this one.
         """
-        ...
 
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
         """Yield the output frames in [time0, time1), in order; one whose t is 0 shows the source frame itself.
@@ -60,19 +59,15 @@ class Schedule(Protocol):
         `index` is the number of the source frame at `time0`, counted from 0, and `time1` the time of the next one;
         `start` is that of source frame 0, all in seconds.
         """
-        ...
 
     def output_position(self, index: int, start: Fraction, time: Fraction) -> Fraction:
         """Return the position of a source frame among the output frames, counted from 0; see `steps`."""
-        ...
 
     def rate(self, source_rate: Fraction) -> Fraction:
         """Return the nominal output frames per second."""
-        ...
 
     def time_base(self, source_time_base: Fraction) -> Fraction:
         """Return the seconds per tick that represent every output time exactly (where 32 bits suffice)."""
-        ...
 
 
 @dataclass(frozen=True)
