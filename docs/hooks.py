@@ -75,8 +75,8 @@ def gallery() -> str:
     """Return links to the comparison pages that `docs/make_gallery.py` has written here, and the command that does."""
     pages = sorted((ROOT / "docs" / "gallery").glob("*/index.html"))
     links = ", ".join(f"[{page.parent.name}](gallery/{page.parent.name}/index.html)" for page in pages)
-    shown = f"Every second frame hidden and made again, by several methods: {links}. " if pages else ""
-    return f"{shown}`python docs/make_gallery.py` makes all this, and a comparison page of each."
+    shown = f"Comparisons of several methods on these clips: {links}. " if pages else ""
+    return f"{shown}`python docs/make_gallery.py` renders these clips, and writes a comparison page of each."
 
 
 def options() -> str:
