@@ -86,7 +86,7 @@ class Pictures(Iterator[av.VideoFrame]):
         self._next: av.VideoFrame | None = None
         self._aspects: list[Fraction] = []
         """Pixel aspect ratios by the decoder, which is ahead of the pictures."""
-        self._measures: dict[Any, av.filter.Graph] = {}
+        self._graphs = _Graphs(self._tick)
 
     def __iter__(self) -> Self:
         return self
@@ -109,11 +109,7 @@ class Pictures(Iterator[av.VideoFrame]):
     def aspect_of(self, picture: av.VideoFrame) -> Fraction:
         """Return the pixel aspect ratio of a picture; PyAV gives it none, so FFmpeg's scaler tells it as a width."""
         if len(self._aspects) > 1:
-            kind = _kind(picture)
-            if kind not in self._measures:
-                self._measures[kind] = _graph_of(picture, self._tick, "scale", "16+1000*sar:16:neighbor:eval=frame")
-            self._measures[kind].vpush(picture)
-            width = self._measures[kind].vpull().width
+            width = self._graphs.passed(picture, "scale", "16+1000*sar:16:neighbor:eval=frame").width
             return min(self._aspects, key=lambda aspect: abs(16 + 1000 * aspect - width))
         return self._aspects[0] if self._aspects else Fraction(1)
 
@@ -278,6 +274,21 @@ def _graph_of(picture: av.VideoFrame, time_base: Fraction, name: str, options: s
     return graph
 
 
+class _Graphs:
+    """Graphs of filters that make one picture of one, by what they were made for."""
+
+    def __init__(self, time_base: Fraction) -> None:
+        self._time_base = time_base
+        self._graphs: dict[Any, av.filter.Graph] = {}
+
+    def passed(self, picture: av.VideoFrame, name: str, options: str) -> av.VideoFrame:
+        key = _kind(picture), name, options
+        if key not in self._graphs:
+            self._graphs[key] = _graph_of(picture, self._time_base, name, options)
+        self._graphs[key].vpush(picture)
+        return self._graphs[key].vpull()
+
+
 def _pulled(graph: av.filter.Graph) -> Iterator[av.VideoFrame]:
     with suppress(av.error.BlockingIOError, av.error.EOFError):
         while True:
@@ -289,34 +300,27 @@ def cropped(pictures: Iterable[av.VideoFrame], crop: Crop, time_base: Fraction, 
 
     Where it begins inside a sample of chroma, chroma is resampled, at full resolution, and luma stays as it is.
     """
-    scaler = VideoReformatter()
+    scaler, graphs = VideoReformatter(), _Graphs(time_base)
     options = f"iw-{crop.left + crop.right}:ih-{crop.top + crop.bottom}:{crop.left}:{crop.top}:exact=1"
-    for (*_, pixel_format, _, _), alike in groupby(pictures, _kind):
-        graph: av.filter.Graph | None = None
-        full, between, location = False, "", ""
-        for picture in alike:
-            if graph is None:
-                samples = picture.format
-                steps = 16 // samples.chroma_width(16), 16 // samples.chroma_height(16)
-                if crop.left % steps[0] or crop.top % steps[1]:
-                    between = full_chroma(samples.components[0].bits)
-                    between = between.replace("yuv", "yuva") if has_alpha(pixel_format) else between
-                    full, location = is_full_range(picture), chroma_location_of(picture, scaler)
-            whole = reformatted(picture, scaler, between, full) if between else picture
-            try:
-                graph = graph or _graph_of(whole, time_base, "crop", options)
-                graph.vpush(whole)
-                part = graph.vpull()
-            except (av.error.FFmpegError, ValueError):
-                raise InputError(
-                    f"{name} holds pictures of {picture.width}x{picture.height} {pixel_format}, which cannot be "
-                    "cropped as it asks for; remove its crop first."
-                ) from None
-            if between:
-                times = part.pts, part.duration, part.time_base
-                part = reformatted(with_chroma_location(part, location), scaler, pixel_format, full)
-                part.pts, part.duration, part.time_base = times
-            yield part
+    for picture in pictures:
+        coded, full_range, whole = picture.format, is_full_range(picture), picture
+        is_odd = crop.left % (16 // coded.chroma_width(16)) or crop.top % (16 // coded.chroma_height(16))
+        if is_odd:
+            planar = full_chroma(coded.components[0].bits).replace("yuv", "yuva" if has_alpha(coded.name) else "yuv")
+            whole = reformatted(picture, scaler, planar, full_range)
+        try:
+            part = graphs.passed(whole, "crop", options)
+        except (av.error.FFmpegError, ValueError):
+            raise InputError(
+                f"{name} holds pictures of {picture.width}x{picture.height} {coded.name}, which cannot be cropped as "
+                "it asks for; remove its crop first."
+            ) from None
+        if is_odd:
+            times = part.pts, part.duration, part.time_base
+            part = with_chroma_location(part, chroma_location_of(picture, scaler))
+            part = reformatted(part, scaler, coded.name, full_range)
+            part.pts, part.duration, part.time_base = times
+        yield part
 
 
 class FormatUnifier:
@@ -332,7 +336,7 @@ class FormatUnifier:
     ) -> None:
         self._name, self.traits, self._stops = name, traits, stops
         self._width, self._height, self._aspect = first.width, first.height, aspect
-        self._reformatter = VideoReformatter()
+        self._reformatter, self._graphs = VideoReformatter(), _Graphs(Fraction(1, 1000))
         self._reshaped = self._recoded = self._retagged = 0
         self._change = self._new_colours = self._recoding = ""
         """First change of size, format or shape: ``from 64x48 yuv420p to 96x64 yuv420p at frame 12``."""
@@ -405,9 +409,9 @@ class FormatUnifier:
         alike = reformatted(source, self._reformatter, traits.pixel_format, traits.full_range, size=(height, width))
         if (width, height) != (self._width, self._height):
             alike.colorspace, alike.color_range = traits.tagged_color_space, traits.color_range
-            pad = _graph_of(alike, Fraction(1, 1000), "pad", f"{self._width}:{self._height}:(ow-iw)/2:(oh-ih)/2")
-            pad.vpush(alike)
-            alike = reformatted(pad.vpull(), self._reformatter, traits.pixel_format, traits.full_range)
+            options = f"{self._width}:{self._height}:(ow-iw)/2:(oh-ih)/2"
+            alike = self._graphs.passed(alike, "pad", options)
+            alike = reformatted(alike, self._reformatter, traits.pixel_format, traits.full_range)
         alike.pts, alike.duration, alike.time_base = picture.pts, picture.duration, picture.time_base
         alike.colorspace, alike.color_range = traits.tagged_color_space, traits.color_range
         alike.color_primaries, alike.color_trc = traits.color_primaries, traits.color_transfer

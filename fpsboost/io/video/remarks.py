@@ -84,24 +84,12 @@ def lost_companions_remark(name: str, companions: Sequence[str], target: str) ->
     return f"{name} has {' and '.join(companions)}, which {target} cannot hold; left out."
 
 
-def cropped_remark(name: str, coded: tuple[int, int], shown: tuple[int, int]) -> str:
-    """Return the remark on a crop that a container says, with the width and height before and after it."""
-    before, after = (f"{width}x{height}" for width, height in (coded, shown))
-    return f"{name} shows {after} of its {before} pixels, as its container says; the others were cropped away."
-
-
 def dolby_vision_sentence(name: str) -> str:
     """Return why Dolby Vision without an ordinary base layer is refused."""
     return (
-        f"{name} is Dolby Vision whose colours only its own decoders know (profile 5 or a like one); convert "
-        "it to HDR10 first, or pass `force_colours=True` to take them for ordinary ones, which turns them green and "
-        "purple."
+        f"{name} is Dolby Vision whose colours only its own decoders know (profile 5 or a like one); convert it to "
+        "HDR10 first, or pass `force_colours=True` to take them for ordinary ones, which turns them green and purple."
     )
-
-
-def wrong_colours_remark(name: str) -> str:
-    """Return the remark on Dolby Vision that was taken for ordinary video."""
-    return f"{name} is Dolby Vision whose colours were taken for ordinary ones; they are wrong."
 
 
 def lost_shape_remark(name: str, aspect: Fraction | None) -> str:

@@ -37,23 +37,11 @@ words = {
     "STEREO3D": "stereo mode",
     "VIEW_ID": "second view of the spatial video",
 }
-"""What side data is, by its type, if an output does not have it of its own accord."""
+"""What side data is, by its type; others are carried over or reported by name, or are notes of a codec."""
 
-renewed_types = {
-    *("DISPLAYMATRIX", "MASTERING_DISPLAY_METADATA", "CONTENT_LIGHT_LEVEL", "THREE_D_REFERENCE_DISPLAYS"),
-    *("DYNAMIC_HDR_PLUS", "DYNAMIC_HDR_VIVID", "DOVI_METADATA", "DOVI_RPU_BUFFER"),
-    *("MOTION_VECTORS", "VIDEO_ENC_PARAMS", "REGIONS_OF_INTEREST", "VIDEO_HINT"),
-}
-"""Types that are carried over or reported by name, and those by which a codec works."""
-
-encoder_notes = {
-    bytes.fromhex(uuid)
-    for uuid in (
-        "dc45e9bde6d948b7962cd820d923eeef",  # x264's options
-        "2ca2de09b51747dbbb55a4fe7fc2fc4e",  # x265's
-        "47564adc5c4c433f94efc5113cd143a8",  # Apple's hardware encoders, of each picture
-    )
-}
+_X264, _X265 = "dc45e9bde6d948b7962cd820d923eeef", "2ca2de09b51747dbbb55a4fe7fc2fc4e"
+_APPLE = "47564adc5c4c433f94efc5113cd143a8"
+encoder_notes = [bytes.fromhex(identifier) for identifier in (_X264, _X265, _APPLE)]
 """Identifiers of user data that tells of the coding alone."""
 
 stereo_modes = {
@@ -66,8 +54,7 @@ stereo_modes = {
 """Matroska's names by FFmpeg's AVStereo3DType, with the left view first and with the right one."""
 
 FLAT, RECTILINEAR, FULL_FRAME = 0, 4, 8  # of AVStereo3DType, AVSphericalProjection and ETSI TS 101 154
-TIME_OF_GOP = 0xFFEFFF
-"""Bits of MPEG-2's timecode without its flag and its marker."""
+TIME_OF_GOP = 0xFFEFFF  # MPEG-2's timecode without its flag and its marker
 
 base_layers = (4, 6, 7, 9)
 """Profiles of Dolby Vision whose base layer always is ordinary video; that of others is by their compatibility."""
@@ -127,26 +114,23 @@ def filtered(picture: av.VideoFrame, operations: Iterable[str]) -> av.VideoFrame
 def described(sides: Sequence[tuple[str, bytes]], width: int) -> dict[str, str]:
     """Return in words, by type, what side data tells of pictures of this width that a new encoder does not."""
     kinds = dict(sides)
-    return {
-        kind: words.get(kind, f"side data of FFmpeg's type {kind.rpartition('_')[2]}")
-        for kind, data in sides
-        if kind in words or kind.startswith("UNKNOWN_")
-        if not _says_nothing(kind, data, width) and not (kind == "STEREO3D" and "VIEW_ID" in kinds)
-    }
-
-
-def _says_nothing(kind: str, data: bytes, width: int) -> bool:
-    """Return whether side data says what is so without it."""
-    number = int.from_bytes(data[:4], sys.byteorder)
-    window = struct.unpack_from("=i", data, 4)[0] if kind == "PANSCAN" and len(data) >= 8 else 0  # sixteenths
-    return {
-        "STEREO3D": number == FLAT,
-        "SPHERICAL": number == RECTILINEAR,
-        "PANSCAN": window in (0, 16 * width),
-        "GOP_TIMECODE": not number & TIME_OF_GOP,
-        "AFD": number & 15 == FULL_FRAME,
-        "SEI_UNREGISTERED": data[:16] in encoder_notes,
-    }.get(kind, False)
+    said: dict[str, str] = {}
+    for kind, data in sides:
+        number = int.from_bytes(data[:4], sys.byteorder)
+        window = int.from_bytes(data[4:8], sys.byteorder)  # of pan and scan, in sixteenths
+        is_implied = {
+            "STEREO3D": number == FLAT or "VIEW_ID" in kinds,
+            "SPHERICAL": number == RECTILINEAR,
+            "PANSCAN": window in (0, 16 * width),
+            "GOP_TIMECODE": not number & TIME_OF_GOP,
+            "AFD": number & 15 == FULL_FRAME,
+            "SEI_UNREGISTERED": data[:16] in encoder_notes,
+        }
+        if kind.startswith("UNKNOWN_"):
+            said[kind] = f"side data of FFmpeg's type {kind.removeprefix('UNKNOWN_')}"
+        elif kind in words and not is_implied.get(kind):
+            said[kind] = words[kind]
+    return said
 
 
 def stereo_mode_of(sides: Mapping[str, bytes]) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from itertools import dropwhile, islice
@@ -32,22 +33,20 @@ from fpsboost.io.video.clock import (
     survey,
 )
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.demuxer import Demuxer, left_out_remarks, open_video, read_packets
+from fpsboost.io.video.demuxer import Demuxer, is_cover_art, left_out_remarks, open_video, read_packets
 from fpsboost.io.video.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
 from fpsboost.io.video.pictures import MAX_REORDERED, FormatUnifier, Pictures, is_on_its_side, turned_upright
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import (
     Damage,
     counted,
-    cropped_remark,
     dolby_vision_sentence,
     encrypted_sentence,
     lost_alpha_remark,
     lost_companions_remark,
     lost_shape_remark,
-    wrong_colours_remark,
 )
-from fpsboost.io.video.side_data import read_header
+from fpsboost.io.video.side_data import described, read_header, side_data_of
 from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
 from fpsboost.io.video.ycc import has_alpha, in_planes, to_bgr
 from fpsboost.memory import MemoryLimit
@@ -111,11 +110,11 @@ class VideoSource(ClosesOnExit):
         context = stream.codec_context
         self._limit.check(self._name, context.width, context.height)
         self._header = read_header(stream)
-        width, height = context.width, context.height
+        left, top, right, bottom = self._header.crop or (0, 0, 0, 0)
+        width, height = context.width - left - right, context.height - top - bottom
         if self._header.crop is not None:
-            left, top, right, bottom = self._header.crop
-            width, height = width - left - right, height - top - bottom
-            self.remarks.append(cropped_remark(self._name, (context.width, context.height), (width, height)))
+            whole = f"{context.width}x{context.height}"
+            self.remarks.append(f"{self._name} shows {width}x{height} of its {whole} pixels and was cropped to that.")
         with open_video(self.path, self._name, playlists=self._playlists) as file:
             times, start, clear = survey(file, stream.index)
         tick = as_fraction(stream.time_base)
@@ -184,15 +183,29 @@ class VideoSource(ClosesOnExit):
                 self.remarks.append(lost_alpha_remark(self._name))
             dolby_vision = self._header.dolby_vision
             traits = read_traits(picture, self._demuxer.stream, self._reformatter, self._name, dolby_vision)
+            traits = replace(traits, side_data={**self._side_data_of_stills(), **traits.side_data})
             if traits.dolby_vision_only:
-                sentence = dolby_vision_sentence(self._name)
+                self._refused = dolby_vision_sentence(self._name)
                 if not self._decoding.force_colours:
-                    raise InputError(sentence)
-                self._refused = sentence
-                self.remarks.append(wrong_colours_remark(self._name))
+                    raise InputError(self._refused)
+                self.remarks.append(f"{self._name} is Dolby Vision whose colours were taken for ordinary ones: wrong.")
             stops, aspect = self._decoding.size_change == "stop", self._pictures.aspect_of(picture)
             self._unifier = FormatUnifier(self._name, picture, traits, stops, aspect)
         return self._unifier
+
+    def _side_data_of_stills(self) -> dict[str, str]:
+        """Return what the still picture beside the sequence of an AVIF brings along: EXIF."""
+        container, said = self._demuxer.container, dict[str, str]()
+        videos = container.streams.video if container.format.name.startswith("mov") else []
+        for number, video in enumerate(videos if self._demuxer.stream.frames > 1 else []):
+            if video.frames == 1 and not is_cover_art(video):
+                with (
+                    open_video(self.path, self._name, playlists=self._playlists) as file,
+                    suppress(av.error.FFmpegError),
+                ):
+                    for picture in islice(file.decode(video=number), 1):
+                        said |= described(side_data_of(picture), picture.width)
+        return said
 
     def __iter__(self) -> Iterator[Frame]:
         if self._started:

@@ -271,7 +271,7 @@ def test_dolby_vision_without_ordinary_colours_is_refused(tmp_path, profile, com
         remarks_of(clip, str(tmp_path / "out.mp4"), "h264")
     assert "is Dolby Vision whose colours only" in (probe(str(clip)).conversion.refused or "")
     forced = DecodeOptions(force_colours=True)
-    assert "they are wrong" in remarks_of(clip, str(tmp_path / "out.mp4"), "h264", decoding=forced)
+    assert "taken for ordinary ones: wrong" in remarks_of(clip, str(tmp_path / "out.mp4"), "h264", decoding=forced)
 
 
 @pytest.mark.parametrize(("full_range", "is_refused"), [(1, True), (0, False)])
