@@ -61,12 +61,12 @@ class RunOptions:
     def __post_init__(self) -> None:
         if self.chunk is not None and self.in_place:
             raise OptionError(
-                "`chunk` writes a part of its own, and `in_place` beside the input; leave one of them out."
+                "`chunk` writes its part into a folder, which does not work with `in_place`; leave one of them out."
             )
         if self.chunk is not None and self.side.given:
-            raise OptionError(f"`chunk` makes no {' and '.join(self.side.given)}; leave one of them out.")
+            raise OptionError(f"`chunk` does not work with {' or '.join(self.side.given)}; leave one of them out.")
         if self.resume and self.side.given:
             raise OptionError(
-                f"`resume` makes no frame again, and {' and '.join(self.side.given)} would miss those that are there; "
+                f"`resume` does not compute finished frames again, which {' and '.join(self.side.given)} would need; "
                 "leave one of them out."
             )

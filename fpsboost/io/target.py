@@ -114,7 +114,7 @@ class Target:
     def check_parts(self) -> None:
         """Raise `OptionError` if the output cannot be put together of parts."""
         if self.kind == "pipe":
-            raise OptionError("`chunk` makes a part of a file, and standard output is none; name a file.")
+            raise OptionError("`chunk` does not work with standard output; name a file.")
         if self.kind == "animation":
             raise OptionError(f"`chunk` is for videos and images, and {self.path} will be an animation; leave it out.")
 
