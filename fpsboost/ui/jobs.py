@@ -126,12 +126,17 @@ class Queue:
         with self._changed:
             if len(self._jobs) >= MAX_JOBS:
                 raise OptionError(f"The queue has {MAX_JOBS} jobs; remove some first.")
-            if any(job.output == output and job.state != "done" for job in self._jobs.values()):
+            if output.rstrip("/") in self.outputs():
                 raise OptionError(f"Another job in the queue writes {output}; choose another name.")
             number = max((job.number for job in self._all), default=0) + 1
             self._jobs[number] = Job(number, words, output)
             self._save()
             return number
+
+    def outputs(self) -> set[str]:
+        """Return what jobs write that are not done, folders without a slash at the end."""
+        with self._changed:
+            return {job.output.rstrip("/") for job in self._jobs.values() if job.state != "done"}
 
     def pause(self, number: int) -> None:
         """Stop a job, so that it can go on later."""

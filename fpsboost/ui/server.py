@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import secrets
 import shlex
 from asyncio import FIRST_COMPLETED, create_task, wait, wrap_future
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
+from itertools import count
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -74,7 +76,8 @@ class Desk:
 
     def pick(self, data: Json) -> Json:
         """Return the header of a clip, which may be read from now on."""
-        return header(self.files.pick(str(data.get("path", ""))))
+        found = header(self.files.pick(str(data.get("path", ""))))
+        return {**found, "choices": asdict(self._named(Choices(**found["choices"])))}
 
     def probe(self, data: Json, is_dropped: Event) -> Json:
         """Return the properties of a clip, read to its end."""
@@ -84,9 +87,9 @@ class Desk:
 
     def check(self, data: Json) -> Json:
         """Return what a conversion would give, and the command line for it."""
-        choices = Choices.of(data)
+        choices = self._choices(data)
         job = choices.job(self.files)
-        return {**choices.check(job), "command": shlex.join(choices.words(job))}
+        return {**choices.check(job), "name": choices.name, "command": shlex.join(choices.words(job))}
 
     def look(self, data: Json, is_dropped: Event) -> Json:
         """Return a frame between two, by a method and by blending; nothing if nobody waits for it any more."""
@@ -104,10 +107,25 @@ class Desk:
         }
 
     def add(self, data: Json) -> Json:
-        choices = Choices.of(data)
+        choices = self._choices(data)
         job = choices.job(self.files)
         choices.check(job)
         return {"number": self.queue.add(choices.words(job), job.output or "")}
+
+    def _choices(self, data: Json) -> Choices:
+        """Return the choices in a request, with a free name if the user has not written one."""
+        choices = Choices.of(data)
+        return self._named(choices) if data.get("is_named") is False else choices
+
+    def _named(self, choices: Choices) -> Choices:
+        """Return the choices with a name that no file has, unless that is to be replaced, and no job writes."""
+        outputs, folder, name = self.queue.outputs(), self.files.inside(choices.folder), choices.name
+        suffix = "/" if name.endswith("/") else Path(name).suffix
+        stem = re.sub(r"-\d+$", "", name.removesuffix(suffix))
+        numbers = count(2)
+        while str(folder / name) in outputs or (os.path.lexists(folder / name) and not choices.overwrite):
+            name = f"{stem}-{next(numbers)}{suffix}"
+        return replace(choices, name=name)
 
     def change(self, data: Json) -> Json:
         """Pause a job, let it go on, or remove it."""

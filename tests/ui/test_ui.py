@@ -542,6 +542,19 @@ def test_job_becomes_a_file_that_plays(client, desk, films):
     assert client.get("/jobs").json() == []
 
 
+def test_name_is_free_unless_it_was_written(client, desk, films):
+    """The form offers a name that no file has and no conversion writes, and takes what a user has written as it is."""
+    (films / "clip-2x.mp4").touch()
+    choices = form(client, films)
+    assert choices["name"] == "clip-2x-2.mp4"
+    desk.queue.add(["fpsboost", "in.mp4", f"{films}/clip-2x-2.mp4"], f"{films}/clip-2x-2.mp4")
+    for sent, name in [("clip-2x-2.mp4", "clip-2x-3.mp4"), ("clip-2x.mp4", "clip-2x-3.mp4"), ("shot/", "shot/")]:
+        assert client.post("/check", json={**choices, "name": sent, "is_named": False}).json()["name"] == name
+    replaced = {**choices, "name": "clip-2x.mp4", "overwrite": True, "is_named": False}
+    assert client.post("/check", json=replaced).json()["name"] == "clip-2x.mp4"
+    assert "exists already" in notice(client, "/check", {**choices, "name": "clip-2x.mp4", "is_named": True})
+
+
 def test_failure_is_said_in_a_sentence(client, desk, films):
     """A conversion that fails says why, as on the command line, and can be tried again."""
     choices = form(client, films)
@@ -800,6 +813,25 @@ def test_from_start_to_result(chromium, films, tmp_path, width, height, scheme):
             page.locator("#jobs video").evaluate("video => video.play()")
             assert violations(page) == []
     assert (films / "clip-2x.mp4").is_file()
+
+
+def test_two_tabs(chromium, films, tmp_path):
+    """A tab shows what another one converts, a pick stops nothing there, and a second conversion has a name at once."""
+    write_clip(films / "other.mp4")
+    state = tmp_path / "queue.json"
+    with serving(films, state) as address, opened(chromium, address) as first, opened(chromium, address) as second:
+        for page, name in ((first, "clip.mp4"), (second, "other.mp4")):
+            page.get_by_role("button", name=name).click()
+        for page in (first, second):
+            page.locator("#facts").get_by_text("constant").wait_for()
+            expect(page.locator("#clip .notice")).to_be_hidden()
+        first.get_by_label("Repeat frames").check()
+        first.get_by_text("20 frames, at 50 a second").wait_for()
+        first.get_by_role("button", name="Convert").click()
+        expect(first.locator("[name=name]")).to_have_value("clip-2x-2.mp4")
+        expect(second.locator("#jobs .state")).to_have_text("20 of 20 frames")
+        first.get_by_label("Four times").check()
+        expect(first.locator("[name=name]")).to_have_value("clip-4x.mp4")
 
 
 def test_page_says_what_is_wrong(chromium, films, tmp_path):

@@ -178,6 +178,7 @@ function choices() {
     subtitles: elements.subtitles.checked,
     overwrite: elements.overwrite.checked,
     name: elements.name.value.trim(),
+    is_named: state.isNamed, // if not, the answer says which name is free
     input_fps: elements.input_fps.value.trim(),
   };
 }
@@ -187,7 +188,7 @@ function suggestName() {
   const { rate, value } = choices();
   const end = { factor: `${value}x`, fps: `${value}fps`, slow: `slow-${value}x` }[rate];
   if (state.isNamed || !/^[\d.]+$/.test(value)) return;
-  form.elements.name.value = state.choices.name.replace(/-2x(?=[./][^/]*$)/, `-${end}`);
+  form.elements.name.value = state.choices.name.replace(/-2x(-\d+)?(?=[./][^/]*$)/, `-${end}`);
 }
 
 function showOwn() {
@@ -216,6 +217,7 @@ function check() {
     if (found.length) says.push(`${found.length} long`);
     byId("outcome").textContent = [`${says.join(", ")}.`, ...found.remarks].join(" ");
     byId("command").textContent = found.command;
+    if (!state.isNamed) form.elements.name.value = found.name;
   }, 250);
 }
 
@@ -231,6 +233,8 @@ form.addEventListener("submit", async (event) => {
   byId("start").disabled = true;
   await attempt(form, () => ask("/add", choices()));
   byId("start").disabled = false;
+  suggestName();
+  check();
   await follow();
   byId("queue").scrollIntoView({ block: "nearest" });
 });
@@ -395,7 +399,7 @@ async function change(number, action, button) {
 
 let next;
 
-/** Show the queue, again and again while something in it moves. */
+/** Show the queue, again and again, as another tab may change it; more often while something in it moves. */
 async function follow() {
   clearTimeout(next);
   const jobs = await attempt(byId("queue"), () => ask("/jobs"));
@@ -411,7 +415,8 @@ async function follow() {
   }
   byId("none").hidden = jobs.length > 0;
   jobs.forEach(show);
-  if (jobs.some((job) => ["running", "waiting", "stopping"].includes(job.state))) next = setTimeout(follow, 500);
+  const moves = jobs.some((job) => ["running", "waiting", "stopping"].includes(job.state));
+  next = setTimeout(follow, moves ? 500 : 2000);
 }
 
 // ---------------------------------------------------------------- the page
