@@ -199,10 +199,7 @@ class VideoSource(ClosesOnExit):
         videos = container.streams.video if container.format.name.startswith("mov") else []
         for number, video in enumerate(videos if self._demuxer.stream.frames > 1 else []):
             if video.frames == 1 and not is_cover_art(video):
-                with (
-                    open_video(self.path, self._name, playlists=self._playlists) as file,
-                    suppress(av.error.FFmpegError),
-                ):
+                with open_video(self.path, self._name) as file, suppress(av.error.FFmpegError):
                     for picture in islice(file.decode(video=number), 1):
                         said |= described(side_data_of(picture), picture.width)
         return said
