@@ -25,7 +25,6 @@ from fpsboost.image import Pixels
 from fpsboost.io.output import Output
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS
 from fpsboost.io.video.pixel_choice import choose_pixel_format
-from fpsboost.io.video.remarks import lost_side_data_remark
 from fpsboost.io.video.side_data import filtered, stereo_modes
 from fpsboost.io.video.traits import LightLevel, MasteringDisplay, VideoTraits
 from fpsboost.io.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha, is_gray
@@ -74,13 +73,12 @@ class VideoEncoder:
                 "in this container; write an .mp4 or .mov to keep it."
             )
         self._options, is_whole = with_hdr(self._options, encoder, traits.mastering_display, traits.light_level)
-        lost = ["HDR mastering data"] * (not is_whole) + ["dynamic HDR metadata"] * traits.has_dynamic_hdr
-        if lost:
-            self.remarks.append(f"{name} lost the {' and the '.join(lost)} of its source; colour tags were kept.")
         kept = self._kept_side_data(traits)
-        self.remarks += lost_side_data_remark(
-            name, [said for kind, said in traits.side_data.items() if kind not in kept]
-        )
+        if is_whole:
+            kept |= {"MASTERING_DISPLAY_METADATA", "CONTENT_LIGHT_LEVEL"}
+        lost = dict.fromkeys(said for kind, said in traits.side_data.items() if kind not in kept)
+        if lost:
+            self.remarks.append(f"{name} lost the {' and the '.join(lost)} of its source.")
         self._has_captions = "A53_CC" in kept & traits.side_data.keys()
         self._last_original: object | None = None
         self._nowhere: av.container.OutputContainer | None = None

@@ -306,7 +306,6 @@ class PipeSink:
             "colour matrix": traits.color_space != assumed_color_space(self._info.height),
             "colour primaries": traits.color_primaries not in SDR_PRIMARIES,
             "transfer function": traits.color_transfer in HDR_TRANSFERS,
-            "HDR mastering data": traits.has_hdr_data,
             "rotation": traits.display_matrix is not None,
             **dict.fromkeys(traits.side_data.values(), True),
         }

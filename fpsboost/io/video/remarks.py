@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -95,12 +95,6 @@ def dolby_vision_sentence(name: str) -> str:
 def lost_shape_remark(name: str, aspect: Fraction | None) -> str:
     """Return the remark on non-square pixels where images are written."""
     return f"{name} has pixels of the shape {aspect}, which images cannot say; they come out unscaled."
-
-
-def lost_side_data_remark(name: str, kinds: Iterable[str]) -> list[str]:
-    """Return the remark on what an output lacks of what its source says of the pictures; none if that is nothing."""
-    lost = " and the ".join(dict.fromkeys(kinds))
-    return [f"{name} lost the {lost} of its source."] if lost else []
 
 
 def not_held_remark(name: str, what: str, keeping: Sequence[str]) -> str:

@@ -20,16 +20,23 @@ unnamed_types = {28: "LCEVC", 29: "VIEW_ID", 30: "THREE_D_REFERENCE_DISPLAYS", 3
 LAST_TYPE = 40
 """Number of the last type that is looked for; FFmpeg 8 has 33."""
 
+DYNAMIC_HDR, MASTERING = "dynamic HDR metadata", "HDR mastering data"
 words = {
     "A53_CC": "closed captions",
     "AFD": "active format",
     "AMBIENT_VIEWING_ENVIRONMENT": "ambient viewing environment",
+    "CONTENT_LIGHT_LEVEL": MASTERING,
     "DETECTION_BBOXES": "detected objects",
+    "DOVI_METADATA": DYNAMIC_HDR,
+    "DOVI_RPU_BUFFER": DYNAMIC_HDR,
+    "DYNAMIC_HDR_PLUS": DYNAMIC_HDR,
+    "DYNAMIC_HDR_VIVID": DYNAMIC_HDR,
     "EXIF": "EXIF metadata",
     "FILM_GRAIN_PARAMS": "film grain parameters",
     "GOP_TIMECODE": "timecodes inside the pictures",
     "ICC_PROFILE": "ICC profile",
     "LCEVC": "enhancement layer (LCEVC)",
+    "MASTERING_DISPLAY_METADATA": MASTERING,
     "PANSCAN": "pan and scan window",
     "S12M_TIMECODE": "timecodes inside the pictures",
     "SEI_UNREGISTERED": "user data of the camera or encoder",
@@ -37,7 +44,7 @@ words = {
     "STEREO3D": "stereo mode",
     "VIEW_ID": "second view of the spatial video",
 }
-"""What side data is, by its type; others are carried over or reported by name, or are notes of a codec."""
+"""What side data is, by its type; others are always carried over, or are notes of a codec."""
 
 _X264, _X265 = "dc45e9bde6d948b7962cd820d923eeef", "2ca2de09b51747dbbb55a4fe7fc2fc4e"
 _APPLE = "47564adc5c4c433f94efc5113cd143a8"

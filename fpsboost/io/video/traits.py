@@ -17,9 +17,6 @@ from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.side_data import described, is_ordinary, side_data_of, stereo_mode_of
 from fpsboost.io.video.ycc import PLANAR_FORMATS, UNSPECIFIED, bgr_of, chroma_location_of, color_space_of, is_full_range
 
-DYNAMIC_HDR_SIDE_DATA = {"DYNAMIC_HDR_PLUS", "DYNAMIC_HDR_VIVID", "DOVI_METADATA", "DOVI_RPU_BUFFER"}
-"""Types of FFmpeg's side data that hold dynamic HDR metadata."""
-
 matrices = {0: "rgb", 1: "bt709", 4: "fcc", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020nc", 10: "bt2020c"}
 primaries = {1: "bt709", 4: "bt470m", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020", 12: "smpte432"}
 transfers = {
@@ -64,10 +61,9 @@ class VideoTraits:
     Pictures are converted with the AVColorSpace `color_space`: as tagged, otherwise BT.709 from 720 rows on, BT.601
     below. The tags are FFmpeg's numbers, 2 (range: 0) for unspecified. Full range has black at 0 rather than 16 (in 8
     bits); a chroma location that is not tagged is FFmpeg's guess. The aspect ratio is the width of a pixel over its
-    height, and the display matrix is in 16.16 and 2.30 fixed point. Dynamic HDR is metadata of Dolby Vision, HDR10+ or
-    similar, which changes from frame to frame. Other side data is described by its type; `stereo_mode` is Matroska's
-    name of how a picture holds two views. The colours of `dolby_vision_only` are those of no other format. `codec` is
-    FFmpeg's name of the format that the pictures were coded in, empty if they were not.
+    height, and the display matrix is in 16.16 and 2.30 fixed point. Further side data is described by its type;
+    `stereo_mode` is Matroska's name of how a picture holds two views. Colours of `dolby_vision_only` are those of no
+    other format. `codec` is FFmpeg's name of the format that the pictures were coded in, empty if they were not.
     """
 
     pixel_format: str
@@ -83,15 +79,10 @@ class VideoTraits:
     display_matrix: tuple[int, ...] | None
     mastering_display: MasteringDisplay | None = None
     light_level: LightLevel | None = None
-    has_dynamic_hdr: bool = False
     side_data: Mapping[str, str] = field(default_factory=dict, compare=False)
     stereo_mode: str = field(default="", compare=False)
     dolby_vision_only: bool = field(default=False, compare=False)
     codec: str = field(default="", compare=False)
-
-    @property
-    def has_hdr_data(self) -> bool:
-        return (self.mastering_display, self.light_level) != (None, None) or self.has_dynamic_hdr
 
 
 def read_traits(
@@ -129,7 +120,6 @@ def read_traits(
         display_matrix=None if matrix in (None, UPRIGHT) else tuple(np.frombuffer(matrix, np.int32).tolist()),
         mastering_display=parse_mastering_display(sides.get("MASTERING_DISPLAY_METADATA")),
         light_level=parse_light_level(sides.get("CONTENT_LIGHT_LEVEL")),
-        has_dynamic_hdr=not DYNAMIC_HDR_SIDE_DATA.isdisjoint(sides),
         side_data=described(all_sides, picture.width),
         stereo_mode=stereo_mode_of(sides),
         dolby_vision_only=not is_ordinary(sides, dolby_vision),
