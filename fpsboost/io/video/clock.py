@@ -28,6 +28,9 @@ T = TypeVar("T")
 DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
 """Containers whose header says how long they are; elsewhere the duration is FFmpeg's estimate."""
 
+DURATION_FROM_BEGIN = ("mov", "flv")
+"""Those that count it from the beginning, wherever on the clock that is."""
+
 MAX_WAITING = 8
 """Number of consecutive frames, each not later than the last good one, that ends the wait for a later frame.
 
@@ -236,14 +239,17 @@ class VideoClock:
         """Return the remark that a file ends before its header says, at `end` after `count` of `listed` frames."""
         container, stream = self.file.container, self.file.stream
         promised, reached = Fraction(0), Fraction(0)
-        if stream.duration is not None:
+        if stream.duration is not None and not clock_may_jump(container):  # there FFmpeg estimates it
             begin = (stream.start_time or 0) * self.tick
             promised, reached = begin + stream.duration * self.tick - self.start, end
         # The whole file may outlast its video, so it is short only if no stream reaches its end.
         if container.duration and self._says_duration:
-            whole = Fraction(container.duration, 1_000_000)
+            whole, begin = (Fraction(time or 0, 1_000_000) for time in (container.duration, container.start_time))
+            # some headers count from the beginning, others from time 0 of the clock, if that is not after the end
+            counts_from_begin = container.format.name.startswith(DURATION_FROM_BEGIN) or begin >= whole
+            whole += begin if counts_from_begin else 0
             if whole - self.file.furthest > promised - reached:
-                promised, reached = whole, self.file.furthest
+                promised, reached = whole - self.start, self.file.furthest - self.start
         if promised - reached <= max(5 / self.rate, promised / 20):
             return []
         of_all = "" if listed is None else f" of {listed}"

@@ -127,6 +127,7 @@ def test_joined_recordings_go_on(tmp_path, second):
         f"The clock of {clip} jumps at 1 place, as where recordings were joined; pictures, sound and subtitles go on "
         "from there."
     )
+    assert not any("promises" in remark for remark in summary.remarks)
     sound = packets_of(tmp_path / "out.mp4", "audio")
     before = [packets_of(part, "audio") for part in parts]
     assert [data for _, data in sound] == [data for part in before for _, data in part]

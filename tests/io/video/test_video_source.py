@@ -126,9 +126,12 @@ def test_damaged_packets_are_skipped_and_counted(tmp_path, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_truncated_file_is_read_and_reported(tmp_path):
-    """Half a Matroska file yields half of the frames and a remark about the rest."""
-    clip = write_clip(tmp_path / "in.mkv", times=range(100), options={"preset": "ultrafast", "g": "5"})
+@pytest.mark.parametrize("start", [0, 1000])
+@pytest.mark.parametrize("suffix", [".mkv", ".flv"])
+def test_truncated_file_is_read_and_reported(tmp_path, suffix, start):
+    """Half a file yields half of the frames and a remark about the rest, wherever its clock starts."""
+    fast = {"preset": "ultrafast", "g": "5", "bf": "0"}
+    clip = write_clip(tmp_path / f"in{suffix}", times=range(start, start + 100), options=fast)
     data = clip.read_bytes()
     clip.write_bytes(data[: len(data) // 2])
     frames, remarks = read(clip)
