@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -122,6 +123,11 @@ def open_video(path: Path, name: str, *, playlists: bool = False) -> av.containe
     except (av.error.FFmpegError, OSError, ValueError):
         if not playlists:
             check_is_no_playlist(path, name)
+        if _lacks_index(path):
+            raise InputError(
+                f"{name} was never finished: its index (moov) is missing, as after a crash or an interrupted "
+                "copy; copy it again, or recover it with a tool such as untrunc."
+            ) from None
         raise InputError(f"{name} is not a video file that can be read, or it is damaged at its beginning.") from None
     if container.format.name == "tty":  # FFmpeg shows any text file as a terminal session
         container.close()
@@ -138,6 +144,19 @@ def check_is_no_playlist(path: Path, name: str) -> None:
             f"{name} is a playlist, which other files would be read for; name the file that it plays, or pass "
             "`allow_playlists=True`."
         )
+
+
+def _lacks_index(path: Path) -> bool:
+    """Return whether a file begins as MP4 or MOV, whose boxes end without the one that lists all samples."""
+    kinds: list[bytes] = []
+    with path.open("rb") as file:
+        while len(head := file.read(16)) >= 8:
+            length = int.from_bytes(head[:4] if head[:4] != b"\0\0\0\1" else head[8:])
+            kinds.append(head[4:8])
+            if length < 8:  # up to the end of the file
+                break
+            file.seek(length - len(head), os.SEEK_CUR)
+    return kinds[:1] in ([b"ftyp"], [b"mdat"], [b"wide"], [b"free"], [b"skip"]) and b"moov" not in kinds
 
 
 def choose_video(container: av.container.InputContainer, name: str, wanted: int | None) -> av.VideoStream:

@@ -80,6 +80,16 @@ def test_encrypted_sound_is_refused_and_can_be_left_out(tmp_path, monkeypatch):
         convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST)
 
 
+def test_an_unfinished_file_is_refused_as_such(tmp_path):
+    """MP4 that ends before its index, in the samples or after them; what is no MP4 is damaged."""
+    data = write_clip(tmp_path / "whole.mp4").read_bytes()
+    end, clip = data.index(b"moov") - 4, tmp_path / "in.mp4"
+    for rest, reason in ((data[: end - 100], "was never finished"), (data[:end], "untrunc"), (b"x" * 100, "damaged")):
+        clip.write_bytes(rest)
+        with pytest.raises(InputError, match=rf"in\.mp4 .*{reason}"):
+            VideoSource(clip)
+
+
 @pytest.mark.parametrize("name", ["in.m3u8", "in.mp4"])
 def test_a_playlist_is_read_only_on_request(tmp_path, name):
     """One of HLS, and a script of FFmpeg's concat under another name, which both name a file elsewhere."""
