@@ -335,3 +335,16 @@ def test_looking_for_the_start_damages_nothing(tmp_path):
     near, far = (frames_of(clip, trim(start))[2].remarks for start in ("0.04", "1.04"))
     assert far == near
     assert "in.mp4 is damaged: 1 packet" in far[0]
+
+
+@pytest.mark.parametrize("sound", ["aac", "libopus"])
+def test_a_clip_that_only_ends_earlier_begins_as_the_whole_one(tmp_path, sound):
+    """With the sound before its first frame, also in Matroska."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(20), sound=sound)
+    outputs = tmp_path / "whole.mkv", tmp_path / "part.mkv"
+    for output, end in zip(outputs, (None, "0.6"), strict=True):
+        convert_part(clip, output, None, end)
+    whole, part = (packets_of(output, "audio") for output in outputs)
+    assert whole[: len(part)] == part
+    first, other = (packets_of(output, "video")[0][0] for output in outputs)
+    assert first == other

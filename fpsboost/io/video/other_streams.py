@@ -242,7 +242,10 @@ class OtherStreams:
         tick = Fraction(packet.time_base)
         pts = packet.dts if packet.pts is None else packet.pts
         begin, end = pts * tick, (pts + max(packet.duration or 0, 1)) * tick
-        if end <= window.begin or (window.end is not None and begin >= window.end):
+        # Matroska has no times before 0: there all packets are offset, as of a whole clip, or what comes before is lost
+        is_exact = self._container in EXACT_TIME_BASE_CONTAINERS
+        leads = not is_exact and packet.stream.type == "audio" and window.begin == window.origin
+        if (end <= window.begin and not leads) or (window.end is not None and begin >= window.end):
             return False
         moved = round(window.begin / tick)
         packet.pts, packet.dts = pts - moved, packet.dts - moved
@@ -251,8 +254,7 @@ class OtherStreams:
             packet.pts = packet.dts = round(output_time(begin, window) / tick)
             if packet.duration:
                 packet.duration = round(output_time(end, window) / tick) - packet.pts
-        # Matroska has no times before 0, and would offset all other packets instead
-        return packet.pts >= 0 or self._container in EXACT_TIME_BASE_CONTAINERS
+        return packet.pts >= 0 or is_exact or leads
 
     def _copy(self, packet: av.Packet[av.stream.Stream]) -> None:
         """Mux one packet, unless its decoding time runs backwards, which no container accepts."""
