@@ -70,8 +70,10 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
             is_other = asked is not None and av.Codec(asked, "w").canonical_name != codec_of(stream)
             is_webm = container == "webm" and encoding.audio_codec is None  # it holds no sound that films usually have
             is_other |= is_webm and not fits(container, stream, sample)
-            if stream.type == "audio" and (stretch != 1 or is_other):
-                encoders[stream.index] = asked or defaults[container]
+            # FFmpeg takes the length of TTA from that of the whole Matroska, and loses its end where they differ
+            is_tta = container == "matroska" and encoding.audio_codec is None and codec_of(stream) == "tta"
+            if stream.type == "audio" and (stretch != 1 or is_other or is_tta):
+                encoders[stream.index] = asked or ("flac" if is_tta else defaults[container])
                 if not can_encode(stream, encoders[stream.index], stretch):
                     raise OutputError(_undecodable(stream, stretch, source.name))
             elif not fits(container, stream, sample):

@@ -71,6 +71,14 @@ def codec_of_sound(path: Path) -> str:
 # ---------------------------------------------------------------------------------------------- what muxers really hold
 
 
+def test_matroska_holds_tta_as_flac(tmp_path):
+    """Whole: of TTA in Matroska FFmpeg loses the last packet, unless all streams are as long as it."""
+    clip, output = write_clip(tmp_path / "in.mkv", sound="tta", sound_seconds=0.4), tmp_path / "out.mkv"
+    assert any("(tta sound) of its source encoded anew as flac" in remark for remark in double(clip, output))
+    before, after = (sum(frame.samples for frame in av.open(str(path)).decode(audio=0)) for path in (clip, output))
+    assert before == after == 19200
+
+
 @pytest.mark.parametrize("codec", ["wmav2", "pcm_mulaw", "adpcm_ms", "adpcm_ima_wav"])
 def test_matroska_holds_what_its_list_leaves_out(tmp_path, codec):
     """Sound that Matroska names as Windows does is copied into .mkv packet by packet."""
