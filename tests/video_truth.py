@@ -130,12 +130,15 @@ def copy_packets(
     target: Path,
     change: Callable[[int, Any], bool | None] = lambda number, packet: None,
     chapters: Sequence[Any] = (),
+    sound_headers: bool = True,
     **options: str,
 ) -> Path:
     """Copy a clip packet by packet, except those for which `change` returns False; `options` are the container's."""
     with av.open(str(source)) as file, av.open(str(target), "w", container_options=options) as output:
         output.set_chapters(list(chapters))
         streams = {stream.index: output.add_stream_from_template(stream) for stream in file.streams}
+        for stream in () if sound_headers else output.streams.audio:
+            stream.codec_context.extradata = None
         for number, packet in enumerate(packet for packet in file.demux() if packet.size):
             if change(number, packet) is not False:
                 packet.stream = streams[packet.stream.index]

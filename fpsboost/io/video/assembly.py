@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from itertools import chain, pairwise
 from pathlib import Path
@@ -18,7 +18,7 @@ from fpsboost.io.output import Output
 from fpsboost.io.staging import sync
 from fpsboost.io.video.chunks import Chunk
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, containers
-from fpsboost.io.video.fitting import Fitting, open_muxer
+from fpsboost.io.video.fitting import Fitting, check_readable, open_muxer
 from fpsboost.io.video.other_streams import OtherStreams
 
 
@@ -81,6 +81,8 @@ class Assembly:
         output, self._output = self._output, None
         output.close()
         sync(self._path)
+        others = self._others.written.values() if self._others is not None else ()
+        check_readable(self._path, Counter(["video", *others]), self._name)
         if self._others is not None:
             self._others.check_labels(self._path)
 

@@ -43,6 +43,19 @@ def parse_encoder_options(texts: Sequence[str], option: str = "`encoder_options`
     return tuple((name.strip(), value) for name, _, value in pairs)
 
 
+def parse_streams(text: str, option: str = "`streams`") -> tuple[int, ...]:
+    """Parse numbers of streams with commas between; messages name them by `option`.
+
+    Examples
+    --------
+    >>> parse_streams("1,3")
+    (1, 3)
+    """
+    if re.fullmatch(r"\s*[0-9]{1,9}\s*(,\s*[0-9]{1,9}\s*)*", text) is None:
+        raise OptionError(f"{option} {text!r} is no list of numbers; write it like 1,3.")
+    return tuple(int(number) for number in text.split(","))
+
+
 @dataclass(frozen=True)
 class Encoding:
     """Options for encoding, and for the streams that are carried over.
@@ -69,6 +82,8 @@ class Encoding:
         .webm cannot hold it, which gets Opus; with ``copy`` always.
     audio, subtitles : bool
         Keep the source's audio and subtitles.
+    streams : tuple of int, optional
+        Numbers of the streams of audio and subtitles to keep, as `probe` gives them; by default all that can be kept.
 
     Raises
     ------
@@ -92,6 +107,9 @@ class Encoding:
     audio_codec: str | None = option(None, "Audio encoder: aac, opus, flac...; else copy.", group="Streams")
     audio: bool = option(True, "Drop the audio.", flag="no-audio", group="Streams")
     subtitles: bool = option(True, "Drop the subtitles.", flag="no-subtitles", group="Streams")
+    streams: tuple[int, ...] | None = option(
+        None, "Audio and subtitles kept, as probe counts: 1,3.", metavar="NUMBERS", parse=parse_streams, group="Streams"
+    )
 
     def __post_init__(self) -> None:
         if self.crf is not None and self.bitrate is not None:

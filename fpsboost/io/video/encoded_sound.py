@@ -134,6 +134,7 @@ def can_encode(stream: av.stream.Stream, encoder: str, stretch: Fraction = Fract
     traits, channels = _traits_of_stream(stream)
     try:
         _graph(traits, stretch, traits_for(encoder, traits, channels))
+        context.open(strict=False)
     except (UnknownCodecError, av.error.FFmpegError, ValueError):
         return False
     return True
@@ -173,6 +174,11 @@ class EncodedSound:
         self._latest: tuple[av.AudioFrame, Fraction | None] | None = None
         self._packets_end = Fraction(0)
         self._tick = Fraction(0)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no samples have been encoded so far."""
+        return self._next_pts is None
 
     def take(self, packet: av.Packet[Any]) -> None:
         """Decode a packet of the source, and mux what is ready."""

@@ -15,6 +15,7 @@ from av.codec.context import OptionFlags
 
 from fpsboost.errors import OptionError
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.pyav import trial_file
 from fpsboost.io.video.ycc import has_alpha
 
 containers = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska", ".webm": "webm"}
@@ -311,7 +312,7 @@ def _writes_header(codec: str) -> bool:
     if codec == "dvvideo":
         return True  # its header cannot be written without a picture
     try:
-        with av.open(BytesIO(), "w", format="mov") as probe:
+        with trial_file() as path, av.open(str(path), "w", format="mov") as probe:
             probe.add_mux_stream(codec, rate=48000, width=64, height=64, time_base=Fraction(1, 48000))
             probe.start_encoding()
     except (av.error.FFmpegError, ValueError):

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import islice
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, cast
 
 import av
 import av.container
@@ -23,6 +23,7 @@ from fpsboost.io.video.demuxer import is_cover_art, open_video
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoded_sound import can_encode, choose_sound_encoder, defaults, sound_encoders
 from fpsboost.io.video.encoding import containers, holds
+from fpsboost.io.video.pyav import open_input, trial_file
 from fpsboost.io.video.tags import find_timecode
 
 MAX_PROBED_PACKETS = 200
@@ -39,16 +40,21 @@ TEE_SPECIAL_CHARACTERS = re.compile(r"([\\'|\s])")
 class Fitting:
     """Plan for storing the streams of a source in a container.
 
-    FFmpeg's encoder is listed for each audio stream that is re-encoded. With `any_codec`, a stream is copied whose
-    codec is missing from the container's list; see `open_muxer`.
+    FFmpeg's encoder is listed for each audio stream that is re-encoded, and a remark for each stream that is left out
+    because it fits in neither way. With `any_codec`, a stream is copied whose codec is missing from the container's
+    list; see `open_muxer`.
     """
 
     encoders: Mapping[int, str] = field(default_factory=dict)
+    left_out: Mapping[int, str] = field(default_factory=dict)
     any_codec: bool = False
 
 
 def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
-    """Decide how audio and subtitles of an output's source are stored in a container, beside an encoder's video."""
+    """Decide how audio and subtitles of an output's source are stored in a container, beside an encoder's video.
+
+    What fits in no way is left out beside others of its kind; alone, or if it was asked for, it raises `OutputError`.
+    """
     source, encoding, name = output.stream.video, output.encoding, output.path
     if source is None:
         return Fitting()
@@ -60,42 +66,84 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
             "one of them."
         )
     encoders: dict[int, str] = {}
+    misfits: dict[int, _Misfit] = {}
     any_codec = False
     with open_video(source.path, source.name, playlists=source.playlists) as file:
+        _check_choice(file, source, encoding)
         streams = [stream for stream in file.streams if is_wanted(stream, encoding)]
         strict = [stream for stream in streams if not is_text(stream)]
         samples = first_packets(file, strict)
         for stream in strict:
             sample = samples.get(stream.index)
             is_other = asked is not None and av.Codec(asked, "w").canonical_name != codec_of(stream)
-            is_webm = container == "webm" and encoding.audio_codec is None  # it holds no sound that films usually have
-            is_other |= is_webm and not fits(container, stream, sample)
+            is_held = fits(container, stream, sample)
+            # a .webm holds no sound that films usually have
+            is_other |= not is_held and (asked is not None or (container == "webm" and encoding.audio_codec is None))
             # FFmpeg takes the length of TTA from that of the whole Matroska, and loses its end where they differ
             is_tta = container == "matroska" and encoding.audio_codec is None and codec_of(stream) == "tta"
             if stream.type == "audio" and (stretch != 1 or is_other or is_tta):
-                encoders[stream.index] = asked or ("flac" if is_tta else defaults[container])
-                if not can_encode(stream, encoders[stream.index], stretch):
-                    raise OutputError(_undecodable(stream, stretch, source.name))
-            elif not fits(container, stream, sample):
+                chosen = asked or ("flac" if is_tta else defaults[container])
+                if can_encode(stream, chosen, stretch):
+                    encoders[stream.index] = chosen
+                else:
+                    misfits[stream.index] = _undecodable(stream, stretch, source.name)
+            elif not is_held:
                 instead = [
                     suffix
                     for suffix, other in containers.items()
                     if other != container
                     and (not encoding.codec or holds(other, encoder))
-                    and all(fits(other, copied, samples.get(copied.index)) for copied in strict)
+                    and fits(other, stream, sample)
                 ]
-                raise OutputError(_refusal(stream, container, instead, name, source.name))
+                misfits[stream.index] = _not_held(stream, container, instead, name, source.name)
             else:
                 any_codec |= not _listed(container, stream)
-    return Fitting(encoders, any_codec)
+        kept = {stream.type for stream in streams if stream.index not in misfits}
+        for index, misfit in misfits.items():
+            if encoding.streams is not None:
+                raise OutputError(f"{misfit.cause}; leave {index} out of `streams`.")
+            if file.streams[index].type not in kept:
+                raise OutputError(misfit.refusal)
+    return Fitting(encoders, {index: misfit.remark(index) for index, misfit in misfits.items()}, any_codec)
 
 
-def _undecodable(stream: av.stream.Stream, stretch: Fraction, source: str) -> str:
+def _check_choice(file: av.container.InputContainer, source: VideoFile, encoding: Encoding) -> None:
+    """Raise `OptionError` if a stream is asked for that is no sound or subtitles; the video that is read may be."""
+    offered = {stream.index: stream for stream in file.streams if stream.type in ("audio", "subtitle")}
+    for number in set(encoding.streams or ()) - offered.keys() - {source.stream_index}:
+        listed = ", ".join(f"{index} ({codec_of(stream)} {stream.type})" for index, stream in offered.items())
+        instead = f"choose from {listed}" if listed else "it has none"
+        raise OptionError(f"`streams={number}` is no sound and no subtitles of {source.name}; {instead}.")
+
+
+@dataclass(frozen=True)
+class _Misfit:
+    """Sentence, without its end, on a stream that fits in no way; ways to keep it, and the option to leave it out."""
+
+    cause: str
+    ways: list[str]
+    without: str
+
+    @property
+    def refusal(self) -> str:
+        return f"{self.cause}; {_any_of([*self.ways, self.without])}."
+
+    def remark(self, index: int) -> str:
+        ways = f"; to keep it, {_any_of(self.ways)}" if self.ways else ""
+        return f"{self.cause}; stream {index} was left out{ways}."
+
+
+def _any_of(ways: Sequence[str]) -> str:
+    return ", or ".join([", ".join(ways[:-1]), ways[-1]]) if len(ways) > 1 else ways[0]
+
+
+def _undecodable(stream: av.stream.Stream, stretch: Fraction, source: str) -> _Misfit:
     aim, option = ("stretched", "`slow_motion_sound='drop'`") if stretch != 1 else ("encoded anew", "`audio=False`")
-    return f"The {codec_of(stream)} sound of {source} cannot be {aim} here; leave it out with {option}."
+    cause = f"The {codec_of(stream)} sound of {source} cannot be {aim} here"
+    return _Misfit(cause, [], f"leave it out with {option}")
 
 
-def _refusal(stream: av.stream.Stream, container: str, others: Sequence[str], name: str, source: str) -> str:
+def _not_held(stream: av.stream.Stream, container: str, others: Sequence[str], name: str, source: str) -> _Misfit:
     what, option = ("sound", "`audio=False`") if stream.type == "audio" else ("subtitles", "`subtitles=False`")
     ways = []
     if stream.type == "audio" and can_encode(stream, defaults[container]):
@@ -103,14 +151,16 @@ def _refusal(stream: av.stream.Stream, container: str, others: Sequence[str], na
         ways.append(f"encode it anew with `audio_codec={common!r}`")
     if others:
         ways.append(f"write {' or '.join(others)}")
-    ways.append(f"leave the {what} out with {option}")
-    listed = ", or ".join([", ".join(ways[:-1]), ways[-1]]) if len(ways) > 1 else ways[0]
-    return f"{name} cannot hold the {codec_of(stream)} {what} of {source}; {listed}."
+    cause = f"{name} cannot hold the {codec_of(stream)} {what} of {source}"
+    if _lacks_headers(stream):
+        cause += ", whose headers are missing"
+    return _Misfit(cause, ways, f"leave the {what} out with {option}")
 
 
 def is_wanted(stream: av.stream.Stream, encoding: Encoding) -> bool:
     """Return whether a stream is audio or subtitles that are to be kept."""
-    return (stream.type == "audio" and encoding.audio) or (stream.type == "subtitle" and encoding.subtitles)
+    is_chosen = encoding.streams is None or stream.index in encoding.streams
+    return is_chosen and {"audio": encoding.audio, "subtitle": encoding.subtitles}.get(stream.type, False)
 
 
 def first_packets(file: av.container.InputContainer, streams: Sequence[av.stream.Stream]) -> dict[int, bytes]:
@@ -125,18 +175,52 @@ def first_packets(file: av.container.InputContainer, streams: Sequence[av.stream
     return packets
 
 
+def check_readable(path: Path, written: Counter[str], name: str) -> None:
+    """Raise `OutputError` unless a file opens and as many streams of each type as `written` have packets and headers.
+
+    A stream is discarded after its first packet, so that one that begins late is found without reading all others.
+    """
+    with suppress(av.error.FFmpegError, ValueError), open_input(str(path.absolute())) as file:
+        missing = written.copy()
+        for packet in file.demux():
+            if packet.dts is not None and packet.stream.discard != av.stream.Discard.all:
+                packet.stream.discard = av.stream.Discard.all
+                missing[packet.stream.type] -= not _lacks_headers(packet.stream)
+            if not +missing:
+                return
+        written = missing
+    what = " and ".join(kind if kind != "audio" else "sound" for kind in +written)
+    raise OutputError(
+        f"{name} was not written because its {what} cannot be read from it; try another `codec` or container, or leave "
+        "other streams out with `audio=False` and `subtitles=False`."
+    )
+
+
 def fits(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool:
     """Return whether a container holds a stream as it is, by a trial with its muxer.
 
     The trial uses a packet of the stream, since a muxer may have to rewrite packets, such as audio of MPEG transport
-    streams.
+    streams. A stream that no decoder opens because its headers are missing, such as Vorbis of OGM, fits nowhere.
     """
+    if _lacks_headers(stream):
+        return False
     if _listed(container, stream):
         return _muxed(container, stream, sample) is not None
     is_possible = (
         container in INCOMPLETE_LIST_CONTAINERS and stream.type == "audio" and stream.codec_context is not None
     )
     return is_possible and _muxed(container, stream, sample, any_codec=True) == [codec_of(stream)]
+
+
+def _lacks_headers(stream: av.stream.Stream) -> bool:
+    context: Any = stream.codec_context
+    if stream.type != "audio" or context is None or context.extradata:
+        return False
+    try:
+        context.open(strict=False)
+    except (av.error.FFmpegError, ValueError):
+        return True
+    return False
 
 
 def is_text(stream: av.stream.Stream) -> bool:
@@ -175,9 +259,11 @@ def _listed(container: str, stream: av.stream.Stream) -> bool:
 def _muxed(
     container: str, stream: av.stream.Stream, sample: bytes | None, *, any_codec: bool = False
 ) -> list[str] | None:
-    """Return the formats of the streams in a file with one packet of a stream; None if the muxer refuses it."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "trial"
+    """Return the formats of the streams in a file with one packet of a stream; None if the muxer refuses it.
+
+    None also if the file lacks the headers of AAC, with which FFmpeg's mp4 and mov do without and players do not.
+    """
+    with trial_file() as path:
         try:
             with open_muxer(path, container, any_codec=any_codec) as output:
                 target = output.add_stream_from_template(stream)
@@ -189,8 +275,10 @@ def _muxed(
         except (av.error.FFmpegError, ValueError):
             return None
         with suppress(av.error.FFmpegError, ValueError), av.open(str(path)) as file:
-            return [str(again.name) if again.type == "data" else codec_of(again) for again in file.streams]
-    return []
+            names = [str(again.name) if again.type == "data" else codec_of(again) for again in file.streams]
+            without_headers = "aac" in names and not cast(Any, file.streams[0].codec_context).extradata
+            return None if without_headers else names
+    return None
 
 
 def open_muxer(path: Path, container: str, *, any_codec: bool = False) -> av.container.OutputContainer:

@@ -56,6 +56,8 @@ class OtherStreams:
         self._window, self._fitting, self._encoding = plan.window, fitting, plan.encoding
         self._output, self._name, self._container, self._source = output, plan.path, container, source
         self.remarks: list[str] = []
+        self.written: dict[int, str] = {}
+        """Type of each stream of the source of which packets were muxed, by its number."""
         self._input = open_video(source.path, source.name, playlists=source.playlists)
         self._targets: dict[int, av.stream.Stream] = {}
         self._labels: dict[int, Labels] = {}
@@ -99,7 +101,7 @@ class OtherStreams:
                 break
             self._copy(packet)
         for index, converter in self._converters.items():
-            self._output.mux(converter.until(time))
+            self._mux(index, "subtitle", converter.until(time))
             if time is None and converter.lost_lines:
                 self._remark(f"lost lines of stream {index} of its source, where more are shown than a text can hold.")
 
@@ -128,6 +130,8 @@ class OtherStreams:
             self._add_cover(stream)
         elif stream.discard == av.stream.Discard.all:
             pass  # chapter track of an mp4, which FFmpeg reads as chapters
+        elif stream.index in self._fitting.left_out:
+            self.remarks.append(self._fitting.left_out[stream.index])
         elif stream.index in self._fitting.encoders:
             self._add_encoded(stream, self._fitting.encoders[stream.index])
         elif is_kept and is_text(stream) and not fits(self._container, stream, None):
@@ -173,6 +177,8 @@ class OtherStreams:
         """Mux the remaining packets of re-encoded audio, and add remarks on packets that could not be decoded."""
         for index, sound in self._sounds.items():
             sound.finish()
+            if not sound.is_empty:
+                self.written[index] = "audio"
             if sound.lost_packets:
                 self.remarks.append(
                     f"{self._source.name} is damaged: {counted(sound.lost_packets, 'packet')} of sound in stream "
@@ -278,10 +284,15 @@ class OtherStreams:
         if index in self._sounds:
             self._sounds[index].take(packet)
         elif index in self._converters:
-            self._output.mux(self._converters[index].take(packet))
+            self._mux(index, kind, self._converters[index].take(packet))
         else:
             packet.stream = self._targets[index]
-            self._output.mux(packet)
+            self._mux(index, kind, [packet])
+
+    def _mux(self, index: int, kind: str, packets: list[av.Packet[Any]]) -> None:
+        self._output.mux(packets)
+        if packets:
+            self.written[index] = kind
 
 
 def _keeps(container: str, stream: av.stream.Stream) -> bool:

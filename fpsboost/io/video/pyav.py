@@ -6,8 +6,11 @@ UTF-8 as surrogates, which cannot be printed; PyAV 18 raises for them, or replac
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from fractions import Fraction
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 import av
@@ -39,6 +42,13 @@ def open_input(file: Any, *, playlists: bool = False) -> av.container.InputConta
         tags.clear()
         tags.update(texts)
     return container
+
+
+@contextmanager
+def trial_file() -> Iterator[Path]:
+    """Yield the path of a file for a trial; from PyAV's calls of a file object no KeyboardInterrupt comes through."""
+    with TemporaryDirectory() as folder:
+        yield Path(folder) / "trial"
 
 
 def printable(tags: Mapping[str, str]) -> dict[str, str]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
-from io import BytesIO
 from typing import Any
 
 import av
@@ -14,7 +14,7 @@ import av.container
 import av.error
 
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS
-from fpsboost.io.video.pyav import open_input
+from fpsboost.io.video.pyav import open_input, trial_file
 
 FILE_SPECIFIC_TAGS = {
     *("major_brand", "minor_version", "compatible_brands", "encoder", "timecode", "duration"),
@@ -162,11 +162,10 @@ def _tags_read_back(
     tags: Mapping[str, str], container: str, options: dict[str, str], language: str = "und"
 ) -> tuple[dict[str, str], dict[str, str]]:
     """Return the tags of a file, and of a stream in a language, as read back after muxing; empty if the trial fails."""
-    file = BytesIO()
     codec = "vp8" if container == "webm" else "mjpeg"
     tick = Fraction(1, 25)
-    try:
-        with av.open(file, "w", format=container, container_options=options) as output:
+    with trial_file() as path, suppress(av.error.FFmpegError, ValueError):
+        with av.open(str(path), "w", format=container, container_options=options) as output:
             output.metadata.update(tags)
             stream = output.add_mux_stream(codec, rate=25, width=64, height=64, time_base=tick)
             stream.metadata["language"] = language
@@ -174,11 +173,9 @@ def _tags_read_back(
             packet.stream, packet.pts, packet.dts, packet.duration, packet.time_base = stream, 0, 0, 1, tick
             packet.is_keyframe = True
             output.mux(packet)
-        file.seek(0)
-        with open_input(file) as again:
+        with open_input(str(path)) as again:
             return _lower(again.metadata), _lower(again.streams[0].metadata)
-    except (av.error.FFmpegError, ValueError):
-        return {}, {}
+    return {}, {}
 
 
 def _lower(tags: Mapping[str, str]) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -12,11 +13,12 @@ import pytest
 from conversion_options import grouped
 from numpy.typing import NDArray
 from test_stretched_sound import CLICK, CLICKS, clicks_of, heard, slow, write_sounds
-from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, write_clip
+from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, tone, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import OutputRate
 
 RATE = 48000
@@ -123,6 +125,109 @@ def test_what_cannot_be_held_names_the_option_first(tmp_path, codec, suffix, way
     with pytest.raises(OutputError, match=f"cannot hold the {codec} sound of .*; {ways}"):
         double(clip, tmp_path / f"out{suffix}", "copy")
     assert not (tmp_path / f"out{suffix}").exists()
+
+
+# ---------------------------------------------------------------------------- sound that nobody can decode, and choices
+
+
+def write_unknown(path: Path, unknown: Sequence[int], sounds: int = 2) -> Path:
+    """Write a clip with sounds, some of which are of a codec that FFmpeg does not know."""
+    with av.open(str(path), "w") as output:
+        _, packets = add_pictures(output)
+        streams = [output.add_stream("aac", rate=RATE) for _ in range(sounds)]
+        lines = output.add_mux_stream("mov_text")
+        text: Any = av.Packet(b"\0\3one")
+        text.stream, text.pts, text.dts, text.duration, text.time_base = lines, 0, 0, 200, Fraction(1, 1000)
+        mux_in_order(output, [*packets, *(packet for stream in streams for packet in tone(stream)), text])
+    first, *parts = path.read_bytes().split(b"mp4a")  # in the description of every sound
+    assert len(parts) == sounds
+    for number in unknown:
+        parts[number] = parts[number].replace(b"\x40\x15", b"\xfe\x15", 1)  # MPEG-4's own number of the codec
+    tags = [b"apac" if number in unknown else b"mp4a" for number in range(sounds)]
+    path.write_bytes(first + b"".join(tag + part for tag, part in zip(tags, parts, strict=True)))
+    return path
+
+
+def kinds_of(path: Path) -> list[str]:
+    """The types of the streams, without those of a timecode."""
+    with av.open(str(path)) as file:
+        return [stream.type for stream in file.streams]
+
+
+@pytest.mark.parametrize("unknown", [0, 1])
+@pytest.mark.parametrize(("suffix", "codec"), [(".mp4", None), (".mov", None), (".mkv", None), (".mp4", "flac")])
+def test_a_sound_of_unknown_codec_is_left_out_beside_others(tmp_path, suffix, codec, unknown):
+    """The other one is kept, which is said before any frame is read; alone it is refused."""
+    clip, target = write_unknown(tmp_path / "in.mp4", [unknown]), tmp_path / f"out{suffix}"
+    remarks = [remark for remark in double(clip, target, codec) if "encoded anew as" not in remark]
+    cause = f"The unknown sound of {clip} cannot be encoded anew here" if codec else ""
+    cause = cause or f"{target} cannot hold the unknown sound of {clip}"
+    assert f"{cause}; stream {1 + unknown} was left out." in remarks
+    assert kinds_of(target) == ["video", "audio", "subtitle"]
+    if codec is None:
+        before, after = packets_of(clip, "audio", 1 - unknown), packets_of(target, "audio")
+        assert [data for _, data in after] == [data for _, data in before]
+    with pytest.raises(OutputError, match=r"unknown sound .*; leave .* out with `audio=False`"):
+        double(write_unknown(tmp_path / "alone.mp4", [0, 1]), tmp_path / "none.mp4", codec)
+
+
+def test_streams_are_chosen_by_their_numbers(tmp_path):
+    """Sound and subtitles, beside the video whether it is named or not; what is asked for is never left out."""
+    clip = write_unknown(tmp_path / "in.mp4", [2], sounds=3)
+
+    def kept(streams: tuple[int, ...], **options: Any) -> list[str]:
+        encoding = Encoding(preset="ultrafast", streams=streams, **options)
+        convert(
+            str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=encoding, run=RunOptions(overwrite=True)
+        )
+        return kinds_of(tmp_path / "out.mp4")
+
+    assert kept((2,)) == ["video", "audio"]
+    assert packets_of(tmp_path / "out.mp4", "audio") == packets_of(clip, "audio", 1)
+    assert kept((0, 1, 4)) == ["video", "audio", "subtitle"]
+    assert kept((1, 4), audio=False) == ["video", "subtitle"]
+    assert kept(()) == ["video"]
+    with pytest.raises(OutputError, match=r"cannot hold the unknown sound of .*; leave 3 out of `streams`"):
+        kept((1, 3))
+    with pytest.raises(
+        OptionError, match=r"`streams=7` is no sound .* choose from 1 \(aac audio\), 2 .*, 4 \(mov_text"
+    ):
+        kept((1, 7))
+
+
+@pytest.mark.parametrize(("codec", "suffix"), [("alac", ".mov"), ("aac", ".mov"), ("aac", ".nut"), ("flac", ".nut")])
+def test_sound_that_lacks_its_headers_is_refused(tmp_path, codec, suffix):
+    """Before any frame is read, in every container; encoded anew where its decoder does without them."""
+    formats = {"aac": "fltp", "alac": "s16p", "flac": "s16"}
+    write_noise(tmp_path / "whole.mp4", codec, format=formats[codec])
+    clip = copy_packets(tmp_path / "whole.mp4", tmp_path / f"in{suffix}", sound_headers=False)
+    for target in (tmp_path / "out.mp4", tmp_path / "out.mov", tmp_path / "out.mkv"):
+        with pytest.raises(OutputError, match=f"cannot hold the {codec} sound of .*; .*leave the sound out with"):
+            double(clip, target)
+        assert not target.exists()
+    if codec == "alac":
+        with pytest.raises(OutputError, match=r"The alac sound of .* cannot be encoded anew here"):
+            double(clip, tmp_path / "out.mp4", "aac")
+    else:
+        double(clip, tmp_path / "out.mp4", codec)
+        assert codec_of_sound(tmp_path / "out.mp4") == codec
+        assert len(packets_of(tmp_path / "out.mp4", "audio")) > 10
+
+
+@pytest.mark.parametrize("lost", ["all", "sound"])
+def test_a_file_that_cannot_be_read_back_is_not_published(tmp_path, monkeypatch, lost):
+    """What no program opens, or lacks the packets of a stream, ends in a sentence and leaves nothing behind."""
+
+    def spoil(path: Path) -> None:
+        data = path.read_bytes()
+        path.write_bytes(b"free".join(data.rsplit(b"trak", 1)) if lost == "sound" else data[:100])
+
+    monkeypatch.setattr("fpsboost.io.video.assembly.sync", spoil)
+    clip = write_clip(tmp_path / "in.mp4", sound="aac")
+    what = "sound" if lost == "sound" else "video and sound"
+    with pytest.raises(OutputError, match=rf"out\.mp4 was not written because its {what} cannot be read from it; try"):
+        double(clip, tmp_path / "out.mp4")
+    assert not (tmp_path / "out.mp4").exists()
 
 
 def test_mov_refuses_what_it_lists(tmp_path):

@@ -269,6 +269,17 @@ def test_pictures_of_text_are_no_text(tmp_path):
     assert packets_of(tmp_path / "out.mkv", "subtitle") == packets_of(clip, "subtitle")
     assert not probe(str(clip)).streams[1].carries_over
 
+    def beside_text(output: Any, video: Any) -> Any:
+        output.add_mux_stream("subrip")
+        return output.add_mux_stream("hdmv_pgs_subtitle")
+
+    clip = write_with(tmp_path / "both.mkv", beside_text, messages)
+    remarks = double(clip, tmp_path / "both.mp4")
+    assert any(
+        re.search(r"pgs.* subtitles of .*; stream 2 was left out; to keep it, write .mkv.$", each) for each in remarks
+    )
+    assert [kind for kind, *_ in streams_of(tmp_path / "both.mp4")] == ["video", "subtitle"]
+
 
 # --------------------------------------------------------------------------------------------------------------- labels
 
