@@ -58,8 +58,8 @@ def on_page(sentence: str) -> str:
     text = in_flags(sentence)
     for words, others in PHRASES.items():
         text = re.sub(words, others, text)
-    text = re.sub(r"(?<!\S)--([a-z-]+)", lambda flag: f"“{LABELS[flag[1]]}”" if flag[1] in LABELS else flag[0], text)
-    return text + FOR_COMMANDS * (re.search(r"(?<!\S)--[a-z]", text) is not None)
+    text = re.sub(r"(?<![\w-])--([a-z-]+)", lambda flag: f"“{LABELS[flag[1]]}”" if flag[1] in LABELS else flag[0], text)
+    return text + FOR_COMMANDS * (re.search(r"(?<![\w-])--[a-z]", text) is not None)
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,8 @@ def ui(
             console.print(f"The page: {address}", soft_wrap=True)
             console.print("Ctrl-C stops it; conversions that are not done can go on later.")
             if queue.outside:
-                console.print(f"Earlier conversions outside of {files.root} do not go on from here: {queue.outside}.")
+                count = len(queue.outside)
+                console.print(f"Earlier conversions outside of {files.root} do not go on from here: {count}.")
             if not no_browser:
                 webbrowser.open(address)
             uvicorn.Server(config).run(sockets=[bound])

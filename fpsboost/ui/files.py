@@ -88,8 +88,7 @@ class Files:
         """Raise `InputError` or `OutputError` if a conversion would read or write outside of the root."""
         if self.root is not None:
             self._check_links(self.inside(input))
-            path = Path(output)
-            self.output(str(path.parent), f"{path.name}/" if output.endswith(("/", os.sep)) else path.name)
+            self.output(str(Path(output).parent), Path(output).name)
 
     def output(self, folder: str, name: str) -> str:
         place = self.inside(folder)

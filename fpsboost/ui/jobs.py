@@ -16,6 +16,7 @@ from threading import Condition, Thread
 from typing import Any, Literal
 
 from fpsboost import FpsboostError, InputError, OptionError, OutputError, Target
+from fpsboost.cli.app import explain
 from fpsboost.errors import InUseError, explained
 from fpsboost.io.staging import LOCKED, discard_unfinished, is_unfinished, lock_file, write_safely
 from fpsboost.ui.choices import on_page
@@ -81,8 +82,8 @@ class Queue:
         try:
             older = sorted(path.parent.glob(f"{path.stem}-*{path.suffix}"))  # once, each port had a queue of its own
             jobs = [replace(job, number=number) for number, job in enumerate(chain(*map(_read, [path, *older])), 1)]
-            self._outside = [job for job in jobs if not self._is_inside(job)]
-            self._jobs = {job.number: job for job in jobs if job not in self._outside}
+            self.outside = [job for job in jobs if not self._is_inside(job)]  # which are kept, and do not run
+            self._jobs = {job.number: job for job in jobs if job not in self.outside}
             self._process: subprocess.Popen[str] | None = None
             self._closed = False
             with self._changed:
@@ -103,11 +104,6 @@ class Queue:
             self._changed.notify_all()
         self._thread.join()
         self._lock.close()
-
-    @property
-    def outside(self) -> int:
-        """Number of jobs of earlier starts that read or write what this one may not; they are kept, and do not run."""
-        return len(self._outside)
 
     def listing(self) -> list[dict[str, Any]]:
         """Return all jobs as plain data."""
@@ -176,7 +172,7 @@ class Queue:
 
     @property
     def _all(self) -> list[Job]:
-        return [*self._jobs.values(), *self._outside]
+        return [*self._jobs.values(), *self.outside]
 
     def _is_inside(self, job: Job) -> bool:
         with suppress(InputError, OutputError):
@@ -203,10 +199,7 @@ class Queue:
                     self._files.check_job(job.words[1], job.output)  # which may have become links
                     self._process = start_process(job.arguments)
                 except (OSError, FpsboostError) as error:
-                    reason = (
-                        f"It could not be started ({error.strerror}); try again." if isinstance(error, OSError) else ""
-                    )
-                    self._end(job, reason or str(error), 1, kept)
+                    self._end(job, explain(error) if isinstance(error, OSError) else str(error), 1, kept)
                     continue
                 with suppress(OutputError):
                     self._save()

@@ -17,6 +17,7 @@ from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from itertools import count
 from pathlib import Path
+from textwrap import shorten
 from threading import Event
 from typing import Any
 from urllib.parse import parse_qs
@@ -30,7 +31,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from fpsboost import FpsboostError, InputError, OptionError
-from fpsboost.cli.app import explain
+from fpsboost.cli.app import MAX_REASON, explain
 from fpsboost.errors import notes_of
 from fpsboost.evaluation.report.self_contained import data_uri, templates_of
 from fpsboost.ui.choices import Choices, on_page
@@ -40,12 +41,6 @@ from fpsboost.ui.jobs import Queue
 
 MAX_BODY = 64 * 1024
 """Largest body of a request, bytes; the page sends a few hundred."""
-
-MAX_FAULT = 300
-"""Most characters of a sentence about an error that nobody foresaw."""
-
-MAX_DIGITS = 9
-"""Most digits of a job's number."""
 
 READERS = 4
 """Number of clips that are read to their ends at a time."""
@@ -138,7 +133,7 @@ class Desk:
 
     def result(self, number: str) -> Path:
         """Return the file that a job has written."""
-        job = self.queue.job(int(number) if number.isdecimal() and len(number) <= MAX_DIGITS else 0)
+        job = self.queue.job(int(number) if re.fullmatch(r"[0-9]{1,9}", number) else 0)
         if job.state != "done":
             raise OptionError(f"Job {number} is not done; wait for it.")
         path = self.files.inside(job.output)
@@ -185,10 +180,12 @@ class Guard:
             except Exception as error:
                 if is_answered:
                     raise
-                fault = f"This is a fault in fpsboost ({type(error).__name__}: {error}); report it."
-                await Answer({"notice": fault[:MAX_FAULT]}, 500)(scope, receive, sent)
+                reason = shorten(f"{type(error).__name__}: {error}", MAX_REASON)
+                await Answer({"notice": f"This is a fault in fpsboost ({reason}); report it."}, 500)(
+                    scope, receive, sent
+                )
         else:
-            await JSONResponse({"notice": refusal}, 403)(scope, receive, sent)
+            await Answer({"notice": refusal}, 403)(scope, receive, sent)
 
     def _refusal(self, scope: Scope) -> str | None:
         """Return the sentence with which a request is refused; None if it is let in."""

@@ -178,7 +178,7 @@ function choices() {
     subtitles: elements.subtitles.checked,
     overwrite: elements.overwrite.checked,
     name: elements.name.value.trim(),
-    is_named: state.isNamed, // if not, the answer says which name is free
+    is_named: state.isNamed && !state.isTaken, // if not, the answer says which name is free
     input_fps: elements.input_fps.value.trim(),
   };
 }
@@ -217,12 +217,13 @@ function check() {
     if (found.length) says.push(`${found.length} long`);
     byId("outcome").textContent = [`${says.join(", ")}.`, ...found.remarks].join(" ");
     byId("command").textContent = found.command;
-    if (!state.isNamed) form.elements.name.value = found.name;
+    if (!state.isNamed || state.isTaken) form.elements.name.value = found.name;
+    state.isTaken = false;
   }, 250);
 }
 
 form.addEventListener("input", (event) => {
-  if (event.target.name === "name") state.isNamed = true;
+  if (event.target.name === "name") Object.assign(state, { isNamed: true, isTaken: false });
   showOwn();
   suggestName();
   check();
@@ -231,7 +232,7 @@ form.addEventListener("input", (event) => {
 form.addEventListener("submit", async (event) => {
   event.preventDefault();
   byId("start").disabled = true;
-  await attempt(form, () => ask("/add", choices()));
+  state.isTaken = !!(await attempt(form, () => ask("/add", choices())));
   byId("start").disabled = false;
   suggestName();
   check();
