@@ -93,9 +93,14 @@ class VideoEncoder:
         """Return the types of side data that the output keeps; x264 writes these of the pictures of the source."""
         is_passed = self._encoder == "libx264" and not _is_rgb(traits.pixel_format)
         kept = {"A53_CC"} if is_passed else set()
-        is_left_first = any(traits.stereo_mode == left_first for left_first, _ in stereo_modes.values())
-        if (is_passed and is_left_first) or (self._format in ("matroska", "webm") and traits.stereo_mode):
+        if traits.stereo_mode and self._format in ("matroska", "webm"):
             kept.add("STEREO3D")
+        elif is_passed and any(traits.stereo_mode == left_first for left_first, _ in stereo_modes.values()):
+            kept.add("STEREO3D")
+            self.remarks.append(
+                f"{self._name} has the stereo mode of its source in its H.264 stream, where not every player looks; an "
+                ".mkv also has it in its container."
+            )
         return kept
 
     @property

@@ -192,7 +192,9 @@ def test_what_an_output_lacks_is_said(tmp_path, codec, suffix, lost, kept):
     clip = write_with_messages(tmp_path / "in.ts", [message(4, CAPTIONS), message(5, CAMERA)])
     assert {"A53_CC", "SEI_UNREGISTERED", "STEREO3D"} <= sides_of(clip)
     target = tmp_path / f"out{suffix}"
-    assert lost in remarks_of(clip, str(target), codec)
+    said = remarks_of(clip, str(target), codec)
+    assert lost in said
+    assert ("has the stereo mode of its source in its H.264 stream" in said) == (codec == "h264")
     assert sides_of(target) - {"SEI_UNREGISTERED"} == kept
     assert "closed captions" in remarks_of(clip, f"{tmp_path}/out/")
 
@@ -200,7 +202,7 @@ def test_what_an_output_lacks_is_said(tmp_path, codec, suffix, lost, kept):
 def test_captions_with_gaps_are_said(tmp_path):
     """Where pictures of the source give way to interpolated ones, their captions are gone."""
     clip = write_with_messages(tmp_path / "in.ts", [message(4, CAPTIONS)])
-    assert "captions" not in remarks_of(clip, str(tmp_path / "twice.mp4"), "h264", factor=2)
+    assert "closed captions" not in remarks_of(clip, str(tmp_path / "twice.mp4"), "h264", factor=2)
     assert "lost closed captions where" in remarks_of(clip, str(tmp_path / "half.mp4"), "h264", factor=Fraction(3, 2))
 
 
