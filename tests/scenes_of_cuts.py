@@ -28,9 +28,6 @@ class Clip(NamedTuple):
     cuts: set[int]
 
 
-# ------------------------------------------------------------------------------------------------------------ sceneries
-
-
 def smooth(random: np.random.Generator) -> Array:
     """Hills and clouds: noise of several sizes, each colour its own."""
     canvas = np.zeros((*CANVAS, 3), np.float32)
@@ -114,9 +111,6 @@ def colour(random: np.random.Generator, low: float = 0.0, high: float = 1.0) -> 
     return blue, green, red
 
 
-# ---------------------------------------------------------------------------------------------------------------- shots
-
-
 @dataclass(frozen=True)
 class Shot:
     """A camera over a scenery: `frame(k)` is what it sees at time k."""
@@ -176,9 +170,6 @@ def exposed(frames: list[Array], mean: float) -> list[Array]:
     """The same light for all, such that the first has this mean."""
     gain = mean / max(0.02, float(frames[0].mean()))
     return [(frame * gain).clip(0, 1) for frame in frames]
-
-
-# ---------------------------------------------------------------------------------------------------------------- clips
 
 
 def joined(name: str, *shots: list[Array]) -> Clip:

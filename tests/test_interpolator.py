@@ -119,9 +119,6 @@ def test_swapped_frames_are_the_scene_backwards(method):
         assert difference.mean() < 1
 
 
-# ------------------------------------------------------------------------------------ what the default makes of a scene
-
-
 def default(image0, image1, t=0.5):
     """The default's in-between image, whatever the cut detector thinks of a constructed scene."""
     return replace(methods["nlm"], cuts=None).interpolate(image0, image1, [t])[0]
@@ -215,9 +212,6 @@ def test_what_is_no_number_stays_in_its_place(value):
     assert off.max() < 0.05
 
 
-# -------------------------------------------------------------------------------------------------------- curved paths
-
-
 def three_pairs(interpolator, **motion):
     """The pairs before, in and after the middle of an accelerating texture, and its truth at 1/2."""
     at = accelerating(96, 128, **motion)
@@ -262,9 +256,6 @@ def test_a_cut_is_no_neighbour():
     assert (images[0] != images[2]).any()
     for one, with_cut in zip(images[::2], images[1::2], strict=True):
         np.testing.assert_array_equal(one, with_cut)
-
-
-# -------------------------------------------------------------------------------------------- fading light and overlays
 
 
 def eventful(scene, dtype=np.uint8):
@@ -327,9 +318,6 @@ def test_confidence_is_refused_where_there_is_none():
             interpolate_with_confidence(image, image, t)
     with pytest.raises(InputError):
         interpolate_with_confidence(image, noise(40, 47))
-
-
-# ----------------------------------------------------------------------------------------------------- cuts and options
 
 
 def test_cuts_repeat_the_nearer_frame_or_mix():

@@ -116,9 +116,6 @@ def test_frames_beyond_the_canvas_are_not_decoded(tmp_path):
     assert "damaged" in source.remarks[-1]
 
 
-# ----------------------------------------------------------------------------------------------------------- the limit
-
-
 @pytest.mark.parametrize(
     ("text", "size"),
     [("8G", 8 * 10**9), ("500M", 5 * 10**8), ("1.5g", 15 * 10**8), ("16 GB", 16 * 10**9), ("2T", 2 * 10**12), ("7", 7)],

@@ -123,9 +123,6 @@ RATES = [Fraction(60), Fraction(50), Fraction(60000, 1001), Fraction(25), Fracti
 SCHEDULES: list[Schedule] = [*map(ByFactor, FACTORS), *map(ByRate, RATES)]
 
 
-# ------------------------------------------------------------------------------------------------- frames and durations
-
-
 @pytest.mark.parametrize("holds", [True, False], ids=["video", "images"])
 @pytest.mark.parametrize("schedule", SCHEDULES, ids=str)
 def test_number_of_frames(schedule, holds):
@@ -204,9 +201,6 @@ def test_remarks_of_both_sides_are_told():
     assert summary.remarks == ["The source was guessed at.", "The target lost something."]
 
 
-# ----------------------------------------------------------------------------------------------------- the interpolator
-
-
 class Counting:
     """Counts the pairs that motion is estimated for, without those of compiling, which are larger."""
 
@@ -279,9 +273,6 @@ def test_the_loop_follows_curved_paths():
     assert all((a.image != b.image).any() for a, b in zip(straight[1::2], frames[1::2], strict=True))
 
 
-# --------------------------------------------------------------------------------------------------------------- errors
-
-
 class OnPurposeError(Exception):
     pass
 
@@ -340,9 +331,6 @@ def test_an_error_of_the_interpolator_surfaces(fail_at):
         run_conversion(FakeSource(regular(20)), interpolator, sink, ByFactor(Fraction(2)))
     assert caught.value is error
     assert len(sink.frames) <= 2 * fail_at + 1 if fail_at >= 0 else not sink.frames
-
-
-# -------------------------------------------------------------------------------------------------- observer and memory
 
 
 LIT_BLEND = replace(BLEND, compensate_illumination=True)  # which keeps more of each frame
@@ -450,9 +438,6 @@ def test_the_number_of_threads_does_not_matter():
             assert (frame.time, frame.duration) == (expected.time, expected.duration)
             np.testing.assert_array_equal(frame.image, expected.image)
     assert results[0][1].scene_cuts == 1
-
-
-# ------------------------------------------------------------------------------------------------------- whole files
 
 
 def times_of(path: Path) -> list[Fraction]:

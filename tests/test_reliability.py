@@ -41,9 +41,6 @@ def assert_one_sentence(result: Result, *words: str) -> None:
         assert word in result.err
 
 
-# --------------------------------------------------------------------------------------------------------------- killed
-
-
 KILLED = """
 import os, signal, sys
 
@@ -99,9 +96,6 @@ def test_a_killed_run_changes_nothing(tmp_path, snapshot):
     done = subprocess.run(command, cwd=tmp_path, env=environment(), stderr=subprocess.PIPE, timeout=100, check=False)
     assert done.returncode == 0, done.stderr.decode()
     assert {name: data for name, data in snapshot(tmp_path).items() if not name.startswith(".")} == before
-
-
-# ------------------------------------------------------------------------------------------------------- no more space
 
 
 @contextlib.contextmanager
@@ -185,8 +179,6 @@ def test_a_full_disk(fpsboost_, tmp_path, small_disk, output):
     assert os.listdir(small_disk) == ([] if is_video else [f".{output.strip('/')}.unfinished"])
 
 
-# ---------------------------------------------------------------------------------------------------------- odd names
-
 NAMES = [
     *(b"two words", "ünï 日本 \N{CLAPPER BOARD}".encode(), b"new\nline", b"-in", b"$(x);'\"`&|*?~", b"100%d"),
     *(b"take ##2", b"shot_%04d", b"[bold]x", b"http:x", b"\xff\xfe", b"x" * 251, "日".encode() * 83, b"concat:a|b"),
@@ -235,9 +227,6 @@ def test_names_that_are_too_long(fpsboost_, tmp_path, arguments):
     """The system's refusal is a sentence, wherever such a name is given."""
     assert_one_sentence(fpsboost_(*(each.format("x" * 300) for each in arguments)), "xxx", "too long")
     assert os.listdir(tmp_path) == ["in.mp4"]
-
-
-# -------------------------------------------------------------------------------------------------- what is not a file
 
 
 @on_unix
@@ -310,9 +299,6 @@ def test_reasons_of_the_system_are_told(monkeypatch, tmp_path):
     monkeypatch.setattr(Path, "is_dir", forbidden)
     with pytest.raises(InputError, match=r"Cannot read .*in\.mp4 \(Permission denied\); check the name"):
         open_source(str(tmp_path / "in.mp4"))
-
-
-# ------------------------------------------------------------------------------------------- what changes while it runs
 
 
 def convert(source: Path, target: Path | str, act: Callable[[], object]) -> Summary:

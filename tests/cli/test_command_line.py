@@ -54,9 +54,6 @@ RUN = """
 """
 
 
-# ----------------------------------------------------------------------------------------------------------- what works
-
-
 def test_piped_run_is_plain_text(clip, tmp_path):
     """A whole process that nobody watches: exit code 0, a file, no bar, no colour, no control characters, one line."""
     command = [sys.executable, "-m", "fpsboost", "in.mp4", "out.mp4", *CHEAP]
@@ -301,8 +298,6 @@ def test_overwriting(fpsboost_, clip, tmp_path):
         assert len(packets_of(tmp_path / "out.mp4", "video")) == 12
 
 
-# ---------------------------------------------------------------------------------------------------- what is refused
-
 # Everything below is done in a folder that `material` fills.
 FAILURES: dict[str, tuple[str, str]] = {
     "missing file": ("none.mp4 out.mp4", "none.mp4"),
@@ -417,9 +412,6 @@ def test_rates_beyond_32_bits(fpsboost_, tmp_path, arguments):
         assert_refused(result, 2, arguments.split()[-2])
 
 
-# ------------------------------------------------------------------------------------------------------------- damage
-
-
 def test_a_truncated_video_is_converted_with_a_note(fpsboost_, tmp_path):
     """What can be read is converted, and a note tells how much that is."""
     clip = write_clip(tmp_path / "in.mkv", times=range(60))
@@ -437,9 +429,6 @@ def test_a_corrupt_video_is_converted_with_a_note(fpsboost_, tmp_path):
     assert (result.code, result.out, len(result.lines)) == (0, "", 3)
     assert re.fullmatch(r"Note: in\.mp4 is damaged: .*\.", result.lines[1])
     assert re.fullmatch(r"Note: in\.mp4 varies from .*\.", result.lines[2])
-
-
-# ------------------------------------------------------------------------------------------------------- being stopped
 
 
 WAITING = """
@@ -592,16 +581,10 @@ def test_ends_that_take_no_text(clip, tmp_path, arguments, ends, code):
     assert (tmp_path / "out.mp4").exists() == (code == 0)
 
 
-# ----------------------------------------------------------------------------------------------------------- file names
-
-
 @pytest.mark.parametrize("name", ["[red]gone[", "go\\ne", "100%", "go'ne", "a" * 120])
 def test_odd_names_in_errors(fpsboost_, name):
     """A message prints a name as it was given, brackets and backslashes included, and is not wrapped at 80 columns."""
     assert_refused(fpsboost_(f"{name}.mp4", "out.mp4"), 1, f"{name}.mp4 does not exist")
-
-
-# ------------------------------------------------------------------------------------------------------ help and import
 
 
 def examples() -> list[str]:

@@ -52,9 +52,6 @@ def opening_of(comparison):
     return next(choice.number for choice in choose_frames(comparison) if DIFFERENT in choice.reasons)
 
 
-# ---------------------------------------------------------------- the player
-
-
 def test_first_screen_has_the_verdict_and_pictures(opened, report_path):
     """At a desk and on a phone, what comes out and the whole picture are seen without scrolling."""
     for width, height in ((1200, 900), (390, 844)):
@@ -244,9 +241,6 @@ def test_blind_test_hides_names_and_counts(page, comparison):
     expect(page.locator(".place")).to_have_text(before)
 
 
-# ---------------------------------------------------------------- figures, tables and the address
-
-
 def test_chart_is_the_timeline(page, comparison):
     """A click in the chart, or Enter, shows the frame, and a line in every chart says which is shown."""
     chart = page.locator("#errors .metric:not(.later) .chart.wide")
@@ -365,9 +359,6 @@ def test_page_of_several_clips(opened, several_path):
     assert rows.count() == len(NAMES)
     mean, *of_clips = map(float, rows.first.locator("td").evaluate_all("all => all.map(each => each.dataset.value)"))
     assert math.isclose(mean, sum(of_clips) / 2)
-
-
-# ---------------------------------------------------------------- everybody
 
 
 @pytest.mark.parametrize(("width", "height", "scheme"), [(1200, 900, "light"), (390, 844, "dark")])

@@ -90,9 +90,6 @@ def rendered(tmp_path: Path) -> Path:
     return renders.parent
 
 
-# ------------------------------------------------------------------------------------------------- without Blender
-
-
 def test_commands_are_those_of_the_documentation():
     """Each step is one command line; a plan and a merge want a new folder."""
     trip = folders.Folders(Path("trip"))
@@ -241,9 +238,6 @@ def test_settings_are_put_back():
     assert settings.restore(owners, changes) == [path, others[-1]]
     assert vars(owners["render"]) == {"filepath": "/mine/", "use_border": True}
     assert settings.from_text("") == []
-
-
-# ----------------------------------------------------------------------------------------------------- the extension
 
 
 def test_the_manifest_keeps_to_blenders_rules():
@@ -493,9 +487,6 @@ def test_regions_need_the_prepared_scene(extension, planned):
     """Regions in other passes or another format could not be merged."""
     context = make_context(make_scene(planned), None)
     assert "prepare" in refusal_of(extension.rendering.FPSBOOST_OT_render_regions(), context)
-
-
-# ------------------------------------------------------------------------------------------------------- in Blender
 
 
 def python_with_bpy() -> str | None:

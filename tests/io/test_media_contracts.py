@@ -148,8 +148,6 @@ def test_what_is_missing_is_named(tmp_path, name):
         )
 
 
-# --------------------------------------------------------------------------------------------------------------- sinks
-
 # What to name as the output in a folder, and whether that folder's subfolder `frames` exists before.
 targets = {
     "mp4": ("out.mp4", False),

@@ -264,9 +264,6 @@ def test_cuts_and_duplicates_are_counted_the_same(tmp_path):
     assert found == [found[0]] * 4
 
 
-# --------------------------------------------------------------------------------------------------- what is left of it
-
-
 def test_all_may_be_there(tmp_path, clip, whole, monkeypatch):
     """A run that is stopped while its file is put together goes on with that alone."""
     monkeypatch.setattr("fpsboost.io.video.assembly.Assembly.finish", lambda *_: 1 / 0)
@@ -380,8 +377,6 @@ def test_no_picture_is_decoded_after_it_is_shown(given):
     assert (-2 <= first <= 0, second <= 1) == (True, True)
 
 
-# --------------------------------------------------------------------------------------------------------------- killed
-
 KILLING = """
 import itertools, os, random, signal, sys, threading
 from pathlib import Path
@@ -451,9 +446,6 @@ def test_killed_at_random_moments(tmp_path):
     assert done.returncode == 0, done.stderr.decode()
 
 
-# --------------------------------------------------------------------------------------------------------------- images
-
-
 def write_images(source: Path, target: Path, *, stop_after: int | None = None, **options: Any) -> ImageSink:
     """Copy images, and stop after some."""
     images = ImageSource(str(source), Fraction(24))
@@ -518,9 +510,6 @@ def test_moving_goes_on(tmp_path, images, snapshot, monkeypatch, moved):
     monkeypatch.undo()
     assert write_images(images, tmp_path / "out", resume=True).completed_frames == 10
     assert sorted(snapshot(tmp_path / "out").values()) == sorted(snapshot(images).values())
-
-
-# ----------------------------------------------------------------------------------------------- the whole of a command
 
 
 def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int) -> None:

@@ -39,9 +39,6 @@ def convert_part(source: Path, target: Path, start: str | None, end: str | None 
     return convert(str(source), str(target), encoding=options.pop("encoding", FAST), decoding=decoding, **options)
 
 
-# -------------------------------------------------------------------------------------------------- how it is written
-
-
 @pytest.mark.parametrize(
     ("text", "seconds"),
     [
@@ -75,9 +72,6 @@ def test_an_end_that_is_no_end_is_refused(start, end):
     with pytest.raises(OptionError, match=r"`end=.*` does not lie behind `start=.*`"):
         trim(start, end)
     assert trim("2", "10f").end == Position(Fraction(10), is_frame=True)
-
-
-# --------------------------------------------------------------------------------------------------------- the frames
 
 
 def frames_of(path: Path, part: Trim, **options: Any) -> tuple[list[Fraction], list[bytes], TrimmedSource]:
@@ -178,9 +172,6 @@ def test_damage_in_the_range_is_told_though_the_rest_is_not_read(tmp_path):
     assert any("in.mp4 is damaged" in remark for remark in summary.remarks)
 
 
-# --------------------------------------------------------------------------------------------------- sound and the rest
-
-
 def clicks_and_flashes(path: Path, seconds: int = 6) -> Path:
     """A clip whose picture flashes and whose sound clicks at each whole second."""
     with av.open(str(path), "w") as output:
@@ -278,9 +269,6 @@ def test_subtitles_of_the_part(tmp_path):
     with av.open(str(tmp_path / "out.mkv")) as file:
         found = [(p.pts, p.duration, bytes(p)) for p in file.demux(subtitles=0) if p.size]
     assert found == [(0, 400, b"into"), (500, 200, b"within"), (900, 100, b"out of")]
-
-
-# -------------------------------------------------------------------------------------------------------- other sources
 
 
 def test_images_of_the_part(tmp_path, save_images):

@@ -30,9 +30,6 @@ def random_flow(seed: int) -> np.ndarray:
     return np.random.default_rng(seed).normal(0, 5, (*SIZE, 2)).astype(np.float32)
 
 
-# ----------------------------------------------------------------------------------------------------------- .flo files
-
-
 def test_flow_files_are_as_others_write_them(tmp_path):
     """The bytes of the format, written out by hand."""
     data = b"PIEH" + struct.pack("<ii", 2, 1) + struct.pack("<4f", 1.5, -2, 3, 2e9)
@@ -62,9 +59,6 @@ def test_damaged_flow_files_are_named(tmp_path, data, message):
     (tmp_path / "a.flo").write_bytes(data)
     with pytest.raises(InputError, match=rf"a\.flo .*{message}"):
         read_flow(tmp_path / "a.flo")
-
-
-# -------------------------------------------------------------------------------------------------------------- folders
 
 
 def test_y_points_up_in_openexr(tmp_path):
@@ -135,9 +129,6 @@ def test_what_has_no_depth_is_infinitely_far(tmp_path):
     save_depth(tmp_path / "d" / "1.exr", depth)
     read = VectorFolder(save_translation(tmp_path / "v", 1, SIZE, 1, 0), tmp_path / "d").at(0).depth
     assert read[0, :4].tolist() == [np.inf, np.inf, np.float32(1e10), 3]
-
-
-# --------------------------------------------------------------------------------------------------------------- errors
 
 
 def test_folders_without_vectors_are_named(tmp_path):
@@ -221,9 +212,6 @@ def test_files_without_the_channels_are_named(tmp_path):
     save_translation(tmp_path / "v", 1, SIZE, 1, 0)
     with pytest.raises(InputError, match=r"1\.exr has no depth among its channels \(B, G, R\)"):
         VectorFolder(tmp_path / "v", tmp_path).at(0)
-
-
-# --------------------------------------------------------------------------------------------------------------- motion
 
 
 @pytest.mark.parametrize("span", [1, 2, 5])

@@ -38,9 +38,6 @@ def save(path: Path, channels: dict[str, np.ndarray], **header: object) -> Path:
     return save_exr(path, ("", channels), **header)
 
 
-# ------------------------------------------------------------------------------------------------------------ the files
-
-
 def test_what_is_no_number_and_what_is_too_much_for_a_half(tmp_path):
     """NaN and infinity are read as they are; beyond 65504 a half is infinite."""
     values = np.array([[np.nan, np.inf, -np.inf, 1e9, -65504]], np.float32)
@@ -93,9 +90,6 @@ def deep(path: Path) -> Path:
     with OpenEXR.File(kind, {"Z": pixels}) as file:
         file.write(str(path))
     return path
-
-
-# --------------------------------------------------------------------------------------------------------------- damage
 
 
 @pytest.mark.parametrize("parts", [("",), ("a", "b")], ids=len)
@@ -156,9 +150,6 @@ def test_impossible_sizes_are_refused(tmp_path, name, corners, message):
     (tmp_path / "a.exr").write_bytes(with_window(encode_exr(planes("Y")), name, *corners))
     with pytest.raises(InputError, match=rf"a\.exr is ({message})"):
         read_exr(tmp_path / "a.exr")
-
-
-# ------------------------------------------------------------------------------------------------------------ as images
 
 
 def test_images_are_in_the_packages_order(tmp_path):

@@ -46,9 +46,6 @@ def save(*parts: tuple[str, Channels], path: Path = HERE, **header: object) -> P
     return save_exr(path, *parts, **header)
 
 
-# --------------------------------------------------------------------------------------------------------- which layers
-
-
 @pytest.mark.parametrize(
     ("channels", "picture", "layers"),
     [
@@ -100,9 +97,6 @@ def test_what_a_layer_is(kind, names):
         assert kind_of(name, ["uint"] * int(count)) == "nearest"
 
 
-# ---------------------------------------------------------------------------------------------------------- the numbers
-
-
 def all_of(path: Path) -> Channels:
     header = read_exr_header(path)
     return read_channels(path, header, list(header.channels))
@@ -120,8 +114,6 @@ def test_any_other_byte_in_the_headers_of_parts_is_an_image_or_an_error(place, v
     with suppress(InputError):
         assert isinstance(all_of(path), dict)
 
-
-# ------------------------------------------------------------------------------------------------------- made like them
 
 HEADERS = {
     "scanlines": {},
@@ -167,9 +159,6 @@ def test_data_fills_the_display_window():
     header = read_exr_header(path)
     assert header.parts[0].data == header.display == (0, 0, 99, 79)
     np.testing.assert_array_equal(all_of(path)["Y"], planes["Y"])
-
-
-# --------------------------------------------------------------------------------------------------------------- chosen
 
 
 @pytest.mark.parametrize(

@@ -72,9 +72,6 @@ def names_in(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-# ---------------------------------------------------------------------------------------------------------------- names
-
-
 PATTERNS = ["shot_%04d.png", "shot_%d.png", "shot_####.png", "shot_#.TIF", "shot_%04d.exr", "shot_####.dpx"]
 NAMES = ["a/####/0001.png", "take #2.mp4", "take ##2.MOV", "shot_%04d.mkv", "shot_####/", "100%done.mkv", "frames"]
 
@@ -93,9 +90,6 @@ def test_pattern_round_trip(prefix: str, digits: int, number: int) -> None:
     assert by_hash == by_percent
     assert by_hash.number_in(by_hash.path(number).name) == number
     assert len(by_hash.path(number).name) >= len(prefix) + digits + len("_l.png")
-
-
-# -------------------------------------------------------------------------------------------------------------- reading
 
 
 @pytest.mark.parametrize(
@@ -221,8 +215,6 @@ def test_foreign_type(tmp_path: Path) -> None:
         ImageSource(str(tmp_path), RATE)
 
 
-# -------------------------------------------------------------------------------------------------------------- writing
-
 kept = [(suffix, dtype, n) for suffix in (".tif", ".tiff", ".TIF") for dtype in (np.uint8, np.uint16, np.float32)
         for n in (1, 3, 4)]  # fmt: skip
 kept += [(".png", dtype, n) for dtype in (np.uint8, np.uint16) for n in (1, 3, 4)]
@@ -343,9 +335,6 @@ def test_odd_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -
     np.testing.assert_array_equal([frame.image for frame in again], [make_image(), make_image(seed=1)])
 
 
-# ----------------------------------------------------------------------------------------------------- whole or nothing
-
-
 @pytest.mark.parametrize("target", ["out", "empty", "full", "empty/x_##.png"])
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
 def test_nothing_left_after_exception(tmp_path: Path, target: str, error: type[BaseException]) -> None:
@@ -407,9 +396,6 @@ def test_failed_moves_are_undone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     folder = tmp_path if comes_back else next(tmp_path.rglob("replaced"))
     for i in range(3):
         np.testing.assert_array_equal(read_image(folder / f"x_0{i + 1}.png"), make_image(seed=i))
-
-
-# ---------------------------------------------------------------------------------------------- what stood there before
 
 
 def test_existing_is_refused(tmp_path: Path) -> None:

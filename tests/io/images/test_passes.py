@@ -72,9 +72,6 @@ def between(method: Interpolator, image0: LayeredImage, image1: LayeredImage, t:
     return made
 
 
-# ------------------------------------------------------------------------------------------------- what becomes of them
-
-
 @pytest.fixture(scope="module", params=["nlm", "dis", "blend"])
 def made(request: pytest.FixtureRequest) -> dict[str, np.ndarray]:
     image = between(methods[request.param], *(layered(planes_at(moment)) for moment in (0, 1)))
@@ -175,8 +172,6 @@ def test_across_cuts_all_layers_do_what_the_picture_does(at_cuts, shade):
                 expected = layer0.planes[name] * (1 - share) + layer1.planes[name] * share
                 np.testing.assert_allclose(plane, expected, atol=1e-4)
 
-
-# ---------------------------------------------------------------------------------------------------- from file to file
 
 HALVES = ("Combined", "Diffuse", "Normal")
 

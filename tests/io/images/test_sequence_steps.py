@@ -75,9 +75,6 @@ def run(source: Path | str, target: Path | str | None = None, method: object = B
     return convert(str(source), None if target is None else str(target), method=method, **grouped(**options))
 
 
-# ----------------------------------------------------------------------------------------------------------------- step
-
-
 def divisors(number: int) -> list[int]:
     return [each for each in range(1, number + 1) if number % each == 0]
 
@@ -184,9 +181,6 @@ def test_probe_says_the_step(tmp_path, fpsboost_):
     assert find_numbers(str(fill(tmp_path / "gap", [1, 2, 4]))) is find_numbers("in.mp4") is None
 
 
-# ----------------------------------------------------------------------------------------------------------------- gaps
-
-
 @pytest.mark.parametrize(
     ("numbers", "message"),
     [
@@ -283,9 +277,6 @@ def test_only_images_with_numbers_have_gaps(tmp_path):
     dates = fill(tmp_path / "dates", [20240131, 20240201, 20250101])
     with pytest.raises(InputError, match=r"9899 images are missing between .*20240201\.png and 20250101\.png"):
         run(dates, tmp_path / "out", fill_gaps=True)
-
-
-# ------------------------------------------------------------------------------------------------------------- in place
 
 
 class StoppedError(Exception):
@@ -389,9 +380,6 @@ def test_the_command_line_in_place(tmp_path, fpsboost_):
     assert (result.code, "No image is missing" in result.err) == (0, True)
     result = fpsboost_("a", "-m", "blend")
     assert (result.code, "OUT" in result.err) == (2, True)
-
-
-# -------------------------------------------------------------------------------------------------------------- vectors
 
 
 def save_pass(folder: Path, numbers: Iterable[int], dx: float = 1.0, size: tuple[int, int] = (HEIGHT, WIDTH)) -> Path:

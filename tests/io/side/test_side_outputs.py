@@ -87,9 +87,6 @@ def blended(sink: FakeSink, factor: int) -> list[Frame]:
     return sink.frames
 
 
-# --------------------------------------------------------------------------------------------------------- the loop
-
-
 def test_only_frames_that_are_made_have_a_confidence():
     """Originals have none; what is repeated behind the last is not known at all."""
     confidences = [frame.confidence for frame in blended(AskingSink(), 2)]
@@ -139,9 +136,6 @@ def test_a_still_until_a_cut_is_certain():
     assert [None if each.confidence is None else float(each.confidence.mean()) for each in sink.frames] == [
         *(None, 1, None, 1, None, 0, None),
     ]
-
-
-# ---------------------------------------------------------------------------------------------------- whole conversions
 
 
 @pytest.mark.parametrize("method", ["nlm", "dis-warp", "blend"])
@@ -261,9 +255,6 @@ def test_what_is_empty_is_said(tmp_path, option, factor, sentence):
     assert (tmp_path / "beside").exists() == (factor == 2)
 
 
-# ------------------------------------------------------------------------------------------------- whole or not at all
-
-
 @pytest.mark.parametrize("output", ["out", "out.mp4"])
 def test_what_fails_in_the_middle_leaves_nothing(tmp_path, snapshot, output):
     """Neither the output nor anything beside it."""
@@ -332,9 +323,6 @@ def test_places_that_cannot_be_taken_are_refused(tmp_path, monkeypatch, snapshot
     assert snapshot(tmp_path) == before
 
 
-# ------------------------------------------------------------------------------------------------- the command line
-
-
 def test_the_command_line_writes_them(fpsboost_, tmp_path):
     """And refuses them for several inputs, with its own names of the options."""
     save_pan(tmp_path / "in", range(1, 4))
@@ -370,9 +358,6 @@ def test_errors_stay_sentences(fpsboost_):
     assert result.lines == ["fpsboost: none.mp4 does not exist; check the name."]
     both = fpsboost_("none.mp4", "out.mp4", "--progress", "json", "--quiet")
     assert (both.code, "contradict" in both.err) == (2, True)
-
-
-# -------------------------------------------------------------------------------------------------------------- colours
 
 
 def test_colours_say_direction_and_length():

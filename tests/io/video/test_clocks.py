@@ -32,9 +32,6 @@ def read(path: Path) -> tuple[list[Any], list[str]]:
         return list(source), source.remarks
 
 
-# ---------------------------------------------------------------------------------------------------- where files begin
-
-
 def write_at(path: Path, start: Fraction, video_later: Fraction = Fraction(0), codec: str = "mpeg2video") -> Path:
     """Write ten pictures at 25 a second, B-frames among them, and sound that begins at `start`."""
     with av.open(str(path), "w") as output:
@@ -137,9 +134,6 @@ def test_joined_recordings_go_on(tmp_path, second):
     assert max(gaps) - min(gaps) <= Fraction(1, 100)
 
 
-# -------------------------------------------------------------------------------------------- pictures and their times
-
-
 def with_decoding_times(source: Path, path: Path) -> Path:
     """Copy a clip, saying of each picture when it is decoded, as if that were when it is shown."""
 
@@ -170,9 +164,6 @@ def test_no_picture_is_lost(times, interval):
     pictures: list[Any] = [SimpleNamespace(pts=pts) for pts in times]
     ready = [each for picture in pictures for each in order.push(picture)] + order.flush()
     assert all(one is other for one, other in zip(ready, pictures, strict=True))
-
-
-# ------------------------------------------------------------------------------------------------------ files cut short
 
 
 def with_chunk_behind_the_end(path: Path, track: int, chunk: int = 0) -> None:
@@ -209,9 +200,6 @@ def test_what_is_missing_is_counted(tmp_path):
         f"{front} ends after {seconds:.1f} s of the 4.0 s its header promises; {len(frames)} frames of 100 could be "
         "read."
     )
-
-
-# --------------------------------------------------------------------------------------------------------- absurd rates
 
 
 def test_an_absurd_rate_is_refused_with_the_ways_out(tmp_path, fpsboost_):

@@ -125,9 +125,6 @@ def write_frames(images: list[np.ndarray], encoding: Encoding | None = None) -> 
     return target.getvalue(), sink
 
 
-# ------------------------------------------------------------------------------------------------------ the first line
-
-
 @pytest.mark.parametrize(
     ("words", "rate", "aspect", "full_range", "pixel_format"),
     [
@@ -176,9 +173,6 @@ def test_a_missing_rate_is_assumed_with_a_remark(rate):
     with PipeSource(BytesIO(data)) as source:
         assert source.info.rate == 25
     assert source.remarks == ["standard input does not say its frame rate; 25 frames per second assumed."]
-
-
-# --------------------------------------------------------------------------------------------------------------- frames
 
 
 @pytest.mark.parametrize("size", [(48, 64), ODD], ids=["even", "odd"])
@@ -362,9 +356,6 @@ def test_frames_that_do_not_fit():
         write_frames([scene(0), scene(0, 64, 64)])
     with pytest.raises(OutputError, match="there were no frames"):
         write_frames([])
-
-
-# ------------------------------------------------------------------------------------------------------ whole processes
 
 
 def test_from_pipe_to_pipe(piped, tmp_path):

@@ -48,9 +48,6 @@ def first_image(path: Path, *, alpha: bool = False) -> tuple[str, NDArray[Any]]:
         return source.traits.pixel_format, next(iter(source)).image
 
 
-# ------------------------------------------------------------------------------------------------------------- lossless
-
-
 @pytest.mark.parametrize(
     ("codec", "dtype", "channels", "pixel_format"),
     [
@@ -154,9 +151,6 @@ def test_lossless_rgb_video(tmp_path):
         found, back = first_image(target)
         assert found == pixel_format
         assert np.array_equal(back if back.dtype == np.uint8 else np.rint(back / 257), image)
-
-
-# ------------------------------------------------------------------------------------------------ which codec by itself
 
 
 @pytest.mark.parametrize(

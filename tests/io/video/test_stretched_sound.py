@@ -121,9 +121,6 @@ def pitch_of(path: Path, track: int = 0) -> float:
     return float(frequencies[np.argmax(spectrum * (frequencies < 2000))])
 
 
-# ------------------------------------------------------------------------------------------- times, pitch, and length
-
-
 @pytest.mark.parametrize(
     ("factor", "suffix", "layout", "codec"),
     [
@@ -239,9 +236,6 @@ def test_too_many_channels_are_mixed(tmp_path, layout, codec):
     assert clicks_of(target, expected, 0.25) == pytest.approx(expected, abs=0.03)
 
 
-# ------------------------------------------------------------------------------------------------ damage, and going on
-
-
 def test_damaged_sound(tmp_path):
     """What decodes is in its place, what does not is silent, and that is said."""
     clip = write_sounds(tmp_path / "in.mp4", codec="aac")
@@ -272,9 +266,6 @@ def test_a_resumed_run_makes_the_same_sound(tmp_path):
         slow(clip, stopped, 8, observer=Stops())
     assert slow(clip, stopped, 8, resume=True).completed_frames == 240
     assert packets_of(stopped, "audio") == packets_of(whole, "audio")
-
-
-# ------------------------------------------------------------------------------------------------------ what is asked
 
 
 def test_sound_is_left_out_unless_told(tmp_path):
