@@ -146,18 +146,6 @@ def brute_force_search(flow: Array, t: float, radius: int) -> tuple[Array, Array
     return source, found
 
 
-def landing_cells(flow: Array, t: float) -> list[list[int]]:
-    """The sources that land on each pixel, in raster order; landings out of the frame count for the nearest pixel."""
-    height, width = flow.shape[:2]
-    cells: list[list[int]] = [[] for _ in range(height * width)]
-    for y in range(height):
-        for x in range(width):
-            dx, dy = flow[y, x]
-            cell = clamped(y + t * float(dy), height) * width + clamped(x + t * float(dx), width)
-            cells[cell].append(y * width + x)
-    return cells
-
-
 def fetched(
     image0: Array, image1: Array, t: float, source0: Array, found0: Array, source1: Array, found1: Array
 ) -> Array:

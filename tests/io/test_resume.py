@@ -290,15 +290,6 @@ def test_a_damaged_chunk_is_made_again(tmp_path, clip, whole, damage):
     assert (tmp_path / "out.mp4").read_bytes() == whole.read_bytes()
 
 
-def test_nothing_to_go_on_with(tmp_path, clip):
-    """`--resume` may always be given: the first run starts, and one after the last leaves the file as it is."""
-    assert run(clip, tmp_path / "out.mp4", resume=True).completed_frames == 0
-    before = (tmp_path / "out.mp4").stat()
-    with pytest.raises(CompleteAlreadyError, match=r"out\.mp4 exists already and no run of it is unfinished"):
-        run(clip, tmp_path / "out.mp4", resume=True)
-    assert (tmp_path / "out.mp4").stat() == before
-
-
 def test_what_a_killed_run_has_left_of_its_folder_is_removed(tmp_path, clip, monkeypatch):
     """It is killed while it removes the folder, whatever is left by then; another run's folder stays."""
     target = tmp_path / "out.mp4"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from truth import noise, translation
@@ -44,16 +42,6 @@ def test_ties_go_to_the_nearest_place():
     for seed in range(4):
         image0, image1 = (random.integers(0, 2 + seed, (9, 12, 1)).astype(np.uint8) for _ in range(2))
         np.testing.assert_array_equal(matched(image0, image1, 3, 4)[0], matched_blocks(image0, image1, 3, 4)[0])
-
-
-@pytest.mark.parametrize(
-    ("search_range", "steps"), [(1, [1]), (7, [4, 2, 1]), (8, [8, 4, 2, 1]), (24, [16, 8, 4, 2, 1])]
-)
-def test_steps_halve(search_range, steps):
-    """From one with which they reach as far as the range."""
-    offsets, turns, _ = search_plan("three-step", search_range)
-    assert [np.abs(offsets[start:stop]).max() for start, stop in pairwise(turns[1:])] == steps
-    assert sum(steps) >= search_range
 
 
 @every_pattern

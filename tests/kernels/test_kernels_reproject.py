@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from truth import affine, frozen, noise, prepared
-from twins import brute_force_search, fetched, iterative_search, landed, landing_cells, miss
+from twins import brute_force_search, fetched, iterative_search, landed, miss
 
 from fpsboost.errors import OptionError
 from fpsboost.kernels.reproject import bin_landings, fetch_both, search_iteratively, search_nearest_landing, splat
@@ -64,16 +64,6 @@ def test_brute_force_search_equals_its_slow_twin(flow, t, radius):
     """Binning finds exactly the nearest landing of all sources in the radius, ties to the nearest source."""
     for result, expected in zip(brute_force(flow, t, radius), brute_force_search(flow, t, radius), strict=True):
         np.testing.assert_array_equal(result, expected)
-
-
-@given(flows(), exact_times)
-def test_landings_are_binned_like_the_slow_twin(flow, t):
-    """Every source is in the cell it lands in, once, in raster order."""
-    pixels = flow.shape[0] * flow.shape[1]
-    starts, members = np.full(pixels + 1, -1, np.int32), np.full(pixels, -1, np.int32)
-    bin_landings(flow, np.float32(t), starts, members)
-    cells = [members[starts[cell] : starts[cell + 1]].tolist() for cell in range(pixels)]
-    assert cells == landing_cells(flow, t)
 
 
 def test_brute_force_search_finds_the_nearest_for_any_real_motion():

@@ -17,7 +17,7 @@ from twins import (
 )
 
 from fpsboost.kernels import tiles
-from fpsboost.kernels.search import STRIP_WIDTH, rank_offsets
+from fpsboost.kernels.search import STRIP_WIDTH
 from fpsboost.kernels.similarity import FRACTION_BITS, UNIT, colour_scale, similarity
 from fpsboost.kernels.tiles import PADDING, TILE, OffsetLists, Proposals
 from fpsboost.motion.field import MotionField
@@ -56,12 +56,15 @@ def test_fused_search_equals_its_slow_twin(window, height, width, radius):
 
 
 @pytest.mark.parametrize("window", ["box", "gaussian"])
-@pytest.mark.parametrize(("height", "width", "radius"), [(19, 23, 6), (5, 9, 7), (60, 11, 3), (3, STRIP_WIDTH + 21, 3)])
-def test_fused_search_equals_full_image_passes(window, height, width, radius):
-    """The kernel and the report's passes give one answer, over many rows and strips of columns too."""
+@pytest.mark.parametrize(
+    ("height", "width", "radius", "patch_radius"),
+    [(19, 23, 6, 1), (5, 9, 7, 10), (60, 11, 3, 5), (3, STRIP_WIDTH + 21, 3, 2), (30, 50, 2, 20)],
+)
+def test_fused_search_equals_full_image_passes(window, height, width, radius, patch_radius):
+    """The kernel and the report's passes agree, over many rows and strips of columns, for patches of any size."""
     image0, image1 = colours(height, width, 5), colours(height, width, 6)
-    fused = search_fused(image0, image1, radius, 2, window, 0.25)
-    passes = search_by_passes(image0, image1, radius, 2, window, 0.25)
+    fused = search_fused(image0, image1, radius, patch_radius, window, 0.25)
+    passes = search_by_passes(image0, image1, radius, patch_radius, window, 0.25)
     for one, other in zip(fused, passes, strict=True):
         np.testing.assert_allclose(one.similarity, other.similarity, rtol=0, atol=TOLERANCE)
         assert (one.flow == other.flow).all(axis=-1).mean() > 0.999
@@ -88,17 +91,6 @@ def test_ties_go_to_the_smallest_motion_and_then_in_raster_order(axis):
     inner = slice(7, -7)
     assert (field01.flow[inner, inner] == expected).all()
     assert (field10.flow[inner, inner] == expected).all()
-
-
-@pytest.mark.parametrize("radius", [1, 4, 17])
-def test_ranks_order_all_offsets_by_length(radius):
-    """Every offset has one rank, no motion has rank 0, and longer offsets never rank before shorter ones."""
-    ranks, offsets = rank_offsets(radius)
-    dx, dy = offsets.astype(int).T
-    assert len(offsets) == ranks.size == len(set(zip(dx, dy, strict=True)))
-    np.testing.assert_array_equal(ranks[dy + radius, dx + radius], np.arange(ranks.size))
-    assert offsets[0].tolist() == [0, 0]
-    assert (np.diff(dx**2 + dy**2) >= 0).all()
 
 
 def test_similarity_is_the_reports_exponential():
@@ -155,7 +147,7 @@ def search_tiles(image0, image1, radius, patch_radius, most, step=1):
     return MotionField(flows[:, :, 0], best[..., 0].clip(0, 1))
 
 
-@pytest.mark.parametrize("most", [40, 255])
+@pytest.mark.parametrize("most", [1, 40, 255])
 @pytest.mark.parametrize(("height", "width", "radius"), [(9, 13, 3), (3, 5, 2), (1, 1, 2), (2, TILE + 7, 3)])
 def test_tile_search_equals_its_slow_twin(height, width, radius, most):
     """Tiles find the twin's best similarity; edges repeat for targets too."""

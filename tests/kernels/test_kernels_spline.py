@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from truth import noise
-from twins import bspline, spline_at, spline_coefficients, uncompiled
+from twins import bspline, spline_at, spline_coefficients
 
-from fpsboost.kernels.spline import MARGIN, Source, filter_weights, find_coefficients, mix_along, spline_weights
+from fpsboost.kernels.spline import MARGIN, Source, filter_weights, find_coefficients, mix_along
 
 BEYOND = 40
 
@@ -55,16 +55,6 @@ def test_the_filter_is_as_precise_as_the_samples(bits):
     coefficients = coefficients_of(checkered, precision=precision)[0].astype(float)
     again = [[spline_at(coefficients, MARGIN, y, x) for x in range(16)] for y in range(16)]
     assert np.abs(again - checkered[0]).max() < precision
-
-
-@pytest.mark.parametrize("fraction", [0.0, 0.25, 0.3, 0.5, 0.999])
-def test_weights_are_the_b_spline(fraction):
-    """Four values of the cubic B-spline, which sum to 1, have their centre at the place, and mirror."""
-    weights = np.array(uncompiled(spline_weights)(np.float32(fraction)), float)
-    np.testing.assert_allclose(weights, [bspline(fraction - k) for k in (-1, 0, 1, 2)], atol=1e-6)
-    assert weights.sum() == pytest.approx(1, abs=1e-6)
-    assert weights @ [-1, 0, 1, 2] == pytest.approx(fraction, abs=1e-6)
-    np.testing.assert_allclose(weights, uncompiled(spline_weights)(np.float32(1 - fraction))[::-1], atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(4))

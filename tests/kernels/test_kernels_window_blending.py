@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from planes import compiled
 from truth import noise, waves
-from twins import blended, faded_window, finished, heaviest, spline_coefficients, uncompiled
+from twins import blended, finished, heaviest, spline_coefficients, uncompiled
 
 from fpsboost.kernels.candidates import VALUES_PER_MOTION, Candidates
 from fpsboost.kernels.dominant_motion import find_dominant_motion
@@ -20,11 +18,10 @@ from fpsboost.kernels.multi_hypothesis import (
     SampledImage,
     ValueRange,
     blend_hypotheses,
-    finish_confidence,
     finish_rows,
     window_shape,
 )
-from fpsboost.kernels.pixel_weights import Weighting, decay, patch_shares
+from fpsboost.kernels.pixel_weights import Weighting, patch_shares
 from fpsboost.kernels.spline import MARGIN
 from fpsboost.kernels.window_rows import SQUARES_PER_ROW
 from fpsboost.kernels.window_samples import (
@@ -318,15 +315,6 @@ def test_a_window_is_not_torn_by_motion_that_changes_too_fast():
     assert np.abs(zoomed - rigid).max() > 0.01
 
 
-def test_decay_is_the_exponential():
-    """To a millionth, and never negative, however large the number."""
-    for x in (0, 1e-4, 0.01, 0.3, 1, 2.5, 5, 10, 20, 40, 60, 1000):
-        found = float(uncompiled(decay)(np.float32(x)))
-        assert found == pytest.approx(math.exp(-x), abs=2e-6)
-        assert found >= 0
-    assert uncompiled(decay)(np.float32(0)) == 1
-
-
 @pytest.mark.parametrize("size", [(50, 60), (3, 5), (1, 1)])
 @pytest.mark.parametrize("top", [-40, -7, 0, 9, 51])
 @pytest.mark.parametrize("left", [-40, -33, -5, 0, 12, 40, 62])
@@ -380,20 +368,6 @@ def test_windows_inside_are_mixed_as_they_are_fetched(motion, wide):
     np.testing.assert_allclose(found[0], found[1], atol=1e-5)
 
 
-@pytest.mark.parametrize("spacing", [16, 20, 24, 28])
-def test_windows_add_up_to_one(spacing):
-    """At every square, those of all nodes around; each is what the twin says, and greater than 0."""
-    shape = window_shape(spacing).reshape(SQUARES_PER_ROW, SQUARES_PER_ROW)
-    np.testing.assert_allclose(shape, faded_window(spacing), rtol=1e-5)
-    apart, nodes = spacing // 2, 4
-    total = np.zeros([SQUARES_PER_ROW + (nodes - 1) * apart] * 2)
-    for row, column in np.ndindex(nodes, nodes):
-        total[row * apart :, column * apart :][:SQUARES_PER_ROW, :SQUARES_PER_ROW] += shape
-    inner = slice(SQUARES_PER_ROW - apart, -(SQUARES_PER_ROW - apart))  # where no node is missing
-    np.testing.assert_allclose(total[inner, inner], 1, atol=1e-6)
-    assert shape.min() > 0
-
-
 @pytest.mark.parametrize(("dtype", "white"), [(np.uint8, 255), (np.uint8, 219), (np.uint16, 65535), (np.float32, 1)])
 @pytest.mark.parametrize("channels", [1, 2, 3, 4])
 def test_finished_rows_equal_their_slow_twin(dtype, white, channels):
@@ -412,17 +386,3 @@ def test_finished_rows_equal_their_slow_twin(dtype, white, channels):
     found = image[top + first : top + last].astype(float).transpose(2, 0, 1)
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=half + 1e-5)
     assert (np.delete(image, range(top + first, top + last), axis=0) == 77).all()
-
-
-def test_finished_confidence_is_the_eighth_power_of_the_mean_similarity():
-    """Never above 1; other rows are left alone."""
-    random = np.random.default_rng(4)
-    weights = random.uniform(0.5, 2, (6, 9)).astype(np.float32)
-    similarities = weights * random.uniform(0, 1.1, weights.shape).astype(np.float32)
-    confidence = np.full((10, 9), 7, np.float32)
-    compiled(finish_confidence)(weights, similarities, 1, 5, 3, confidence)
-    for y in range(1, 5):
-        for x in range(9):
-            mean = min(float(similarities[y, x]) / float(weights[y, x]), 1)
-            assert confidence[3 + y, x] == pytest.approx(mean**8, rel=1e-5)
-    assert (np.delete(confidence, range(4, 8), axis=0) == 7).all()

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
-from fpsboost.io.images.encoder import ImageFile, encode_image
+from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.metadata import ImageMetadata
 from fpsboost.io.images.sequence import Numbering
@@ -123,20 +123,6 @@ def test_names_without_numbers(tmp_path: Path) -> None:
     assert source.images.numbering is None
     write(make_sink(tmp_path / "out", source), make_image(), make_image())
     assert names_in(tmp_path / "out") == ["000001.png", "000002.png"]
-
-
-def test_frames_and_info(tmp_path: Path) -> None:
-    """Times and durations are exact, pixels are the file's, and a second reading gives the same."""
-    fill(tmp_path, "1.png", "2.png", "3.png")
-    with ImageSource(str(tmp_path / "%d.png"), RATE) as source:
-        assert source.info == ClipInfo(str(tmp_path / "%d.png"), HEIGHT, WIDTH, RATE, 1 / RATE, 3)
-        for _ in range(2):
-            frames = list(source)
-            assert [frame.time for frame in frames] == [0, 1 / RATE, 2 / RATE]
-            assert all(frame.duration == 1 / RATE for frame in frames)
-            assert [frame.original for frame in frames] == [ImageFile(file) for file in source.images.files]
-            assert all(np.array_equal(frame.image, make_image(seed=i)) for i, frame in enumerate(frames))
-    assert source.remarks == []
 
 
 @pytest.mark.parametrize(
@@ -323,59 +309,6 @@ def test_short_pattern_is_remarked(tmp_path: Path) -> None:
     assert make_sink(tmp_path / "%d.png", frame_count=100).remarks == []
 
 
-@pytest.mark.parametrize("name", ["ünï 雪", "-frames", "100% #1", "a.b", "%s {x}"])
-def test_odd_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    """Unicode, spaces, leading dashes, % and # in names and folders are nothing special."""
-    monkeypatch.chdir(tmp_path)
-    write(make_sink(name), make_image(), make_image(seed=1))
-    source = ImageSource(name, RATE)
-    write(make_sink(f"{name}/{name}_%03d.png", source), *(frame.image for frame in source))
-    again = ImageSource(f"{name}/{name}_%03d.png", RATE)
-    assert [path.name for path in again.images.files] == [f"{name}_001.png", f"{name}_002.png"]
-    np.testing.assert_array_equal([frame.image for frame in again], [make_image(), make_image(seed=1)])
-
-
-@pytest.mark.parametrize("target", ["out", "empty", "full", "empty/x_##.png"])
-@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
-def test_nothing_left_after_exception(tmp_path: Path, target: str, error: type[BaseException]) -> None:
-    """While frames come nothing is visible; after an exception nothing is left and old frames still stand."""
-    (tmp_path / "empty").mkdir()
-    fill(tmp_path / "full", "000001.png")
-    before = sorted(tmp_path.rglob("*"))
-
-    def fail() -> None:
-        with make_sink(tmp_path / target, overwrite=True) as sink:
-            sink.write(Frame(make_image(seed=5), Fraction(0)))
-            shown = [path for path in tmp_path.rglob("*") if "/." not in path.as_posix()]
-            assert sorted(shown) == before
-            raise error
-
-    with pytest.raises(error):
-        fail()
-    assert sorted(tmp_path.rglob("*")) == before
-    np.testing.assert_array_equal(read_image(tmp_path / "full" / "000001.png"), make_image())
-
-
-def test_no_frames_no_output(tmp_path: Path) -> None:
-    """A sink that got no frame leaves nothing."""
-    write(make_sink(tmp_path / "out"))
-    assert names_in(tmp_path) == []
-
-
-@pytest.mark.parametrize("target", ["out", "old"])
-def test_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, target: str) -> None:
-    """An error of the system becomes an OutputError with the file's final name and the system's reason."""
-    (tmp_path / "old").mkdir()
-
-    def fail(path: Path, data: bytes) -> int:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr("fpsboost.io.images.sink.write_safely", fail)
-    with pytest.raises(OutputError, match=f"{target}/000001.png .No space left"):
-        write(make_sink(tmp_path / target), make_image())
-    assert [path.name for path in tmp_path.rglob("*")] == ["old"]
-
-
 @pytest.mark.parametrize("comes_back", [True, False])
 def test_failed_moves_are_undone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, comes_back: bool) -> None:
     """If a file cannot get its name, earlier frames stand as before, or are kept where they cannot get theirs."""
@@ -488,11 +421,3 @@ def test_refused_places(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="16383"):
         ImageSink(Output(str(tmp_path / "x_##.webp"), clip_info(width=20000), OutputTiming(RATE, 1 / RATE)))
     assert names_in(tmp_path) == ["file"]
-
-
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
-def test_read_only_parent(tmp_path: Path) -> None:
-    """A folder that may not be written is reported before the first frame."""
-    tmp_path.chmod(0o500)
-    with pytest.raises(OutputError, match="Permission denied"):
-        make_sink(tmp_path / "out").__enter__()
