@@ -17,7 +17,7 @@ from fpsboost import (
     find_method,
     format_time,
 )
-from fpsboost.cli.batch import plan_outputs
+from fpsboost.cli.batch import check_ending, plan_outputs
 from fpsboost.cli.options import MethodOptions, in_flags
 from fpsboost.errors import check_choice
 from fpsboost.io.video.encoding import encoders
@@ -29,7 +29,7 @@ LABELS = {
     **{"overwrite": "Replace it if it exists", "no-audio": "Keep the sound", "no-subtitles": "Keep the subtitles"},
     **{"factor": "Times as many frames", "fps": "Frames a second", "slow-motion": "Slow motion", "method": "Method"},
     **{"input-fps": "The images were made for how many a second", "start": "From", "end": "to", "codec": "Format"},
-    **{"crf": "Higher quality", "lossless": "Without loss", "resume": "Try again"},
+    **{"crf": "Smaller file” or “Higher quality", "lossless": "Without loss", "resume": "Try again"},
 }
 """What the page calls the options that it has, by their flags."""
 
@@ -98,6 +98,7 @@ class Choices:
     def job(self, files: Files) -> ConversionJob:
         files.check_picked(self.input)
         output = files.output(self.folder, self.name)
+        check_ending(self.input, output)
         name = "fps" if self.rate == "fps" else "factor"
         rate = options_from(OutputRate, {name: self.value, "slow_motion": self.rate == "slow"})
         texts = {name: getattr(self, name) or None for name in ("input_fps", "start", "end")}

@@ -289,6 +289,8 @@ def test_output_is_no_link(client, films):
         ({"codec": "h265", "quality": "lossless"}, ["--codec", "h265", "--lossless"]),
         ({"name": "out.webm", "codec": "h264"}, ["--codec", "h264"]),
         ({"name": "out.avi"}, []),
+        ({"name": "out"}, []),
+        ({"name": "out.gif", "quality": "smaller"}, ["--crf", "20"]),
         ({"name": "out.png"}, []),
         ({"name": "clip.mp4"}, []),
         ({"input_fps": "24"}, ["--input-fps", "24"]),
