@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import stat
+import subprocess
+import sys
 from dataclasses import dataclass, field
 from mimetypes import guess_type
 from pathlib import Path
@@ -64,6 +66,24 @@ class Files:
             "images": images,
         }
 
+    def find(self, wanted: list[dict[str, Any]], start: str) -> tuple[list[str], list[str]]:
+        """Return the paths of files by name and size, and the names of those that are not near a folder.
+
+        They are looked for in the folder, in the root or the home folder, and in the folders there.
+        """
+        home = self.root or Path.home()
+        folders = [
+            self.inside(start),
+            home,
+            *(each for each in sorted(home.iterdir()) if not each.name.startswith(".")),
+        ]
+        paths, missing = list[str](), list[str]()
+        for each in wanted:
+            name = Path(str(each.get("name"))).name
+            found = next((path for folder in folders if _size(path := folder / name) == each.get("size")), None)
+            (missing if found is None else paths).append(name if found is None else str(found))
+        return paths, missing
+
     def pick(self, text: str) -> str:
         """Return the path of an input, which may be read from now on."""
         path = self.inside(text)
@@ -115,6 +135,24 @@ class Files:
             for each in entries:
                 if self._leads_out(each):
                     raise InputError(f"{each.path} is a link to outside of {self.root}; remove it, or pick another.")
+
+
+def _size(path: Path) -> int | None:
+    """Return the size of a file, bytes; None if there is none that may be read."""
+    try:
+        return path.stat().st_size if path.is_file() else None
+    except OSError:
+        return None
+
+
+def show_in_folder(path: Path) -> None:
+    """Show a file in the file manager of this machine, or its folder where nothing shows a file in it."""
+    commands = {"win32": ["explorer", f"/select,{path}"], "darwin": ["open", "-R", str(path)]}
+    words = commands.get(sys.platform, ["xdg-open", str(path.parent)])
+    try:
+        subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    except OSError as error:
+        raise OutputError(f"{words[0]} could not be started, which shows folders; the file is {path}.") from error
 
 
 def _kind(entry: os.DirEntry[str]) -> tuple[str, int]:

@@ -36,7 +36,7 @@ from fpsboost.errors import notes_of
 from fpsboost.evaluation.report.self_contained import data_uri, templates_of
 from fpsboost.ui.choices import Choices, on_page
 from fpsboost.ui.clip import header, look_between, probe
-from fpsboost.ui.files import Files
+from fpsboost.ui.files import Files, show_in_folder
 from fpsboost.ui.jobs import Queue
 
 MAX_BODY = 64 * 1024
@@ -68,6 +68,14 @@ class Desk:
 
     def folder(self, data: Json) -> Json:
         return self.files.listing(str(data.get("path") or self.start))
+
+    def find(self, data: Json) -> Json:
+        """Return where files lie that were dropped on the page."""
+        wanted = data.get("files")
+        if not isinstance(wanted, list) or not all(isinstance(each, dict) for each in wanted):
+            raise OptionError("The page has sent no files; load it anew.")
+        paths, missing = self.files.find(wanted, str(data.get("folder") or self.start))
+        return {"paths": paths, "missing": missing}
 
     def pick(self, data: Json) -> Json:
         """Return the header of a clip, which may be read from now on."""
@@ -125,20 +133,22 @@ class Desk:
     def change(self, data: Json) -> Json:
         """Pause a job, let it go on, or remove it."""
         actions = {"pause": self.queue.pause, "resume": self.queue.resume, "remove": self.queue.remove}
+        actions["show"] = lambda number: show_in_folder(self.result(str(number), "place"))
         number, action = data.get("number"), data.get("action")
         if type(number) is not int or not isinstance(action, str) or action not in actions:
             raise OptionError("The page has sent no valid action; load it anew.")
         actions[action](number)
         return {}
 
-    def result(self, number: str) -> Path:
-        """Return the file that a job has written."""
+    def result(self, number: str, kind: str = "result") -> Path:
+        """Return the file that a job has written, or its source; as a place, a folder as well."""
         job = self.queue.job(int(number) if re.fullmatch(r"[0-9]{1,9}", number) else 0)
         if job.state != "done":
             raise OptionError(f"Job {number} is not done; wait for it.")
-        path = self.files.inside(job.output)
-        if path != Path(job.output) or not path.is_file():
-            raise InputError(f"{job.output} is no longer the file that was written.")
+        given, was = (job.words[1], "converted") if kind == "source" else (job.output, "written")
+        path = self.files.inside(given)
+        if path != Path(given) or not (path.is_file() or (kind == "place" and path.is_dir())):
+            raise InputError(f"{given} is no longer the file that was {was}.")
         return path
 
 
@@ -234,7 +244,7 @@ def make_app(desk: Desk) -> Starlette:
         return Answer(desk.queue.listing())
 
     async def result(request: Request) -> Response:
-        return FileResponse(desk.result(request.path_params["number"]))
+        return FileResponse(desk.result(request.path_params["number"], request.url.path.split("/")[1]))
 
     def answering(answer: Callable[[Json], Json]) -> Callable[[Request], Any]:
         async def endpoint(request: Request) -> Response:
@@ -260,14 +270,14 @@ def make_app(desk: Desk) -> Starlette:
 
         return endpoint
 
-    posts = (desk.folder, desk.pick, desk.check, desk.add, desk.change)
+    posts = (desk.folder, desk.find, desk.pick, desk.check, desk.add, desk.change)
     # one look at a time, so that it takes no more memory than a conversion
     works = {"/look": working(desk.look, 1), "/probe": working(desk.probe, READERS)}
     return Starlette(
         routes=[
             Route("/", page),
             Route("/jobs", jobs),
-            Route("/result/{number}", result),
+            *(Route(f"/{kind}/{{number}}", result) for kind in ("result", "source")),
             *(Route(f"/{each.__name__}", answering(each), methods=["POST"]) for each in posts),
             *(Route(path, work, methods=["POST"]) for path, work in works.items()),
         ],

@@ -37,8 +37,8 @@ from fpsboost.ui.server import MAX_BODY, Desk, Guard, make_app
 TOKEN, PORT = "the-token-of-this-run", 8517
 ADDRESS = f"http://127.0.0.1:{PORT}"
 HEADERS = {"x-fpsboost-token": TOKEN, "origin": ADDRESS}
-POSTS = ("/folder", "/pick", "/probe", "/check", "/look", "/add", "/change")
-GETS = ("/", "/jobs", "/result/1")
+POSTS = ("/folder", "/find", "/pick", "/probe", "/check", "/look", "/add", "/change")
+GETS = ("/", "/jobs", "/result/1", "/source/1")
 
 STOPPED_AT_TEN = """
 import json, signal, sys
@@ -339,6 +339,7 @@ def test_bad_clips_are_said_as_on_the_command_line(client, films, fpsboost_, pat
     ("path", "body"),
     [
         ("/folder", b"{"),
+        ("/find", b'{"files": ["clip.mp4"]}'),
         ("/pick", b"[]"),
         ("/pick", b'{"path": 3}'),
         ("/check", b"null"),
@@ -556,6 +557,38 @@ def test_name_is_free_unless_it_was_written(client, desk, films):
     replaced = {**choices, "name": "clip-2x.mp4", "overwrite": True, "is_named": False}
     assert client.post("/check", json=replaced).json()["name"] == "clip-2x.mp4"
     assert "exists already" in notice(client, "/check", {**choices, "name": "clip-2x.mp4", "is_named": True})
+
+
+@pytest.mark.parametrize("name", ["clip-2x.mp4", "frames/"])
+def test_result_is_shown_beside_its_source_and_in_its_folder(client, desk, films, monkeypatch, name):
+    """The source can be played too, and the file manager of this machine shows what was written, a folder as well."""
+    started = list[list[str]]()
+    number = client.post("/add", json=form(client, films, name=name)).json()["number"]
+    until(desk.queue, "done")
+    monkeypatch.setattr("fpsboost.ui.files.subprocess.Popen", lambda words, **_: started.append(words))
+    assert client.get(f"/source/{number}").content == (films / "clip.mp4").read_bytes()
+    assert client.post("/change", json={"number": number, "action": "show"}).status_code == 200
+    assert str(films) in " ".join(started[0])
+    monkeypatch.setattr("fpsboost.ui.files.sys.platform", "darwin")
+    client.post("/change", json={"number": number, "action": "show"})
+    assert started[1:] == [["open", "-R", str(films / name)]]
+    monkeypatch.undo()
+    monkeypatch.setenv("PATH", "")
+    assert str(films) in notice(client, "/change", {"number": number, "action": "show"})
+
+
+def test_dropped_files_are_found_by_name_and_size(client, films):
+    """In the folder shown, and in those of the folder that the page may use; nothing else, and no path is believed."""
+    (films / "holiday").mkdir()
+    write_clip(films / "holiday" / "beach.mp4")
+    size = (films / "clip.mp4").stat().st_size
+    wanted = [("clip.mp4", size), ("beach.mp4", (films / "holiday" / "beach.mp4").stat().st_size)]
+    wanted += [("clip.mp4", size + 1), ("../secret.mp4", (films.parent / "secret.mp4").stat().st_size), ("", 0)]
+    files = [{"name": name, "size": size} for name, size in wanted]
+    found = client.post("/find", json={"folder": str(films), "files": files}).json()
+    assert found["paths"] == [str(films / "clip.mp4"), str(films / "holiday" / "beach.mp4")]
+    assert found["missing"] == ["clip.mp4", "secret.mp4", ""]
+    assert "lies outside of" in notice(client, "/find", {"folder": str(films.parent), "files": files})
 
 
 def test_failure_is_said_in_a_sentence(client, desk, films):
@@ -806,14 +839,22 @@ def test_from_start_to_result(chromium, films, tmp_path, width, height, scheme):
             page.get_by_role("button", name="clip.mp4").click()
             page.get_by_text("In the middle between").wait_for()
             page.get_by_text("20 frames, at 50 a second").wait_for()
+            page.get_by_text("Details of the file").click()
             page.locator("#facts").get_by_text("constant").wait_for()
+            tops = [page.locator(each).bounding_box()["y"] for each in ("#look", "#how")]
+            assert width > 900 or tops[0] < tops[1], "on a phone the picture comes before the form"
             page.get_by_label("Mix neighbours").check()
             expect(page.locator("#picture .tag.right")).to_have_text("blend")
             assert page.evaluate("document.documentElement.scrollWidth") == width
             assert violations(page) == []
             page.get_by_role("button", name="Convert").click()
             expect(page.locator("#jobs .state")).to_have_text("20 of 20 frames")
-            page.locator("#jobs video").evaluate("video => video.play()")
+            after, before = page.locator("#jobs video[controls]"), page.locator("#jobs video:not([controls])")
+            assert (after.evaluate("video => video.muted"), before.evaluate("video => video.muted")) == (False, True)
+            after.evaluate("video => (video.currentTime = 0.2)")
+            page.wait_for_function("() => document.querySelector('#jobs video').currentTime === 0.2")
+            before.evaluate("video => (video.muted = true)")  # what a test starts plays without sound alone
+            after.evaluate("video => (video.muted = true, video.play())")
             assert violations(page) == []
     assert (films / "clip-2x.mp4").is_file()
 
@@ -826,7 +867,7 @@ def test_two_tabs(chromium, films, tmp_path):
         for page, name in ((first, "clip.mp4"), (second, "other.mp4")):
             page.get_by_role("button", name=name).click()
         for page in (first, second):
-            page.locator("#facts").get_by_text("constant").wait_for()
+            page.locator("#facts").get_by_text("constant").wait_for(state="attached")
             expect(page.locator("#clip .notice")).to_be_hidden()
         first.get_by_label("Repeat frames").check()
         first.get_by_text("20 frames, at 50 a second").wait_for()
@@ -852,7 +893,7 @@ def test_page_says_what_is_wrong(chromium, films, tmp_path):
         page.locator("#choose .notice").get_by_text("nothing.mp4").wait_for()
         page.locator("#path").fill(str(films / "clip.mp4"))
         page.locator("#path").press("Enter")
-        page.get_by_label("A second…").check()
+        page.get_by_label("Another frame rate").check()
         page.locator("[name=value]").fill("many")
         page.locator("#form .notice").get_by_text("“Frames a second”").wait_for()
         expect(page.locator("#start")).to_be_disabled()
@@ -887,15 +928,60 @@ def test_place_is_typed_until_the_length_is_known(chromium, films, tmp_path):
 def test_conversion_goes_on_after_a_restart(chromium, films, tmp_path):
     """A conversion is paused, the server stopped and started again, and the conversion continued to its end."""
     with serving(films, tmp_path / "queue.json") as address, opened(chromium, address) as page:
-        page.get_by_role("button", name="clip.mp4").click()
+        page.get_by_role("button", name="clip.mp4").press("Enter")
+        expect(page.locator("#clip-title")).to_be_focused()
         page.get_by_label("Repeat frames").check()
         page.locator("#command").get_by_text("nearest").wait_for(state="attached")
-        page.get_by_role("button", name="Convert").click()
+        page.get_by_role("button", name="Convert").press("Enter")
         page.get_by_text("10 of 20 frames, 5.0 a second, 2 s left").wait_for()
-        page.get_by_role("button", name="Pause").click()
-        page.get_by_text("Paused at 10 of 20 frames.").wait_for()
+        expect(page.get_by_role("button", name="Convert")).to_be_focused()
+        page.get_by_role("button", name="Pause").press("Enter")
+        expect(page.get_by_role("button", name="Continue")).to_be_focused()
+        expect(page.locator("#news")).to_have_text("clip-2x.mp4: Paused at 10 of 20 frames.")
+        expect(page.locator("#jobs .state")).to_have_text("Paused at 10 of 20 frames.")
     shutil.rmtree(hidden_place(films, "clip-2x.mp4"))  # which was none of a real run
     with serving(films, tmp_path / "queue.json") as address, opened(chromium, address) as page:
         page.get_by_role("button", name="Continue").click()
         expect(page.locator("#jobs .state")).to_have_text("20 of 20 frames")
-        page.locator("#jobs video").wait_for()
+        page.locator("#jobs video[controls]").wait_for()
+
+
+@pytest.mark.parametrize("way", ["tick", "drop"])
+def test_several_clips_become_something_alike(chromium, films, tmp_path, way):
+    """Clips that are ticked or dropped are looked at one by one and converted by one form, each beside its source."""
+    (films / "holiday").mkdir()
+    write_clip(films / "holiday" / "beach.mp4")
+    write_clip(films / "holiday" / "city.mp4")
+    with serving(films, tmp_path / "queue.json") as address, opened(chromium, address) as page:
+        page.get_by_role("button", name="holiday").press("Enter")
+        expect(page.get_by_role("button", name="beach.mp4")).to_be_focused()
+        if way == "tick":
+            for name in ("beach.mp4", "city.mp4"):
+                page.get_by_label(f"Tick {name}").check()
+            page.get_by_role("button", name="Take these 2 clips").click()
+        else:
+            sizes = [(each.name, each.stat().st_size) for each in sorted((films / "holiday").iterdir())]
+            page.evaluate(
+                """files => {
+                    const dataTransfer = new DataTransfer();
+                    for (const [name, size] of files) dataTransfer.items.add(new File([new Uint8Array(size)], name));
+                    for (const kind of ["dragover", "drop"]) {
+                        dispatchEvent(new DragEvent(kind, { dataTransfer, bubbles: true, cancelable: true }));
+                    }
+                }""",
+                sizes,
+            )
+        expect(page.locator("#clip-title")).to_have_text("2 clips")
+        expect(page.locator("#clip-title")).to_be_focused()
+        page.get_by_role("button", name="city.mp4").click()
+        page.get_by_label("Repeat frames").check()
+        page.get_by_label("Another multiple").check()
+        page.locator("#names").get_by_text("beach-3x.mp4, city-3x.mp4").wait_for()
+        page.get_by_text("beach.mp4: 30 frames, at 75 a second").wait_for()
+        page.get_by_role("button", name="Convert").click()
+        expect(page.locator("#jobs .state")).to_have_text(["30 of 30 frames"] * 2)
+        page.get_by_role("button", name="Remove beach-3x.mp4").press("Enter")
+        expect(page.get_by_role("heading", name="city-3x.mp4")).to_be_focused()
+        page.get_by_role("button", name="Other clips").press("Enter")
+        expect(page.get_by_role("button", name="beach.mp4")).to_be_focused()
+    assert {each.name for each in (films / "holiday").iterdir()} >= {"beach-3x.mp4", "city-3x.mp4"}

@@ -1,7 +1,7 @@
 const token = new URLSearchParams(location.search).get("token") ?? "";
 const byId = (id) => document.getElementById(id);
 const form = byId("form");
-const state = { choices: null, clip: null, player: null, folder: "" };
+const state = { clip: null, clips: [], player: null, folder: "", entries: [] };
 
 class Notice extends Error {}
 
@@ -42,6 +42,16 @@ async function attempt(section, action) {
   }
 }
 
+/** What happened elsewhere on the page than where the focus is, for those who do not see it. */
+function announce(sentence) {
+  byId("news").textContent = sentence;
+}
+
+/** Do something unless the button says that it cannot be done; a disabled one would lose the focus. */
+function onPress(button, action) {
+  button.addEventListener("click", () => button.ariaDisabled === "true" || action());
+}
+
 function make(name, properties = {}, ...children) {
   const element = Object.assign(document.createElement(name), properties);
   element.append(...children);
@@ -74,7 +84,8 @@ function size(bytes) {
 
 async function open(path) {
   const found = await ask("/folder", { path });
-  state.folder = found.path;
+  const focused = document.activeElement.closest("#entries, #above")?.id;
+  Object.assign(state, { folder: found.path, entries: found.entries });
   if (path || !byId("path").value) byId("path").value = found.path; // what was typed meanwhile stays
   const crumbs = found.above.map((each, place) => {
     const button = make("button", { type: "button", textContent: each.name });
@@ -87,16 +98,32 @@ async function open(path) {
     const button = make("button", { type: "button", className: each.kind }, icon(each.kind));
     button.append(make("span", { className: "name" }, each.name));
     if (each.kind === "clip") button.append(make("small", {}, size(each.size)));
-    const action = each.kind === "clip" ? pick : open;
-    button.addEventListener("click", () => attempt(byId("choose"), () => action(each.path)));
-    return make("li", {}, button);
+    const isClip = each.kind === "clip";
+    button.addEventListener("click", () => attempt(byId("choose"), () => (isClip ? pick([each.path]) : open(each.path))));
+    if (!isClip) return make("li", {}, button);
+    const tick = make("input", { type: "checkbox", value: each.path, ariaLabel: `Tick ${each.name}` });
+    tick.addEventListener("change", countTicks);
+    return make("li", {}, make("label", {}, tick), button);
   });
   if (found.left_out) entries.push(make("li", { className: "empty" }, `${found.left_out} more; type the path.`));
   if (!entries.length) entries.push(make("li", { className: "empty" }, "No folders and no videos here."));
   byId("entries").replaceChildren(...entries);
   byId("entries").scrollTop = 0;
+  countTicks();
   byId("images").hidden = found.images < 2;
-  byId("images").firstElementChild.textContent = `Take the ${found.images} images of this folder`;
+  byId("images").textContent = `Take the ${found.images} images of this folder`;
+  if (focused === "entries") (byId("entries").querySelector("button") ?? byId("entries")).focus();
+  if (focused === "above") byId("above").lastElementChild.focus();
+}
+
+function ticked() {
+  return [...byId("entries").querySelectorAll(":checked")].map((each) => each.value);
+}
+
+function countTicks() {
+  const count = ticked().length;
+  byId("take").hidden = !count;
+  byId("take").textContent = count === 1 ? "Take the clip that is ticked" : `Take these ${count} clips`;
 }
 
 /** A path that was typed: a folder is opened, anything else is picked. */
@@ -105,42 +132,65 @@ async function openOrPick(path) {
     await open(path);
   } catch (error) {
     if (!(error instanceof Notice)) throw error;
-    await pick(path);
+    await pick([path]);
   }
 }
 
-async function pick(path) {
-  const clip = await ask("/pick", { path });
-  state.reading?.abort(); // a clip that is no longer shown is not read on
-  byId("reading").hidden = true;
-  Object.assign(state, { clip, choices: clip.choices, player: null });
+/** Take clips that become something alike; the first one is shown. */
+async function pick(paths) {
+  const clips = [];
+  for (const path of paths) clips.push(await ask("/pick", { path }));
+  state.clips = clips;
   byId("choose").hidden = true;
-  byId("clip-title").textContent = clip.name;
-  byId("says").textContent = `${clip.says}.`;
-  byId("facts").replaceChildren(...clip.remarks.map((each) => make("p", {}, each)));
-  fill(clip);
   for (const id of ["clip", "how", "look"]) byId(id).hidden = false;
+  byId("clip-title").textContent = clips.length > 1 ? `${clips.length} clips` : clips[0].name;
+  byId("several").hidden = clips.length === 1;
+  const chips = clips.map((clip) => {
+    const chip = make("button", { type: "button", className: "chip", textContent: clip.name });
+    chip.addEventListener("click", () => showClip(clip));
+    return chip;
+  });
+  byId("several").replaceChildren(...chips);
+  fill(clips);
+  byId("clip-title").focus({ preventScroll: true });
+  byId("clip-title").scrollIntoView({ block: "nearest" });
+  showClip(clips[0]);
+  check();
+}
+
+/** Show one of the clips that were taken. */
+function showClip(clip) {
+  state.reading?.abort(); // a clip that is no longer shown is not read on
+  Object.assign(state, { clip, player: null });
+  [...byId("several").children].forEach((chip, place) => (chip.ariaPressed = String(state.clips[place] === clip)));
+  byId("says").textContent = `${clip.says}.`;
+  byId("notes").replaceChildren(...clip.remarks.map((each) => make("p", { className: "note" }, each)));
+  byId("facts").hidden = true;
+  byId("reading").hidden = true;
   byId("picture").replaceChildren();
   setLast(clip.last);
   goTo((clip.last ?? 0) / 2);
   byId("read").hidden = clip.is_quick;
   if (clip.is_quick) probe();
-  byId("clip-title").scrollIntoView({ block: "nearest" });
-  check();
 }
 
-function fill(clip) {
+function fill(clips) {
   form.reset();
   state.isNamed = false;
-  form.elements.name.value = clip.choices.name;
-  byId("folder").textContent = clip.choices.folder;
-  byId("input-fps").hidden = !clip.is_images;
+  const [{ choices, is_images: isImages }] = clips;
+  form.elements.name.value = choices.name;
+  byId("folder").textContent = choices.folder;
+  for (const id of ["name", "where"]) byId(id).hidden = clips.length > 1;
+  byId("names").hidden = clips.length === 1;
+  byId("input-fps").hidden = !isImages;
   showOwn();
+  suggestName();
 }
 
 async function probe() {
   const { clip } = state;
   state.reading = new AbortController();
+  if (document.activeElement === byId("read")) byId("clip-title").focus();
   byId("read").hidden = true;
   byId("reading").hidden = false;
   await attempt(byId("clip"), async () => {
@@ -152,7 +202,9 @@ async function probe() {
       );
       found.streams.forEach((each, place) => rows.push(make("div", {}, make("dt", {}, `stream ${place}`), make("dd", {}, each))));
       setLast(found.last);
-      byId("facts").replaceChildren(make("dl", {}, ...rows), ...found.remarks.map((each) => make("p", {}, each)));
+      byId("facts").lastElementChild.replaceChildren(...rows);
+      byId("facts").hidden = false;
+      byId("notes").replaceChildren(...found.remarks.map((each) => make("p", { className: "note" }, each)));
     } catch (error) {
       if (state.clip === clip) throw error;
     }
@@ -162,11 +214,12 @@ async function probe() {
 
 // ---------------------------------------------------------------- what it becomes
 
-function choices() {
+/** The form for a clip; of several, each has a name of its own, beside its source. */
+function choices(clip = state.clip) {
   const { elements } = form;
   const [rate, value] = elements.kind.value.split(":");
   return {
-    ...state.choices,
+    ...clip.choices,
     rate,
     value: value ?? elements.value.value.trim(),
     method: elements.method.value,
@@ -177,18 +230,22 @@ function choices() {
     sound: elements.sound.checked,
     subtitles: elements.subtitles.checked,
     overwrite: elements.overwrite.checked,
-    name: elements.name.value.trim(),
+    name: state.clips.length > 1 ? nameFor(clip) : elements.name.value.trim(),
     is_named: state.isNamed && !state.isTaken, // if not, the answer says which name is free
     input_fps: elements.input_fps.value.trim(),
   };
 }
 
+/** The name that says what a clip becomes. */
+function nameFor(clip) {
+  const [rate, value = form.elements.value.value.trim()] = form.elements.kind.value.split(":");
+  const end = { factor: `${value}x`, fps: `${value}fps`, slow: `slow-${value}x` }[rate];
+  return /^[\d.]+$/.test(value) ? clip.choices.name.replace(/-2x(-\d+)?(?=[./][^/]*$)/, `-${end}`) : clip.choices.name;
+}
+
 /** The name follows what the clip becomes, until the user writes another. */
 function suggestName() {
-  const { rate, value } = choices();
-  const end = { factor: `${value}x`, fps: `${value}fps`, slow: `slow-${value}x` }[rate];
-  if (state.isNamed || !/^[\d.]+$/.test(value)) return;
-  form.elements.name.value = state.choices.name.replace(/-2x(-\d+)?(?=[./][^/]*$)/, `-${end}`);
+  if (!state.isNamed) form.elements.name.value = nameFor(state.clips[0]);
 }
 
 function showOwn() {
@@ -208,18 +265,41 @@ function check() {
   const number = ++checks;
   soon = setTimeout(async () => {
     byId("outcome").textContent = "";
-    const found = await attempt(form, () => ask("/check", choices()));
+    const found = await attempt(form, () => forEach((clip) => ask("/check", choices(clip))));
     if (number !== checks) return;
-    byId("start").disabled = !found;
+    byId("start").ariaDisabled = String(!found);
     if (!found) return;
-    const says = [found.frames ? `${found.frames.toLocaleString("en")} frames` : "frames as many as there are"];
-    if (found.rate) says.push(`at ${+found.rate.toFixed(3)} a second`);
-    if (found.length) says.push(`${found.length} long`);
-    byId("outcome").textContent = [`${says.join(", ")}.`, ...found.remarks].join(" ");
-    byId("command").textContent = found.command;
-    if (!state.isNamed || state.isTaken) form.elements.name.value = found.name;
+    const remarks = new Set(found.flatMap((each) => each.remarks));
+    byId("outcome").textContent = [...found.map(outcomeOf).map((each, place) => named(place, each)), ...remarks].join(" ");
+    byId("command").textContent = found.map((each) => each.command).join("\n");
+    byId("names").textContent = `Each beside its source: ${found.map((each) => each.name).join(", ")}.`;
+    if (!state.isNamed || state.isTaken) form.elements.name.value = found[0].name;
     state.isTaken = false;
   }, 250);
+}
+
+/** Do something for all clips, one after another; if that cannot be done, the notice names the clip. */
+async function forEach(action) {
+  const results = [];
+  for (const [place, clip] of state.clips.entries()) {
+    try {
+      results.push(await action(clip));
+    } catch (error) {
+      throw error instanceof Notice ? new Notice(named(place, error.message)) : error;
+    }
+  }
+  return results;
+}
+
+function named(place, sentence) {
+  return state.clips.length > 1 ? `${state.clips[place].name}: ${sentence}` : sentence;
+}
+
+function outcomeOf({ frames, rate, length }) {
+  const says = [frames ? `${frames.toLocaleString("en")} frames` : "frames as many as there are"];
+  if (rate) says.push(`at ${+rate.toFixed(3)} a second`);
+  if (length) says.push(`${length} long`);
+  return `${says.join(", ")}.`;
 }
 
 form.addEventListener("input", (event) => {
@@ -231,12 +311,18 @@ form.addEventListener("input", (event) => {
 });
 form.addEventListener("submit", async (event) => {
   event.preventDefault();
-  byId("start").disabled = true;
-  state.isTaken = !!(await attempt(form, () => ask("/add", choices())));
-  byId("start").disabled = false;
-  suggestName();
-  check();
+  if (byId("start").ariaDisabled === "true") return;
+  byId("start").ariaDisabled = "true";
+  const added = await attempt(form, () => forEach((clip) => ask("/add", choices(clip))));
+  byId("start").ariaDisabled = "false";
+  if (added) {
+    state.isTaken = true;
+    suggestName();
+    check();
+  }
   await follow();
+  if (!added) return;
+  announce(added.length > 1 ? `${added.length} conversions were added to the queue.` : "The conversion was added to the queue.");
   byId("queue").scrollIntoView({ block: "nearest" });
 });
 
@@ -249,7 +335,7 @@ function clock(seconds) {
   return `${whole}:${(seconds - 60 * whole).toFixed(3).padStart(6, "0")}`;
 }
 
-/** Let the slider reach to the last place; if that is not known, it is hidden until the clip was read, and places are typed. */
+/** Let the slider reach to the last position; if that is not known, it is hidden until the clip was read, and positions are typed. */
 function setLast(last) {
   state.last = last;
   byId("time").parentElement.hidden = last === null;
@@ -266,7 +352,7 @@ function goTo(seconds) {
 let looking = false;
 let lookAgain = false;
 
-/** Show the frame at the chosen place; while one is made, only the last wish after it counts. */
+/** Show the frame at the chosen position; while one is made, only the last wish after it counts. */
 async function look() {
   if (looking) {
     lookAgain = true;
@@ -319,7 +405,7 @@ byId("at").addEventListener("change", () => {
   const parts = byId("at").value.split(":").map(Number);
   const place = parts.reduce((sum, part) => 60 * sum + part, 0);
   if (parts.every(Number.isFinite)) goTo(state.clip.is_images ? place - 1 : place);
-  else say(byId("look"), `${byId("at").value} is no place in a clip; write 90.5 or 1:30.5.`);
+  else say(byId("look"), `${byId("at").value} is no position in a clip; write 90.5 or 1:30.5.`);
 });
 
 // ---------------------------------------------------------------- the queue
@@ -347,7 +433,7 @@ const actions = {
   stopping: [],
   paused: [["resume", "Continue"], ["remove", "Cancel"]],
   failed: [["resume", "Try again"], ["remove", "Remove"]],
-  done: [["remove", "Remove"]],
+  done: [["show", "Show in folder"], ["remove", "Remove"]],
 };
 
 const shownStates = new Map();
@@ -369,42 +455,96 @@ function show(job) {
   item.querySelector(".state").textContent = stateOf(job);
   item.querySelector(".said").textContent = [job.state === "paused" ? "" : job.message, ...job.remarks].filter(Boolean).join(" ");
   if (shownStates.get(job.number) === job.state) return;
+  const isNew = !shownStates.has(job.number);
   shownStates.set(job.number, job.state);
   item.className = `is-${job.state}`;
   const name = item.querySelector("h3").textContent;
+  if (!isNew) announce(`${name}: ${[stateOf(job), job.state === "failed" ? job.message : ""].filter(Boolean).join(". ")}`);
+  const old = [...item.querySelector(".actions").children];
+  if (job.state === "stopping") return old.forEach((button) => (button.ariaDisabled = "true"));
   const buttons = actions[job.state].map(([action, label]) => {
     const button = make("button", { type: "button", className: "chip", textContent: label });
     button.setAttribute("aria-label", `${label} ${name}`);
-    button.addEventListener("click", () => change(job.number, action, button));
+    onPress(button, () => change(job.number, action, button));
     return button;
   });
+  const place = old.indexOf(document.activeElement);
   item.querySelector(".actions").replaceChildren(...buttons);
-  item.querySelector(".result").replaceChildren(...(job.state === "done" ? [result(job)] : []));
+  if (place >= 0) buttons[Math.min(place, buttons.length - 1)].focus();
+  item.querySelector(".result").replaceChildren(...(job.state === "done" ? result(job) : []));
 }
 
+/** What a job has written, beside its source, which plays in step. */
 function result(job) {
-  const address = `/result/${job.number}?token=${encodeURIComponent(token)}`;
   const where = make("p", { className: "note" }, `It is ${job.output}`);
-  if (/\.(gif|webp|png|apng)$/i.test(job.output)) return make("div", {}, where, make("img", { src: address, alt: "The result" }));
-  if (/[\\/]$/.test(job.output)) return where;
-  const video = make("video", { src: address, controls: true, muted: true, preload: "metadata" });
-  video.addEventListener("error", () => video.replaceWith(make("p", { className: "note" }, "This browser cannot play it; other players do.")));
-  return make("div", {}, where, video);
+  if (/[\\/]$/.test(job.output)) return [where];
+  const after = pictureOf(job, "result", job.output);
+  const before = pictureOf(job, "source", job.words[1]);
+  if (after.localName === "video" && before.localName === "video") playInStep(after, before, job.words);
+  const figure = (element, label) => make("figure", {}, element, make("figcaption", {}, label));
+  return [where, make("div", { className: "beside" }, figure(before, "Before"), figure(after, "After"))];
+}
+
+function pictureOf(job, kind, path) {
+  const src = `/${kind}/${job.number}?token=${encodeURIComponent(token)}`;
+  const isImage = /\.(gif|webp|png|apng)$/i.test(path);
+  const element = isImage ? make("img", { src, alt: `The ${kind}` }) : make("video", { src, controls: kind === "result", preload: "metadata" });
+  element.addEventListener("error", () => {
+    if (kind === "source") element.closest("figure").remove(); // images, and what only other players play
+    else element.replaceWith(make("p", { className: "note" }, "This browser cannot play it; other players do."));
+  });
+  return element;
+}
+
+/** Let the source, without sound, follow what is done with the result: the same part of it, as slow as the result. */
+function playInStep(after, before, words) {
+  const option = (name) => words[words.indexOf(name) + 1 || words.length];
+  const slow = words.includes("--slow-motion") ? +option("--factor") || 1 : 1;
+  const seconds = (text) => text.split(":").reduce((sum, part) => 60 * sum + +part, 0);
+  const [start, end] = [option("--start"), option("--end")];
+  /** Where the part begins; of frames, whose rate nobody here knows, its length says so. */
+  const begin = () => {
+    if (!start?.endsWith("f")) return start ? seconds(start) : 0;
+    const length = after.duration / slow;
+    if (end?.endsWith("f")) return (parseInt(start) * length) / (parseInt(end) - parseInt(start));
+    return (end ? seconds(end) : before.duration) - length;
+  };
+  const place = () => begin() + after.currentTime / slow;
+  const align = () => {
+    if (Number.isFinite(place()) && Math.abs(before.currentTime - place()) > (after.paused ? 0.001 : 0.1)) before.currentTime = place();
+  };
+  before.muted = true;
+  after.addEventListener("play", () => before.play().catch(() => {})); // a pause that follows at once
+  for (const name of ["pause", "ended"]) after.addEventListener(name, () => before.pause());
+  for (const name of ["loadedmetadata", "seeking", "seeked", "pause", "timeupdate"]) after.addEventListener(name, align);
+  before.addEventListener("loadedmetadata", align);
+  const pace = () => (before.playbackRate = Math.max(0.0625, after.playbackRate / slow));
+  after.addEventListener("ratechange", pace);
+  pace();
 }
 
 async function change(number, action, button) {
-  button.disabled = true;
+  button.ariaDisabled = "true";
   await attempt(byId("queue"), () => ask("/change", { number, action }));
+  button.ariaDisabled = "false"; // unless it is another one now
   await follow();
 }
 
 let next;
+let isLost = false;
 
 /** Show the queue, again and again, as another tab may change it; more often while something in it moves. */
 async function follow() {
   clearTimeout(next);
-  const jobs = await attempt(byId("queue"), () => ask("/jobs"));
-  if (!jobs) {
+  let jobs;
+  try {
+    jobs = await ask("/jobs");
+    if (isLost) say(byId("queue"));
+    isLost = false; // else the notice is about what was done to a job, and stays
+  } catch (error) {
+    if (!(error instanceof Notice)) throw error;
+    say(byId("queue"), error.message);
+    isLost = true;
     next = setTimeout(follow, 3000); // it may be started again
     return;
   }
@@ -412,6 +552,8 @@ async function follow() {
   for (const item of [...byId("jobs").children]) {
     if (numbers.has(item.id)) continue;
     shownStates.delete(+item.id.slice(4));
+    const beside = item.nextElementSibling ?? item.previousElementSibling;
+    if (item.contains(document.activeElement)) (beside?.querySelector("h3") ?? byId("queue-title")).focus();
     item.remove();
   }
   byId("none").hidden = jobs.length > 0;
@@ -426,11 +568,36 @@ byId("path-form").addEventListener("submit", (event) => {
   event.preventDefault();
   attempt(byId("choose"), () => openOrPick(byId("path").value.trim()));
 });
-byId("images").firstElementChild.addEventListener("click", () => attempt(byId("choose"), () => pick(state.folder)));
+byId("images").addEventListener("click", () => attempt(byId("choose"), () => pick([state.folder])));
+byId("take").addEventListener("click", () => attempt(byId("choose"), () => pick(ticked())));
 byId("another").addEventListener("click", () => {
   for (const id of ["clip", "how", "look"]) byId(id).hidden = true;
   byId("choose").hidden = false;
-  byId("path").focus();
+  const place = state.entries.findIndex((each) => each.path === state.clips[0].choices.input);
+  (byId("entries").children[place]?.querySelector("button") ?? byId("path")).focus();
+});
+
+/** A browser tells names and sizes of dropped files, but not where they lie: the server looks for them. */
+async function drop(files) {
+  if (!files.length) throw new Notice("What was dropped are no files; drop videos.");
+  const wanted = [...files].map(({ name, size }) => ({ name, size }));
+  const { paths, missing } = await ask("/find", { folder: state.folder, files: wanted });
+  if (paths.length) await pick(paths);
+  if (missing.length) throw new Notice(`A browser does not tell where ${missing.join(", ")} lies; open its folder here and drop it again, or type its path.`);
+}
+
+for (const name of ["dragenter", "dragover"]) {
+  addEventListener(name, (event) => {
+    if (!event.dataTransfer.types.includes("Files")) return;
+    event.preventDefault();
+    document.body.classList.add("is-dropping");
+  });
+}
+addEventListener("dragleave", (event) => event.relatedTarget || document.body.classList.remove("is-dropping"));
+addEventListener("drop", (event) => {
+  event.preventDefault();
+  document.body.classList.remove("is-dropping");
+  attempt(byId(byId("choose").hidden ? "clip" : "choose"), () => drop(event.dataTransfer.files));
 });
 byId("read").addEventListener("click", probe);
 document.documentElement.classList.add("scripted");
