@@ -42,6 +42,9 @@ MAX_GAP = Fraction(10)
 Both values are those of FFmpeg's programs.
 """
 
+FIRST_BOXES = {b"ftyp", b"mdat", b"wide", b"free", b"skip"}
+"""Types of the boxes that files of MP4 and MOV begin with."""
+
 UNTIMED_FORMAT = "avi"
 """Container that stores no times, only packets in order; FFmpeg guesses presentation times from picture types."""
 
@@ -150,13 +153,13 @@ def _lacks_index(path: Path) -> bool:
     """Return whether a file begins as MP4 or MOV, whose boxes end without the one that lists all samples."""
     kinds: list[bytes] = []
     with path.open("rb") as file:
-        while len(head := file.read(16)) >= 8:
+        while len(head := file.read(16)) >= 8 and b"moov" not in kinds:
             length = int.from_bytes(head[:4] if head[:4] != b"\0\0\0\1" else head[8:])
             kinds.append(head[4:8])
-            if length < 8:  # up to the end of the file
+            if length < 8 or kinds[0] not in FIRST_BOXES:  # 0 stands for the end of the file
                 break
             file.seek(length - len(head), os.SEEK_CUR)
-    return kinds[:1] in ([b"ftyp"], [b"mdat"], [b"wide"], [b"free"], [b"skip"]) and b"moov" not in kinds
+    return b"moov" not in kinds and not FIRST_BOXES.isdisjoint(kinds[:1])
 
 
 def choose_video(container: av.container.InputContainer, name: str, wanted: int | None) -> av.VideoStream:
@@ -175,14 +178,14 @@ def choose_video(container: av.container.InputContainer, name: str, wanted: int 
     chosen = max(moving, key=_score) if wanted is None else videos[wanted]
     if chosen.codec_context is None:
         raise InputError(f"{name} uses a video codec that cannot be decoded here; convert it to H.264 first.")
-    if "enc_key_id" in chosen.metadata or "ASF_Protection_Type" in container.metadata:
+    if "ASF_Protection_Type" in container.metadata:
         raise InputError(encrypted_sentence(name))
     return chosen
 
 
 def is_encrypted(packet: av.Packet[Any]) -> bool:
-    """Return whether a packet is encrypted as in MP4, one by one; other containers encrypt whole streams."""
-    return bool(packet.has_sidedata("encryption_info"))
+    """Return whether a packet is encrypted, by itself as in MP4, or with its whole stream as in Matroska."""
+    return bool(packet.has_sidedata("encryption_info")) or "enc_key_id" in packet.stream.metadata
 
 
 def left_out_remarks(container: av.container.InputContainer, chosen: av.VideoStream, name: str) -> list[str]:
