@@ -30,25 +30,23 @@ class Damage:
         )
         parts = " and ".join(f"{counted(count, what)} {how}" for count, what, how in losses if count)
         damaged = [f"{name} is damaged: {parts}; {counted(frames, 'frame')} could be read."] if parts else []
-        others = "as where recordings were joined; pictures, sound and subtitles go on from there."
-        sentences = (
-            (f"{name} shows", self.misplaced, "frame", " no later than the one before; left out."),
-            (
-                *(f"{name} gives", self.displaced, "frame"),
-                " no later time than the one before; put into the gap that follows.",
-            ),
-            (
-                *(f"{name} gives", self.far_ahead, "frame"),
-                " a time far ahead of the next; put back between its neighbours.",
-            ),
-            (
-                *(f"The times of {name} jump back at", self.jumps, "place"),
-                "; the pictures go on from there, but sound and subtitles may not.",
-            ),
-            (f"The clock of {name} jumps at", self.joints, "place", f", {others}"),
-            (f"{name} gives no time for", self.untimed, "frame", "; the nominal rate was used."),
+        times = (
+            (self.misplaced, "shows", "no later than the one before; left out."),
+            (self.displaced, "gives", "no later time than the one before; put into the gap that follows."),
+            (self.far_ahead, "gives", "a time far ahead of the next; put back between its neighbours."),
         )
-        return damaged + [f"{begin} {counted(count, what)}{end}" for begin, count, what, end in sentences if count]
+        of_joined = "as where recordings were joined; pictures, sound and subtitles go on from there."
+        of_pictures = "the pictures go on from there, but sound and subtitles may not."
+        others = (
+            (self.jumps, f"The times of {name} jump back at", "place", f"; {of_pictures}"),
+            (self.joints, f"The clock of {name} jumps at", "place", f", {of_joined}"),
+            (self.untimed, f"{name} gives no time for", "frame", "; the nominal rate was used."),
+        )
+        return [
+            *damaged,
+            *(f"{name} {verb} {counted(count, 'frame')} {how}" for count, verb, how in times if count),
+            *(f"{begin} {counted(count, what)}{end}" for count, begin, what, end in others if count),
+        ]
 
 
 def counted(count: int, what: str) -> str:
@@ -74,9 +72,7 @@ def encrypted_sentence(name: str, begin: Fraction = Fraction(0)) -> str:
     if begin <= 0:
         return f"{name} is encrypted (DRM) and cannot be decoded; name a copy that is not."
     end = f"{math.floor(begin * 1000) / 1000:.3f}".rstrip("0").rstrip(".")
-    return (
-        f"{name} is encrypted (DRM) from {end} s on and cannot be decoded there; `end={end}` converts what is before."
-    )
+    return f"{name} is encrypted (DRM) from {end} s on; `end={end}` converts what is before."
 
 
 def lost_alpha_remark(name: str) -> str:

@@ -63,7 +63,7 @@ def test_what_is_clear_of_an_encrypted_file_is_converted_on_request(tmp_path, mo
     for module in (clock, demuxer):
         monkeypatch.setattr(module, "is_encrypted", lambda packet: packet.pts * packet.time_base >= Fraction(2, 5))
     for end in (None, Position(Fraction(1, 2))):
-        with pytest.raises(InputError, match=r"is encrypted \(DRM\) from 0\.4 s on .*; `end=0.4` converts"):
+        with pytest.raises(InputError, match=r"is encrypted \(DRM\) from 0\.4 s on; `end=0.4` converts"):
             convert(str(clip), str(output), method="nearest", decoding=DecodeOptions(Trim(end=end)), encoding=FAST)
         assert not output.exists()
     clear = DecodeOptions(Trim(end=Position(Fraction(2, 5))))
