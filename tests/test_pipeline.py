@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import weakref
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
@@ -540,31 +540,3 @@ def test_every_method_converts(tmp_path, save_images, method):
     assert all((image.shape, image.dtype) == (images[0].shape, images[0].dtype) for image in written)
     assert np.array_equal(written[0], images[0])
     assert np.array_equal(written[2], images[1])
-
-
-def broken_image(folder: Path) -> None:
-    (folder / "shot_0004.png").write_bytes(b"\x89PNG broken")
-
-
-def other_size(folder: Path) -> None:
-    (folder / "shot_0004.png").write_bytes(cv2.imencode(".png", np.zeros((48, 32, 3), np.uint8))[1].tobytes())
-
-
-@pytest.mark.parametrize("output", ["out.mp4", "out", "out_##.png"])
-@pytest.mark.parametrize("spoil", [broken_image, other_size])
-def test_what_fails_in_the_middle_leaves_nothing(
-    tmp_path, save_images, snapshot, output, spoil: Callable[[Path], None]
-):
-    """An image that turns out to be bad is named, and no output or temporary file stays."""
-    save_images(tmp_path / "in", count=5)
-    spoil(tmp_path / "in")
-    before = snapshot(tmp_path)
-    with pytest.raises(InputError, match=r"shot_0004\.png"):
-        convert(
-            str(tmp_path / "in"),
-            str(tmp_path / output),
-            method="nearest",
-            encoding=FAST if output.endswith(".mp4") else None,
-            decoding=DecodeOptions(input_fps=24),
-        )
-    assert snapshot(tmp_path) == before

@@ -124,7 +124,7 @@ def test_files_that_may_not_grow(fpsboost_, tmp_path, snapshot, output, share):
     whole = max(len(data) for name, data in before.items() if data is not None and name != "in.mp4")
     with files_end_at(int(share * whole)):
         result = fpsboost_(*arguments)
-    assert_one_sentence(result, output)
+    assert_one_sentence(result, output, "large")
     assert snapshot(tmp_path) == before
 
 

@@ -190,20 +190,6 @@ def test_spots_are_where_the_errors_are():
 
 
 @pytest.mark.parametrize(
-    ("report", "sentence"),
-    [
-        (".", ". is not empty; name a new folder."),
-        ("missing/page", "The folder missing does not exist; create it first."),
-    ],
-)
-def test_folder_that_cannot_be_is_refused_before_any_work(report, sentence, fpsboost_, tmp_path):
-    """One sentence names the folder, and the clip is not even looked for."""
-    (tmp_path / "file").touch()
-    result = fpsboost_("compare", "no-such-clip", "--report", report)
-    assert (result.code, result.err) == (1, f"fpsboost: {sentence}\n")
-
-
-@pytest.mark.parametrize(
     ("leads", "outcome"),
     [
         ([1.0, 0.8, 1.2], "in the mean of 3 clips, 1.0 dB ahead of b; nothing"),

@@ -210,17 +210,6 @@ def test_what_is_expected_is_kept():
     np.testing.assert_array_equal(flows[..., 0, :], plain_flows[..., 0, :])
 
 
-def test_a_repeated_pattern_has_all_its_periods_listed():
-    """Columns that repeat every four pixels are alike at no motion and at every fourth pixel."""
-    bars = np.uint8([0, 50, 150, 50])[np.arange(40) % 4, np.newaxis] + level_image(12, 1, 17) // 3
-    count, best, flows = list_tiles(bars, bars, 5, 2, 100, capacity=3)
-    inner = slice(8, 32)
-    assert (count[:, inner] == 3).all()
-    assert not flows[:, inner, :, 1].any()
-    np.testing.assert_array_equal(np.sort(flows[:, inner, :, 0]), np.broadcast_to([-4, 0, 4], (12, 24, 3)))
-    np.testing.assert_array_equal(best[:, inner], 1)
-
-
 @pytest.mark.parametrize("step", [2, 4, 8])
 def test_tiles_search_at_points_a_few_pixels_apart(step):
     """Every point has what the search of every pixel finds there, over several tiles, to the frame's edges."""

@@ -271,16 +271,6 @@ def test_the_rest_is_left_out(shares, other, sharpness, limit):
     assert np.abs(together - alone).max() > 0.01
 
 
-@pytest.mark.parametrize(("size", "spacing"), [((16, 16), 16), ((33, 47), 16), ((33, 47), 20), ((29, 47), 28)])
-def test_what_stands_still_is_copied(size, spacing):
-    """One frame twice and no motion give that frame, however many windows overlap, and full confidence."""
-    image = noise(*size, 3, np.float32)
-    candidates = nodes_of(size, [(1, 0, 0, 0, 0)], spacing)
-    mean, confidence = blend(image, image, 0.5, candidates, scale=5.0, sharpness=30.0, enough=0.99, spacing=spacing)
-    np.testing.assert_allclose(mean, image, atol=1e-6)
-    np.testing.assert_allclose(confidence, 1, atol=1e-5)
-
-
 @pytest.mark.parametrize("gradient", [(0.1, 0, 0, 0.1), (0, 0.06, -0.06, 0), (-0.05, 0.02, 0.04, 0.08)])
 def test_a_window_zooms_and_turns_with_its_motion(gradient):
     """What is zoomed, turned or sheared comes out half-way; windows that moved as a whole would be farther off."""

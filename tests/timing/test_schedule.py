@@ -7,23 +7,17 @@ from collections.abc import Sequence
 from fractions import Fraction
 from itertools import pairwise
 
-import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from test_pipeline import FakeSink, FakeSource
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import Frame
-from fpsboost.method_table import methods
-from fpsboost.streaming import run_conversion
 from fpsboost.timing.schedule import (
     MAX_TICKS_PER_SECOND,
     ByFactor,
     ByRate,
     Schedule,
     Step,
-    count_frames,
     parse_number,
     parse_rate,
 )
@@ -161,22 +155,6 @@ def test_what_is_out_of_range_is_refused(kind, name, most):
     for value in (0, -1, Fraction(-1, 2), most + 1):
         with pytest.raises(OptionError, match=name):
             kind(Fraction(value))
-
-
-@settings(max_examples=30)
-@given(st.one_of(factors.map(ByFactor), rates.map(ByRate)), st.integers(2, 9), rates, st.booleans())
-def test_the_loop_writes_the_expected_count_up_to_the_end(schedule, count, rate, holds_last_frame):
-    """With sinks that hold the last frame and sinks that end with it; each frame is shown until the next one."""
-    frames = [Frame(np.full((2, 2, 1), k, np.uint8), k / rate, 1 / rate) for k in range(count)]
-    source, sink = FakeSource(frames, rate, frame_count=count), FakeSink(holds_last_frame)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fpsboost.threads.POLL_INTERVAL", 0.001)
-        summary = run_conversion(source, methods["nearest"], sink, schedule)
-    assert count_frames(schedule, source.info, holds_last_frame) == summary.frames_out == len(sink.frames)
-    shown = [frame.time for frame in sink.frames]
-    assert all(earlier < later for earlier, later in pairwise(shown))
-    if holds_last_frame:
-        assert [frame.time + frame.duration for frame in sink.frames] == [*shown[1:], count / rate]
 
 
 @given(factors, st.integers(0, 50))

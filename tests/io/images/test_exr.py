@@ -6,7 +6,6 @@ import struct
 from fractions import Fraction
 from pathlib import Path
 
-import cv2
 import numpy as np
 import OpenEXR
 import pytest
@@ -196,17 +195,3 @@ def test_a_sequence_keeps_every_value_and_its_precision(tmp_path, names, half):
     header = read_exr_header(tmp_path / "out" / "a_0001.exr")
     assert header.channels == dict.fromkeys(sorted(names), "half" if half else "float")
     assert source.remarks == []
-
-
-def test_float_tiff_becomes_float_exr(tmp_path):
-    """Nothing is rounded on the way."""
-    (tmp_path / "in").mkdir()
-    image = np.random.default_rng(1).random((HEIGHT, WIDTH, 3), np.float32)
-    for number in (1, 2):
-        (tmp_path / "in" / f"{number}.tif").write_bytes(cv2.imencode(".tif", image)[1].tobytes())
-    (tmp_path / "out").mkdir()
-    source = ImageSource(str(tmp_path / "in"), RATE)
-    sink = ImageSink(output_of(tmp_path / "out" / "#.exr", source, OutputTiming(RATE, 1 / RATE)))
-    with sink:
-        sink.write(Frame(image, Fraction(0)))
-    np.testing.assert_array_equal(read_image(tmp_path / "out" / "1.exr"), image)

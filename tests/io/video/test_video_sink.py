@@ -141,20 +141,6 @@ def test_what_makes_no_clip_makes_no_file(tmp_path, images):
     assert only(tmp_path)
 
 
-def test_a_full_disk_is_explained(tmp_path):
-    """A disk that takes no more ends in one sentence and no file."""
-    resource = pytest.importorskip("resource")
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    noise = list(np.random.default_rng(0).integers(0, 256, (40, 64, 64, 3), dtype=np.uint8))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, before[1]))
-    try:
-        with pytest.raises(OutputError, match=r"out\.mp4 grew larger than"):
-            write_images(tmp_path / "out.mp4", noise, LOSSLESS)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert only(tmp_path)
-
-
 @pytest.mark.parametrize(
     ("encoding", "name", "sentence"),
     [
