@@ -134,7 +134,6 @@ def can_encode(stream: av.stream.Stream, encoder: str, stretch: Fraction = Fract
     traits, channels = _traits_of_stream(stream)
     try:
         _graph(traits, stretch, traits_for(encoder, traits, channels))
-        context.open(strict=False)
     except (UnknownCodecError, av.error.FFmpegError, ValueError):
         return False
     return True

@@ -36,6 +36,10 @@ TEE_SPECIAL_CHARACTERS = re.compile(r"([\\'|\s])")
 """Characters with a special meaning to the tee muxer in a path."""
 
 
+_Misfit = tuple[str, list[str], str]
+"""Sentence, without its end, on a stream that fits in no way; ways to keep it, and the one to leave it out."""
+
+
 @dataclass(frozen=True)
 class Fitting:
     """Plan for storing the streams of a source in a container.
@@ -57,6 +61,8 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
     """
     source, encoding, name = output.stream.video, output.encoding, output.path
     if source is None:
+        if encoding.streams is not None:
+            raise OptionError("`streams` chooses among the streams of a video file; leave it out.")
         return Fitting()
     asked = choose_sound_encoder(encoding, container, name)
     stretch = Fraction(1) if output.window is None else output.window.stretch
@@ -68,6 +74,7 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
     encoders: dict[int, str] = {}
     misfits: dict[int, _Misfit] = {}
     any_codec = False
+    headers = _headers_in(source)
     with open_video(source.path, source.name, playlists=source.playlists) as file:
         _check_choice(file, source, encoding)
         streams = [stream for stream in file.streams if is_wanted(stream, encoding)]
@@ -76,14 +83,15 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
         for stream in strict:
             sample = samples.get(stream.index)
             is_other = asked is not None and av.Codec(asked, "w").canonical_name != codec_of(stream)
-            is_held = fits(container, stream, sample)
+            is_whole, is_decodable = headers[stream.index]
+            is_held = is_whole and fits(container, stream, sample)
             # a .webm holds no sound that films usually have
             is_other |= not is_held and (asked is not None or (container == "webm" and encoding.audio_codec is None))
             # FFmpeg takes the length of TTA from that of the whole Matroska, and loses its end where they differ
             is_tta = container == "matroska" and encoding.audio_codec is None and codec_of(stream) == "tta"
             if stream.type == "audio" and (stretch != 1 or is_other or is_tta):
                 chosen = asked or ("flac" if is_tta else defaults[container])
-                if can_encode(stream, chosen, stretch):
+                if is_decodable and can_encode(stream, chosen, stretch):
                     encoders[stream.index] = chosen
                 else:
                     misfits[stream.index] = _undecodable(stream, stretch, source.name)
@@ -92,19 +100,23 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
                     suffix
                     for suffix, other in containers.items()
                     if other != container
+                    and is_whole
                     and (not encoding.codec or holds(other, encoder))
                     and fits(other, stream, sample)
                 ]
-                misfits[stream.index] = _not_held(stream, container, instead, name, source.name)
+                encoder_here = defaults[container] if is_decodable else None
+                misfits[stream.index] = _not_held(stream, encoder_here, instead, name, source.name, is_whole=is_whole)
             else:
                 any_codec |= not _listed(container, stream)
         kept = {stream.type for stream in streams if stream.index not in misfits}
-        for index, misfit in misfits.items():
+        left_out = {}
+        for index, (cause, ways, without) in misfits.items():
             if encoding.streams is not None:
-                raise OutputError(f"{misfit.cause}; leave {index} out of `streams`.")
+                raise OutputError(f"{cause}; leave {index} out of `streams`.")
             if file.streams[index].type not in kept:
-                raise OutputError(misfit.refusal)
-    return Fitting(encoders, {index: misfit.remark(index) for index, misfit in misfits.items()}, any_codec)
+                raise OutputError(f"{cause}; {_any_of([*ways, without])}.")
+            left_out[index] = f"{cause}; stream {index} was left out{'; to keep it, ' * bool(ways)}{_any_of(ways)}."
+    return Fitting(encoders, left_out, any_codec)
 
 
 def _check_choice(file: av.container.InputContainer, source: VideoFile, encoding: Encoding) -> None:
@@ -112,49 +124,32 @@ def _check_choice(file: av.container.InputContainer, source: VideoFile, encoding
     offered = {stream.index: stream for stream in file.streams if stream.type in ("audio", "subtitle")}
     for number in set(encoding.streams or ()) - offered.keys() - {source.stream_index}:
         listed = ", ".join(f"{index} ({codec_of(stream)} {stream.type})" for index, stream in offered.items())
-        instead = f"choose from {listed}" if listed else "it has none"
-        raise OptionError(f"`streams={number}` is no sound and no subtitles of {source.name}; {instead}.")
-
-
-@dataclass(frozen=True)
-class _Misfit:
-    """Sentence, without its end, on a stream that fits in no way; ways to keep it, and the option to leave it out."""
-
-    cause: str
-    ways: list[str]
-    without: str
-
-    @property
-    def refusal(self) -> str:
-        return f"{self.cause}; {_any_of([*self.ways, self.without])}."
-
-    def remark(self, index: int) -> str:
-        ways = f"; to keep it, {_any_of(self.ways)}" if self.ways else ""
-        return f"{self.cause}; stream {index} was left out{ways}."
+        raise OptionError(
+            f"`streams={number}` is no sound and no subtitles of {source.name}, which has {listed or 'none'}; choose "
+            "others, or leave it out."
+        )
 
 
 def _any_of(ways: Sequence[str]) -> str:
-    return ", or ".join([", ".join(ways[:-1]), ways[-1]]) if len(ways) > 1 else ways[0]
+    return ", or ".join([", ".join(ways[:-1]), ways[-1]]) if len(ways) > 1 else "".join(ways)
 
 
 def _undecodable(stream: av.stream.Stream, stretch: Fraction, source: str) -> _Misfit:
     aim, option = ("stretched", "`slow_motion_sound='drop'`") if stretch != 1 else ("encoded anew", "`audio=False`")
-    cause = f"The {codec_of(stream)} sound of {source} cannot be {aim} here"
-    return _Misfit(cause, [], f"leave it out with {option}")
+    return f"The {codec_of(stream)} sound of {source} cannot be {aim} here", [], f"leave it out with {option}"
 
 
-def _not_held(stream: av.stream.Stream, container: str, others: Sequence[str], name: str, source: str) -> _Misfit:
+def _not_held(
+    stream: av.stream.Stream, encoder: str | None, others: Sequence[str], name: str, source: str, *, is_whole: bool
+) -> _Misfit:
     what, option = ("sound", "`audio=False`") if stream.type == "audio" else ("subtitles", "`subtitles=False`")
-    ways = []
-    if stream.type == "audio" and can_encode(stream, defaults[container]):
-        common = next(name for name, encoder in sound_encoders.items() if encoder == defaults[container])
-        ways.append(f"encode it anew with `audio_codec={common!r}`")
-    if others:
-        ways.append(f"write {' or '.join(others)}")
-    cause = f"{name} cannot hold the {codec_of(stream)} {what} of {source}"
-    if _lacks_headers(stream):
-        cause += ", whose headers are missing"
-    return _Misfit(cause, ways, f"leave the {what} out with {option}")
+    ways = [f"write {' or '.join(others)}"] if others else []
+    if stream.type == "audio" and encoder is not None and can_encode(stream, encoder):
+        common = next(common for common, other in sound_encoders.items() if other == encoder)
+        ways.insert(0, f"encode it anew with `audio_codec={common!r}`")
+    reason = "" if is_whole else ", whose headers are missing"
+    cause = f"{name} cannot hold the {codec_of(stream)} {what} of {source}{reason}"
+    return cause, ways, f"leave the {what} out with {option}"
 
 
 def is_wanted(stream: av.stream.Stream, encoding: Encoding) -> bool:
@@ -185,7 +180,7 @@ def check_readable(path: Path, written: Counter[str], name: str) -> None:
         for packet in file.demux():
             if packet.dts is not None and packet.stream.discard != av.stream.Discard.all:
                 packet.stream.discard = av.stream.Discard.all
-                missing[packet.stream.type] -= not _lacks_headers(packet.stream)
+                missing[packet.stream.type] -= _headers_of(packet.stream)[0]
             if not +missing:
                 return
         written = missing
@@ -200,10 +195,8 @@ def fits(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool
     """Return whether a container holds a stream as it is, by a trial with its muxer.
 
     The trial uses a packet of the stream, since a muxer may have to rewrite packets, such as audio of MPEG transport
-    streams. A stream that no decoder opens because its headers are missing, such as Vorbis of OGM, fits nowhere.
+    streams.
     """
-    if _lacks_headers(stream):
-        return False
     if _listed(container, stream):
         return _muxed(container, stream, sample) is not None
     is_possible = (
@@ -212,15 +205,24 @@ def fits(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool
     return is_possible and _muxed(container, stream, sample, any_codec=True) == [codec_of(stream)]
 
 
-def _lacks_headers(stream: av.stream.Stream) -> bool:
+def _headers_of(stream: av.stream.Stream) -> tuple[bool, bool]:
+    """Return whether a stream has what its codec needs beside packets, as Vorbis of OGM has not, and a decoder opens.
+
+    Nothing else may be done with the stream: FFmpeg forgets its codec where a decoder does not open, and may crash.
+    """
     context: Any = stream.codec_context
-    if stream.type != "audio" or context is None or context.extradata:
-        return False
+    if stream.type != "audio" or context is None:
+        return True, context is not None
     try:
         context.open(strict=False)
     except (av.error.FFmpegError, ValueError):
-        return True
-    return False
+        return bool(context.extradata), False
+    return True, True
+
+
+def _headers_in(source: VideoFile) -> dict[int, tuple[bool, bool]]:
+    with open_video(source.path, source.name, playlists=source.playlists) as file:
+        return {stream.index: _headers_of(stream) for stream in file.streams}
 
 
 def is_text(stream: av.stream.Stream) -> bool:
@@ -276,9 +278,9 @@ def _muxed(
             return None
         with suppress(av.error.FFmpegError, ValueError), av.open(str(path)) as file:
             names = [str(again.name) if again.type == "data" else codec_of(again) for again in file.streams]
-            without_headers = "aac" in names and not cast(Any, file.streams[0].codec_context).extradata
-            return None if without_headers else names
-    return None
+            lacks_headers = "aac" in names and not cast(Any, file.streams[0].codec_context).extradata
+            return None if lacks_headers and sample else names
+    return None if sample else []
 
 
 def open_muxer(path: Path, container: str, *, any_codec: bool = False) -> av.container.OutputContainer:
@@ -319,10 +321,14 @@ def list_streams(file: VideoFile) -> list[StreamFacts]:
     with open_video(file.path, file.name, playlists=file.playlists) as container:
         streams = list(container.streams)
         samples = first_packets(container, [stream for stream in streams if stream.type in ("audio", "subtitle")])
-        return [_facts_of(stream, file.stream_index, samples.get(stream.index)) for stream in streams]
+        whole = {index for index, (is_whole, _) in _headers_in(file).items() if is_whole}
+        return [
+            _facts_of(stream, file.stream_index, samples.get(stream.index), is_whole=stream.index in whole)
+            for stream in streams
+        ]
 
 
-def _facts_of(stream: av.stream.Stream, converted: int, sample: bytes | None) -> StreamFacts:
+def _facts_of(stream: av.stream.Stream, converted: int, sample: bytes | None, *, is_whole: bool) -> StreamFacts:
     context: Any = stream.codec_context
     kind: str = "cover" if stream.type == "video" and is_cover_art(stream) else stream.type
     details, carries_over = "", stream.index == converted
@@ -331,7 +337,7 @@ def _facts_of(stream: av.stream.Stream, converted: int, sample: bytes | None) ->
     elif stream.type == "audio" and context:
         details = f"{context.sample_rate} Hz, {context.layout.name}"
     if kind in ("audio", "subtitle"):
-        carries_over = fits("mp4", stream, sample) or is_text(stream)
+        carries_over = (is_whole and fits("mp4", stream, sample)) or is_text(stream)
     elif kind == "cover":
         carries_over = stream.name in ("png", "mjpeg")
     elif kind == "data":

@@ -189,9 +189,7 @@ def test_streams_are_chosen_by_their_numbers(tmp_path):
     assert kept(()) == ["video"]
     with pytest.raises(OutputError, match=r"cannot hold the unknown sound of .*; leave 3 out of `streams`"):
         kept((1, 3))
-    with pytest.raises(
-        OptionError, match=r"`streams=7` is no sound .* choose from 1 \(aac audio\), 2 .*, 4 \(mov_text"
-    ):
+    with pytest.raises(OptionError, match=r"`streams=7` is no sound .*, which has 1 \(aac audio\), 2 .*, 4 \(mov_text"):
         kept((1, 7))
 
 
