@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from fpsboost.frame_cache import FrameCache, SourcePosition
     from fpsboost.image import YCbCrImage
     from fpsboost.interpolator import Interpolator, with_neighbours
+    from fpsboost.io.opening import Target, open_sink
     from fpsboost.io.part import Part
     from fpsboost.io.side.options import SideOutputs
-    from fpsboost.io.target import Target, open_sink
     from fpsboost.io.video.decode_options import DecodeOptions
     from fpsboost.io.video.encode_options import Encoding
     from fpsboost.kernels.compiling import told_of_compiling
@@ -154,7 +154,7 @@ _modules = {
     "memory": "MemoryLimit",
     "io.part": "Part",
     "io.side.options": "SideOutputs",
-    "io.target": "Target open_sink",
+    "io.opening": "Target open_sink",
     "render.folder": "VectorFolder",
     "io.video.decode_options": "DecodeOptions",
     "io.video.encode_options": "Encoding",

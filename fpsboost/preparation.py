@@ -15,9 +15,8 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.io import DescribedSource
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import NumberedImages
-from fpsboost.io.opening import check_images, open_source
+from fpsboost.io.opening import Target, check_images, open_source
 from fpsboost.io.output import Output, StreamInfo
-from fpsboost.io.target import Target
 from fpsboost.io.trim import Seekable, Sliceable, Window, trim_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding

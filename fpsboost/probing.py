@@ -22,9 +22,8 @@ from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.io import Stoppable
 from fpsboost.io.animation.source import is_animation
-from fpsboost.io.opening import TargetRequirements, open_source
+from fpsboost.io.opening import Target, TargetRequirements, open_source
 from fpsboost.io.output import Output, StreamInfo
-from fpsboost.io.target import Target
 from fpsboost.io.video.decode_options import DecodeOptions, SizeChange
 from fpsboost.io.video.fitting import StreamFacts, list_streams
 from fpsboost.io.video.traits import VideoTraits, matrices, primaries, tag_name, transfers

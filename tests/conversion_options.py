@@ -9,8 +9,8 @@ from typing import Any
 from fpsboost import DecodeOptions, Interpolator, RunOptions, methods
 from fpsboost.contracts import FrameSink
 from fpsboost.io import DescribedSource
+from fpsboost.io.opening import Target
 from fpsboost.io.output import Output
-from fpsboost.io.target import Target
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import OutputTiming
 

@@ -48,7 +48,7 @@ def preview(
     page
         The page; else IN-preview.html in the current folder.
     """
-    from fpsboost.io.target import Target  # noqa: PLC0415
+    from fpsboost.io.opening import Target  # noqa: PLC0415
     from fpsboost.preparation import ConversionJob  # noqa: PLC0415
     from fpsboost.preview.page import check_video, estimate_sentence, write_page, write_video  # noqa: PLC0415
     from fpsboost.preview.trial import preview as run  # noqa: PLC0415

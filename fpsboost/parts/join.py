@@ -11,8 +11,8 @@ from pathlib import Path
 from fpsboost.contracts import Observer, SilentObserver, Summary
 from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.io.images.sink import ImageSink
+from fpsboost.io.opening import Target
 from fpsboost.io.part import part_files
-from fpsboost.io.target import Target
 from fpsboost.io.trim import Window
 from fpsboost.io.video.chunks import complete_chunk
 from fpsboost.io.video.encoder import traits_of_image

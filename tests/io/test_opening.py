@@ -15,8 +15,7 @@ from fpsboost.io.animation.source import AnimationSource
 from fpsboost.io.images.files import IMAGE_SUFFIXES
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageSource
-from fpsboost.io.opening import ASSUMED_IMAGE_RATE, TargetRequirements, open_source
-from fpsboost.io.target import Target
+from fpsboost.io.opening import ASSUMED_IMAGE_RATE, Target, TargetRequirements, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES
 from fpsboost.io.video.sink import VideoSink
