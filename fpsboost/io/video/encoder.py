@@ -19,11 +19,12 @@ from av.codec.codec import Capabilities
 from av.video.frame import PictureType
 from av.video.reformatter import VideoReformatter
 
+from fpsboost.colour import Coding
 from fpsboost.errors import OutputError
 from fpsboost.frame import Frame
 from fpsboost.image import Pixels
 from fpsboost.io.output import Output
-from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS
+from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, depth_of
 from fpsboost.io.video.pixel_choice import choose_pixel_format
 from fpsboost.io.video.side_data import filtered, stereo_modes
 from fpsboost.io.video.traits import LightLevel, MasteringDisplay, VideoTraits
@@ -114,15 +115,9 @@ class VideoEncoder:
         """Encode one frame and return the packets that are ready; times are in ticks."""
         stream = self.stream
         time_base = self._timing.time_base
-        picture = as_picture(
-            frame,
-            self.pixel_format,
-            self._traits.color_space,
-            self._full_range,
-            chroma_location=self._traits.chroma_location,
-            reformatter=self._reformatter,
-            keeps_original=self._keeps_original,
-        )
+        color_space, location = self._traits.color_space, self._traits.chroma_location
+        coding = Coding(depth_of(self.pixel_format), color_space, self._full_range, location, self.pixel_format)
+        picture = as_picture(frame, coding, self._reformatter, keeps_original=self._keeps_original)
         self._follow_captions(frame)
         if picture is not frame.original:  # the ProRes encoder reads these and not its context
             context = stream.codec_context

@@ -24,12 +24,14 @@ import numpy as np
 from av.codec.codec import PixFmtLoss, find_best_pix_fmt_of_list
 from av.video.reformatter import VideoReformatter
 
+from fpsboost.colour import Coding
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Pixels
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.output import Output, StreamInfo, check_frame_size
 from fpsboost.io.video.clock import ASSUMED_RATE, assumed_rate_remark
+from fpsboost.io.video.encoding import depth_of
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import interlaced_remark, lost_companions_remark, lost_shape_remark
 from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
@@ -133,7 +135,6 @@ class PipeSource(ClosesOnExit):
         return self._frames()
 
     def cancel(self) -> None:
-        """See `fpsboost.contracts.Cancellable.cancel`."""
         if self._waiting is not None:
             self._waiting.cancel()
 
@@ -217,8 +218,8 @@ class PipeSink:
         self._traits = output.stream.traits
         self._waiting = _standard_output() if stream is None else None
         self._stream: Any = stream or self._waiting
-        self._header = self._pixel_format = self._chroma_location = ""
-        self._full_range: bool | None = None
+        self._header = ""
+        self._coding: Coding
         self._reformatter = VideoReformatter()
         self.remarks: list[str] = []
         self._start = Fraction(0)
@@ -243,7 +244,6 @@ class PipeSink:
             raise OutputError(f"{OUTPUT_NAME} was not written because there were no frames.")
 
     def cancel(self) -> None:
-        """See `fpsboost.contracts.Cancellable.cancel`."""
         if self._waiting is not None:
             self._waiting.cancel()
 
@@ -255,15 +255,7 @@ class PipeSink:
             self._start = frame.time
             self._send(self._header.encode() + b"\n")
         self._remark_on(frame)
-        picture = as_picture(
-            frame,
-            self._pixel_format,
-            self._traits.color_space if self._traits is not None else assumed_color_space(self._info.height),
-            bool(self._full_range),
-            chroma_location=self._chroma_location,
-            reformatter=self._reformatter,
-            keeps_original=self._traits is not None,
-        )
+        picture = as_picture(frame, self._coding, self._reformatter, keeps_original=self._traits is not None)
         self._send(b"FRAME\n")
         for plane in plane_arrays(picture):
             self._send(np.ascontiguousarray(plane, plane.dtype.newbyteorder("<")).tobytes())
@@ -274,23 +266,25 @@ class PipeSink:
         traits = self._traits
         gray, deep = image.shape[2] < 3, image.dtype != np.uint8
         aspect = None
-        self._full_range = gray  # as FFmpeg takes gray to be
+        full_range: bool | None = gray  # as FFmpeg takes gray to be
+        color_space, location = assumed_color_space(self._info.height), ""
         wanted = ("gray" if gray else "yuv444p") + "16le" * deep
         if traits is not None:
             wanted, aspect = traits.pixel_format, traits.sample_aspect_ratio
             is_rgb = av.VideoFormat(wanted).is_rgb
-            self._full_range = False if is_rgb else traits.full_range or (None if traits.color_range == 0 else False)
-            self._chroma_location = traits.chroma_location
+            full_range = False if is_rgb else traits.full_range or (None if traits.color_range == 0 else False)
+            color_space, location = traits.color_space, traits.chroma_location
             self._remark_on_traits(traits)
-        self._pixel_format = self._encoding.pixel_format or self._nearest(wanted)
+        pixel_format = self._encoding.pixel_format or self._nearest(wanted)
         if traits is None:  # as the name of 8-bit 4:2:0 usually says
-            self._chroma_location = "center" if self._pixel_format == "yuv420p" else "left"
-        names = [name for name, other in formats.items() if other == self._pixel_format]
-        name = next((name for name in names if chroma_locations.get(name) == self._chroma_location), names[0])
+            location = "center" if pixel_format == "yuv420p" else "left"
+        self._coding = Coding(depth_of(pixel_format), color_space, bool(full_range), location, pixel_format)
+        names = [name for name, other in formats.items() if other == pixel_format]
+        name = next((name for name in names if chroma_locations.get(name) == location), names[0])
         rate = self._timing.rate.limit_denominator((2**31 - 1) // (int(self._timing.rate) + 1))
         shape = "0:0" if aspect is None else f"{aspect.numerator}:{aspect.denominator}"
         words = f"YUV4MPEG2 W{self._info.width} H{self._info.height} F{rate.numerator}:{rate.denominator} Ip A{shape}"
-        colour_range = {None: "", True: " XCOLORRANGE=FULL", False: " XCOLORRANGE=LIMITED"}[self._full_range]
+        colour_range = {None: "", True: " XCOLORRANGE=FULL", False: " XCOLORRANGE=LIMITED"}[full_range]
         return f"{words} C{name}{colour_range}"
 
     def _nearest(self, wanted: str) -> str:

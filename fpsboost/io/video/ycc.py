@@ -283,21 +283,13 @@ def bgr_of(image: YCbCrImage) -> Image:
     return to_bgr(with_chroma_location(picture_of(image), image.coding.chroma_location))
 
 
-def as_picture(
-    frame: Frame,
-    pixel_format: str,
-    color_space: int,
-    full_range: bool,
-    *,
-    chroma_location: str,
-    reformatter: VideoReformatter,
-    keeps_original: bool,
-) -> av.VideoFrame:
-    """Convert a frame into a picture of a pixel format, from the decoded picture where there is one.
+def as_picture(frame: Frame, coding: Coding, reformatter: VideoReformatter, *, keeps_original: bool) -> av.VideoFrame:
+    """Convert a frame into a picture of a coding, which may be gray or RGB, from the decoded picture if there is one.
 
     See `from_bgr`; `keeps_original` says whether the target's colour tags are those of the source.
     """
     image, original = frame.pixels, frame.original
+    pixel_format, full_range = coding.pixel_format, coding.full_range
     if original is None and isinstance(image, YCbCrImage):  # else it is converted from BGR below
         original = picture_of(image)
         if image.coding.pixel_format != pixel_format:
@@ -315,8 +307,8 @@ def as_picture(
     return from_bgr(
         view(image).to_bgr(),
         pixel_format,
-        color_space,
+        coding.color_space,
         full_range,
-        chroma_location=chroma_location,
+        chroma_location=coding.chroma_location,
         reformatter=reformatter,
     )
