@@ -77,7 +77,6 @@ class InterpolatorContestant:
     def interpolate(
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
-        """See `Contestant.interpolate`."""
         for before, (interval, pair), after in with_neighbours(self._pairs(intervals)):
             chosen = [hidden for hidden in interval.hidden if wanted is None or hidden.number in wanted]
             if chosen:
@@ -106,7 +105,6 @@ class InterpolatorContestant:
             last = image
 
     def describe(self) -> str:
-        """See `Contestant.describe`."""
         return f"{self.interpolator.estimator}, {self.interpolator.synthesizer}"
 
 
@@ -136,7 +134,6 @@ class Minterpolate:
         return None if shutil.which("ffmpeg") else "there is no ffmpeg on the PATH"
 
     def describe(self) -> str:
-        """See `Contestant.describe`."""
         return f"ffmpeg -vf minterpolate={self.options}, 4:4:4, 8 bit"
 
     def interpolate(

@@ -18,7 +18,7 @@ import numpy as np
 
 from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
 from fpsboost.evaluation.results import Comparison
-from fpsboost.evaluation.verdict import judge, means_as_json
+from fpsboost.evaluation.verdict import judge, means_over_clips
 from fpsboost.io.new_output import write_whole
 
 DATA_VERSION = 1
@@ -28,7 +28,8 @@ DATA_VERSION = 1
 def write_json(path: Path, comparisons: Sequence[Comparison]) -> None:
     """Write all figures: of one clip those of `as_json`; of several ``clips``, a list of these, and their ``mean``."""
     data = [as_json(comparison) for comparison in comparisons]
-    several = {"version": DATA_VERSION, "clips": data, "mean": means_as_json(comparisons)}
+    means = {each.method: {"psnr": each.mean, "psnr_of_clips": each.of_clips} for each in means_over_clips(comparisons)}
+    several = {"version": DATA_VERSION, "clips": data, "mean": means}
     write_whole(path, f"{json.dumps(data[0] if len(data) == 1 else several, indent=1)}\n".encode())
 
 

@@ -72,7 +72,9 @@ class _Graph:
     def push(self, first: Image, second: Image) -> list[av.VideoFrame]:
         """Add two frames of one moment, and return the pictures that come out."""
         for entry, image in zip(self._entries, (first, second), strict=True):
-            picture = from_bgr(_without_alpha(image), PIXEL_FORMAT, self._matrix, full_range=False)
+            if has_alpha(image):  # colours count as far as they are seen, as in the other scores
+                image = composite_on_black(image)[..., :-1]  # noqa: PLW2901
+            picture = from_bgr(image, PIXEL_FORMAT, self._matrix, full_range=False)
             picture.pts, picture.time_base = self._passed, self._clock
             entry.push(picture)
         self._passed += 1
@@ -94,11 +96,6 @@ class _Graph:
         return pictures
 
 
-def _without_alpha(image: Image) -> Image:
-    """Return colours as far as they are seen, which is what the other scores count."""
-    return composite_on_black(image)[..., :-1] if has_alpha(image) else image
-
-
 class _FilterMeter:
     """Meter by a filter of FFmpeg, which is given every frame and whose values of interpolated frames count."""
 
@@ -108,12 +105,10 @@ class _FilterMeter:
         self._counts: list[bool] = []
 
     def add_shown(self, image: Image) -> None:
-        """See `Meter.add_shown`."""
         self._counts.append(False)
         self._push(image, image)
 
     def add(self, truth: Image, image: Image) -> None:
-        """See `Meter.add`."""
         self._counts.append(True)
         self._push(truth, image)
 
@@ -152,7 +147,6 @@ class XpsnrMeter(_FilterMeter):
         self._values += [min(float(each.metadata["lavfi.xpsnr.xpsnr.y"]), HIGHEST) for each in pictures]
 
     def values(self) -> list[float]:
-        """See `Meter.values`."""
         if self._graph is not None:
             self._keep(self._graph.end())
             self._graph = None
@@ -176,7 +170,6 @@ class VmafMeter(_FilterMeter):
         self._graph.push(image, truth)  # unlike xpsnr, it takes the reference second
 
     def values(self) -> list[float]:
-        """See `Meter.values`."""
         if self._graph is not None:
             self._graph.end()
             self._graph = None

@@ -65,19 +65,16 @@ class FlipMeter:
         """See `Meter.add_shown`; such a frame has no error."""
 
     def add(self, truth: Image, image: Image) -> None:
-        """See `Meter.add`."""
         from flip_evaluator import evaluate  # noqa: PLC0415 (an extra, which may be missing)
 
         _, mean, _ = evaluate(_as_rgb(truth), _as_rgb(image), "LDR", applyMagma=False)
         self._values.append(float(mean))
 
     def values(self) -> list[float]:
-        """See `Meter.values`."""
         return self._values
 
     @staticmethod
     def missing() -> str | None:
-        """See `Metric.missing`."""
         if find_spec("flip_evaluator"):
             return None
         return "the package flip-evaluator; install it with pip install 'fpsboost[flip]'"
@@ -145,7 +142,6 @@ class Meters:
             meter.add_shown(image)
 
     def add(self, truth: Image, image: Image) -> None:
-        """See `Meter.add`."""
         for meter in self._meters.values():
             meter.add(truth, image)
 

@@ -63,7 +63,6 @@ class PeerFrames:
                     yield InterpolatedFrame(hidden.number, image, self.seconds, self.cpu_seconds)
 
     def describe(self) -> str:
-        """See `Contestant.describe`."""
         return self.description
 
 
@@ -120,7 +119,8 @@ def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Pa
     places, count, factor, rate = _write_shown(intervals, folders[0])
     values = {"in": str(folders[0]), "out": str(folders[1]), "factor": str(factor), "fps": f"{rate:.10g}"}
     begin, begin_cpu = time.perf_counter(), seconds_of_children()
-    last_line = _run(name, [_filled(word, values) for word in words], scratch)
+    words = [re.sub(r"\{(\w+)\}", lambda match: values.get(match[1], match[0]), word) for word in words]
+    last_line = _run(name, words, scratch)
     seconds, cpu_seconds = time.perf_counter() - begin, seconds_of_children() - begin_cpu
     images = list_images(folders[1])
     least = (count - 1) * factor + 1
@@ -151,10 +151,6 @@ def split_command(name: str, command: str) -> list[str]:
             f"The command of the peer {name} lacks {' and '.join(missing)}; write it like 'tool {{in}} {{out}}'."
         )
     return words
-
-
-def _filled(word: str, values: Mapping[str, str]) -> str:
-    return re.sub(r"\{(\w+)\}", lambda match: values.get(match[1], match[0]), word)
 
 
 def _write_shown(intervals: Iterable[Interval], folder: Path) -> tuple[list[tuple[int, int]], int, int, float]:

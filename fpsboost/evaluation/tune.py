@@ -159,20 +159,12 @@ def sweep_around(usual: int, attempt: Callable[[int], Trial | None]) -> list[Tri
         return trial is not None
 
     tries(usual)
-    for towards in (_smaller, _larger):
-        radius, in_vain = towards(usual), 0
-        while in_vain < IN_VAIN and tries(radius):
+    for choose, one_step, factor in ((min, -1, 1 / STEP), (max, 1, STEP)):
+        radius, in_vain = usual, 0
+        while in_vain < IN_VAIN and tries(radius := choose(radius + one_step, round(radius * factor))):
             is_best = _best([trials[each] for each in sorted(trials)]) is trials[radius]
-            radius, in_vain = towards(radius), 0 if is_best else in_vain + 1
+            in_vain = 0 if is_best else in_vain + 1
     return [trials[each] for each in sorted(trials)]
-
-
-def _smaller(radius: int) -> int:
-    return min(radius - 1, round(radius / STEP))
-
-
-def _larger(radius: int) -> int:
-    return max(radius + 1, round(radius * STEP))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -240,8 +240,3 @@ def judge_all(comparisons: Sequence[Comparison]) -> list[str]:
     wins = int((np.argmax([each.of_clips for each in (best, *others)], axis=0) == 0).sum())
     on = "all" if wins == len(comparisons) else str(wins)
     return [advice, f"{reached}, {_leads(ahead)}; it is best on {on} of them."]
-
-
-def means_as_json(comparisons: Sequence[Comparison]) -> dict[str, Any]:
-    """Return the means over clips as plain data."""
-    return {each.method: {"psnr": each.mean, "psnr_of_clips": each.of_clips} for each in means_over_clips(comparisons)}

@@ -285,18 +285,13 @@ def _find_rendered(folder: Path, planned: Mapping[int, PlannedFrame]) -> tuple[d
 def _number_and_region(name: str, planned: Mapping[int, PlannedFrame]) -> tuple[int | None, int | None]:
     """Read the number of a planned frame, and of its region if there is one, out of a name."""
     stem = name[: -len(extension_of(name))]
-    region = re.fullmatch(r".*?(-?\d+)_([1-9]\d*)", stem)
+    region = re.fullmatch(r".*?(\d+)_([1-9]\d*)", stem)
     if region is not None:
-        number, place = _planned(region[1], planned), int(region[2])
-        if number is not None and place <= len(planned[number].regions):
+        number, place = int(region[1]), int(region[2])
+        if number in planned and place <= len(planned[number].regions):
             return number, place
-    whole = re.fullmatch(r".*?(-?\d+)", stem)
-    return (None if whole is None else _planned(whole[1], planned)), None
-
-
-def _planned(digits: str, planned: Mapping[int, PlannedFrame]) -> int | None:
-    """Return the planned number that digits stand for; a dash before them may be a minus or none."""
-    return next((number for number in (int(digits), abs(int(digits))) if number in planned), None)
+    whole = re.fullmatch(r".*?(\d+)", stem)
+    return (int(whole[1]) if whole is not None and int(whole[1]) in planned else None), None
 
 
 def _choose(folder: Path, frame: PlannedFrame, whole: Sequence[str], parts: Mapping[int, Sequence[str]]) -> _Rendered:

@@ -177,7 +177,7 @@ class RerenderPlan:
 
 def mask_numbering(folder: Path, numbers: Sequence[int]) -> Numbering:
     """Return how masks are named: like the frames, with as many digits as the longest number has."""
-    digits = max(MASK_DIGITS, *(len(str(abs(number))) for number in numbers))
+    digits = max(MASK_DIGITS, *(len(str(number)) for number in numbers))
     return Numbering(folder, "mask_", digits, ".png")
 
 

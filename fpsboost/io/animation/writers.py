@@ -69,18 +69,15 @@ class AnimationWriter:
             raise OutputError(f"One frame is {view(image).describe()}, unlike the first; make all frames alike.")
         picture = self.picture(image)
         if self._stream is None:
-            self._stream = self._open_stream(picture)
+            self._stream = cast(av.VideoStream, self._container.add_stream(self.codec, options=self.encoder_options()))
+            self._stream.height, self._stream.width = picture.height, picture.width
+            self._stream.pix_fmt = picture.format.name
+            self._stream.time_base = self._stream.codec_context.time_base = self._tick
         picture.pts, picture.time_base = self._ticks, self._tick
         for packet in self._stream.encode(picture):
             packet.duration = ticks
             self.mux(packet)
         self._ticks += ticks
-
-    def _open_stream(self, picture: av.VideoFrame) -> av.VideoStream:
-        stream = cast(av.VideoStream, self._container.add_stream(self.codec, options=self.encoder_options()))
-        stream.height, stream.width, stream.pix_fmt = picture.height, picture.width, picture.format.name
-        stream.time_base = stream.codec_context.time_base = self._tick
-        return stream
 
     def mux(self, packet: av.Packet[Any]) -> None:
         self._container.mux(packet)

@@ -28,18 +28,8 @@ ALL, BEAUTY = "all", "beauty"
 PICTURES = ("combined", "beauty", "rgba", "rgb", "composite")
 """Last words, in small letters, of the layer that is the picture where several have colours."""
 
-VECTORS = [
-    "vector",
-    "vectors",
-    "motion",
-    "motionvector",
-    "motionvectors",
-    "velocity",
-    "vrayvelocity",
-    "motvec",
-    "forward",
-    "backward",
-]
+_vectors = "vector vectors motion motionvector motionvectors velocity vrayvelocity motvec forward backward"
+VECTORS = _vectors.split()
 """Words of layers with motion vectors."""
 
 _words: Mapping[LayerKind, str] = {

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.errors import InputError, explained
+from fpsboost.errors import InputError
+from fpsboost.io.images.files import content_of
 
 BACKWARD, FORWARD = "_backward.flo", "_forward.flo"
 """Ends of the names of a frame's two files: to the frame before and to the next."""
@@ -36,8 +37,7 @@ BEYOND = np.float32(0.75)
 
 def read_flow(path: Path) -> NDArray[Any]:
     """Return the motion field of a ``.flo`` file, (H, W, 2) float32 pixels; NaN where it is unknown."""
-    with explained(InputError, "read", path, "check that it exists and that you may read it"):
-        data = path.read_bytes()
+    data = content_of(path)
     if len(data) < 12 or data[:4] != MAGIC:
         raise InputError(f"{path} is no .flo file of motion vectors; replace it.")
     width, height = struct.unpack("<2i", data[4:12])
