@@ -127,8 +127,8 @@ class OutputRange:
     stop : int or None
         Number of the first one that follows; None for all to the end.
     skip : int
-        Number of frames, from the first, that the sink has already; see `fpsboost.io.Resumable`. They are counted and
-        passed on in order, but instead of an interpolated image they carry one of the source.
+        Number of frames, from the first, that the sink has already; see `fpsboost.io.staging.StagedSink`. They are
+        counted and passed on in order, but instead of an interpolated image they carry one of the source.
     entry : Entry or None
         Where the source begins, early enough for the first one; None for its start.
     """

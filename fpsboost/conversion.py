@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
+from typing import Any
 
 import cv2
 
 from fpsboost.contracts import FrameSource, OutputRange, SilentObserver, Summary
-from fpsboost.errors import OptionError
+from fpsboost.errors import InputError, OptionError, explained
+from fpsboost.fingerprint import JobFingerprint, fingerprint_files, fingerprint_options
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
-from fpsboost.io import Resumable
-from fpsboost.io.fingerprint import fingerprint_job
+from fpsboost.io import DescribedSource
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, TargetRequirements, open_source
 from fpsboost.io.side.sink import with_side_outputs
+from fpsboost.io.staging import StagedSink
 from fpsboost.io.video.capture import ArraySource, captured, rate_of
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.pyav import pyav_version
 from fpsboost.memory import MemoryLimit
 from fpsboost.method_table import find_method
 from fpsboost.parts.plan import plan_part, share_index
@@ -30,17 +34,7 @@ from fpsboost.streaming import interpolate_frames, run_conversion
 from fpsboost.threads import available_cores
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import count_frames
-
-
-@dataclass(frozen=True)
-class Job:
-    """Everything that shapes an output besides the input's files: only a run of the same job can be resumed."""
-
-    rate: OutputRate
-    method: Interpolator
-    decoding: DecodeOptions
-    encoding: Encoding
-    in_place: bool
+from fpsboost.version import __version__
 
 
 def convert(
@@ -116,8 +110,15 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
     with prepared(job, run) as ready:
         clip = ready.clip
         images = clip.whole.stream_info.images
-        options = Job(job.rate, job.method, job.decoding, job.encoding, run.in_place)
-        fingerprint = fingerprint_job(clip.whole, options, resume=run.resume)
+        fingerprint = fingerprint_job(
+            clip.whole,
+            resume=run.resume,
+            rate=job.rate,
+            method=job.method,
+            decoding=job.decoding,
+            encoding=job.encoding,
+            in_place=run.in_place,
+        )
         part = None if run.chunk is None else plan_part(ready)
         output = replace(ready.output, job=fingerprint, part=None if part is None else part.output)
         main = ready.target.open(output)
@@ -134,7 +135,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
         with sink:
             if part is not None:
                 share_index(clip, part.output.folder.parent)
-            there = sink.completed_frames if isinstance(sink, Resumable) else 0
+            there = sink.completed_frames if isinstance(sink, StagedSink) else 0
             begin, busy_before = time.perf_counter(), time.process_time()
             if part is not None and part.is_empty:
                 summary = Summary()
@@ -160,6 +161,23 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
     if part is None:
         summary.remarks += closing_remarks(ready, summary.frame_intervals)
     return summary
+
+
+def fingerprint_job(source: DescribedSource, *, resume: bool, **options: Any) -> JobFingerprint | None:
+    """Return what an output is made of and how; None if the source can be read only once, so that nothing can resume.
+
+    `options` are all that shape the output; to `resume` from a pipe raises `OptionError`.
+    """
+    files = source.stream_info.files
+    if not files:
+        if resume:
+            raise OptionError("`resume` cannot read again what came through a pipe; name a file, or leave it out.")
+        return None
+    with explained(InputError, "read", source.info.name, "check that it is still there"):
+        place = str(Path(source.info.name).absolute())
+        versions = f"{__version__} with PyAV {pyav_version()}"  # another FFmpeg may encode differently
+        facts = fingerprint_options(input=place, input_files=fingerprint_files(files), fpsboost=versions, **options)
+    return JobFingerprint(facts, resume)
 
 
 def stream(

@@ -16,8 +16,7 @@ from fpsboost.io import DescribedSource
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.opening import Target, check_images, open_source
-from fpsboost.io.output import Output, StreamInfo
-from fpsboost.io.trim import Seekable, Sliceable, Window, trim_source
+from fpsboost.io.output import Output, StreamInfo, Window
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.render.fit import fit_vectors
@@ -27,6 +26,7 @@ from fpsboost.streaming import beginning
 from fpsboost.timing.position import Trim
 from fpsboost.timing.rate import FrameIntervals, OutputRate
 from fpsboost.timing.schedule import ExposureSchedule, Schedule, count_frames
+from fpsboost.trimming import Seekable, Sliceable, trim_source
 
 
 @dataclass(frozen=True)

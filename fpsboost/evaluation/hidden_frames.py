@@ -22,11 +22,11 @@ from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.opening import PIPES, TargetRequirements, open_source
-from fpsboost.io.trim import trim_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.layered import FrameImage
 from fpsboost.streaming import beginning
 from fpsboost.timing.schedule import ByRate, rising_time
+from fpsboost.trimming import trim_source
 
 if TYPE_CHECKING:
     from fpsboost.evaluation.contestants import Contestant

@@ -45,18 +45,6 @@ class ClosesOnExit(ABC):
 
 
 @runtime_checkable
-class Resumable(Protocol):
-    """Contract: sink that can resume an earlier run of the same job.
-
-    Frames that the earlier run finished are written again in order; only their pixels are ignored.
-    """
-
-    @property
-    def completed_frames(self) -> int:
-        """Number of frames, from the first, that an earlier run has finished; known when the sink is entered."""
-
-
-@runtime_checkable
 class RandomAccess(Protocol):
     """Contract: source that knows when its frames are shown without decoding them, and can begin at any of them."""
 

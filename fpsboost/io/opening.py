@@ -86,7 +86,7 @@ def open_source(
             check_images(path, option)
         if path in PIPES:
             _check_decoding(decoding, "standard input", "let the program before the pipe do that")
-            _check_has_own_rate(input_fps, "standard input")
+            _check_has_own_rate(decoding, "standard input")
             return PipeSource(for_images=requirements.pictures_alone, keeps_planes=requirements.planes, limit=limit)
         if is_images:
             _check_decoding(decoding, f"{path}, which holds images", "leave it out")
@@ -105,13 +105,13 @@ def open_source(
             )
             return ImageSource(path, input_fps or ASSUMED_IMAGE_RATE, reading, limit=limit)
         if decoding.decoder == "opencv":
-            _check_has_own_rate(input_fps, path)
+            _check_has_own_rate(decoding, path)
             if Path(path).is_file() and not decoding.allow_playlists:
                 check_is_no_playlist(Path(path), path)
             if {*decoding.given} - {"`allow_playlists`"} != {"`decoder`"}:
                 raise OptionError(f"{' and '.join(decoding.given)} do not go together; OpenCV reads a video as it is.")
             return CaptureSource(path, limit=limit)
-        return _open_file(path, input_fps, requirements, decoding, limit)
+        return _open_file(path, requirements, decoding, limit)
 
 
 def _check_light_and_layers(path: str, decoding: DecodeOptions, requirements: TargetRequirements) -> None:
@@ -139,11 +139,7 @@ def check_images(path: str, option: str) -> None:
 
 
 def _open_file(
-    path: str,
-    input_fps: Fraction | None,
-    requirements: TargetRequirements,
-    decoding: DecodeOptions,
-    limit: MemoryLimit | None,
+    path: str, requirements: TargetRequirements, decoding: DecodeOptions, limit: MemoryLimit | None
 ) -> AnimationSource | VideoSource:
     if not Path(path).exists():
         raise InputError(f"{path} does not exist; check the name.")
@@ -152,7 +148,7 @@ def _open_file(
     animated = is_animation(Path(path))
     if not animated and Path(path).suffix.lower() in (*IMAGE_SUFFIXES, ".apng"):
         raise InputError(f"{path} is a single image; give its folder, or a pattern like shot_####.png.")
-    _check_has_own_rate(input_fps, path)
+    _check_has_own_rate(decoding, path)
     if animated:
         _check_decoding(decoding, f"{path}, which is an animation", "leave it out")
         return AnimationSource(path, keeps_alpha=requirements.alpha, limit=limit)
@@ -166,8 +162,8 @@ def _open_file(
     )
 
 
-def _check_has_own_rate(input_fps: Fraction | None, name: str) -> None:
-    if input_fps is not None:
+def _check_has_own_rate(decoding: DecodeOptions, name: str) -> None:
+    if decoding.input_fps is not None:
         raise OptionError(f"`input_fps` is for images; {name} is a video and has its own frame rate.")
 
 

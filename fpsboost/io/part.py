@@ -63,8 +63,8 @@ def parse_part(text: str, option: str = "`chunk`") -> Part:
     return Part(int(match[1]), int(match[2]))
 
 
-class PartFolder:
-    """Folder in which a part of an output is written; `files` is the hidden folder for its files.
+class PartFolder(StagingDirectory):
+    """Folder in which a part of an output is written; what is `staged` is a folder for its files.
 
     Raises `CompleteAlreadyError` if the part is there and the job is to be resumed.
     """
@@ -72,9 +72,7 @@ class PartFolder:
     def __init__(self, output: Output) -> None:
         assert output.part is not None
         self._part, folder = output.part, output.part.folder
-        self.name = str(folder)
-        self._staging = StagingDirectory(hidden_place(folder.parent, folder.name), "output", self.name, output.job)
-        self.files = self._staging.staged
+        super().__init__(hidden_place(folder.parent, folder.name), "output", str(folder), output.job)
         if folder.exists() and not output.overwrite:
             if output.job is not None and output.job.resume:
                 raise CompleteAlreadyError(complete_already(self.name))
@@ -82,32 +80,27 @@ class PartFolder:
         if not folder.parent.parent.is_dir():
             raise OutputError(f"The folder {folder.parent.parent} does not exist; create it first.")
 
-    @property
-    def remarks(self) -> list[str]:
-        """What happened to an earlier run."""
-        return self._staging.remarks
-
     def open(self) -> None:
         """Lock the hidden folder for this run, with the files of an earlier run that this one resumes."""
         self._part.folder.parent.mkdir(exist_ok=True)
         try:
-            self._staging.open()
-            self.files.mkdir(exist_ok=True)
+            super().open()
+            self.staged.mkdir(exist_ok=True)
         except BaseException:
             remove_if_empty(self._part.folder.parent)
             raise
 
-    def publish(self) -> None:
+    def publish_part(self) -> None:
         """Give the complete files their final place."""
-        self._part.complete(self.files)
-        sync(self.files)
+        self._part.complete(self.staged)
+        sync(self.staged)
         if self._part.folder.exists():
-            os.replace(self._part.folder, self._staging.folder / REPLACED)
-        self._staging.publish(self._part.folder)
+            os.replace(self._part.folder, self.folder / REPLACED)
+        self.publish(self._part.folder)
 
-    def leave(self, error: BaseException | None, frames: int) -> None:
+    def leave_part(self, error: BaseException | None, frames: int) -> None:
         """Release the hidden folder; after an error, keep the number of finished frames if a later run can resume."""
-        self._staging.leave(error, frames, self._part.frames)
+        self.leave(error, frames, self._part.frames)
         remove_if_empty(self._part.folder.parent)
 
 

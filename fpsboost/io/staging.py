@@ -13,15 +13,17 @@ import json
 import os
 import shutil
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from io import BufferedRandom
 from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING
 
 from fpsboost.errors import InputError, InUseError, OptionError, OutputError, explained
 
 if TYPE_CHECKING:
-    from fpsboost.io.fingerprint import JobFingerprint
+    from fpsboost.fingerprint import JobFingerprint
 
 if sys.platform == "win32":
     import msvcrt
@@ -60,7 +62,7 @@ class StagingDirectory:
 
     def __init__(self, folder: Path, staged: str, name: str, job: JobFingerprint | None) -> None:
         self.folder, self.staged, self.remarks = folder, folder / staged, list[str]()
-        self._name, self._job = name, job
+        self.name, self._job = name, job
         self._lock: BufferedRandom | None = None
 
     @property
@@ -88,7 +90,7 @@ class StagingDirectory:
                 return
             if before is not None:
                 self.remarks.append(
-                    f"{self._name} was begun anew, and what an earlier run had finished was thrown away; `resume` goes "
+                    f"{self.name} was begun anew, and what an earlier run had finished was thrown away; `resume` goes "
                     "on with it."
                 )
             self._clear()
@@ -159,12 +161,12 @@ class StagingDirectory:
                 if error.errno in LOCKED:
                     lock.close()
                     raise InUseError(
-                        f"{self._name} is being written by another run; wait for it, or choose another name."
+                        f"{self.name} is being written by another run; wait for it, or choose another name."
                     ) from None
-                self.remarks.append(f"{self._name} lies on a disk without locks; never let two runs write it at once.")
+                self.remarks.append(f"{self.name} lies on a disk without locks; never let two runs write it at once.")
                 self._lock = lock
         if self._lock is None:
-            raise OutputError(f"{self._name} cannot be written because its folder keeps no file; choose another.")
+            raise OutputError(f"{self.name} cannot be written because its folder keeps no file; choose another.")
 
     def _abandon(self, lock: BufferedRandom | None) -> None:
         """Remove the folder after an interruption while it was being locked, unless another run holds it."""
@@ -203,7 +205,41 @@ class StagingDirectory:
             if max(len(old), len(new)) > MAX_FACT_LENGTH:
                 wording = f"that {'have' if what.endswith('s') else 'has'} changed since"
             advice = "say the same as then, or leave `resume` out to start anew."
-            raise OutputError(f"{self._name} was begun with {what} {wording}; {advice}")
+            raise OutputError(f"{self.name} was begun with {what} {wording}; {advice}")
+
+
+class StagedSink(ABC):
+    """Sink whose output appears as a whole when it is left without an error, or not at all.
+
+    Some resume an earlier run of the same job: `completed_frames` are those, from the first, that it has finished,
+    known when the sink is entered. They are written again in order; only their pixels are ignored.
+    """
+
+    completed_frames = 0
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                with self._explained():
+                    self._finish()
+        except BaseException as failure:
+            self._leave(failure)
+            raise
+        self._leave(error)
+
+    @abstractmethod
+    def _explained(self) -> contextlib.AbstractContextManager[None]:
+        """Turn errors of the system in the block into sentences about the output."""
+
+    @abstractmethod
+    def _finish(self) -> None:
+        """Give the complete output its final name."""
+
+    @abstractmethod
+    def _leave(self, error: BaseException | None) -> None:
+        """Let go of everything, and remove what no later run can resume from."""
 
 
 def is_unfinished(output: str) -> bool:

@@ -12,14 +12,14 @@ from fpsboost.contracts import Observer, SilentObserver, Summary
 from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.opening import Target
+from fpsboost.io.output import Window
 from fpsboost.io.part import part_files
-from fpsboost.io.trim import Window
 from fpsboost.io.video.chunks import complete_chunk
 from fpsboost.io.video.encoder import traits_of_image
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.method_table import find_method
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, first_difference, input_identity, stored
-from fpsboost.preparation import ConversionJob, OpenedClip, closing_remarks, opened_clip, prepare
+from fpsboost.preparation import ConversionJob, closing_remarks, opened_clip, prepare
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import FrameIntervals
 
@@ -71,14 +71,16 @@ def join(
     manifests = [Manifest.read(folder) for folder in folders]
     ordered = check_complete(list(zip(folders, manifests, strict=True)))
     first = ordered[0][1]
-    _check_target(Target.parse(output), first)
+    if Target.parse(output).file_type != first.facts.get("output_type"):
+        raise OptionError(f"{output} is of another type than {first.output}; name one of that type.")
     run = RunOptions(overwrite=overwrite)
     # nothing is made here, so a method that takes images of any kind stands for the one that has made the parts
     job = ConversionJob(
         input or first.input, output, first.rate, find_method("nearest"), first.decoding, first.encoding
     )
     with opened_clip(job, run) as clip:
-        _check_input(clip, first)
+        if input_identity(clip) != first.facts.get("input"):
+            raise InputError(f"{clip.whole.info.name} is not what the parts were made of; name that with `input`.")
         ready = prepare(job, run, clip)
         ready.output = replace(ready.output, window=_window(ordered))
         summary = _summary(ordered)
@@ -170,17 +172,6 @@ def _check_files(folder: Path, manifest: Manifest) -> None:
         for file in manifest.files:
             if (folder / file.name).stat().st_size != file.size or stored(folder / file.name) != file:
                 raise InputError(f"{folder / file.name} is damaged; make part {manifest.part} again.")
-
-
-def _check_input(clip: OpenedClip, manifest: Manifest) -> None:
-    if input_identity(clip) != manifest.facts.get("input"):
-        raise InputError(f"{clip.whole.info.name} is not what the parts were made of; name that with `input`.")
-
-
-def _check_target(target: Target, manifest: Manifest) -> None:
-    """Raise `OptionError` if an output is of another type than that which parts were made for."""
-    if target.file_type != manifest.facts.get("output_type"):
-        raise OptionError(f"{target.path} is of another type than {manifest.output}; name one of that type.")
 
 
 def _window(parts: Sequence[PartFiles]) -> Window | None:

@@ -14,10 +14,10 @@ import cv2
 
 from fpsboost.contracts import LowestMatch, SourceMoment
 from fpsboost.errors import InputError, explained
-from fpsboost.io.fingerprint import fingerprint_options, identify_files
+from fpsboost.fingerprint import fingerprint_options, identify_files
+from fpsboost.io.output import Window
 from fpsboost.io.part import Part
 from fpsboost.io.staging import write_safely
-from fpsboost.io.trim import Window
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pyav import pyav_version
@@ -119,7 +119,7 @@ def program_facts() -> dict[str, str]:
 
 
 def input_identity(clip: OpenedClip) -> str:
-    """Return the identity of a clip's files; see `fpsboost.io.fingerprint.identify_files`."""
+    """Return the identity of a clip's files; see `fpsboost.fingerprint.identify_files`."""
     with explained(InputError, "read", clip.whole.info.name, "check that it is still there"):
         return identify_files(clip.whole.stream_info.files)
 

@@ -22,10 +22,10 @@ from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_sy
 from fpsboost.analysis.scene_cuts import counts_frames
 from fpsboost.contracts import Entry, OutputRange, Summary
 from fpsboost.errors import OptionError, OutputError, explained
+from fpsboost.fingerprint import JobFingerprint
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.io import RandomAccess, SharesIndex
-from fpsboost.io.fingerprint import JobFingerprint
 from fpsboost.io.output import OutputPart
 from fpsboost.io.part import INDEX_NAME, MAX_PARTS, Part, part_files, remove_if_empty
 from fpsboost.io.staging import write_safely

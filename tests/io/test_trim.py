@@ -18,10 +18,10 @@ from fpsboost.contracts import Summary
 from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
 from fpsboost.io.opening import open_source
-from fpsboost.io.trim import TrimmedSource, trim_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.source import VideoSource
 from fpsboost.timing.position import Position, Trim, parse_position
+from fpsboost.trimming import TrimmedSource, trim_source
 
 GROUPS = {"preset": "ultrafast", "crf": "0", "g": "6", "bf": "2", "sc_threshold": "0"}
 

@@ -8,7 +8,6 @@ import os
 import secrets
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO, Self
 
 import numpy as np
@@ -19,6 +18,7 @@ from fpsboost.image import Image
 from fpsboost.io.animation.writers import AnimationWriter, types
 from fpsboost.io.new_output import check_writable
 from fpsboost.io.output import Output, check_frame_size
+from fpsboost.io.staging import StagedSink
 from fpsboost.io.video.pyav import missing_codecs
 from fpsboost.io.video.ycc import straight_16_bit
 
@@ -29,7 +29,7 @@ BROWSERS_SLOW_DOWN = Fraction(1, 100)
 """Browsers show frames of this length and shorter ones for a tenth of a second."""
 
 
-class AnimationSink:
+class AnimationSink(StagedSink):
     """An animation file, which appears under its name when it is complete.
 
     A frame is shown until the next one, rounded to the clock of the file; rounding does not accumulate.
@@ -131,21 +131,17 @@ class AnimationSink:
         if remark not in self._losses:
             self._losses.append(remark)
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        try:
-            if kind is None:
-                if self._begin is None:
-                    raise OutputError(f"{self._name} was not written because there were no frames.")
-                with self._explained():
-                    self._writer.finish()
-                    self._file.close()
-                    os.replace(self._temporary, self._path)
-        finally:
-            for clean_up in (self._file.close, self._temporary.unlink):
-                with contextlib.suppress(OSError):
-                    clean_up()
+    def _finish(self) -> None:
+        if self._begin is None:
+            raise OutputError(f"{self._name} was not written because there were no frames.")
+        self._writer.finish()
+        self._file.close()
+        os.replace(self._temporary, self._path)
+
+    def _leave(self, error: BaseException | None) -> None:
+        for clean_up in (self._file.close, self._temporary.unlink):
+            with contextlib.suppress(OSError):
+                clean_up()
 
     def _explained(self) -> contextlib.AbstractContextManager[None]:
         return explained(OutputError, "write", self._name, "check the free space and the permissions")

@@ -160,7 +160,7 @@ class ImageEncoder:
             source = frame.original.path
             data = content_of(source, "leave the input as it is until all is done")
             is_same = _one_name(extension_of(source.name)) == _one_name(extension_of(path.name))
-            if self._passes(source, frame.array, is_same=is_same):
+            if self.passes(source, frame.array, is_same=is_same):
                 return data
         elif isinstance(frame.preceding, ImageFile) and frame.preceding.path != self._followed:
             self._follow(frame.preceding.path)
@@ -171,11 +171,7 @@ class ImageEncoder:
             return encode_like(self._exr, frame.image)
         return encode_image(path, frame.array, half=self._half, metadata=self._metadata)
 
-    def passes_in_place(self, path: Path, image: Image) -> None:
-        """Note an original that stays where it is."""
-        self._passes(path, image, is_same=True, in_place=True)
-
-    def _passes(self, source: Path, image: Image, *, is_same: bool, in_place: bool = False) -> bool:
+    def passes(self, source: Path, image: Image, *, is_same: bool, in_place: bool = False) -> bool:
         """Return whether an original passes as its file, and remark, once per kind, on how those between differ."""
         self._follow(source)
         stored = self._metadata.stored

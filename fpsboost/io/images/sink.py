@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from fpsboost.errors import CompleteAlreadyError, OptionError, OutputError, explained
@@ -24,6 +23,7 @@ from fpsboost.io.output import Output
 from fpsboost.io.part import PartFolder
 from fpsboost.io.staging import (
     IN_EXISTING_FOLDER,
+    StagedSink,
     StagingDirectory,
     complete_already,
     hidden_place,
@@ -53,7 +53,7 @@ class ImageNames:
         return self.numbering.path(self.first + place * self.step)
 
 
-class NumberedSink:
+class NumberedSink(StagedSink):
     """What a sink for all images and one for a part share: images grow in the hidden folder `staged`."""
 
     holds_last_frame = False
@@ -63,12 +63,7 @@ class NumberedSink:
         self._encoder = ImageEncoder(output.path, output.stream.images, anew=names.is_anew)
         self._originals = set[str]()
         self._written: list[str] = []
-        self._frames = self._frames_there = 0
-
-    @property
-    def completed_frames(self) -> int:
-        """How many images an earlier run has finished; see `fpsboost.io.Resumable`."""
-        return self._frames_there
+        self._frames = 0
 
     def _count_finished(self) -> int:
         there, count = {*os.listdir(self._staged), *self._originals}, 0
@@ -81,26 +76,14 @@ class NumberedSink:
         path = self.names.path(self._frames)
         self._frames += 1
         if path.name in self._originals:  # in place: stays as it is
-            self._encoder.passes_in_place(path, frame.array)
+            self._encoder.passes(path, frame.array, is_same=True, in_place=True)
             return
         self._encoder.check(path, frame.array)
-        if self._frames > self._frames_there:
+        if self._frames > self.completed_frames:
             data = self._encoder.content(path, frame)
             with explained(OutputError, "write", path, ADVICE):
                 write_safely(self._staged / path.name, data)
         self._written.append(path.name)
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        try:
-            if kind is None:
-                with self._explained():
-                    self._finish()
-        except BaseException as failure:
-            self._leave(failure)
-            raise
-        self._leave(error)
 
     def _explained(self) -> AbstractContextManager[None]:
         return explained(OutputError, "write to", self._target, ADVICE)
@@ -108,12 +91,6 @@ class NumberedSink:
     def _remove_torn(self) -> None:
         for extra in set(os.listdir(self._staged)) - set(self._written):
             (self._staged / extra).unlink()
-
-    def _finish(self) -> None:
-        raise NotImplementedError
-
-    def _leave(self, error: BaseException | None) -> None:
-        raise NotImplementedError
 
 
 class ImageSink(NumberedSink):
@@ -221,7 +198,7 @@ class ImageSink(NumberedSink):
                 self._staged.mkdir(exist_ok=True)
                 is_moving = self._moving.exists()
                 said = json.loads(self._moving.read_bytes())["frames"] if is_moving else self._count_finished()
-                self._frames_there = int(said)
+                self.completed_frames = int(said)
             except BaseException:
                 self._unfinished.close(keep=True)
                 raise
@@ -272,7 +249,8 @@ class ImageSink(NumberedSink):
         """Remove the hidden folder, unless it holds resumable frames or originals not restored."""
         with suppress(OSError):
             self._replaced.rmdir()  # fails where it is not empty
-        count = self._frames if self._moving.exists() else max(self._frames_there, self._frames if self._written else 0)
+        written = self._frames if self._written else 0
+        count = self._frames if self._moving.exists() else max(self.completed_frames, written)
         self._unfinished.leave(error, count, self._frame_count, stays=self._replaced.exists())
 
 
@@ -285,7 +263,7 @@ class ImagePartSink(NumberedSink):
         _check_type(output, names)
         self._folder = PartFolder(output)
         names = replace(names, first=names.first + output.part.first * names.step)
-        super().__init__(output, names, self._folder.name, self._folder.files)
+        super().__init__(output, names, self._folder.name, self._folder.staged)
 
     @property
     def remarks(self) -> list[str]:
@@ -294,15 +272,15 @@ class ImagePartSink(NumberedSink):
     def __enter__(self) -> Self:
         with self._explained():
             self._folder.open()
-            self._frames_there = self._count_finished()
+            self.completed_frames = self._count_finished()
         return self
 
     def _finish(self) -> None:
         self._remove_torn()
-        self._folder.publish()
+        self._folder.publish_part()
 
     def _leave(self, error: BaseException | None) -> None:
-        self._folder.leave(error, max(self._frames_there, self._frames))
+        self._folder.leave_part(error, max(self.completed_frames, self._frames))
 
 
 def _check_type(output: Output, names: ImageNames) -> None:

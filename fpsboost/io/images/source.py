@@ -126,7 +126,6 @@ class ImageSource(ClosesOnExit):
 
     @property
     def stream_info(self) -> StreamInfo:
-        """See `fpsboost.io.DescribedSource.stream_info`."""
         return StreamInfo(images=self.images, files=self.images.files)
 
     @property
@@ -172,11 +171,9 @@ class ImageSource(ClosesOnExit):
             yield Frame(image, self._time_of(number), 1 / self.info.rate, original)
 
     def frame_times(self) -> Sequence[Fraction]:
-        """See `fpsboost.io.RandomAccess.frame_times`."""
         return [self._time_of(number) for number in range(len(self._places))]
 
     def begin_at(self, number: int) -> None:
-        """See `fpsboost.io.RandomAccess.begin_at`."""
         if number >= len(self.images.files):
             raise InputError(f"{self.info.name} has {len(self.images.files)} images, and none has the number {number}.")
         self._first = number
@@ -195,7 +192,7 @@ class ImageSource(ClosesOnExit):
         return image
 
     def keep(self, first: int, last: int | None) -> None:
-        """See `fpsboost.io.trim.Sliceable.keep`; places count numbers where gaps are filled."""
+        """See `fpsboost.trimming.Sliceable.keep`; places count numbers where gaps are filled."""
         kept = [index for index, place in enumerate(self._places) if first <= place and (last is None or place < last)]
         if not kept:
             reason = "ends before `start`" if first > self._places[-1] else "has none between `start` and `end`"

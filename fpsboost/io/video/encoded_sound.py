@@ -24,7 +24,7 @@ from av.packet import PacketSideData, PktSideDataT
 from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
-from fpsboost.io.trim import Window
+from fpsboost.io.output import Window
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoding import check_holds, find_encoder
 

@@ -18,8 +18,7 @@ import av.error
 from av.subtitles.subtitle import AssSubtitle, SubtitleSet
 
 from fpsboost.errors import InputError
-from fpsboost.io.output import Output, VideoFile
-from fpsboost.io.trim import Window
+from fpsboost.io.output import Output, VideoFile, Window
 from fpsboost.io.video.demuxer import is_cover_art, is_encrypted, open_video, read_packets
 from fpsboost.io.video.encoded_sound import EncodedSound, output_time
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, containers

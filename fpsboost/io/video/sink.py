@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import contextlib
 import errno
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import av
@@ -26,7 +25,7 @@ from fpsboost.image import Image
 from fpsboost.io.new_output import check_writable
 from fpsboost.io.output import Output, check_frame_size
 from fpsboost.io.part import PartFolder
-from fpsboost.io.staging import StagingDirectory, complete_already, hidden_place
+from fpsboost.io.staging import StagedSink, StagingDirectory, complete_already, hidden_place
 from fpsboost.io.video.assembly import Assembly
 from fpsboost.io.video.chunks import CHUNK_FRAMES, Chunk, ChunkWriter, find_chunks
 from fpsboost.io.video.encoder import VideoEncoder, traits_of_image
@@ -44,7 +43,7 @@ from fpsboost.io.video.ycc import has_alpha
 from fpsboost.memory import return_free_memory
 
 
-class ChunkSink(ABC):
+class ChunkSink(StagedSink):
     """Sink that encodes frames into chunks, which are kept if it is left early.
 
     The encoder is opened anew for every chunk, so that a chunk follows from its frames and the options alone, and the
@@ -65,7 +64,7 @@ class ChunkSink(ABC):
         self._encoder: VideoEncoder | None = None
         self._writer: ChunkWriter | None = None
         self._durations: dict[int, int] = {}
-        self._frames_seen = self._frames_there = self._frames_in_chunk = 0
+        self._frames_seen = self._frames_in_chunk = 0
         self._last_pts: int | None = None
         self._alpha_dropped = self._light_clipped = False
         self._remarks: list[str] = []
@@ -78,18 +77,13 @@ class ChunkSink(ABC):
     def details(self) -> str:
         return "" if self._encoder is None else f"{self._output.path}: {self._encoder.details}"
 
-    @property
-    def completed_frames(self) -> int:
-        """Number of frames that an earlier run has finished; see `fpsboost.io.Resumable`."""
-        return self._frames_there
-
     def __enter__(self) -> Self:
         try:
-            with explained_writing(self._name):
+            with self._explained():
                 # Created at once, so that a folder without write permission is detected before any work is done.
                 self._folder = self._open()
                 self._chunks = find_chunks(self._folder, self._first_chunk)
-                self._frames_there = self._frames_finished
+                self.completed_frames = self._frames_finished
                 if self._output.stream.traits is not None:
                     self._start(self._output.stream.traits)
         except BaseException as error:
@@ -97,23 +91,10 @@ class ChunkSink(ABC):
             raise
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        try:
-            if kind is None:
-                with explained_writing(self._name):
-                    self._finish_chunk()
-                    self._publish()
-        except BaseException as failure:
-            self._leave(failure)
-            raise
-        self._leave(error)
-
     def write(self, frame: Frame) -> None:
         name = self._output.path
         check_frame_size(frame, self._output.info, name)
-        with explained_writing(self._name):
+        with self._explained():
             if self._encoder is None:
                 self._start(traits_of_image(frame.pixels))
             encoder = self._encoder
@@ -131,7 +112,7 @@ class ChunkSink(ABC):
                 )
             self._last_pts = pts
             self._frames_seen += 1
-            if self._frames_seen > self._frames_there:
+            if self._frames_seen > self.completed_frames:
                 end = round((frame.time + frame.duration) / time_base)
                 self._encode(encoder, frame, pts, max(1, end - pts))
 
@@ -139,9 +120,8 @@ class ChunkSink(ABC):
     def _open(self) -> Path:
         """Return the folder for the chunks, which is locked for this run."""
 
-    @abstractmethod
-    def _publish(self) -> None:
-        """Give the complete output its final name."""
+    def _explained(self) -> contextlib.AbstractContextManager[None]:
+        return explained_writing(self._name)
 
     def _start(self, traits: VideoTraits) -> av.VideoStream:
         """Open an encoder for the source's traits or those of the first frame, and return its stream."""
@@ -225,7 +205,7 @@ class VideoSink(ChunkSink):
 
     def join(self, chunks: Sequence[Chunk], traits: VideoTraits) -> None:
         """Take chunks that were encoded elsewhere, all of the output's, instead of frames."""
-        with explained_writing(self._name):
+        with self._explained():
             if self._encoder is None:
                 self._start(traits)
         self._chunks = list(chunks)
@@ -239,7 +219,8 @@ class VideoSink(ChunkSink):
         self._assembly = Assembly(self._unfinished.staged, template, self._output, traits.display_matrix, self._fitting)
         return template
 
-    def _publish(self) -> None:
+    def _finish(self) -> None:
+        self._finish_chunk()
         if self._assembly is None or not self._chunks:
             raise OutputError(f"{self._name} was not written because there were no frames.")
         self._assembly.finish(self._chunks)
@@ -268,14 +249,15 @@ class VideoPartSink(ChunkSink):
 
     def _open(self) -> Path:
         self._part.open()
-        return self._part.files
+        return self._part.staged
 
-    def _publish(self) -> None:
-        self._part.publish()
+    def _finish(self) -> None:
+        self._finish_chunk()
+        self._part.publish_part()
 
     def _leave(self, error: BaseException | None) -> None:
         super()._leave(error)
-        self._part.leave(error, self._frames_finished)
+        self._part.leave_part(error, self._frames_finished)
 
 
 def container_of(output: Output) -> str:

@@ -16,11 +16,11 @@ from fpsboost.contracts import FrameSource
 from fpsboost.errors import InputError
 from fpsboost.frame import Frame
 from fpsboost.io.images.source import ImageReading, ImageSource
-from fpsboost.io.trim import TrimmedSource
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.source import VideoSource
 from fpsboost.streaming import beginning
 from fpsboost.timing.position import Trim, parse_position
+from fpsboost.trimming import TrimmedSource
 
 FAST = {"preset": "ultrafast"}
 B_FRAMES = {**FAST, "bf": "2", "g": "6", "sc_threshold": "0"}

@@ -10,11 +10,6 @@ from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
-from fpsboost.errors import InputError, OptionError, explained
-from fpsboost.io import DescribedSource
-from fpsboost.io.video.pyav import pyav_version
-from fpsboost.version import __version__
-
 IDENTIFYING_BYTES = 1 << 16
 """Bytes at the beginning and at the end of a file that identify it together with its size."""
 
@@ -78,20 +73,3 @@ def identify_files(files: Iterable[Path]) -> str:
                 file.seek(begin)
                 digest.update(file.read(IDENTIFYING_BYTES))
     return digest.hexdigest()
-
-
-def fingerprint_job(source: DescribedSource, job: Any, *, resume: bool) -> JobFingerprint | None:
-    """Return what an output is made of and how; None if the source can be read only once, so that nothing can resume.
-
-    `job` holds everything else that shapes the output; to `resume` from a pipe raises `OptionError`.
-    """
-    files = source.stream_info.files
-    if not files:
-        if resume:
-            raise OptionError("`resume` cannot read again what came through a pipe; name a file, or leave it out.")
-        return None
-    with explained(InputError, "read", source.info.name, "check that it is still there"):
-        place = str(Path(source.info.name).absolute())
-        versions = f"{__version__} with PyAV {pyav_version()}"  # another FFmpeg may encode differently
-        facts = fingerprint_options(input=place, input_files=fingerprint_files(files), job=job, fpsboost=versions)
-    return JobFingerprint(facts, resume)

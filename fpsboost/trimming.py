@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from itertools import islice
 from typing import Protocol, runtime_checkable
@@ -15,32 +15,8 @@ from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.io import ClosesOnExit, RandomAccess
+from fpsboost.io.output import TIME_TOLERANCE, Window
 from fpsboost.timing.position import Position, Trim
-
-TIME_TOLERANCE = Fraction(1, 1000)
-"""Maximum seconds by which a clock that counts in milliseconds puts a frame before its position."""
-
-
-@dataclass
-class Window:
-    """Part of a clip that becomes the output, on the clip's own clock, seconds."""
-
-    begin: Fraction
-    """Time that becomes 0: of the first frame of the part. Until that has been read, the time by the options."""
-    end: Fraction | None
-    """End of the part; None if that is the clip's own end, or a frame that has not been read yet."""
-    planned_end: Fraction | None
-    """End of the part by the options and the nominal rate; None for the clip's end."""
-    origin: Fraction = Fraction(0)
-    """Time of the clip's first frame."""
-    skipped: int = 0
-    """Number of frames before the part that were read, or that reading it has left out by their times."""
-    stretch: Fraction = Fraction(1)
-    """Duration in the output as a multiple of that in the clip."""
-
-    def frames_before(self, rate: Fraction) -> int:
-        """Return how many frames of this rate lie before the part."""
-        return max(0, math.ceil((self.begin - self.origin - TIME_TOLERANCE) * rate))
 
 
 @runtime_checkable
