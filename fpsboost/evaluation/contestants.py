@@ -97,7 +97,7 @@ class InterpolatorContestant:
     def _pairs(self, intervals: Iterable[Interval]) -> Iterator[tuple[Interval, Pair]]:
         last: FrameCache | None = None
         for interval in intervals:
-            first, image = interval.prepared_for(self.interpolator)
+            first, image = interval.prepared(with_layers=self.interpolator.takes_layers)
             if last is None:
                 last = first
                 self.interpolator.compile_for(first.image)

@@ -20,7 +20,6 @@ from fpsboost.errors import InputError, OptionError, check_choice
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.image import Image
-from fpsboost.interpolator import Interpolator
 from fpsboost.io.opening import PIPES, TargetRequirements, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.layered import FrameImage
@@ -70,15 +69,10 @@ class Interval(NamedTuple):
         """Number of the second shown frame in the clip."""
         return self.end.number
 
-    def prepared(self) -> tuple[FrameCache, FrameCache]:
-        """Return the shown frames as arrays, at their positions in the clip, with empty caches."""
-        return _prepared(self.shown0.array, self.begin), _prepared(self.shown1.array, self.end)
-
-    def prepared_for(self, interpolator: Interpolator) -> tuple[FrameCache, FrameCache]:
-        """Return the shown frames in the same way, with the layers that a method takes."""
-        if not interpolator.takes_layers:
-            return self.prepared()
-        return _prepared(self.shown0.image, self.begin), _prepared(self.shown1.image, self.end)
+    def prepared(self, *, with_layers: bool = False) -> tuple[FrameCache, FrameCache]:
+        """Return the shown frames, as arrays or with layers, at their positions in the clip, with empty caches."""
+        first, second = (frame.image if with_layers else frame.array for frame in (self.shown0, self.shown1))
+        return _prepared(first, self.begin), _prepared(second, self.end)
 
     def prepared_truths(self) -> list[FrameCache]:
         """Return the hidden frames in the same way."""

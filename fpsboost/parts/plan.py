@@ -260,9 +260,18 @@ def frame_times(clip: OpenedClip, folder: Path) -> Sequence[Fraction] | None:
 
 
 def share_index(clip: OpenedClip, folder: Path) -> None:
-    """Leave the list of frames for other parts in the folder of all parts, if it was read from the whole file."""
-    if isinstance(clip.whole, SharesIndex) and clip.whole.frame_index is not None:
-        write_index(folder, input_identity(clip), clip.whole.frame_index)
+    """Leave the list of frames for other parts in the folder of all parts, if it was read from the whole file.
+
+    Nothing is lost where that is impossible.
+    """
+    index = clip.whole.frame_index if isinstance(clip.whole, SharesIndex) else None
+    if index is None or (folder / INDEX_NAME).exists():
+        return
+    points = [(point.number, point.pts, NO_TIME if point.dts is None else point.dts) for point in index.entry_points]
+    data, identity = io.BytesIO(), input_identity(clip)
+    np.savez_compressed(data, identity=identity, ticks=index.ticks, entry_points=np.array(points, np.int64))
+    with suppress(OSError):
+        write_safely(folder / INDEX_NAME, data.getvalue())
 
 
 def count_outputs(ready: Preparation, times: Sequence[Fraction] | None) -> int | None:
@@ -285,16 +294,6 @@ def outputs_of(part: Part, total: int, unit: int) -> OutputRange:
     first = units * (part.number - 1) // part.count * unit
     stop = None if part.number == part.count else units * part.number // part.count * unit
     return OutputRange(first, stop)
-
-
-def write_index(folder: Path, identity: str, index: FrameIndex) -> None:
-    """Write an index into the folder of all parts, unless it is there; nothing is lost where that is impossible."""
-    points = [(point.number, point.pts, NO_TIME if point.dts is None else point.dts) for point in index.entry_points]
-    data = io.BytesIO()
-    np.savez_compressed(data, identity=identity, ticks=index.ticks, entry_points=np.array(points, np.int64))
-    with suppress(OSError):
-        if not (folder / INDEX_NAME).exists():
-            write_safely(folder / INDEX_NAME, data.getvalue())
 
 
 def read_index(folder: Path, identity: str) -> FrameIndex | None:

@@ -108,7 +108,9 @@ def merge_regions(made: str, rendered: str, output: str, options: MergeOptions) 
         images = find_images(made)
     if not images.numbers:
         raise InputError(f"The images of {made} have no numbers in their names, by which a plan goes; number them.")
-    _refuse_inputs(Path(output), [images.files[0].parent, Path(rendered), Path(options.plan)])
+    for folder in (images.files[0].parent, Path(rendered), Path(options.plan)):
+        if Path(output).exists() and folder.exists() and Path(output).samefile(folder):
+            raise OutputError(f"{output} is also an input; write to another folder.")
     files = dict(zip(images.numbers, images.files, strict=True))
     planned = {frame.number: frame for frame in plan.frames if frame.regions}
     _check_numbers(made, plan, files)
@@ -243,12 +245,6 @@ def _check_alike(path: Path, image: FrameImage, made_path: Path, made: FrameImag
             f"{path} ({view(image).describe()}) is unlike {made_path} ({view(made).describe()}); "
             "render regions as the frames were."
         )
-
-
-def _refuse_inputs(output: Path, inputs: Sequence[Path]) -> None:
-    for each in inputs:
-        if output.exists() and each.exists() and output.samefile(each):
-            raise OutputError(f"{output} is also an input; write to another folder.")
 
 
 def _check_numbers(made: str, plan: RerenderPlan, files: Mapping[int, Path]) -> None:

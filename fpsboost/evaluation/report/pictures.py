@@ -119,7 +119,7 @@ def view_motion(
     interval = sample.interval
     places = {name: index for index, name in enumerate(frames)}
     moving = {name: each.interpolator for name, each in contestants.items() if name in places and _moves(each)}
-    pairs = {name: each.pair(*interval.prepared_for(each)) for name, each in moving.items()}
+    pairs = {name: each.pair(*interval.prepared(with_layers=each.takes_layers)) for name, each in moving.items()}
     if not pairs:
         return None
     flows = {name: pair.fields[0].flow for name, pair in pairs.items()}
