@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from fpsboost.image import YCbCrImage
     from fpsboost.interpolator import Interpolator, with_neighbours
     from fpsboost.io.opening import Target, open_sink
-    from fpsboost.io.part import Part
     from fpsboost.io.side.options import SideOutputs
     from fpsboost.io.video.decode_options import DecodeOptions
     from fpsboost.io.video.encode_options import Encoding
@@ -55,7 +54,7 @@ if TYPE_CHECKING:
     from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
     from fpsboost.rerender.planning import plan_rerender
     from fpsboost.rerender.regions import Rectangle
-    from fpsboost.run_options import RunOptions
+    from fpsboost.run_options import Part, RunOptions
     from fpsboost.streaming import run_conversion
     from fpsboost.synthesis import InterpolatedImage, Synthesizer
     from fpsboost.timing.position import Position, Trim, format_time
@@ -152,7 +151,6 @@ _modules = {
     "image": "YCbCrImage",
     "interpolator": "Interpolator with_neighbours",
     "memory": "MemoryLimit",
-    "io.part": "Part",
     "io.side.options": "SideOutputs",
     "io.opening": "Target open_sink",
     "render.folder": "VectorFolder",
@@ -172,7 +170,7 @@ _modules = {
     "rerender.plan_file": "PlannedFrame RerenderPlan",
     "rerender.planning": "plan_rerender",
     "rerender.regions": "Rectangle",
-    "run_options": "RunOptions",
+    "run_options": "Part RunOptions",
     "streaming": "run_conversion",
     "synthesis": "InterpolatedImage Synthesizer",
     "timing.position": "Position Trim format_time",

@@ -1,15 +1,60 @@
-"""Options for how a conversion is run."""
+"""Options for how a conversion is run, and which part of it."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from pathlib import Path
 
 from fpsboost.contracts import FrameWatcher, Observer
 from fpsboost.errors import OptionError
-from fpsboost.io.part import Part, parse_part
 from fpsboost.io.side.options import SideOutputs
 from fpsboost.memory import MemoryLimit, parse_memory
 from fpsboost.options import option
+
+MAX_PARTS = 9999
+
+
+@dataclass(frozen=True)
+class Part:
+    """One of the parts that a conversion is cut into: its number, counted from 1, and how many there are."""
+
+    number: int
+    count: int
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.count <= MAX_PARTS:
+            raise OptionError(f"`chunk={self}` must have 1 to {MAX_PARTS} parts; write it like 3/8.")
+        if not 1 <= self.number <= self.count:
+            raise OptionError(f"`chunk={self}` does not exist; parts are numbered from 1 to {self.count}.")
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.count}"
+
+    def folder(self, output: str) -> Path:
+        """Return where this part of an output is written: beside it, in a folder of its name with ``.parts`` behind it.
+
+        Examples
+        --------
+        >>> Part(3, 8).folder("films/out.mp4").as_posix()
+        'films/out.mp4.parts/0003-of-0008'
+        """
+        whole = Path(output)
+        return whole.parent / f"{whole.name}.parts" / f"{self.number:04d}-of-{self.count:04d}"
+
+
+def parse_part(text: str, option: str = "`chunk`") -> Part:
+    """Parse the number of a part and how many there are; messages name it by `option`.
+
+    Examples
+    --------
+    >>> parse_part("3/8")
+    Part(number=3, count=8)
+    """
+    match = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text.strip())
+    if match is None:
+        raise OptionError(f"{option} {text!r} is no part of a whole; write it like 3/8 for the third of eight.")
+    return Part(int(match[1]), int(match[2]))
 
 
 @dataclass(frozen=True)

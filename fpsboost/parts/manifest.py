@@ -16,14 +16,13 @@ from fpsboost.contracts import LowestMatch, SourceMoment
 from fpsboost.errors import InputError, explained
 from fpsboost.fingerprint import fingerprint_options, identify_files
 from fpsboost.io.output import Window
-from fpsboost.io.part import Part
 from fpsboost.io.staging import write_safely
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pyav import pyav_version
 from fpsboost.parts.self_test import digest_of, self_test
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, opened_clip, prepared
-from fpsboost.run_options import RunOptions
+from fpsboost.run_options import Part, RunOptions
 from fpsboost.timing.rate import FrameIntervals, OutputRate
 from fpsboost.version import __version__
 

@@ -27,13 +27,13 @@ from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.io import RandomAccess, SharesIndex
 from fpsboost.io.output import OutputPart
-from fpsboost.io.part import INDEX_NAME, MAX_PARTS, Part, part_files, remove_if_empty
+from fpsboost.io.part import INDEX_NAME, part_files, remove_if_empty
 from fpsboost.io.staging import write_safely
 from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.io.video.frame_index import EntryPoint, FrameIndex
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_difference, input_identity, stored
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, exposed, opened_clip, prepared
-from fpsboost.run_options import RunOptions
+from fpsboost.run_options import MAX_PARTS, Part, RunOptions
 from fpsboost.timing.output_numbers import OutputNumbers
 from fpsboost.timing.schedule import ByFactor, Schedule, count_frames, rising_time
 

@@ -29,12 +29,11 @@ from fpsboost.errors import (
     OutputError,
     notes_of,
 )
-from fpsboost.io.part import Part
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
 from fpsboost.parts.plan import PlannedPart
 from fpsboost.preparation import ConversionJob
-from fpsboost.run_options import RunOptions
+from fpsboost.run_options import Part, RunOptions
 from fpsboost.timing.rate import OutputRate
 
 distributed = pytest.importorskip("distributed")

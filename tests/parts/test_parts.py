@@ -23,7 +23,6 @@ from video_truth import packets_of, scene, write_clip
 from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.conversion import convert
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
-from fpsboost.io.part import Part, parse_part
 from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
@@ -31,7 +30,7 @@ from fpsboost.method_table import find_method
 from fpsboost.parts.join import join
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest
 from fpsboost.render.folder import VectorFolder
-from fpsboost.run_options import RunOptions
+from fpsboost.run_options import Part, RunOptions, parse_part
 from fpsboost.timing.position import Position, Trim
 from fpsboost.timing.rate import OutputRate
 

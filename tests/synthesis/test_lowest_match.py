@@ -15,13 +15,12 @@ from fpsboost.analysis.scene_cuts import CutList
 from fpsboost.contracts import LowestMatch, Summary
 from fpsboost.conversion import convert
 from fpsboost.interpolator import Interpolator
-from fpsboost.io.part import Part
 from fpsboost.io.video.capture import ArraySource
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
 from fpsboost.parts.join import join
-from fpsboost.run_options import RunOptions
+from fpsboost.run_options import Part, RunOptions
 from fpsboost.streaming import interpolate_frames
 from fpsboost.timing.position import Position, format_time, parse_position
 from fpsboost.timing.rate import OutputRate
