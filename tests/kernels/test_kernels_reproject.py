@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from truth import affine, frozen, noise, prepared
 from twins import brute_force_search, fetched, iterative_search, landed, miss
 
-from fpsboost.errors import OptionError
 from fpsboost.kernels.reproject import bin_landings, fetch_both, search_iteratively, search_nearest_landing, splat
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair
@@ -136,12 +135,6 @@ def test_fetched_colours_equal_the_slow_twin(dtype, channels):
             np.testing.assert_allclose(out, expected, rtol=0, atol=1e-6)
         else:
             np.testing.assert_array_equal(out, np.floor(expected + 0.5))
-
-
-def test_iterations_below_one_are_refused():
-    """There is nothing to fall back on without a first iteration."""
-    with pytest.raises(OptionError, match="`iterations`"):
-        Reproject(iterations=0)
 
 
 def sources(flow, similarity, least, t):

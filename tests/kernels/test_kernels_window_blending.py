@@ -31,7 +31,6 @@ from fpsboost.kernels.window_samples import (
     Room,
     Samples,
     WindowPlace,
-    copy_window,
     fetch_window,
     flat_planes,
     make_layer,
@@ -303,20 +302,6 @@ def test_a_window_is_not_torn_by_motion_that_changes_too_fast():
     )
     np.testing.assert_array_equal(steep, rigid)
     assert np.abs(zoomed - rigid).max() > 0.01
-
-
-@pytest.mark.parametrize("size", [(50, 60), (3, 5), (1, 1)])
-@pytest.mark.parametrize("top", [-40, -7, 0, 9, 51])
-@pytest.mark.parametrize("left", [-40, -33, -5, 0, 12, 40, 62])
-def test_windows_are_copied_wherever_they_are(size, top, left):
-    """Of any plane, inside or partly or wholly beyond the frame, where the nearest pixel is repeated."""
-    image = noise(*size, 2)
-    planes = samples(image)._replace(planes=np.ascontiguousarray(image.transpose(2, 0, 1)), unit=np.float32(0.5))
-    out = np.full(WINDOW * SQUARES_PER_ROW, np.nan, np.float32)
-    uncompiled(copy_window)(flat_planes(planes), 1, top, left, SQUARES_PER_ROW, WINDOW, out)
-    rows = (top + np.arange(WINDOW)).clip(0, size[0] - 1)
-    columns = (left + np.arange(SQUARES_PER_ROW)).clip(0, size[1] - 1)
-    np.testing.assert_array_equal(out.reshape(WINDOW, -1), image[rows][:, columns, 1] * np.float32(0.5))
 
 
 @pytest.mark.parametrize("share", [-0.25, 0.75])

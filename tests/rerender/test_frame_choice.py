@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpsboost.errors import InputError, OptionError
-from fpsboost.rerender.frame_choice import LONGEST, _largest_distance, as_ranges, choose_frames
+from fpsboost.rerender.frame_choice import LONGEST, as_ranges, choose_frames
 
 HEIGHT, WIDTH = 48, 64
 FIRST_WILD, LAST_WILD = 17, 25
@@ -64,15 +64,6 @@ def test_lists_hold_all_numbers(numbers):
     """Ranges and single numbers together are the numbers, in order."""
     parts = [list(map(int, part.split(".."))) for part in as_ranges(sorted(numbers), "..").split(",")]
     assert [number for part in parts for number in range(part[0], part[-1] + 1)] == sorted(numbers)
-
-
-@given(error=st.floats(1e-6, 1), power=st.floats(0, 4), step=st.integers(2, 16), bound=st.floats(1e-6, 1))
-def test_distances_keep_the_bound(error, power, step, bound):
-    """As far as errors follow the power; frames one number apart have none between them."""
-    distance = _largest_distance(error, power, step, bound)
-    assert 1 <= distance <= step
-    assert distance == 1 or error * (distance / (2 * step)) ** power <= bound * (1 + 1e-6)
-    assert _largest_distance(float("nan"), power, step, bound) == 1
 
 
 def test_what_cannot_be_chosen_from(tmp_path, snapshot):
