@@ -388,6 +388,7 @@ def test_client_may_hang_up(desk):
     asyncio.run(make_app(desk)(scope, gone, None))
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere names of files are Unicode")
 def test_names_need_not_be_unicode(client, films):
     """A file is listed, picked and checked under a name that is no UTF-8."""
     (films / "clip.mp4").rename(films / "\udcff.mp4")
@@ -778,7 +779,7 @@ def test_port_in_use_is_said(fpsboost_, tmp_path, monkeypatch):
         port = taken.getsockname()[1]
         result = fpsboost_("ui", str(tmp_path), "--port", str(port), "--no-browser")
     assert (result.code, result.err.count("\n")) == (2, 1)
-    assert f"--port {port} cannot be used (Address already in use)" in result.err
+    assert f"--port {port} cannot be used (" in result.err
     assert "it must be 0 to 65535" in fpsboost_("ui", str(tmp_path), "--port", "65536", "--no-browser").err
     (tmp_path / "file").touch()
     assert fpsboost_("ui", str(tmp_path / "file")).err.endswith("is no folder; name one, or leave it out.\n")
