@@ -38,7 +38,7 @@ class Files:
         if not text or "\0" in text:
             raise InputError("The name of the input is empty; name a video or a folder of images.")
         path = Path(os.path.realpath(os.path.expanduser(text)))
-        if self.root is not None and not path.is_relative_to(self.root):
+        if not self._is_inside(path):
             raise InputError(f"{text} lies outside of {self.root}, which is all that this page may use.")
         return path
 
@@ -72,15 +72,13 @@ class Files:
         They are looked for in the folder, in the root or the home folder, and in the folders there.
         """
         home = self.root or Path.home()
-        folders = [
-            self.inside(start),
-            home,
-            *(each for each in sorted(home.iterdir()) if not each.name.startswith(".")),
-        ]
+        folders = [self.inside(start), home, *(each for each in sorted(home.iterdir()) if each.name[0] != ".")]
         paths, missing = list[str](), list[str]()
         for each in wanted:
             name = Path(str(each.get("name"))).name
-            found = next((path for folder in folders if _size(path := folder / name) == each.get("size")), None)
+            places = (folder / name for folder in folders if self._is_inside(folder / name))
+            files = (path for path in places if os.path.isfile(path))  # unlike pathlib's, for impossible names, too
+            found = next((path for path in files if path.stat().st_size == each.get("size")), None)
             (missing if found is None else paths).append(name if found is None else str(found))
         return paths, missing
 
@@ -122,9 +120,11 @@ class Files:
 
     def _leads_out(self, entry: os.DirEntry[str]) -> bool:
         """Return whether an entry of a folder is a link to something outside of the root."""
-        if self.root is None or not entry.is_symlink():
-            return False
-        return not Path(os.path.realpath(entry.path)).is_relative_to(self.root)
+        return entry.is_symlink() and not self._is_inside(entry.path)
+
+    def _is_inside(self, path: str | Path) -> bool:
+        """Return whether a path lies in the root when all links are followed."""
+        return self.root is None or ("\0" not in str(path) and Path(os.path.realpath(path)).is_relative_to(self.root))
 
     def _check_links(self, path: Path) -> None:
         """Raise `InputError` if the images of an input, a folder or a pattern, are links to outside of the root."""
@@ -135,14 +135,6 @@ class Files:
             for each in entries:
                 if self._leads_out(each):
                     raise InputError(f"{each.path} is a link to outside of {self.root}; remove it, or pick another.")
-
-
-def _size(path: Path) -> int | None:
-    """Return the size of a file, bytes; None if there is none that may be read."""
-    try:
-        return path.stat().st_size if path.is_file() else None
-    except OSError:
-        return None
 
 
 def show_in_folder(path: Path) -> None:

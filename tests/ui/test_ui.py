@@ -28,8 +28,8 @@ from video_truth import scene, write_clip
 
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.io.staging import MANIFEST, hidden_place
-from fpsboost.ui import jobs
-from fpsboost.ui.choices import first_choices, on_page
+from fpsboost.ui import choices, jobs
+from fpsboost.ui.choices import LABELS, first_choices, on_page
 from fpsboost.ui.files import MAX_ENTRIES, MAX_PICKED, Files
 from fpsboost.ui.jobs import MAX_JOBS, Queue
 from fpsboost.ui.server import MAX_BODY, Desk, Guard, make_app
@@ -223,6 +223,11 @@ def test_links_inside_a_folder_of_images(client, films, save_images):
     assert client.post("/folder", json={"path": str(films / "shot")}).json()["images"] == 5
     listed = client.post("/folder", json={"path": str(films)}).json()["entries"]
     assert [each["name"] for each in listed] == ["shot", "clip.mp4"]
+    (films / "outside").symlink_to(films.parent)
+    size = (films / "clip.mp4").stat().st_size
+    dropped = [{"name": name, "size": size} for name in ("secret.mp4", "a\0", "x" * 5000)] + [{"name": "no.mp4"}]
+    found = client.post("/find", json={"files": [*dropped, {"name": "clip.mp4", "size": size}]}).json()
+    assert (found["paths"], len(found["missing"])) == ([str(films / "clip.mp4")], 4)
 
 
 def test_jobs_outside_of_the_root_wait(films, tmp_path):
@@ -324,6 +329,12 @@ def test_page_and_command_line_say_the_same(client, films, fpsboost_, changes, a
 def test_sentences_speak_of_the_page(said, shown):
     """What the page has is called as on the page, and what it has not is said to be for a command line."""
     assert on_page(said) == shown
+
+
+def test_labels_are_on_the_page():
+    """What sentences call the page's options is written there."""
+    page = "".join(path.read_text() for path in Path(choices.__file__).parent.joinpath("templates").iterdir())
+    assert [label for label in "” or “".join(LABELS.values()).split("” or “") if label not in page] == []
 
 
 @pytest.mark.parametrize("path", ["broken.mp4", "missing.mp4", "empty"])
