@@ -76,7 +76,8 @@ def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
     video = Video()
     with open_input(str(path.absolute())) as file:
         moving = [each for each in file.streams.video if not each.disposition & av.stream.Disposition.attached_pic]
-        stream = max(moving, key=lambda each: each.codec_context.width * each.codec_context.height)
+        # of equal ones the longest: animated AVIF has a still picture beside its sequence
+        stream = max(moving, key=lambda each: (each.codec_context.width * each.codec_context.height, each.frames))
         tracks: dict[int, list[tuple[Fraction, str]]] = {each.index: [] for each in file.streams.audio}
         base = Fraction(stream.time_base)
         stream.thread_type = "AUTO"  # as fpsboost does: what a decoder makes of damage depends on its threads
