@@ -13,9 +13,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 from unittest.mock import patch
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
@@ -61,13 +63,9 @@ class WholePixels:
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
-        field01, field10 = self.inner.estimate(image0, image1)
-        return whole_pixels(field01), whole_pixels(field10)
-
-
-def whole_pixels(field: MotionField) -> MotionField:
-    """Return a motion field with its vectors rounded to whole pixels."""
-    return replace(field, vectors=np.rint(field.vectors))
+        fields = self.inner.estimate(image0, image1)
+        field01, field10 = (replace(field, vectors=np.rint(field.vectors)) for field in fields)
+        return field01, field10
 
 
 def plain_planes(image: Image, padding: int, v: float) -> NDArray[np.uint8]:
@@ -76,40 +74,24 @@ def plain_planes(image: Image, padding: int, v: float) -> NDArray[np.uint8]:
     return np.rint(values.clip(0, WHITE)).astype(np.uint8)
 
 
-@dataclass(frozen=True)
-class PlainColours:
-    """The default search on the report's colour components, which do not emphasize low contrast."""
+PLAIN_COLOURS = {"contrast_components": colour_components, "contrast_planes": plain_planes}
+"""The report's colour components, which do not emphasize low contrast."""
 
-    inner: nlm.CoarseToFine
-
-    def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
-        """See `fpsboost.motion.MotionEstimator.estimate`."""
-        with patch.multiple(nlm, contrast_components=colour_components, contrast_planes=plain_planes):
-            return self.inner.estimate(image0, image1)
+UNFILTERED = {"GaussianBlur": lambda image, *_, **__: image}
+"""Pyramid levels reduced by the mean of four pixels, without a Gaussian filter."""
 
 
 @dataclass(frozen=True)
-class Unfiltered:
-    """The default search on pyramid levels reduced by the mean of four pixels, without a Gaussian filter."""
+class PatchedSearch:
+    """The default search with other values of names in its module, or in one that it uses."""
 
     inner: nlm.CoarseToFine
+    names: dict[str, Any]
+    module: ModuleType = nlm
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
-        with patch.object(nlm.cv2, "GaussianBlur", lambda image, *_, **__: image):
-            return self.inner.estimate(image0, image1)
-
-
-@dataclass(frozen=True)
-class Looking:
-    """The default search with fewer passes of the residual search."""
-
-    inner: nlm.CoarseToFine
-    looks: int
-
-    def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
-        """See `fpsboost.motion.MotionEstimator.estimate`."""
-        with patch.object(nlm, "MIN_SIMILARITY", nlm.MIN_SIMILARITY[: self.looks]):
+        with patch.multiple(self.module, **self.names):
             return self.inner.estimate(image0, image1)
 
 
@@ -206,12 +188,14 @@ def list_variants(full: Interpolator) -> dict[str, Interpolator]:
     return {
         WHOLE: full,
         "whole pixels only": replace(full, estimator=WholePixels(search)),
-        "plain colours": replace(full, estimator=PlainColours(search)),
-        "plain colours, v = 0.25": replace(full, estimator=PlainColours(replace(search, v=0.25))),
+        "plain colours": replace(full, estimator=PatchedSearch(search, PLAIN_COLOURS)),
+        "plain colours, v = 0.25": replace(full, estimator=PatchedSearch(replace(search, v=0.25), PLAIN_COLOURS)),
         **{name: replace(full, estimator=each) for name, each in changed(search, MOTION).items()},
-        "halves not filtered": replace(full, estimator=Unfiltered(search)),
-        "no residual search": replace(full, estimator=Looking(search, 0)),
-        "one residual search": replace(full, estimator=Looking(search, 1)),
+        "halves not filtered": replace(full, estimator=PatchedSearch(search, UNFILTERED, cv2)),
+        "no residual search": replace(full, estimator=PatchedSearch(search, {"MIN_SIMILARITY": ()})),
+        "one residual search": replace(
+            full, estimator=PatchedSearch(search, {"MIN_SIMILARITY": nlm.MIN_SIMILARITY[:1]})
+        ),
         "DIS instead of the search": replace(full, estimator=Dis()),
         "straight paths": replace(full, curved=False),
         "paths curved by the next pair alone": NextPairOnly(**options_of(full)),

@@ -25,36 +25,20 @@ EXACT_SCALER = 0x4 | 0x2000 | 0x40000
 
 @dataclass
 class Video:
-    """A video stream as a player meets it.
-
-    Attributes
-    ----------
-    description : str
-        Size, pixel format and rate.
-    times : list of Fraction
-        Times of its frames, seconds.
-    end : Fraction
-        When the last one has been shown.
-    shown : list of list of (h, w) float32
-        The first frames: planes as stored, in levels of 8 bits.
-    tags : dict
-        Colour range, matrix, primaries, transfer and pixel shape.
-    is_rgb : bool
-        Stored as RGB.
-    turned : float
-        Degrees by which a player turns it.
-    sound : list of list of (Fraction, str)
-        For each track, its packets: time and hash.
-    """
+    """A video stream as a player meets it; times are seconds."""
 
     description: str = ""
     times: list[Fraction] = field(default_factory=list)
     end: Fraction = Fraction(0)
     shown: list[list[np.ndarray]] = field(default_factory=list)
+    """The first frames: planes as stored, in levels of 8 bits."""
     tags: dict[str, str] = field(default_factory=dict)
+    """Colour range, matrix, primaries, transfer and pixel shape."""
     is_rgb: bool = False
     turned: float = 0.0
+    """Degrees by which a player turns it."""
     sound: list[list[tuple[Fraction, str]]] = field(default_factory=list)
+    """For each track, its packets: time and hash."""
 
     @property
     def duration(self) -> Fraction:
@@ -63,16 +47,7 @@ class Video:
 
 
 def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
-    """Read the largest video stream, which players choose, and all sound.
-
-    Parameters
-    ----------
-    path : Path
-    keep : int
-        Frames to keep.
-    in_rgb : bool
-        Keep them in RGB whatever they are stored as, to compare them with such.
-    """
+    """Read the largest video stream, which players choose, with some frames, as stored or in RGB, and all sound."""
     video = Video()
     with open_input(str(path.absolute())) as file:
         moving = [each for each in file.streams.video if not each.disposition & av.stream.Disposition.attached_pic]
@@ -169,21 +144,12 @@ def _planes(frame: Any) -> list[np.ndarray]:
 
 @dataclass(frozen=True)
 class Colours:
-    """Differences of colour where both files show the same frame.
+    """Differences of colour where both files show the same frame."""
 
-    Attributes
-    ----------
-    frames : int
-        Frames compared.
-    shift : float
-        The largest difference between means of a plane, levels of 8 bits.
-    psnr : float
-        PSNR of the first plane (luma, or green) in the median frame, dB; infinite where nothing differs.
-    """
-
-    frames: int
     shift: float
+    """The largest difference between means of a plane, levels of 8 bits."""
     psnr: float
+    """Of the first plane (luma, or red) in the median frame, dB; infinite where nothing differs."""
 
 
 def compare_colours(before: Video, after: Video) -> Colours | None:
@@ -204,7 +170,7 @@ def compare_colours(before: Video, after: Video) -> Colours | None:
         return None
     error = float(np.median(errors))
     psnr = float("inf") if error == 0 else 10 * float(np.log10(255**2 / error))
-    return Colours(len(errors), float(np.abs(np.median(shifts, axis=0)).max()), psnr)
+    return Colours(float(np.abs(np.median(shifts, axis=0)).max()), psnr)
 
 
 def compare_sound(before: Video, after: Video) -> str:

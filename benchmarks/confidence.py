@@ -34,15 +34,10 @@ SCENES = Path(__file__).parent.parent / "samples" / "scenes"
 
 
 class Calibration:
-    """Errors of the pixels of frames by their confidence; every frame counts the same.
-
-    Attributes
-    ----------
-    sums : (3, 10) float64
-        Share of the frames, absolute error and squared error in each class.
-    """
+    """Errors of the pixels of frames by their confidence; every frame counts the same."""
 
     def __init__(self) -> None:
+        # share of the frames, absolute error and squared error in each class
         self.sums = np.zeros((3, len(STEPS) - 1))
 
     def add(self, truth: Image, image: Image, confidence: NDArray[Any]) -> None:

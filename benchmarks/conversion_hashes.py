@@ -30,8 +30,6 @@ CLIP, SCENE = SAMPLES / "orbit.mp4", SAMPLES / "scenes" / "texture"
 FAST = "nlm", "nlm-fast", "dis", "farneback", "dis-warp", "farneback-warp", "block", "codec", "blend", "nearest"
 SLOW = "nlm-exhaustive", "nlm-brute-force", "nlm-passes", "tvl1", "tvl1-warp"
 FRAMES = 8
-POLL_INTERVAL = 0.05
-"""Seconds between two looks for the first finished chunk of a conversion that is to be stopped."""
 
 
 def digest(*parts: Any) -> str:
@@ -132,7 +130,7 @@ def stopped_and_resumed(command: list[str]) -> list[str]:
     program = [sys.executable, "-m", "fpsboost", *command]
     with subprocess.Popen(program, stderr=subprocess.DEVNULL) as running:
         while running.poll() is None and len([p for p in set(folder.rglob("*")) - before if p.is_file()]) < 3:
-            time.sleep(POLL_INTERVAL)
+            time.sleep(0.05)
         running.kill()
     return run([*command[:-1], "--resume", command[-1]])
 
@@ -153,17 +151,9 @@ def sample_jobs() -> Iterator[JobFingerprint]:
         end = short if method in FAST else ("--end", "4f")
         yield converting(f"orbit by {method}", "out.mp4", CLIP, "-m", method, *end)
     for method in ("reproject-image", "reproject-scene"):
-        more = "--vectors", SCENE / "vectors", "--depth", SCENE / "depth"
-        yield converting(
-            f"scene by {method}",
-            "out",
-            SCENE,
-            "-m",
-            method,
-            *more[: 4 if method.endswith("scene") else 2],
-            "--end",
-            "12f",
-        )
+        depth = ("--depth", SCENE / "depth") if method.endswith("scene") else ()
+        more = "--vectors", SCENE / "vectors", *depth, "--end", "12f"
+        yield converting(f"scene by {method}", "out", SCENE, "-m", method, *more)
     for suffix in (".mkv", ".webm", ".mov", ".gif", ".apng", ".webp"):
         sound = ("--audio-codec", "opus") if suffix == ".webm" else ()
         yield converting(f"orbit to {suffix}", f"out{suffix}", CLIP, "-m", "nlm-fast", *short, *sound)

@@ -34,22 +34,9 @@ def pinned(count: int) -> Iterator[None]:
 
 
 def convert_together(clip: str, folder: str, method: str, *, workers: int, conversions: int) -> list[dict[str, Any]]:
-    """Run conversions at once, on as many cores as they have workers in all.
+    """Run conversions at once, on as many cores as they have workers in all; return what `conversion_cost.py` prints.
 
-    Parameters
-    ----------
-    clip, folder : str
-        Input, and the folder of the results.
-    method : str
-    workers : int
-        Number for each conversion.
-    conversions : int
-        They begin together, when all have loaded their kernels.
-
-    Returns
-    -------
-    list of dict
-        The output of `conversion_cost.py` for each.
+    They begin together, when all have loaded their kernels, and each has this number of workers.
     """
     program = [sys.executable, str(Path(__file__).with_name("conversion_cost.py")), clip]
     options = ["--method", method, "--workers", str(workers)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from itertools import islice, pairwise, starmap
 from pathlib import Path
@@ -38,22 +38,12 @@ VIDEOS = (".mp4", ".m4v", ".mov", ".mkv", ".webm", ".avi", ".y4m", ".mpg", ".ts"
 
 @dataclass(frozen=True)
 class Clip:
-    """A clip with every second frame hidden.
-
-    Attributes
-    ----------
-    name : str
-    intervals : list of Interval
-        Two shown frames each, and the hidden one between them.
-    scored : list of int
-        Indices of the hidden frames that count: no method can know what lies across a scene cut.
-    rate : Fraction
-        Frames per second.
-    """
+    """A clip with every second frame hidden."""
 
     name: str
     intervals: list[Interval]
     scored: list[int]
+    """Indices of the hidden frames that count: no method can know what lies across a scene cut."""
     rate: Fraction
 
     @property
@@ -140,17 +130,11 @@ def _in_three_colours(interval: Interval) -> Interval:
 
 @dataclass(frozen=True)
 class KeepingConfidence:
-    """A synthesizer like another one that also keeps the confidence of each frame that it makes of a clip.
-
-    Attributes
-    ----------
-    inner : Synthesizer
-    kept : dict of int to (H, W) float32
-        By the number of the shown frame before.
-    """
+    """A synthesizer like another one that also keeps the confidence of each frame that it makes of a clip."""
 
     inner: Synthesizer
-    kept: dict[int, NDArray[Any]] = field(default_factory=dict)
+    kept: dict[int, NDArray[Any]]
+    """By the number of the shown frame before."""
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""

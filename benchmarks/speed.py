@@ -20,9 +20,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from argparse import Namespace
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -70,29 +70,6 @@ MANY_CORES = 16
 """For which `threads` says what Amdahl's law expects."""
 
 
-@dataclass(frozen=True)
-class Options:
-    """Options of the parts.
-
-    Attributes
-    ----------
-    clip : str or None
-        Where frames come from; they are drawn without it.
-    method : str
-        Method of `stages`, `threads` and `peers`.
-    mvtools, mvutensils : str or None
-        Python and script that run MVTools and MVUtensils.
-    rounds : int
-        Number of runs in turn.
-    """
-
-    clip: str | None = None
-    method: str = "nlm"
-    mvtools: str | None = None
-    mvutensils: str | None = None
-    rounds: int = 3
-
-
 def textured_pair(height: int, width: int, shift: int = 7) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return two frames of a texture with detail at every scale, the second shifted."""
     generator = np.random.default_rng(0)
@@ -104,7 +81,7 @@ def textured_pair(height: int, width: int, shift: int = 7) -> tuple[NDArray[Any]
     return np.ascontiguousarray(frame[:, shift:]), np.ascontiguousarray(frame[:, :-shift])
 
 
-def sequence(options: Options, height: int, width: int) -> list[Image]:
+def sequence(options: Namespace, height: int, width: int) -> list[Image]:
     """Return frames of one size: those of the clip, or a texture with detail at every scale that rotates and grows."""
     if options.clip:
         frames = read_frames(options.clip, FRAMES)
@@ -140,11 +117,10 @@ def timed(run: Callable[[], object]) -> tuple[float, float]:
 def run_together(function: Callable[[], object], threads: int) -> None:
     """Run a function in several threads at the same time."""
     with ThreadPoolExecutor(threads) as pool:
-        for running in [pool.submit(function) for _ in range(threads)]:
-            running.result()
+        list(pool.map(lambda _: function(), range(threads)))
 
 
-def exhaustive(console: Console, options: Options) -> Figures:
+def exhaustive(console: Console, options: Namespace) -> Figures:
     """Measure the report's exhaustive search in both directions: the fused kernel against full-image OpenCV passes.
 
     One pair is searched by one thread, and two pairs by two.
@@ -179,7 +155,7 @@ def exhaustive(console: Console, options: Options) -> Figures:
     return figures
 
 
-def start(console: Console, options: Options) -> Figures:
+def start(console: Console, options: Namespace) -> Figures:
     """Measure the time of a conversion of two small frames, with kernels to compile and with kernels cached."""
     table = Table("method", "kernels", "seconds", "CPU, s", title="Start to end of a conversion of two small frames")
     figures: Figures = {}
@@ -202,7 +178,7 @@ def start(console: Console, options: Options) -> Figures:
     return figures
 
 
-def stages(console: Console, options: Options) -> Figures:
+def stages(console: Console, options: Namespace) -> Figures:
     """Measure each stage of a method: CPU time per in-between frame in the best round, and memory traffic."""
     fastest = copy_bandwidth()
     figures: Figures = {"copy_bytes_per_s": fastest}
@@ -240,7 +216,7 @@ def stage_cells(row: Figures, share: float, fastest: float) -> list[str]:
     return [*cells, f"{row['bytes'] / 1e6:.1f}", f"{speed / 1e9:.2f}", f"{speed / fastest:.0%}"]
 
 
-def threads(console: Console, options: Options) -> Figures:
+def threads(console: Console, options: Namespace) -> Figures:
     """Measure a conversion with 1, 2, 4 ... workers on as many cores, and as many conversions of one worker each.
 
     Ratios are medians of those of runs in turn. The time in which cores wait tells what is serial, since other load on
@@ -289,7 +265,7 @@ def threads(console: Console, options: Options) -> Figures:
     return figures
 
 
-def conversions(console: Console, options: Options) -> Figures:
+def conversions(console: Console, options: Namespace) -> Figures:
     """Measure conversions of drawn video by size, depth and method on two cores, and FFmpeg's minterpolate."""
     if sys.platform != "linux":
         raise OptionError("conversions pins them to cores, which only Linux lets a program do; leave it out.")
@@ -337,7 +313,7 @@ def minterpolate(clip: Path, folder: str, frames: int) -> Figures:
     return {"frames_per_s": frames / seconds, "cpu_s": cpu, "peak_mb": usage.ru_maxrss / 1024}
 
 
-def peers(console: Console, options: Options) -> Figures:
+def peers(console: Console, options: Namespace) -> Figures:
     """Compare CPU time with MVTools and MVUtensils: the same frames, in memory, one thread, runs in turn."""
     others = [(options.mvtools, MVTOOLS_SETTINGS), (options.mvutensils, MVUTENSILS_SETTINGS)]
     if not any(script for script, _ in others) or not options.clip:
@@ -403,21 +379,18 @@ def main() -> None:
     parser.add_argument("--mvutensils", metavar="'PYTHON SCRIPT'", help="for peers")
     parser.add_argument("--rounds", type=int, default=3, help="of runs in turn, for stages to peers")
     parser.add_argument("--json", type=Path)
-    arguments = parser.parse_args()
-    options = Options(
-        arguments.clip, arguments.method, arguments.mvtools, arguments.mvutensils, rounds=arguments.rounds
-    )
+    options = parser.parse_args()
     console = wide_console()
     one_thread()
     on_linux = sys.platform == "linux"
     possible = {"threads": on_linux, "conversions": on_linux, "peers": options.mvtools or options.mvutensils}
-    chosen = arguments.part or [name for name in parts if possible.get(name, True)]
+    chosen = options.part or [name for name in parts if possible.get(name, True)]
     try:
         figures = {name: parts[name](console, options) for name in chosen}
     except FpsboostError as error:
         raise SystemExit(str(error)) from error
-    if arguments.json:
-        arguments.json.write_text(json.dumps(figures, indent=1) + "\n")
+    if options.json:
+        options.json.write_text(json.dumps(figures, indent=1) + "\n")
 
 
 if __name__ == "__main__":

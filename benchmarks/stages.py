@@ -64,19 +64,12 @@ WHOLE = "in all"
 
 @dataclass
 class Cost:
-    """Cost of a stage, summed over its calls.
-
-    Attributes
-    ----------
-    cpu : float
-        CPU seconds, without the stages inside.
-    touched : int
-        Bytes of the arrays that go in and come out, each counted once: the least that has to be moved.
-    calls : int
-    """
+    """Cost of a stage, summed over its calls."""
 
     cpu: float = 0.0
+    """CPU seconds, without the stages inside."""
     touched: int = 0
+    """Bytes of the arrays that go in and come out, each counted once: the least that has to be moved."""
     calls: int = 0
 
 
@@ -153,19 +146,10 @@ def watched(bill: Bill, width: int) -> Iterator[list[str]]:
 
 @dataclass(frozen=True)
 class Profile:
-    """Costs of a sequence.
-
-    Attributes
-    ----------
-    stages : dict of str to Cost
-        In the order of `STAGES`; then `REST`, what no stage is billed for, and `WHOLE`.
-    frames : int
-        In-between frames.
-    missing : list of str
-        Stages that were not found.
-    """
+    """Costs of a sequence of in-between frames, and the stages that were not found."""
 
     stages: dict[str, Cost]
+    """In the order of `STAGES`; then `REST`, what no stage is billed for, and `WHOLE`."""
     frames: int
     missing: list[str]
 

@@ -63,81 +63,18 @@ if TYPE_CHECKING:
 
 from fpsboost.version import __version__
 
-__all__ = [
-    "ByFactor",
-    "ByRate",
-    "ClipInfo",
-    "Coding",
-    "ConversionJob",
-    "CutDetector",
-    "CutPolicy",
-    "DecodeOptions",
-    "DuplicateDetector",
-    "Encoding",
-    "Entry",
-    "FpsboostError",
-    "Frame",
-    "FrameCache",
-    "FrameChoice",
-    "FrameIntervals",
-    "FrameSink",
-    "FrameSource",
-    "FrameWatcher",
-    "InputError",
-    "InterpolatedImage",
-    "Interpolator",
-    "Layer",
-    "LayeredImage",
-    "LowestMatch",
-    "MemoryLimit",
-    "MergeOptions",
-    "MergeSummary",
-    "MotionEstimator",
-    "Observer",
-    "OptionError",
-    "OutputError",
-    "OutputRange",
-    "OutputRate",
-    "Pair",
-    "PairMotion",
-    "Part",
-    "PlanOptions",
-    "PlannedFrame",
-    "Position",
-    "Rectangle",
-    "RenderBudget",
-    "RenderedVectors",
-    "RerenderPlan",
-    "RunOptions",
-    "SceneCutWarning",
-    "Schedule",
-    "SideOutputs",
-    "SourceMoment",
-    "SourcePosition",
-    "Summary",
-    "Synthesizer",
-    "Target",
-    "Trim",
-    "VectorFolder",
-    "YCbCrImage",
-    "__version__",
-    "choose_frames",
-    "convert",
-    "convert_job",
-    "find_method",
-    "format_time",
-    "interpolate",
-    "interpolate_with_confidence",
-    "join",
-    "merge_regions",
-    "methods",
-    "open_sink",
-    "plan_rerender",
-    "run_conversion",
-    "stream",
-    "told_of_compiling",
-    "with_neighbours",
-]
+__all__ = ["__version__"]
+__all__ += ["ByFactor", "ByRate", "FrameIntervals", "OutputRate", "Position", "Schedule", "Trim", "format_time"]
+__all__ += ["ClipInfo", "Coding", "Frame", "FrameCache", "Layer", "LayeredImage", "PairMotion", "SourcePosition"]
+__all__ += ["ConversionJob", "MemoryLimit", "Part", "RunOptions", "convert", "convert_job", "join", "run_conversion"]
+__all__ += ["CutDetector", "CutPolicy", "DuplicateDetector", "InterpolatedImage", "Interpolator", "MotionEstimator"]
+__all__ += ["DecodeOptions", "Encoding", "SideOutputs", "Target", "VectorFolder", "YCbCrImage", "open_sink", "stream"]
+__all__ += ["Entry", "FrameSink", "FrameSource", "FrameWatcher", "LowestMatch", "Observer", "OutputRange"]
+__all__ += ["FpsboostError", "InputError", "OptionError", "OutputError", "SceneCutWarning", "SourceMoment", "Summary"]
+__all__ += ["FrameChoice", "MergeOptions", "MergeSummary", "PlanOptions", "PlannedFrame", "Rectangle", "RenderBudget"]
+__all__ += ["Pair", "RenderedVectors", "Synthesizer", "find_method", "interpolate", "interpolate_with_confidence"]
+__all__ += ["RerenderPlan", "choose_frames", "merge_regions", "plan_rerender"]
+__all__ += ["methods", "told_of_compiling", "with_neighbours"]
 
 _modules = {
     "analysis.duplicates": "DuplicateDetector",

@@ -32,18 +32,8 @@ class Option:
     """Reads the value from its text, or its texts if it is repeatable, and its name; by default the type does."""
 
 
-def option(
-    default: Any,
-    help: str,
-    *,
-    flag: str = "",
-    short: str = "",
-    metavar: str = "",
-    group: str = "",
-    choices: tuple[str, ...] = (),
-    parse: Callable[[Any, str], Any] | None = None,
-) -> Any:
-    """Return a dataclass field with a default that is also an `Option`; see there for the parameters.
+def option(default: Any, help: str, **properties: Any) -> Any:
+    """Return a dataclass field with a default that is also an `Option`, which has these properties.
 
     Examples
     --------
@@ -54,7 +44,7 @@ def option(
     >>> Quality(), fields(Quality)[0].metadata["option"].help
     (Quality(crf=18), 'Constant rate factor; lower is better.')
     """
-    return field(default=default, metadata={"option": Option(help, flag, short, metavar, group, choices, parse)})
+    return field(default=default, metadata={"option": Option(help, **properties)})
 
 
 @dataclass(frozen=True)

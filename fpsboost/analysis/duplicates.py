@@ -103,24 +103,15 @@ class DuplicateDetector:
     def is_held(self, noise: float, before: float, after: float) -> bool:
         """Return whether frames show one held picture.
 
-        Parameters
-        ----------
-        noise : float
-            Largest difference of any of the frames from the first; see `difference`.
-        before, after : float
-            Differences from the previous picture and to the next one.
+        `noise` is the largest `difference` of any of them from the first; `before` and `after` are those from the
+        previous picture and to the next one.
         """
         return noise <= self.noise and noise <= self.share * min(before, after) and self.smallest_step <= after
 
     def repeats_still(self, noise: float, before: float) -> bool:
         """Return whether frames that differ little repeat one picture; frames in slow motion differ as little.
 
-        Parameters
-        ----------
-        noise : float
-            Largest difference of any of the frames from the first; see `difference`.
-        before : float
-            Difference from the previous picture; infinite if the clip begins with this one.
+        `noise` and `before` as in `is_held`; `before` is infinite if the clip begins with this picture.
         """
         return noise <= (self.smallest_step if math.isinf(before) else min(self.noise, self.share * before))
 

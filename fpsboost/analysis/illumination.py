@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
@@ -65,14 +65,6 @@ DARK = 0.02
 """Brightness below which the ratio of two colours says little; 1 is white."""
 
 
-class _Colours(NamedTuple):
-    """Mean and standard deviation of an image's colours, (C,) float32, and the largest value."""
-
-    mean: NDArray[Any]
-    deviation: NDArray[Any]
-    largest: float
-
-
 @dataclass(frozen=True)
 class IlluminationModel:
     """Change of colours in [0, 1] from frame 0 to frame 1: ``gain * colour + offset``.
@@ -98,6 +90,9 @@ class IlluminationModel:
         return levels
 
 
+UNCHANGED = IlluminationModel(np.ones(1, np.float32), np.zeros(1, np.float32))
+
+
 def _at_pixels(values: NDArray[Any], image: Image) -> NDArray[Any]:
     """Return the values for the pixels of an image."""
     if values.ndim == 1:
@@ -111,7 +106,7 @@ def estimate_illumination(image0: FrameCache, image1: FrameCache) -> Illuminatio
     if has_alpha(image0.pixels):
         return None
     everywhere = _estimate_everywhere(image0, image1)
-    in_part = _estimate_in_part(image0, image1, None)
+    in_part = _estimate_in_part(image0, image1, UNCHANGED)
     if everywhere is None:
         return in_part
     small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
@@ -123,27 +118,24 @@ def estimate_illumination(image0: FrameCache, image1: FrameCache) -> Illuminatio
 
 
 def _estimate_in_part(
-    image0: FrameCache, image1: FrameCache, everywhere: IlluminationModel | None
+    image0: FrameCache, image1: FrameCache, everywhere: IlluminationModel
 ) -> IlluminationModel | None:
     """Estimate the change of light that only part of the picture has, on top of one that it shares; None if none."""
     for side in LOCAL_SIDES:
         small0, small1 = (image.cached(small_copy, side) for image in (image0, image1))
-        gain = _find_local_gain(small0, small1 if everywhere is None else everywhere.undo(small1))
+        gain = _find_local_gain(small0, everywhere.undo(small1))
         if gain is None:
             return None
-        offset = np.zeros_like(gain) if everywhere is None else gain * everywhere.offset
-        model = IlluminationModel(gain if everywhere is None else gain * everywhere.gain, offset)
-    return model
+    return IlluminationModel(gain * everywhere.gain, gain * everywhere.offset)
 
 
 def _estimate_everywhere(image0: FrameCache, image1: FrameCache) -> IlluminationModel | None:
     """Estimate the change of light that the whole picture shares; None if there is none."""
     small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
-    colours0, colours1 = (image.derived(_measure_colours) for image in (image0, image1))
-    white = np.float32(max(1.0, colours0.largest, colours1.largest))
+    white = np.float32(max(1.0, float(small0.max()), float(small1.max())))
+    illumination = _match_mean_and_deviation(small0, small1, white)
     if white > 1:
         small0, small1 = small0 / white, small1 / white
-    illumination = _match_mean_and_deviation(colours0, colours1, white)
     if np.abs(illumination.apply(small0, 1, small0.dtype) - small0).mean() < MIN_CHANGE:
         return None
     exact = _fit_along_motion(small0, small1, _search(small0, illumination.undo(small1)))
@@ -187,7 +179,7 @@ def _find_local_gain(small0: Image, small1: Image) -> NDArray[Any] | None:
     before = _smoothed(_search_near(small0, small1)[1].similarity, reach)
 
     def explains(gain: NDArray[Any], *fields: tuple[MotionField, MotionField]) -> NDArray[Any]:
-        confirmed = [field10.similarity * _returns(field10, field01)[0] for field01, field10 in fields]
+        confirmed = [field10.similarity * _returns(field10, field01) for field01, field10 in fields]
         gained = _smoothed(np.minimum.reduce(confirmed), reach) - before
         change = _smoothed(np.abs(np.log(gain)).max(axis=2), reach)
         least = np.maximum(LOCAL_MIN_SHARE * (1 - before), LOCAL_MIN_GAIN)
@@ -240,21 +232,24 @@ def _smoothed(values: NDArray[Any], deviation: float) -> NDArray[Any]:
     return smooth.reshape(values.shape)
 
 
-def _returns(there: MotionField, back: MotionField) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return whether the way there and back ends where it began, 0 or 1, and the places in between, flat, (h, w)."""
-    height, width = there.similarity.shape
+def _ends(field: MotionField) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the row and the column at the end of each whole-pixel vector."""
+    height, width = field.similarity.shape
     y, x = np.mgrid[:height, :width]
-    moved_x = (x + there.flow[..., 0]).astype(int).clip(0, width - 1)
-    moved_y = (y + there.flow[..., 1]).astype(int).clip(0, height - 1)
-    across = there.flow + back.flow[moved_y, moved_x]
-    return (across**2).sum(axis=2) < LOCAL_CONSISTENCY_TOLERANCE**2, moved_y * width + moved_x
+    moved = field.flow.astype(int)
+    return (y + moved[..., 1]).clip(0, height - 1), (x + moved[..., 0]).clip(0, width - 1)
+
+
+def _returns(there: MotionField, back: MotionField) -> NDArray[Any]:
+    """Return whether the way there and back ends where it began, (h, w) bool."""
+    across = there.flow + back.flow[_ends(there)]
+    return np.asarray((across**2).sum(axis=2) < LOCAL_CONSISTENCY_TOLERANCE**2)
 
 
 def _fit_locally(small0: Image, small1: Image, fields: tuple[MotionField, MotionField]) -> NDArray[Any]:
     """Fit a gain around each pixel of frame 1 by least squares over pixels and their matches in frame 0."""
     field01, field10 = fields
-    returns, places = _returns(field10, field01)
-    matched = small0.reshape(-1, small0.shape[2])[places]
+    matched, returns = small0[_ends(field10)], _returns(field10, field01)
     weight = (field10.similarity.clip(0, 1) * np.where(returns, np.float32(1), np.float32(0.05)))[..., np.newaxis]
     deviation = max(small0.shape[:2]) / 80
     products, squares = (_smoothed(weight * matched * other, deviation) for other in (small1, matched))
@@ -268,17 +263,10 @@ def _search(small0: Image, small1: Image) -> MotionField:
     return field01
 
 
-def _measure_colours(image: FrameCache) -> _Colours:
-    """Measure the colours of an image's small copy."""
-    small = image.cached(small_copy, SMALL_COPY_SIDE)
-    mean, deviation = (each.ravel().astype(np.float32) for each in cv2.meanStdDev(small))
-    return _Colours(mean, deviation, float(small.max()))
-
-
-def _match_mean_and_deviation(colours0: _Colours, colours1: _Colours, white: np.float32) -> IlluminationModel:
-    """Return the model that gives both frames the same mean and standard deviation."""
+def _match_mean_and_deviation(small0: Image, small1: Image, white: np.float32) -> IlluminationModel:
+    """Return the model that gives both frames, divided by `white`, the same mean and standard deviation."""
     (mean0, deviation0), (mean1, deviation1) = (
-        (colours.mean / white, colours.deviation / white) for colours in (colours0, colours1)
+        [each.ravel().astype(np.float32) / white for each in cv2.meanStdDev(small)] for small in (small0, small1)
     )
     gain = ((deviation1 + 1e-3) / (deviation0 + 1e-3)).clip(1 / MAX_GAIN, MAX_GAIN)
     return IlluminationModel(gain.astype(np.float32), (mean1 - gain * mean0).astype(np.float32))
@@ -286,13 +274,9 @@ def _match_mean_and_deviation(colours0: _Colours, colours1: _Colours, white: np.
 
 def _fit_along_motion(small0: Image, small1: Image, field01: MotionField) -> IlluminationModel:
     """Fit the model by least squares over pixels and their matches, weighted by similarity."""
-    height, width, channels = small0.shape
-    y, x = np.mgrid[:height, :width]
-    moved_x = (x + np.rint(field01.flow[..., 0]).astype(int)).clip(0, width - 1)
-    moved_y = (y + np.rint(field01.flow[..., 1]).astype(int)).clip(0, height - 1)
     weight = field01.similarity.reshape(-1, 1) + np.float32(1e-6)
     weight /= weight.sum()
-    colours0, colours1 = small0.reshape(-1, channels), small1[moved_y, moved_x].reshape(-1, channels)
+    colours0, colours1 = (small.reshape(-1, small.shape[2]) for small in (small0, small1[_ends(field01)]))
     mean0, mean1 = ((weight * colours).sum(axis=0) for colours in (colours0, colours1))
     covariance = (weight * (colours0 - mean0) * (colours1 - mean1)).sum(axis=0)
     variance = (weight * (colours0 - mean0) ** 2).sum(axis=0)

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.errors import InputError, OptionError, explained
+from fpsboost.errors import InputError, OptionError, check_at_least, explained
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.motion.components import Components, contrast_components, small_copy
 from fpsboost.motion.field import MotionField
@@ -119,23 +119,14 @@ class CutDetector:
             raise OptionError(f"`cut_threshold` must be 0 (no cuts) to 1 (all cuts), not {self.threshold}.")
         if not 0 < self.drop <= 1:
             raise OptionError(f"drop must be above 0 and at most 1, not {self.drop}.")
-        if not self.times >= 1:
-            raise OptionError(f"times must be at least 1, not {self.times}.")
-        if self.thumbnail_side < 1:
-            raise OptionError(f"thumbnail_side must be at least 1 pixel, not {self.thumbnail_side}.")
+        check_at_least(1, times=self.times)
+        check_at_least(1, " pixel", thumbnail_side=self.thumbnail_side)
 
     def is_cut(self, match_score: float, *neighbours: float) -> bool:
-        """Return whether a scene ends within a pair.
+        """Return whether a scene ends within a pair, given its match score and those of the pairs before and after.
 
         Without neighbours, a pair is a cut only if nothing matches: only the surrounding pairs show how well a scene
         can be followed at all, and a needless interpolation does less harm than motion that stops.
-
-        Parameters
-        ----------
-        match_score : float
-            Match score of the pair; see `match_score`.
-        *neighbours : float
-            Match scores of the pairs before and after, where they are known.
         """
         if self.threshold == 1 or match_score < CERTAIN_CUT_FRACTION * self.threshold:
             return self.threshold > 0
@@ -149,15 +140,8 @@ class CutDetector:
     def is_gradual(self, match_score: float, *across: float) -> bool:
         """Return whether a poorly matching pair is part of a gradual change, such as the end of a fade.
 
-        Across a cut, frames farther apart match as poorly as the pair; in a gradual change, they match even worse. A
-        pair in which nothing matches is a cut in any case.
-
-        Parameters
-        ----------
-        match_score : float
-            Match score of the pair.
-        *across : float
-            Match scores of each of its frames and the one beyond the other, where they are known.
+        `across` are the known match scores of each of its frames and the one beyond the other: across a cut, they are
+        as low as the pair's; in a gradual change, even lower. A pair in which nothing matches is a cut in any case.
         """
         some_alike = CERTAIN_CUT_FRACTION * self.threshold <= match_score and self.threshold < 1
         return some_alike and min(across, default=1.0) < GRADUAL_CHANGE_FRACTION * match_score
@@ -170,16 +154,9 @@ class CutDetector:
         return [self.is_cut(each, *around) for each, around in zip(match_scores, neighbours, strict=True)]
 
     def is_flash(self, match_score: float, across: float, *neighbours: float) -> bool:
-        """Return whether a frame that matches the next one poorly only hides a scene that continues.
+        """Return whether a frame that matches the one beside it poorly only hides a scene that continues.
 
-        Parameters
-        ----------
-        match_score : float
-            Match score of the frame and the one beside it.
-        across : float
-            Match score of the frames on both sides of it.
-        *neighbours : float
-            Match scores of the pairs before and after, where they are known.
+        `across` is the match score of the frames on both sides of it, `neighbours` those of the pairs around.
         """
         goes_on = across >= self.threshold and not self.is_cut(across, *neighbours)
         return goes_on and self.is_cut(match_score, across)
@@ -192,13 +169,9 @@ class CutDetector:
         thumbnail0, thumbnail1 = (
             image.derived(_thumbnail_components, self.thumbnail_side) for image in (image0, image1)
         )
-        search_radius = math.ceil(SEARCH_RANGE * self.thumbnail_side)
-        field01, field10 = search_fused(
-            thumbnail0, thumbnail1, search_radius, PATCH_RADIUS, "box", BANDWIDTH, MOTION_PENALTY
-        )
-        return min(
-            _measure_consistency(thumbnail0, field01, field10), _measure_consistency(thumbnail1, field10, field01)
-        )
+        radius = math.ceil(SEARCH_RANGE * self.thumbnail_side)
+        there, back = search_fused(thumbnail0, thumbnail1, radius, PATCH_RADIUS, "box", BANDWIDTH, MOTION_PENALTY)
+        return min(_measure_consistency(thumbnail0, there, back), _measure_consistency(thumbnail1, back, there))
 
 
 def _thumbnail_components(image: FrameCache, side: int) -> Components:
@@ -266,22 +239,18 @@ class CutList:
         return float(self._count_cuts_until(image0.source_position) == self._count_cuts_until(image1.source_position))
 
     def is_cut(self, match_score: float, *neighbours: float) -> bool:
-        """Return whether a scene ends within a pair, regardless of its neighbours."""
         return match_score == 0
 
     def is_gradual(self, match_score: float, *across: float) -> bool:
-        """Return False: every listed cut is a cut."""
-        return False
+        return False  # every listed cut is a cut
 
     def is_flash(self, match_score: float, across: float, *neighbours: float) -> bool:
-        """Return False: every listed cut is a cut."""
         return False
 
     def _count_cuts_until(self, position: SourcePosition) -> int:
         """Return the number of cuts at or before a frame."""
-        return bisect_right(self._frames, position.number) + bisect_right(
-            self._seconds, position.seconds + TIME_TOLERANCE
-        )
+        seconds = position.seconds + TIME_TOLERANCE
+        return bisect_right(self._frames, position.number) + bisect_right(self._seconds, seconds)
 
     @cached_property
     def _frames(self) -> list[Fraction]:

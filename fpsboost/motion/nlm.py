@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import normalised
-from fpsboost.errors import OptionError
+from fpsboost.errors import OptionError, check_at_least
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels, check_pair, view
 from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, search_level
@@ -124,16 +124,11 @@ class CoarseToFine:
             )
         if not 1 <= self.patch_radius <= 10:
             raise OptionError(f"`patch_radius` must be 1 to 10 pixels for this method, not {self.patch_radius}.")
-        if self.labels < 1:
-            raise OptionError(f"labels must be at least 1, not {self.labels}.")
-        if not self.smoothness >= 0:
-            raise OptionError(f"smoothness must be at least 0, not {self.smoothness}.")
+        check_at_least(1, labels=self.labels)
+        check_at_least(1, " pixel", coarsest_side=self.coarsest_side)
+        check_at_least(0, smoothness=self.smoothness, finest_level=self.finest_level)
         if not self.steepness > 0:
             raise OptionError(f"steepness must be above 0, not {self.steepness}.")
-        if self.coarsest_side < 1:
-            raise OptionError(f"coarsest_side must be at least 1 pixel, not {self.coarsest_side}.")
-        if self.finest_level < 0:
-            raise OptionError(f"finest_level must be at least 0, not {self.finest_level}.")
         if self.step not in {1, 2, 4, 8, 16, 32}:
             raise OptionError(f"step must be 1, 2, 4, 8, 16 or 32 pixels, not {self.step}.")
         if not self.v > 0:

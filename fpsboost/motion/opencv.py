@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.errors import OptionError, check_choice
+from fpsboost.errors import OptionError, check_at_least, check_choice
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import check_pair
 from fpsboost.motion.components import gray
@@ -69,9 +69,7 @@ class Farneback:
     iterations: int = 3
 
     def __post_init__(self) -> None:
-        for name in ("levels", "window_size", "iterations"):
-            if getattr(self, name) < 1:
-                raise OptionError(f"{name} must be at least 1, not {getattr(self, name)}.")
+        check_at_least(1, levels=self.levels, window_size=self.window_size, iterations=self.iterations)
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
@@ -116,9 +114,8 @@ class TvL1:
     outer_iterations: int = 2
 
     def __post_init__(self) -> None:
-        for name in ("levels", "warps", "inner_iterations", "outer_iterations"):
-            if getattr(self, name) < 1:
-                raise OptionError(f"{name} must be at least 1, not {getattr(self, name)}.")
+        check_at_least(1, levels=self.levels, warps=self.warps)
+        check_at_least(1, inner_iterations=self.inner_iterations, outer_iterations=self.outer_iterations)
         if not 0.1 <= self.scale_step < 1:
             raise OptionError(f"scale_step must be at least 0.1 and below 1, not {self.scale_step}.")
         if not self.epsilon > 0:

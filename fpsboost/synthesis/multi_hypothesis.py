@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha, normalised, premultiplied
-from fpsboost.errors import OptionError
+from fpsboost.errors import OptionError, check_at_least
 from fpsboost.image import Image, Pixels, as_image, colour_unseen, rounding_offset, view
 from fpsboost.kernels.candidates import (
     VALUES_PER_MOTION,
@@ -128,8 +128,9 @@ class MultiHypothesis:
     vectors: RenderedVectors | None = None
 
     def __post_init__(self) -> None:
-        if self.step < 1:
-            raise OptionError(f"step must be at least 1 pixel, not {self.step}.")
+        check_at_least(1, " pixel", step=self.step)
+        check_at_least(1, max_candidates=self.max_candidates)
+        check_at_least(0, " pixels", merge_distance=self.merge_distance)
         if self.node_spacing not in {16, 20, 24, 28}:
             raise OptionError(f"node_spacing must be 16, 20, 24 or 28 pixels, not {self.node_spacing}.")
         if not self.support_radius >= self.node_spacing:
@@ -137,14 +138,9 @@ class MultiHypothesis:
                 f"support_radius must be at least {self.node_spacing} pixels, or motions are lost, "
                 f"not {self.support_radius}."
             )
-        if not self.merge_distance >= 0:
-            raise OptionError(f"merge_distance must be at least 0 pixels, not {self.merge_distance}.")
-        if self.max_candidates < 1:
-            raise OptionError(f"max_candidates must be at least 1, not {self.max_candidates}.")
-        if not 0 <= self.min_weight < 1:
-            raise OptionError(f"min_weight must be at least 0 and below 1, not {self.min_weight}.")
-        if not 0 <= self.min_vote_share < 1:
-            raise OptionError(f"min_vote_share must be at least 0 and below 1, not {self.min_vote_share}.")
+        for name in ("min_weight", "min_vote_share"):
+            if not 0 <= getattr(self, name) < 1:
+                raise OptionError(f"{name} must be at least 0 and below 1, not {getattr(self, name)}.")
         if not self.bandwidth > 0:
             raise OptionError(f"bandwidth must be above 0, not {self.bandwidth}.")
 
