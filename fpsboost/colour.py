@@ -133,14 +133,7 @@ def srgb_encoded(light: NDArray[Any]) -> NDArray[Any]:
 
 
 luma_weights = MappingProxyType(
-    {
-        1: (0.2126, 0.0722),
-        4: (0.30, 0.11),
-        5: (0.299, 0.114),
-        6: (0.299, 0.114),
-        7: (0.212, 0.087),
-        9: (0.2627, 0.0593),
-    }
+    {1: (0.2126, 0.0722), 4: (0.30, 0.11), 5: (0.299, 0.114), 6: (0.299, 0.114), 7: (0.212, 0.087), 9: (0.2627, 0.0593)}
 )
 """Luma weights (red, blue) by AVColorSpace: BT.709, FCC, BT.601 (625 and 525 lines), SMPTE 240M, BT.2020."""
 
@@ -232,6 +225,6 @@ def as_shown(image: NDArray[Any]) -> NDArray[Any]:
         values = values[..., :-1] + gray * (1 - values[..., -1:].clip(0, 1))
     values = values.clip(0, 1)
     if linear:
-        values = np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
+        values = srgb_encoded(values)
     levels = np.rint(values * 255).astype(np.uint8)
     return np.ascontiguousarray(levels if levels.shape[2] == 3 else levels.repeat(3, axis=2))

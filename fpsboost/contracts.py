@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from fractions import Fraction
-from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
 from fpsboost.timing.rate import FrameIntervals
@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame_cache import SourcePosition
 
 
-class FrameSource(Protocol):
+class FrameSource(AbstractContextManager["FrameSource"], Protocol):
     """Contract: source of the frames of a clip, read once in presentation order.
 
     Opening reads only headers. Iterating yields frames whose times strictly increase and whose images all have one
@@ -37,10 +37,6 @@ class FrameSource(Protocol):
 
     def __enter__(self) -> Self: ...
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
-
 
 @runtime_checkable
 class HasBeginning(Protocol):
@@ -51,7 +47,7 @@ class HasBeginning(Protocol):
         """Position of the part's first frame in its clip; valid when that has been read."""
 
 
-class FrameSink(Protocol):
+class FrameSink(AbstractContextManager["FrameSink"], Protocol):
     """Contract: sink that writes the whole output or none; only data written to a pipe cannot be undone.
 
     Frames are written in order, each with its time and duration set. A sink is a context manager: leaving it normally
@@ -70,10 +66,6 @@ class FrameSink(Protocol):
     def write(self, frame: Frame) -> None: ...
 
     def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
 
 
 @runtime_checkable

@@ -54,11 +54,7 @@ class Finding:
 
 
 def diagnose() -> Iterator[Finding]:
-    """Yield what is found, each as soon as it is known.
-
-    Nothing is raised where an installation is broken: the error is the finding. Where a library is missing, the rest is
-    not looked at.
-    """
+    """Yield what is found, each as soon as it is known; an error is a finding, too, and a missing library the last."""
     programs = list(_programs())
     yield from programs
     if any(each.advice for each in programs):

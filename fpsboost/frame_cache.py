@@ -51,23 +51,17 @@ class Results:
         return result
 
     def clear(self, *keys: Hashable) -> None:
-        """Discard these results, or all; they are computed again when asked for again."""
+        """Discard these results; they are computed again when asked for again."""
         with self._lock:
-            for key in keys or self._keys():
-                self._discard(key)
+            for results in (self._stored, self._computing):
+                for key in results.keys() & set(keys):
+                    del results[key]
 
     def clear_all_but(self, *kept: Hashable) -> None:
         """Discard all results but these."""
         with self._lock:
-            for key in self._keys() - set(kept):
-                self._discard(key)
-
-    def _keys(self) -> set[Hashable]:
-        return self._stored.keys() | self._computing.keys()
-
-    def _discard(self, key: Hashable) -> None:
-        self._stored.pop(key, None)
-        self._computing.pop(key, None)
+            keys = (self._stored.keys() | self._computing.keys()) - set(kept)
+        self.clear(*keys)
 
     def __contains__(self, key: Hashable) -> bool:
         return key in self._stored

@@ -186,18 +186,9 @@ class Interpolator:
         return arrays
 
     def pair(self, image0: FrameCache, image1: FrameCache, duration: Fraction | float = 1) -> Pair:
-        """Return two frames as `between` takes them; see `Pair`.
+        """Return two frames as `between` takes them; `duration` is the time between them, see `Pair`.
 
-        Parameters
-        ----------
-        image0, image1 : FrameCache
-            Two frames, each the same object in both of its pairs, so that what depends on it alone is computed once.
-        duration : Fraction or float
-            Time between them, in any unit that neighbouring pairs share.
-
-        Returns
-        -------
-        Pair
+        Each frame is to be the same object in both of its pairs, so that what depends on it alone is computed once.
         """
         return Pair(
             image0,
@@ -209,11 +200,7 @@ class Interpolator:
         )
 
     def between(
-        self,
-        pair: Pair,
-        times: Sequence[float | Fraction],
-        before: Pair | None = None,
-        after: Pair | None = None,
+        self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None = None, after: Pair | None = None
     ) -> InBetween[FrameImage]:
         """Interpolate like `interpolate`, but one image at a time and along curved trajectories; report a scene cut.
 
@@ -239,11 +226,7 @@ class Interpolator:
         return InBetween((image for image, _ in images), pair.is_cut(before, after))
 
     def between_with_confidence(
-        self,
-        pair: Pair,
-        times: Sequence[float | Fraction],
-        before: Pair | None = None,
-        after: Pair | None = None,
+        self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None = None, after: Pair | None = None
     ) -> InBetween[InterpolatedImage]:
         """Make the same images as `between`, with the confidence of every pixel.
 
@@ -354,8 +337,7 @@ class Interpolator:
 
 def _rehearse(interpolator: Interpolator, before: Pair, pair: Pair) -> None:
     """Make an image between the frames of a pair."""
-    for _ in interpolator.between(pair, [0.5], before).images:
-        pass
+    list(interpolator.between(pair, [0.5], before).images)
 
 
 def _rehearse_synthesis(interpolator: Interpolator, image: FrameImage) -> None:
@@ -366,16 +348,7 @@ def _rehearse_synthesis(interpolator: Interpolator, image: FrameImage) -> None:
 
 
 def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, Item | None]]:
-    """Yield each item, such as a `Pair`, with the previous and the next one; lags one item behind.
-
-    Parameters
-    ----------
-    items : iterable
-
-    Yields
-    ------
-    tuple of three
-        The item before, None at the beginning; the item; and the one after, None at the end.
+    """Yield each item, such as a `Pair`, between the previous and the next one, None at the ends; lags one item behind.
 
     Examples
     --------

@@ -65,10 +65,7 @@ class MemoryLimit:
     def check(
         self, name: str | os.PathLike[str], width: int, height: int, planes: int = 0, *, decoding: int = 0
     ) -> None:
-        """Raise `InputError`, which names the input, if frames of this size and number of layers' planes need more.
-
-        `decoding` is the bytes that are taken meanwhile to decode one frame.
-        """
+        """Raise `InputError` if frames of this size, planes of layers and bytes for decoding one frame need more."""
         need = _needed(width, height, planes) + decoding
         if need > self.bytes:
             layers = f" with {planes} planes of layers" if planes else ""

@@ -261,14 +261,7 @@ def interpolate_with_confidence(
     Returns
     -------
     InterpolatedImage
-        ``image``, and ``confidence``: (H, W) float32 in [0, 1].
-
-    Raises
-    ------
-    InputError
-        The two are not images of one size and type.
-    OptionError
-        The method is unknown, or `t` is out of range.
+        ``image``, and ``confidence``: (H, W) float32 in [0, 1]. Errors are those of `interpolate`.
 
     Examples
     --------

@@ -98,13 +98,13 @@ class Pair:
         return self._measured_match_score(self._cuts if isinstance(self._cuts, CutDetector) else CutDetector())
 
     def _measured_match_score(self, cuts: CutPolicy) -> float:
-        return self._results.cached(("match_score", cuts), lambda: self._measure_match_score(cuts))
+        def measure() -> float:
+            if self.illumination is None:
+                return cuts.match_score(self.image0, self.image1)
+            either = compensate_either(self.image0, self.image1, self.illumination)
+            return min(cuts.match_score(*thumbnails) for thumbnails in either)
 
-    def _measure_match_score(self, cuts: CutPolicy) -> float:
-        if self.illumination is None:
-            return cuts.match_score(self.image0, self.image1)
-        either = compensate_either(self.image0, self.image1, self.illumination)
-        return min(cuts.match_score(*thumbnails) for thumbnails in either)
+        return self._results.cached(("match_score", cuts), measure)
 
     def is_discontinuous(self, before: Pair | None = None, after: Pair | None = None) -> bool:
         """Return whether no motion connects the frames, given the pairs before and after if they are known."""

@@ -14,7 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Self
 
-from fpsboost.analysis.duplicates import SourceFrame, group_duplicates, group_singly
+from fpsboost.analysis.duplicates import SourceFrame, group_duplicates
 from fpsboost.contracts import FrameSource
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import ClipInfo, Frame
@@ -160,7 +160,7 @@ class Findings:
         """Yield the pairs between which a conversion would make frames."""
         last: SourceFrame | None = None
         detector, shown = interpolator.duplicates, self.shown(frames)
-        for group in group_singly(shown) if detector is None else group_duplicates(shown, detector):
+        for group in zip(shown) if detector is None else group_duplicates(shown, detector):
             self.duplicates += [repeat.frame.time for repeat in group[1:]]
             self.moments.append(group[0].frame.time)
             if last is not None:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpsboost.analysis.duplicates import DuplicateDetector, FrameGroup, SourceFrame, group_duplicates, group_singly
+from fpsboost.analysis.duplicates import DuplicateDetector, FrameGroup, SourceFrame, group_duplicates
 from fpsboost.contracts import (
     Cancellable,
     FrameSink,
@@ -44,9 +44,6 @@ from fpsboost.timing.schedule import Schedule, Step, rising_time
 
 FRAMES_PER_TASK = 4
 """Maximum number of output frames that one task makes."""
-
-READ_AHEAD = 1
-WRITE_BEHIND = 2
 
 
 def run_conversion(
@@ -108,7 +105,7 @@ def run_conversion(
             needs=Needs(sink.needs_confidence, sink.needs_motion) if isinstance(sink, TakesSideData) else Needs(),
             outputs=outputs,
         ) as frames,
-        write_behind(sink.write, WRITE_BEHIND, _cancel_of(sink)) as write,
+        write_behind(sink.write, 2, _cancel_of(sink)) as write,
     ):
         observer.ready()
         begin = time.perf_counter()
@@ -151,7 +148,7 @@ def interpolate_frames(
     outputs = outputs or OutputRange()
     detector = None if interpolator.needs_every_frame else interpolator.duplicates
     with (
-        read_ahead(source, READ_AHEAD, _cancel_of(source)) as arriving,
+        read_ahead(source, 1, _cancel_of(source)) as arriving,
         run_in_parallel(threads or available_cores(), _cancel_of(source)) as in_order,
     ):
         first = next(arriving, None)
@@ -367,7 +364,7 @@ def _output_frames(
 ) -> Iterator[_Output]:
     """Yield the output frames without durations, or the samples of each; note when the clip ends."""
     source, summary = clip.presented(frames), clip.summary
-    groups = group_singly(source) if detector is None else group_duplicates(source, detector, clip.step)
+    groups = zip(source) if detector is None else group_duplicates(source, detector, clip.step)
     scenes = 0
     for interval, begin, outputs in in_order(_tasks(clip, groups)):
         summary.frames_made += sum(each.is_new for each in outputs if each.number in clip.outputs)
@@ -420,10 +417,7 @@ def _exposed(outputs: Iterator[_Output]) -> Iterator[Frame]:
 
 
 def _tasks(clip: _LoopState, groups: Iterable[FrameGroup]) -> Iterator[Callable[[], _Part]]:
-    """Yield the tasks in order, one per part of an interval, so that many frames between two take no extra memory.
-
-    Lags one pair behind the source, because the motion of a pair depends on the next one.
-    """
+    """Yield the tasks in order, one per part of an interval, so that many frames between two take no extra memory."""
     for before, interval, after in with_neighbours(clip.intervals(groups)):
         if clip.outputs.is_past(interval.first_output - 2):  # two frames tell when the last one and its exposure end
             return

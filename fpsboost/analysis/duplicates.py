@@ -49,11 +49,6 @@ class DuplicateDetector:
         Maximum duration of a held picture in seconds; a longer one is a still. Animation on fours lasts 1/6.
     most : int
         Maximum number of frames of a held picture; this many are kept in memory.
-
-    Raises
-    ------
-    OptionError
-        A value is out of range.
     """
 
     noise: float = 6.0
@@ -144,12 +139,6 @@ FrameGroup = tuple[SourceFrame, ...]
 """Consecutive frames that show the same picture; nearly always one."""
 
 
-def group_singly(frames: Iterable[SourceFrame]) -> Iterator[FrameGroup]:
-    """Yield every frame as a group of its own."""
-    for source in frames:
-        yield (source,)
-
-
 def group_duplicates(
     frames: Iterable[SourceFrame], detector: DuplicateDetector, step: float = math.inf
 ) -> Iterator[FrameGroup]:
@@ -159,7 +148,7 @@ def group_duplicates(
     held picture may have.
     """
     for picture in find_pictures(frames, detector, step):
-        yield from group_singly(picture.frames) if picture.is_still else [picture.frames]
+        yield from zip(picture.frames) if picture.is_still else [picture.frames]
 
 
 def find_synchronised(

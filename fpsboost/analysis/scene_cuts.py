@@ -102,11 +102,6 @@ class CutDetector:
         strikes another pose in an animation stays below it.
     thumbnail_side : int
         Longer side of the thumbnails in pixels.
-
-    Raises
-    ------
-    OptionError
-        A value is out of range.
     """
 
     threshold: float = 0.5

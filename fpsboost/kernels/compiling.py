@@ -38,11 +38,6 @@ def told_of_compiling(tell: Callable[[], None]) -> Iterator[None]:
     """Call a function once, in the thread that compiles, before the first kernel that the cache does not hold.
 
     Compiling takes seconds, once on a machine: a program can tell its user why it waits.
-
-    Parameters
-    ----------
-    tell : callable
-        Called if anything is compiled while the block lasts.
     """
     waiting = [tell]
 

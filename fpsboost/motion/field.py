@@ -158,10 +158,7 @@ class Neighbour(NamedTuple):
 
 
 def accelerations_at_points(
-    onward: tuple[MotionField, MotionField],
-    away: tuple[MotionField, MotionField] | None,
-    ratio: float,
-    spacing: int,
+    onward: tuple[MotionField, MotionField], away: tuple[MotionField, MotionField] | None, ratio: float, spacing: int
 ) -> NDArray[Any]:
     """Estimate the acceleration at the frame that two neighbouring pairs share, at points `spacing` apart.
 

@@ -74,10 +74,7 @@ class Sources(NamedTuple):
         return values
 
     def depth(self, plane0: NDArray[Any], plane1: NDArray[Any]) -> NDArray[Any]:
-        """Return distances like `nearest`, but mixed by time where both frames have them on one surface.
-
-        Those on two surfaces are never mixed, which would be a point between them where nothing is.
-        """
+        """Return distances like `nearest`, mixed by time only on one surface: between two, there is nothing."""
         value0, value1 = (
             plane[place].astype(np.float32, copy=False)
             for plane, place in ((plane0, self.place0), (plane1, self.place1))

@@ -388,10 +388,7 @@ def _extremes(image: Image) -> tuple[np.float32, np.float32]:
 
 
 def _value_range(frame_pair: FramePair) -> tuple[np.float32, np.float32]:
-    """Return the range of values of a generated frame.
-
-    The spline overshoots, but no value of a float frame may be outside of the range of both frames.
-    """
+    """Return the range of a generated frame: the spline overshoots, but a float frame stays within that of both."""
     if frame_pair.image0.pixels.dtype != np.float32:
         return view(frame_pair.image0.pixels).value_range
     (lowest0, highest0), (lowest1, highest1) = (

@@ -53,10 +53,7 @@ class SurfaceMotion(NamedTuple):
         return mixed, squared
 
     def similarity(self, squared: NDArray[Any], scale: float) -> NDArray[Any]:
-        """Return how well the frames agree around each pixel, 0 to 1, and 0 where neither frame shows the surface.
-
-        `squared` is that of `mix`, and `scale` a factor on it.
-        """
+        """Return how well the frames agree around each pixel, 0 to 1, by the squared difference of `mix`, scaled."""
         alike = np.exp(cv2.blur(squared, (2, 2)) * np.float32(-scale))
         similarity: NDArray[Any] = cv2.blur(alike, (PATCH_SIZE, PATCH_SIZE))
         similarity[~(self.to_frame0[1] | self.to_frame1[1])] = 0
@@ -85,10 +82,7 @@ def find_surface_motion(image0: FrameCache, image1: FrameCache, t: float, vector
 
 
 def _seen_from(here: FrameVectors, there: FrameVectors, distance: int) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the motion of the in-between frame's pixels to another frame, and which of them that frame shows.
-
-    `distance` is the number of vectors to the other frame; negative if it is the earlier one.
-    """
+    """Return the motion of the in-between frame's pixels over some vectors, below 0 back, and which are seen there."""
     motion, back = _displacement(here, distance), _displacement(there, -distance)
     height, width = motion.shape[:2]
     rows, columns = np.arange(height), np.arange(width)

@@ -50,14 +50,6 @@ class Position:
 def format_time(seconds: Fraction) -> str:
     """Return seconds as players show them, to the millisecond; options that are positions read it.
 
-    Parameters
-    ----------
-    seconds : Fraction
-
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> format_time(Fraction(3723, 2))

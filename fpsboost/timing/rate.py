@@ -124,8 +124,12 @@ class OutputRate:
         factor = self.multiple
         if self.fps is None and not self.fill_gaps and (self.keep_timing or not has_clock):
             return ByFactor(factor)
-        if self.fps is None:
-            _check_density(info)
+        if self.fps is None and info.mean_rate is not None and is_implausible(info.rate, info.mean_rate):
+            raise InputError(
+                f"{info.name} plays at {float(info.rate):.6g} frames per second by its clock and holds "
+                f"{float(info.mean_rate):.3g} of them per second; say with `fps` how fast the output plays, such as "
+                "`fps=60`, or multiply the frames of each interval with `keep_timing`."
+            )
         rate = info.rate * factor if self.fps is None else self.fps * self.stretch
         if rate > MAX_RATE:
             raise OptionError(
@@ -137,9 +141,8 @@ class OutputRate:
     def timing(self, info: ClipInfo, schedule: Schedule) -> OutputTiming:
         """Return the rate and time base of the output."""
         base = schedule.time_base(info.time_base)
-        return OutputTiming(
-            schedule.rate(info.rate) / self.stretch, representable(base / self.stretch.denominator, base)
-        )
+        rate = schedule.rate(info.rate) / self.stretch
+        return OutputTiming(rate, representable(base / self.stretch.denominator, base))
 
     def remarks(self, info: ClipInfo, schedule: Schedule, frame_intervals: FrameIntervals) -> list[str]:
         """Return remarks on how the timing of the output differs from the source's, whose intervals are complete."""
@@ -147,14 +150,8 @@ class OutputRate:
             return []
         remarks = []
         if self.fps is None and frame_intervals.varies(info):
-            slowest, fastest, rate = (
-                float(rate)
-                for rate in (
-                    1 / frame_intervals.longest,
-                    1 / frame_intervals.shortest,
-                    schedule.frames_per_second / self.stretch,
-                )
-            )
+            slowest, fastest = (float(1 / each) for each in (frame_intervals.longest, frame_intervals.shortest))
+            rate = float(schedule.frames_per_second / self.stretch)
             remarks.append(
                 f"{info.name} varies from {slowest:.4g} to {fastest:.4g} frames per second; the output is constant at "
                 f"{rate:.5g}, and `keep_timing` keeps the rhythm."
@@ -167,18 +164,6 @@ class OutputRate:
                 f"the picture was {filled}, as in all pauses of more than {float(schedule.longest or 0):g} s."
             )
         return remarks
-
-
-def _check_density(info: ClipInfo) -> None:
-    """Raise InputError if the source's rate is implausible: nearly all frames would be made where nothing moves."""
-    mean = info.mean_rate
-    if mean is None or not is_implausible(info.rate, mean):
-        return
-    raise InputError(
-        f"{info.name} plays at {float(info.rate):.6g} frames per second by its clock and holds {float(mean):.3g} of "
-        "them per second; say with `fps` how fast the output plays, such as `fps=60`, or multiply the frames of each "
-        "interval with `keep_timing`."
-    )
 
 
 def stretched(frames: Iterable[Frame], stretch: Fraction, start: Fraction | None = None) -> Iterator[Frame]:

@@ -82,11 +82,6 @@ class ByFactor:
     factor : Fraction
         Output frames per source frame, 0 < factor <= 1000.
 
-    Raises
-    ------
-    OptionError
-        The factor is out of range.
-
     Examples
     --------
     >>> [float(step.time) for step in ByFactor(Fraction(5, 2)).steps(0, Fraction(0), Fraction(0), Fraction(1))]
@@ -132,11 +127,6 @@ class ByRate:
     longest : Fraction, optional
         Maximum seconds between two source frames for which frames are made between them; across a longer pause the
         first is repeated. No limit by default.
-
-    Raises
-    ------
-    OptionError
-        The rate is out of range.
 
     Examples
     --------
@@ -197,10 +187,7 @@ class ByRate:
 
 
 def rising_time(schedule: Schedule, start: Fraction, time: Fraction, last: Fraction | None) -> Fraction | None:
-    """Return `Schedule.presentation_time` of a source frame, but always later than the `last` one that this returned.
-
-    Return None if no later time is possible: two frames came at once.
-    """
+    """Return a `Schedule.presentation_time` later than the `last` one; None if two frames came at once."""
     snapped = schedule.presentation_time(start, time)
     if last is None or snapped > last:
         return snapped
