@@ -153,7 +153,7 @@ def convert(
 
     interpolator = cuts.applied_to(motion.interpolator(tuning))
 
-    announced = list[object]()
+    announced = list[str]()
 
     def run(input: str, output: str | None, place: str = "") -> None:
         target = input if output is None else output
@@ -188,11 +188,10 @@ def convert(
     of_one_clip += run_options.side.given
     if of_one_clip:
         raise OptionError(f"{' and '.join(of_one_clip)} goes with one clip; convert several inputs one by one.")
-    quiet, verbose = not messages.prints_text, messages.verbose
     if run_options.in_place:
-        convert_all(inputs, [None] * len(inputs), run, quiet=quiet, verbose=verbose)
+        convert_all(inputs, [None] * len(inputs), run, messages)
     else:
-        convert_each(inputs, paths[-1], run, quiet=quiet, verbose=verbose)
+        convert_each(inputs, paths[-1], run, messages)
 
 
 app.command(
@@ -215,12 +214,7 @@ app.command(
 app.command("fpsboost.cli.plan:merge", help="Put rendered regions into interpolated frames.", help_epilogue="")
 
 
-@app.command(
-    name="join",
-    help="Join the parts of a conversion.",
-    usage="Usage: fpsboost join [OPTIONS] OUT PART...",
-    help_epilogue="",
-)
+@app.command(name="join", usage="Usage: fpsboost join [OPTIONS] OUT PART...", help_epilogue="")
 @with_flags
 def join(
     output: Annotated[PathName, Parameter(name="OUT")],
@@ -260,7 +254,6 @@ app.command("fpsboost.cli.doctor:doctor", help="Check whether fpsboost works on 
 
 
 @app.command(
-    help="Print the completion script of a shell.",
     help_epilogue="bash: source <(fpsboost completion bash), in ~/.bashrc\n"
     "zsh: fpsboost completion zsh > ~/.zfunc/_fpsboost, with fpath+=~/.zfunc in ~/.zshrc\n"
     "fish: fpsboost completion fish > ~/.config/fish/completions/fpsboost.fish",
@@ -392,9 +385,8 @@ def standard_output_finished() -> Iterator[None]:
         if sys.stdout is not None:  # closed
             sys.stdout.flush()
     except OSError as error:
-        if (
-            error.filename is None and sys.stdout is not None
-        ):  # neither do errors of other files have a name, but those are explained
+        # errors of other files have no name either, but those are explained
+        if error.filename is None and sys.stdout is not None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python still flushes
         if isinstance(error, BrokenPipeError):
             raise ReaderGoneError from None

@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from fpsboost.cli.messages import console, literal, say_error, say_traceback, sentence
+from fpsboost.cli.options import MessageOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained
 from fpsboost.io.animation.sink import ANIMATION_SUFFIXES
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
@@ -65,12 +66,8 @@ def _choose_output(path: str, folder: Path) -> str:
     return str(folder / f"{Path(path).stem}{suffix}")
 
 
-def convert_each(inputs: Sequence[str], folder: str, convert: Convert, *, quiet: bool, verbose: bool) -> None:
-    """Convert every input into a folder and print how many failed; exit with code 1 if any did.
-
-    The folder is made if it is missing, and removed again if it is still empty at the end. An error of one input is
-    printed, and the next one follows.
-    """
+def convert_each(inputs: Sequence[str], folder: str, convert: Convert, options: MessageOptions) -> None:
+    """Convert every input into a folder, which is made if missing, and removed again if it is empty at the end."""
     outputs = plan_outputs(inputs, folder)
     is_new = not os.path.isdir(folder)
     if is_new and not os.path.isdir(Path(folder).absolute().parent):
@@ -78,7 +75,7 @@ def convert_each(inputs: Sequence[str], folder: str, convert: Convert, *, quiet:
     with explained(OutputError, "make the folder", folder, "check the path and the permissions"):
         Path(folder).mkdir(exist_ok=True)
     try:
-        convert_all(inputs, outputs, convert, quiet=quiet, verbose=verbose)
+        convert_all(inputs, outputs, convert, options)
     finally:
         if is_new:
             with suppress(OSError):
@@ -86,9 +83,9 @@ def convert_each(inputs: Sequence[str], folder: str, convert: Convert, *, quiet:
 
 
 def convert_all(
-    inputs: Sequence[str], outputs: Sequence[str | None], convert: Convert, *, quiet: bool, verbose: bool
+    inputs: Sequence[str], outputs: Sequence[str | None], convert: Convert, options: MessageOptions
 ) -> None:
-    """Convert every input to its output, or into its own folder where that is None; see `convert_each`."""
+    """Convert every input to its output, or into its own folder where that is None; exit with code 1 if one fails."""
     messages = console()
     done, failed = 0, []
     try:
@@ -97,11 +94,11 @@ def convert_all(
                 convert(path, output, f"{number}/{len(inputs)} ")
                 done += 1
             except CompleteAlreadyError as already:
-                if not quiet:
+                if options.prints_text:
                     messages.print(sentence(str(already)))
                 done += 1
             except FpsboostError as error:
-                if verbose:
+                if options.verbose:
                     say_traceback()
                 say_error(messages, error)
                 failed.append(path)
@@ -111,5 +108,5 @@ def convert_all(
     if failed:
         messages.print(f"[red]fpsboost:[/] {len(failed)} of {len(inputs)} inputs failed: {literal(', '.join(failed))}.")
         sys.exit(1)
-    if not quiet:
+    if options.prints_text:
         messages.print(f"All {len(inputs)} inputs were converted.")

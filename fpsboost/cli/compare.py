@@ -6,11 +6,12 @@ import math
 import os
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -229,21 +230,17 @@ def tables(comparison: Comparison) -> list[Table]:
     from fpsboost.evaluation.report.styles import break_name  # noqa: PLC0415
 
     ranked = sorted(comparison.methods, key=lambda method: -comparison.means(method).psnr)
-    overall = Table(
-        Column("method", overflow="fold"),
-        title=f"{literal(comparison.clip)}: {len(comparison.hidden)} frames of {comparison.kind}",
-    )
-    by_area = Table(Column("MAE", overflow="fold"), title="where the errors are")
-    for name in ("PSNR", "PSNR P5", "SSIM", "MAE", "MSE", "s/frame", "CPU s"):
-        overall.add_column(name, justify="right")
+    title = f"{literal(comparison.clip)}: {len(comparison.hidden)} frames of {comparison.kind}"
+    overall = figure_table("method", title, ["PSNR", "PSNR P5", "SSIM", "MAE", "MSE", "s/frame", "CPU s"])
+    by_area = figure_table("MAE", "where the errors are", chain.from_iterable(comparison.areas))
     areas = [area for area, _ in comparison.areas]
-    for area, outside in comparison.areas:
-        by_area.add_column(area, justify="right")
-        by_area.add_column(outside, justify="right")
     for place, method in enumerate(ranked):
         style = "bold green" if place == 0 and len(ranked) > 1 else ""
         name = "\n".join(map(literal, break_name(method.name)))
-        overall.add_row(name, *overall_cells(comparison, method), style=style)
+        scores, seconds = comparison.means(method), comparison.mean_seconds(method)
+        cells = [f"{scores.psnr:.2f}", f"{comparison.low_psnr(method):.2f}", f"{scores.ssim:.4f}", f"{scores.mae:.2f}"]
+        cells += [f"{scores.mse:.1f}", *("-" if math.isnan(value) else f"{value:.3f}" for value in seconds)]
+        overall.add_row(name, *cells, style=style)
         errors = [comparison.mean_error(method, *pair) for pair in product(areas, (True, False))]
         by_area.add_row(name, *("-" if math.isnan(error) else f"{error:.2f}" for error in errors), style=style)
     all_tables = [overall]
@@ -254,13 +251,17 @@ def tables(comparison: Comparison) -> list[Table]:
     return all_tables
 
 
+def figure_table(name: str, title: str, figures: Iterable[str]) -> Table:
+    """Return a table with a column of names and columns of figures."""
+    return Table(Column(name, overflow="fold"), *(Column(figure, justify="right") for figure in figures), title=title)
+
+
 def table_of_means(comparisons: Sequence[Comparison]) -> Table:
     """Return the PSNR of every method on every clip, and the means over the clips, best method first."""
     from fpsboost.evaluation.report.styles import break_name  # noqa: PLC0415
     from fpsboost.evaluation.verdict import means_over_clips  # noqa: PLC0415
 
-    table = Table(Column("PSNR", overflow="fold"), title=f"{len(comparisons)} clips")
-    table.add_column("mean", justify="right")
+    table = figure_table("PSNR", f"{len(comparisons)} clips", ["mean"])
     for comparison in comparisons:
         table.add_column(literal(Path(comparison.clip).name), justify="right", overflow="fold")
     for place, means in enumerate(sorted(means_over_clips(comparisons), key=lambda means: -means.mean)):
@@ -275,27 +276,12 @@ def further_table(comparison: Comparison, ranked: Sequence[MethodResult]) -> Tab
     from fpsboost.evaluation.further_metrics import metrics  # noqa: PLC0415
     from fpsboost.evaluation.report.styles import break_name  # noqa: PLC0415
 
-    table = Table(Column("method", overflow="fold"), title="further metrics")
-    for name in comparison.metrics:
-        table.add_column(metrics[name].title, justify="right")
+    table = figure_table("method", "further metrics", [metrics[name].title for name in comparison.metrics])
     for method in ranked:
         values = comparison.further(method).items()
         cells = ["-" if math.isnan(value) else f"{value:.{metrics[name].digits}f}" for name, value in values]
         table.add_row("\n".join(map(literal, break_name(method.name))), *cells)
     return table
-
-
-def overall_cells(comparison: Comparison, method: MethodResult) -> list[str]:
-    """Return a method's quality and cost, as cells of the table."""
-    scores, seconds = comparison.means(method), comparison.mean_seconds(method)
-    return [
-        f"{scores.psnr:.2f}",
-        f"{comparison.low_psnr(method):.2f}",
-        f"{scores.ssim:.4f}",
-        f"{scores.mae:.2f}",
-        f"{scores.mse:.1f}",
-        *("-" if math.isnan(value) else f"{value:.3f}" for value in seconds),
-    ]
 
 
 def remarks(comparison: Comparison, contestants: Mapping[str, Contestant]) -> list[str]:
@@ -313,28 +299,19 @@ def remarks(comparison: Comparison, contestants: Mapping[str, Contestant]) -> li
     return lines
 
 
-class Progressing:
+class Progressing(ExitStack):
     """Progress display of a long run on a terminal: the current task, a bar and the time left."""
 
     def __init__(self, *, quiet: bool) -> None:
+        super().__init__()
         console = Console(stderr=True)
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TextColumn("{task.completed} frames"),
-            TimeRemainingColumn(compact=True),
-            console=console,
-            transient=True,
-            disable=quiet or not console.is_terminal,
+        columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} frames")
+        hidden = quiet or not console.is_terminal
+        progress = Progress(
+            *columns, TimeRemainingColumn(compact=True), console=console, transient=True, disable=hidden
         )
+        self._progress = self.enter_context(progress)
         self._task: TaskID | None = None
-
-    def __enter__(self) -> Progressing:
-        self._progress.start()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._progress.stop()
 
     def begin(self, name: str, frames: int | None) -> None:
         self._task = self._progress.add_task(literal(name), total=frames)

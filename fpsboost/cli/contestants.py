@@ -124,11 +124,7 @@ class Others(NamedTuple):
     def contestants(
         self, intervals: Callable[[], Iterable[Interval]], scratch: Path, begin: Callable[[str, None], None]
     ) -> Iterator[tuple[str, Contestant]]:
-        """Match the folders to the clip and run the commands, before anything else because failures occur here.
-
-        `intervals` reads the clip. `scratch` is a folder for the files of commands, which must exist as long as the
-        frames are needed. `begin` is called with the name of each tool at its turn.
-        """
+        """Match the folders to the clip of `intervals`, and run the commands, whose frames stay in `scratch`."""
         from fpsboost.evaluation.peers import find_frames, run_peer  # noqa: PLC0415
 
         for name, folder in self.folders.items():

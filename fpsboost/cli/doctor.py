@@ -7,16 +7,13 @@ import sys
 from dataclasses import asdict
 from itertools import groupby
 from operator import attrgetter
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Group, Parameter
 from rich.console import Console
 from rich.table import Table
 
 from fpsboost.cli.messages import console, literal
-
-if TYPE_CHECKING:
-    from fpsboost.diagnosis import Finding
 
 MAX_WIDTH = 100
 
@@ -41,7 +38,16 @@ def doctor(*, json: Annotated[bool, Parameter(group=options)] = False) -> None:
     else:
         out = Console(highlight=False)
         out.width = min(out.width, MAX_WIDTH)
-        out.print(table_of(findings))
+        table = Table(box=None, pad_edge=False, show_header=False)
+        table.add_column(style="bold", no_wrap=True)
+        table.add_column(style="dim", no_wrap=True)
+        table.add_column(overflow="fold")
+        table.add_column(no_wrap=True)
+        for part, group in groupby(findings, key=attrgetter("part")):
+            for place, finding in enumerate(group):
+                state = "[red]fails[/]" if finding.advice else "[green]ok[/]"
+                table.add_row(part if place == 0 else "", finding.name, literal(finding.value), state)
+        out.print(table)
         if not broken:
             out.print("[green]Everything works.[/]")
     errors = console()
@@ -49,17 +55,3 @@ def doctor(*, json: Annotated[bool, Parameter(group=options)] = False) -> None:
         errors.print(f"[red]fpsboost:[/] {literal(finding.advice)}")
     if broken:
         sys.exit(1)
-
-
-def table_of(findings: list[Finding]) -> Table:
-    """Return a table with one row a finding, under the name of its part."""
-    table = Table(box=None, pad_edge=False, show_header=False)
-    table.add_column(style="bold", no_wrap=True)
-    table.add_column(style="dim", no_wrap=True)
-    table.add_column(overflow="fold")
-    table.add_column(no_wrap=True)
-    for part, group in groupby(findings, key=attrgetter("part")):
-        for place, finding in enumerate(group):
-            state = "[red]fails[/]" if finding.advice else "[green]ok[/]"
-            table.add_row(part if place == 0 else "", finding.name, literal(finding.value), state)
-    return table

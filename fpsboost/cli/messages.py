@@ -73,19 +73,13 @@ def say_traceback() -> None:
 
 def _escape_controls(text: str, kept: Collection[str] = ()) -> str:
     """Return the text with Python escapes for control characters."""
-    return "".join(ascii(letter)[1:-1] if letter not in kept and _is_control(letter) else letter for letter in text)
-
-
-def _is_control(letter: str) -> bool:
-    return letter in BIDI_CONTROLS or unicodedata.category(letter) in CONTROL_CATEGORIES
+    escaped = {letter for letter in text if unicodedata.category(letter) in CONTROL_CATEGORIES} | BIDI_CONTROLS
+    return "".join(ascii(letter)[1:-1] if letter in escaped and letter not in kept else letter for letter in text)
 
 
 @contextmanager
 def library_prints_apart() -> Iterator[None]:
-    """Have what libraries print from Python join what they write from C: standard output may be a video.
-
-    OpenEXR prints a warning for a damaged file.
-    """
+    """Have what libraries print from Python, as OpenEXR does, join what they write from C: a video may be printed."""
     try:
         descriptor = os.dup(STANDARD_ERROR)
     except OSError:  # there is no standard error

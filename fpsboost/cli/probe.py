@@ -72,7 +72,12 @@ def probe(
     console.print(f"[bold]{literal(result.name)}[/]")
     if result.streams:
         console.print(stream_table(result.streams))
-    console.print(fact_table(result))
+    table = Table(box=None, pad_edge=False, show_header=False)
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column(overflow="fold")
+    for name, value in facts(result).items():
+        table.add_row(name, literal(value))
+    console.print(table)
     for remark in [*result.remarks, *result.conversion.remarks]:
         console.print(f"[yellow]Note:[/] {literal(remark)}")
 
@@ -88,18 +93,8 @@ def stream_table(streams: list[StreamFacts]) -> Table:
     return table
 
 
-def fact_table(result: Probe) -> Table:
-    """Return a table of everything else, one name and value per row."""
-    table = Table(box=None, pad_edge=False, show_header=False)
-    table.add_column(style="dim", no_wrap=True)
-    table.add_column(overflow="fold")
-    for name, value in facts(result).items():
-        table.add_row(name, literal(value))
-    return table
-
-
 def facts(result: Probe) -> dict[str, str]:
-    """Return names and values as readable text."""
+    """Return the names and values of everything but streams as readable text."""
     conversion = result.conversion
     every = "" if result.declared_frames in (None, result.frames) else f" of the {result.declared_frames} declared"
     lines = {"size": f"{result.width}x{result.height}", **(look_lines(result.look) if result.look else {})}

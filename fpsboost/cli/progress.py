@@ -40,7 +40,7 @@ def collect_from_here_on() -> None:
 class Reporter(ExitStack):
     """Observer that shows a conversion: a bar on a terminal, nothing when piped, a summary at the end."""
 
-    def __init__(self, output: str, *, quiet: bool, verbose: bool, announced: list[Any] | None = None) -> None:
+    def __init__(self, output: str, *, quiet: bool, verbose: bool, announced: list[str] | None = None) -> None:
         super().__init__()
         self._announced = [] if announced is None else announced
         self._console = console(quiet=quiet)
@@ -67,7 +67,7 @@ class Reporter(ExitStack):
         if self._verbose:
             count = "an unknown number of" if info.frame_count is None else info.frame_count
             self._say(f"{info.name}: {info.width}x{info.height}, {count} frames at {readable(info.rate)} fps")
-        self.enter_context(told_of_compiling(self._say_compiling_once))
+        self.enter_context(told_of_compiling(self._say_compiling))
         self._task = self._progress.add_task(
             literal(self._output), total=expected_frames, start=False, frames=expected_frames or "?"
         )
@@ -112,13 +112,11 @@ class Reporter(ExitStack):
         for remark in summary.remarks:
             self._say(f"Note: {remark}")
 
-    def _say_compiling_once(self) -> None:
-        if not self._announced:
-            self._announced.append(self._say_compiling)
-            self._say_compiling()
-
     def _say_compiling(self) -> None:
-        self._say("Compiling for this machine, once; later runs start at once.")
+        text = "Compiling for this machine, once; later runs start at once."
+        if text not in self._announced:
+            self._announced.append(text)
+            self._say(text)
 
     def _say(self, text: str) -> None:
         self._console.print(sentence(text))
@@ -170,12 +168,9 @@ class JsonReporter(ExitStack):
 
 
 def reporter_of(
-    output: str, messages: MessageOptions, place: str = "", announced: list[Any] | None = None
+    output: str, messages: MessageOptions, place: str = "", announced: list[str] | None = None
 ) -> Reporter | JsonReporter:
-    """Return the observer that the options ask for; `place` comes before the output's name, such as ``2/5``.
-
-    Reporters that share a list of what was `announced` say once that kernels are compiled.
-    """
+    """Return the observer that the options ask for; `place` precedes the output; what was `announced` is not again."""
     if messages.progress == "json":
         return JsonReporter(output)
     return Reporter(place + output, quiet=messages.quiet, verbose=messages.verbose, announced=announced)

@@ -71,12 +71,6 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def _proposing(kind: Any, choices: tuple[str, ...]) -> Any:
-    """Return a type that is parsed like one of texts, and for which a shell proposes choices."""
-    proposed = Literal[choices] | str  # type: ignore[valid-type]
-    return tuple[proposed, ...] if get_origin(kind) is tuple else proposed
-
-
 def parameter_of(flag: Flag, group: Group | None) -> inspect.Parameter:
     """Return the parameter of a command that takes a flag's value, or its text if the library parses it."""
     kind, default, metavar = flag.kind, flag.default, flag.option.metavar
@@ -90,7 +84,8 @@ def parameter_of(flag: Flag, group: Group | None) -> inspect.Parameter:
         if metavar in PATH_METAVARS:
             kind |= Path
         if flag.option.choices:
-            kind = _proposing(kind, flag.option.choices)
+            proposed: Any = Literal[flag.option.choices] | str  # parsed like a text, with choices for a shell
+            kind = tuple[proposed, ...] if get_origin(kind) is tuple else proposed
     more = Parameter(
         name=[flag.name, f"-{flag.option.short}"] if flag.option.short else flag.name,
         help=in_flags(flag.option.help),

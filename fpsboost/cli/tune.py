@@ -48,7 +48,7 @@ def tune(
     quiet
         Print the options only.
     """
-    from fpsboost.evaluation.tune import check_drawable, draw_tuning  # noqa: PLC0415
+    from fpsboost.evaluation.tune import DEFAULT, check_drawable, draw_tuning  # noqa: PLC0415
     from fpsboost.evaluation.tune import tune as run  # noqa: PLC0415
 
     console = Console(highlight=False)
@@ -66,9 +66,15 @@ def tune(
         console.print(literal(f"{input}, frames {numbers}: mean squared error, levels of 255; CPU seconds a frame."))
         for name, trials in tuning.sweeps.items():
             console.print(table(name, trials, tuning))
-        console.print(literal(beside_the_default(tuning)))
+        best, default = tuning.best, tuning.default
+        other = "with its own values" if tuning.method == DEFAULT else f"the default, {DEFAULT},"
+        with_these = (
+            f"With these, {tuning.method} has an MSE of {best.mse:.2f} at {best.cpu_seconds:.2f} CPU s a frame;"
+        )
+        console.print(literal(f"{with_these} {other} {default.mse:.2f} at {default.cpu_seconds:.2f}."))
         console.print("In a comparison:")
-        console.print(literal(f"-m {as_method(tuning)}"), soft_wrap=True)
+        options = ",".join(f"{name.replace('_', '-')}={value}" for name, value in tuning.best.options.items())
+        console.print(literal(f"-m {tuning.method}:{options}"), soft_wrap=True)
         console.print("In a conversion:")
     console.print(literal(as_options(tuning)), soft_wrap=True)
 
@@ -95,24 +101,6 @@ def table(name: str, trials: list[Trial], tuning: Tuning) -> Table:
             style="bold green" if is_best else "",
         )
     return sweep_table
-
-
-def beside_the_default(tuning: Tuning) -> str:
-    """Return a sentence that compares the method with the options found and the default method."""
-    from fpsboost.evaluation.tune import DEFAULT  # noqa: PLC0415
-
-    best, default = tuning.best, tuning.default
-    other = "with its own values" if tuning.method == DEFAULT else f"the default, {DEFAULT},"
-    return (
-        f"With these, {tuning.method} has an MSE of {best.mse:.2f} at {best.cpu_seconds:.2f} CPU s a frame; "
-        f"{other} {default.mse:.2f} at {default.cpu_seconds:.2f}."
-    )
-
-
-def as_method(tuning: Tuning) -> str:
-    """Return the method with its options, as text for ``compare --methods``."""
-    options = ",".join(f"{name.replace('_', '-')}={value}" for name, value in tuning.best.options.items())
-    return f"{tuning.method}:{options}"
 
 
 def as_options(tuning: Tuning) -> str:

@@ -136,10 +136,7 @@ def _as_duration(seconds: float) -> str:
 
 
 def write_video(path: str, preview: Preview, *, overwrite: bool = False) -> None:
-    """Write every passage at full and at quarter speed, at the rate of the output, without sound.
-
-    Frames of the source are repeated until the next one is due.
-    """
+    """Write every passage at full and at quarter speed, at the rate of the output, without sound."""
     check_video(Target.parse(path), overwrite=overwrite)
     parts = [(views, speed) for views in preview.views() for speed in SPEEDS]
     counts = [round(views["before"].end * preview.stretch / speed * preview.rate) for views, speed in parts]
