@@ -53,9 +53,9 @@ class PartFolder(StagingDirectory):
             os.replace(self._part.folder, self.folder / REPLACED)
         self.publish(self._part.folder)
 
-    def leave_part(self, error: BaseException | None, frames: int) -> None:
-        """Release the hidden folder; after an error, keep the number of finished frames if a later run can resume."""
-        self.leave(error, frames, self._part.frames)
+    def leave(self, error: BaseException | None, frames: int, expected: int | None, *, stays: bool = False) -> None:
+        """Release the hidden folder as any other, and remove the folder of all parts if it holds none."""
+        super().leave(error, frames, expected, stays=stays)
         remove_if_empty(self._part.folder.parent)
 
 

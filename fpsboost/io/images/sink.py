@@ -54,16 +54,22 @@ class ImageNames:
 
 
 class NumberedSink(StagedSink):
-    """What a sink for all images and one for a part share: images grow in the hidden folder `staged`."""
+    """What a sink for all images and one for a part share: images grow in a hidden folder."""
 
     holds_last_frame = False
 
-    def __init__(self, output: Output, names: ImageNames, target: str, staged: Path) -> None:
-        self.names, self._target, self._staged = names, target, staged
+    def __init__(self, output: Output, names: ImageNames, unfinished: StagingDirectory) -> None:
+        self.names, self._unfinished = names, unfinished
+        self._target, self._staged = unfinished.name, unfinished.staged
         self._encoder = ImageEncoder(output.path, output.stream.images, anew=names.is_anew)
         self._originals = set[str]()
         self._written: list[str] = []
         self._frames = 0
+
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences about what the files could not hold."""
+        return [*self._unfinished.remarks, *self.names.remarks, *self._encoder.remarks]
 
     def _count_finished(self) -> int:
         there, count = {*os.listdir(self._staged), *self._originals}, 0
@@ -126,17 +132,11 @@ class ImageSink(NumberedSink):
             else:
                 called = folder.name if self._is_new else IN_EXISTING_FOLDER
             place = hidden_place(folder.parent if self._is_new else folder, called)
-            self._unfinished = StagingDirectory(place, "output", path, output.job)
             self._replaced, self._moving = place / "replaced", place / MOVING
-            super().__init__(output, names, path, self._unfinished.staged)
+            super().__init__(output, names, StagingDirectory(place, "output", path, output.job))
             if images is not None and output.in_place:
                 self._originals = {file.name for file in images.files}
             self._refuse_existing()
-
-    @property
-    def remarks(self) -> list[str]:
-        """Sentences about what the files could not hold."""
-        return [*self._unfinished.remarks, *self.names.remarks, *self._encoder.remarks]
 
     def _refuse_inputs(self, path: str, images: NumberedImages) -> None:
         """Raise `OutputError` if the output would overwrite an input, also via links or case."""
@@ -261,13 +261,9 @@ class ImagePartSink(NumberedSink):
         assert output.part is not None
         names = _names_of(output)
         _check_type(output, names)
-        self._folder = PartFolder(output)
+        self._folder, self._frame_count = PartFolder(output), output.part.frames
         names = replace(names, first=names.first + output.part.first * names.step)
-        super().__init__(output, names, self._folder.name, self._folder.staged)
-
-    @property
-    def remarks(self) -> list[str]:
-        return [*self._folder.remarks, *self.names.remarks, *self._encoder.remarks]
+        super().__init__(output, names, self._folder)
 
     def __enter__(self) -> Self:
         with self._explained():
@@ -280,7 +276,7 @@ class ImagePartSink(NumberedSink):
         self._folder.publish_part()
 
     def _leave(self, error: BaseException | None) -> None:
-        self._folder.leave_part(error, max(self.completed_frames, self._frames))
+        self._folder.leave(error, max(self.completed_frames, self._frames), self._frame_count)
 
 
 def _check_type(output: Output, names: ImageNames) -> None:

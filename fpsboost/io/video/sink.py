@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Self
@@ -52,13 +51,13 @@ class ChunkSink(StagedSink):
 
     holds_last_frame = True
 
-    def __init__(self, output: Output, name: str, chunk_frames: int) -> None:
-        self._output, self._name, self._chunk_frames = output, name, chunk_frames
+    def __init__(self, output: Output, unfinished: StagingDirectory, folder: Path, chunk_frames: int) -> None:
+        self._output, self._name, self._chunk_frames = output, unfinished.name, chunk_frames
+        self._unfinished, self._folder = unfinished, folder
         self._container = container_of(output)
         codec, _ = self._choose_encoder(output.stream.traits)
         # what the container cannot hold is known before any frame is encoded
         self._fitting = fit_streams(output, codec, self._container)
-        self._folder: Path
         self._chunks: list[Chunk] = []
         self._first_chunk = 0 if output.part is None else output.part.first // chunk_frames
         self._encoder: VideoEncoder | None = None
@@ -71,7 +70,8 @@ class ChunkSink(StagedSink):
 
     @property
     def remarks(self) -> list[str]:
-        return [*(self._encoder.remarks if self._encoder else []), *self._remarks]
+        encoding = self._encoder.remarks if self._encoder else []
+        return [*self._unfinished.remarks, *encoding, *self._remarks]
 
     @property
     def details(self) -> str:
@@ -81,7 +81,7 @@ class ChunkSink(StagedSink):
         try:
             with self._explained():
                 # Created at once, so that a folder without write permission is detected before any work is done.
-                self._folder = self._open()
+                self._unfinished.open()
                 self._chunks = find_chunks(self._folder, self._first_chunk)
                 self.completed_frames = self._frames_finished
                 if self._output.stream.traits is not None:
@@ -116,10 +116,6 @@ class ChunkSink(StagedSink):
                 end = round((frame.time + frame.duration) / time_base)
                 self._encode(encoder, frame, pts, max(1, end - pts))
 
-    @abstractmethod
-    def _open(self) -> Path:
-        """Return the folder for the chunks, which is locked for this run."""
-
     def _explained(self) -> contextlib.AbstractContextManager[None]:
         return explained_writing(self._name)
 
@@ -134,6 +130,9 @@ class ChunkSink(StagedSink):
             self._writer.discard()
         if self._encoder is not None:
             self._encoder.close()
+        part = self._output.part
+        expected = self._output.expected_frames if part is None else part.frames
+        self._unfinished.leave(error, self._frames_finished, expected)
 
     @property
     def _frames_finished(self) -> int:
@@ -188,20 +187,20 @@ class VideoSink(ChunkSink):
     def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:
         self._path, files = Path(output.path), output.stream.files
         place = hidden_place(self._path.parent, self._path.name)
-        self._unfinished = StagingDirectory(place, f"output{self._path.suffix.lower()}", output.path, output.job)
+        unfinished = StagingDirectory(place, f"output{self._path.suffix.lower()}", output.path, output.job)
         resumes = output.job is not None and output.job.resume and not output.overwrite
         is_input = self._path.exists() and any(path.exists() and self._path.samefile(path) for path in files)
-        if resumes and self._path.is_file() and not is_input and not self._unfinished.is_pending:
-            self._unfinished.remove_leftovers()
+        if resumes and self._path.is_file() and not is_input and not unfinished.is_pending:
+            unfinished.remove_leftovers()
             raise CompleteAlreadyError(complete_already(output.path))
         check_writable(self._path, output.path, files, output.overwrite)
-        super().__init__(output, output.path, chunk_frames)
+        super().__init__(output, unfinished, unfinished.folder, chunk_frames)
         self._assembly: Assembly | None = None
 
     @property
     def remarks(self) -> list[str]:
         later = self._assembly.remarks if self._assembly else []
-        return [*self._unfinished.remarks, *super().remarks, *later]
+        return [*super().remarks, *later]
 
     def join(self, chunks: Sequence[Chunk], traits: VideoTraits) -> None:
         """Take chunks that were encoded elsewhere, all of the output's, instead of frames."""
@@ -209,10 +208,6 @@ class VideoSink(ChunkSink):
             if self._encoder is None:
                 self._start(traits)
         self._chunks = list(chunks)
-
-    def _open(self) -> Path:
-        self._unfinished.open()
-        return self._unfinished.folder
 
     def _start(self, traits: VideoTraits) -> av.VideoStream:
         template = super()._start(traits)  # the file's header is written at once
@@ -227,10 +222,9 @@ class VideoSink(ChunkSink):
         self._unfinished.publish(self._path)
 
     def _leave(self, error: BaseException | None) -> None:
-        super()._leave(error)
         if self._assembly is not None:
             self._assembly.discard()
-        self._unfinished.leave(error, self._frames_finished, self._output.expected_frames)
+        super()._leave(error)
 
 
 class VideoPartSink(ChunkSink):
@@ -239,25 +233,13 @@ class VideoPartSink(ChunkSink):
     The part begins with a chunk; the output's path is that of the whole video.
     """
 
-    def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:
+    def __init__(self, output: Output) -> None:
         self._part = PartFolder(output)
-        super().__init__(output, self._part.name, chunk_frames)
-
-    @property
-    def remarks(self) -> list[str]:
-        return [*self._part.remarks, *super().remarks]
-
-    def _open(self) -> Path:
-        self._part.open()
-        return self._part.staged
+        super().__init__(output, self._part, self._part.staged, CHUNK_FRAMES)
 
     def _finish(self) -> None:
         self._finish_chunk()
         self._part.publish_part()
-
-    def _leave(self, error: BaseException | None) -> None:
-        super()._leave(error)
-        self._part.leave_part(error, self._frames_finished)
 
 
 def container_of(output: Output) -> str:
