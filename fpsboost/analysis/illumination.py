@@ -61,6 +61,9 @@ LOCAL_MIN_DETAIL = 0.1
 LOCAL_CONSISTENCY_TOLERANCE = 1.5
 """Limit of the forward-backward error of motion that confirms a change of light, pixels of the copies."""
 
+LOCAL_MIN_SCORE = 0.75
+"""Minimum mean similarity under equal light: gains that differ from place to place make unrelated scenes look alike."""
+
 DARK = 0.02
 """Brightness below which the ratio of two colours says little; 1 is white."""
 
@@ -121,12 +124,16 @@ def _estimate_in_part(
     image0: FrameCache, image1: FrameCache, everywhere: IlluminationModel
 ) -> IlluminationModel | None:
     """Estimate the change of light that only part of the picture has, on top of one that it shares; None if none."""
+    if max(image0.pixels.shape[:2]) < LOCAL_SIDES[-1]:  # a texture of so few pixels is as smooth as light
+        return None
     for side in LOCAL_SIDES:
         small0, small1 = (image.cached(small_copy, side) for image in (image0, image1))
         gain = _find_local_gain(small0, everywhere.undo(small1))
         if gain is None:
             return None
-    return IlluminationModel(gain * everywhere.gain, gain * everywhere.offset)
+    model = IlluminationModel(gain * everywhere.gain, gain * everywhere.offset)
+    small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
+    return model if min(_measure_similarity(small0, small1, model)) > LOCAL_MIN_SCORE else None
 
 
 def _estimate_everywhere(image0: FrameCache, image1: FrameCache) -> IlluminationModel | None:
