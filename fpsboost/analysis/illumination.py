@@ -61,7 +61,7 @@ LOCAL_MIN_DETAIL = 0.1
 LOCAL_CONSISTENCY_TOLERANCE = 1.5
 """Limit of the forward-backward error of motion that confirms a change of light, pixels of the copies."""
 
-LOCAL_MIN_SCORE = 0.75
+LOCAL_MIN_SCORE = 0.7
 """Minimum mean similarity under equal light: gains that differ from place to place make unrelated scenes look alike."""
 
 DARK = 0.02
