@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -45,6 +46,47 @@ class HasBeginning(Protocol):
     @property
     def beginning(self) -> SourcePosition:
         """Position of the part's first frame in its clip; valid when that has been read."""
+
+
+@runtime_checkable
+class RandomAccess(Protocol):
+    """Contract: source that knows when its frames are shown without decoding them, and can begin at any of them."""
+
+    def frame_times(self) -> Sequence[Fraction] | None:
+        """Return the times of all frames in order, seconds; None if only decoding tells. Before the first is read.
+
+        They are exactly those that iterating yields: iterating raises `InputError` at a frame that has another time.
+        """
+
+    def begin_at(self, number: int) -> None:
+        """Begin reading at a frame, counted from 0. Before the first is read.
+
+        Frames are those of reading from the start, bit by bit; where that needs the frames before, they are decoded and
+        dropped, and a remark says why. Raises `InputError`, here or while iterating, if there is no such frame.
+        """
+
+
+@runtime_checkable
+class Stoppable(Protocol):
+    """Contract: source that may end where its clip changes in a way that a conversion refuses."""
+
+    @property
+    def stopped_by(self) -> str | None:
+        """Sentence about the first such change among the frames read so far; None if there was none."""
+
+
+class ClosesOnExit(ABC):
+    """Context manager that calls `close` on exit."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release all resources."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
 
 
 class FrameSink(AbstractContextManager["FrameSink"], Protocol):

@@ -15,12 +15,11 @@ from tempfile import TemporaryDirectory
 from typing import Any, Self
 
 from fpsboost.analysis.duplicates import SourceFrame, group_duplicates
-from fpsboost.contracts import FrameSource
+from fpsboost.contracts import FrameSource, Stoppable
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, with_neighbours
-from fpsboost.io import Stoppable
 from fpsboost.io.animation.source import is_animation
 from fpsboost.io.opening import Target, TargetRequirements, open_source
 from fpsboost.io.output import Output, StreamInfo

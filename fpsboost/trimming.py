@@ -10,11 +10,10 @@ from fractions import Fraction
 from itertools import islice
 from typing import Protocol, runtime_checkable
 
-from fpsboost.contracts import FrameSource
+from fpsboost.contracts import ClosesOnExit, FrameSource, RandomAccess
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
-from fpsboost.io import ClosesOnExit, RandomAccess
 from fpsboost.io.output import TIME_TOLERANCE, Window
 from fpsboost.timing.position import Position, Trim
 

@@ -20,12 +20,12 @@ import numpy as np
 
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_synchronised
 from fpsboost.analysis.scene_cuts import counts_frames
-from fpsboost.contracts import Entry, OutputRange, Summary
+from fpsboost.contracts import Entry, OutputRange, RandomAccess, Summary
 from fpsboost.errors import OptionError, OutputError, explained
 from fpsboost.fingerprint import JobFingerprint
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
-from fpsboost.io import RandomAccess, SharesIndex
+from fpsboost.io import SharesIndex
 from fpsboost.io.output import OutputPart
 from fpsboost.io.part import INDEX_NAME, part_files, remove_if_empty
 from fpsboost.io.staging import write_safely

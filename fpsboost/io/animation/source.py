@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, BinaryIO
 import av
 import numpy as np
 
+from fpsboost.contracts import ClosesOnExit
 from fpsboost.errors import InputError, explained
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
-from fpsboost.io import ClosesOnExit
 from fpsboost.io.output import StreamInfo
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.memory import MemoryLimit

@@ -15,11 +15,11 @@ from itertools import pairwise
 from pathlib import Path
 
 from fpsboost.colour import displayed_colours
+from fpsboost.contracts import ClosesOnExit
 from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.image import Image, view
-from fpsboost.io import ClosesOnExit
 from fpsboost.io.images.encoder import ImageFile
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, read_image
 from fpsboost.io.images.layers import ALL, BEAUTY, Passes

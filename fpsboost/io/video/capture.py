@@ -12,10 +12,10 @@ from typing import Any
 import cv2
 import numpy as np
 
+from fpsboost.contracts import ClosesOnExit
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image, check_pair
-from fpsboost.io import ClosesOnExit
 from fpsboost.io.output import StreamInfo
 from fpsboost.memory import MemoryLimit
 

@@ -25,10 +25,10 @@ from av.codec.codec import PixFmtLoss, find_best_pix_fmt_of_list
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.colour import Coding
+from fpsboost.contracts import ClosesOnExit
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Pixels
-from fpsboost.io import ClosesOnExit
 from fpsboost.io.output import Output, StreamInfo, check_frame_size
 from fpsboost.io.video.clock import ASSUMED_RATE, assumed_rate_remark
 from fpsboost.io.video.encoding import depth_of

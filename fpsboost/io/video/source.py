@@ -19,10 +19,10 @@ import av
 import av.error
 from av.video.reformatter import VideoReformatter
 
+from fpsboost.contracts import ClosesOnExit
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
-from fpsboost.io import ClosesOnExit
 from fpsboost.io.output import StreamInfo, VideoFile
 from fpsboost.io.video.clock import (
     VideoClock,
