@@ -35,8 +35,8 @@ FACTOR = 4
 RATE = 6
 """Frames a second of the source; a quarter of its own, so that its steps are seen one by one."""
 
-QUALITY = 95
-"""WebP quality of the animations: below some 90, blocks of the compression are taken for faults of the method."""
+QUALITY = 88
+"""WebP quality of the animations: below some 85, blocks of the compression are taken for faults of the method."""
 
 GAP, LABEL, TEXT = 8, 22, 13
 """Between both sides, height of a label, and size of its text, pixels."""
@@ -62,7 +62,7 @@ def draw_animation(scene: Path) -> Path:
     path = FIGURES / f"{scene.name}.webp"
     pause = 1000 // RATE
     durations = [1000 // (FACTOR * RATE)] * (len(frames) - 1) + [pause]
-    frames[0].save(path, save_all=True, append_images=frames[1:], duration=durations, loop=0, quality=QUALITY)
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=durations, loop=0, quality=QUALITY, method=6)
     return path
 
 

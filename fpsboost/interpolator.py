@@ -286,7 +286,8 @@ class Interpolator:
     ) -> Iterator[Interpolated]:
         """Give images the illumination of their time, grain, and overlays as they are in the frames."""
         overlay = None
-        if pair.illumination is None and self.overlays and (before or after):
+        # a change of all light changes overlays, too
+        if self.overlays and (before or after) and (pair.illumination is None or pair.illumination.is_local):
             outer0, outer1 = (before or pair).image0, (after or pair).image1
             overlay = find_overlay(pair.image0, pair.image1, outer0, outer1, pair.fields[0])
         position = pair.image0.source_position

@@ -78,6 +78,10 @@ class IlluminationModel:
     gain: NDArray[Any]
     offset: NDArray[Any]
 
+    @property
+    def is_local(self) -> bool:
+        return self.gain.ndim > 1
+
     def undo(self, image1: Image) -> Image:
         """Return frame 1 under the illumination of frame 0, float32."""
         matched: Image = (normalised(image1) - _at_pixels(self.offset, image1)) / _at_pixels(self.gain, image1)

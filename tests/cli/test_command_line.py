@@ -511,7 +511,7 @@ STAGES = {
     "method": "fpsboost.interpolator.Interpolator.between",
     "writing a video": "fpsboost.io.video.sink.VideoSink.write",
     "writing images": "fpsboost.io.images.encoder.ImageEncoder.content",
-    "finishing a video": "fpsboost.io.video.sink.VideoSink._publish",
+    "finishing a video": "fpsboost.io.video.sink.VideoSink._finish",
     "finishing images": "fpsboost.io.images.sink.ImageSink._finish",
     "finishing an animation": "fpsboost.io.animation.writers.AnimationWriter.finish",
     "summary": "fpsboost.conversion.closing_remarks",

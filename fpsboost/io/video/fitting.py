@@ -178,7 +178,7 @@ def check_readable(path: Path, written: Counter[str], name: str) -> None:
     with suppress(av.error.FFmpegError, ValueError), open_input(str(path.absolute())) as file:
         missing = written.copy()
         for packet in file.demux():
-            if packet.dts is not None and packet.stream.discard != av.stream.Discard.all:
+            if packet.size and packet.stream.discard != av.stream.Discard.all:
                 packet.stream.discard = av.stream.Discard.all
                 missing[packet.stream.type] -= _headers_of(packet.stream)[0]
             if not +missing:
