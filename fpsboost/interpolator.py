@@ -300,7 +300,9 @@ class Interpolator:
                 seed = number, int(np.float64(t).view(np.uint64))
                 image = match_grain(view(image).picture, pair.grain, t, seed)
             if overlay is not None:
-                keep_overlay(view(image).picture, pair.image0.pixels, pair.image1.pixels, t, overlay)
+                whole = pair.illumination is None  # which is applied to BGR
+                image0, image1 = (each if whole else as_bgr(each) for each in (pair.image0, pair.image1))
+                keep_overlay(view(image).picture, image0.pixels, image1.pixels, t, overlay)
                 if confidence is not None:  # found still over four frames
                     confidence[overlay] = 1
             yield image, confidence

@@ -11,7 +11,7 @@ from truth import CutsWhere, as_type, noise, prepared, waves
 
 from fpsboost.analysis.overlay import DILATION_RADIUS, find_overlay
 from fpsboost.colour import Coding
-from fpsboost.io.video.ycc import from_bgr, in_planes
+from fpsboost.io.video.ycc import bgr_of, from_bgr, in_planes
 from fpsboost.method_table import methods
 
 KEEPING = replace(methods["nlm"], cuts=None)
@@ -122,6 +122,20 @@ def test_letters_stay_in_planes(pixel_format):
     luma, white = in_planes_at(0.5).planes[0][mask].astype(float), coding.levels.luma_span
     assert np.abs(kept.planes[0][mask] - luma).mean() < 0.5 * white / 255
     assert np.abs(moved.planes[0][mask] - luma).mean() > 8 * white / 255
+
+
+def test_dark_letters_that_pass_for_a_change_of_light_stay():
+    """In planes too, whose light is changed in BGR."""
+    mask = letters(3)
+    in_bgr = panning((12, 0), mask, 0.0, seed=4)
+    coding = Coding(8, 1, False, "left", "yuv420p", bgr_of)
+
+    def in_planes_at(t):
+        return in_planes(from_bgr(in_bgr(t), "yuv420p", 1, coding.full_range), coding)
+
+    assert three_pairs(in_planes_at)[1].illumination.is_local
+    kept, _ = kept_and_moved(in_planes_at)
+    assert off_by(kept, in_bgr(0.5).astype(float))[mask].mean() < 5
 
 
 @pytest.mark.parametrize("with_letters", [False, True])
