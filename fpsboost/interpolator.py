@@ -285,11 +285,12 @@ class Interpolator:
         self, images: Iterator[Interpolated], times: list[float], pair: Pair, before: Pair | None, after: Pair | None
     ) -> Iterator[Interpolated]:
         """Give images the illumination of their time, grain, and overlays as they are in the frames."""
-        overlay = None
+        overlay, image0, image1 = None, pair.image0, pair.image1
         # a change of all light changes overlays, too
         if self.overlays and (before or after) and (pair.illumination is None or pair.illumination.is_local):
-            outer0, outer1 = (before or pair).image0, (after or pair).image1
-            overlay = find_overlay(pair.image0, pair.image1, outer0, outer1, pair.fields[0])
+            overlay = find_overlay(image0, image1, (before or pair).image0, (after or pair).image1, pair.fields[0])
+        if overlay is not None and pair.illumination is not None:  # which is applied to BGR
+            image0, image1 = as_bgr(image0), as_bgr(image1)
         position = pair.image0.source_position
         number = 0 if position is None else position.number
         for (synthesized, confidence), t in zip(images, times, strict=True):
@@ -300,8 +301,6 @@ class Interpolator:
                 seed = number, int(np.float64(t).view(np.uint64))
                 image = match_grain(view(image).picture, pair.grain, t, seed)
             if overlay is not None:
-                whole = pair.illumination is None  # which is applied to BGR
-                image0, image1 = (each if whole else as_bgr(each) for each in (pair.image0, pair.image1))
                 keep_overlay(view(image).picture, image0.pixels, image1.pixels, t, overlay)
                 if confidence is not None:  # found still over four frames
                     confidence[overlay] = 1
