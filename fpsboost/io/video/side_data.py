@@ -7,12 +7,13 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from fractions import Fraction
-from io import BytesIO
 from typing import Any, NamedTuple
 
 import av
 import av.error
 import av.filter
+
+from fpsboost.io.video.pyav import trial_file
 
 unnamed_types = {28: "LCEVC", 29: "VIEW_ID", 30: "THREE_D_REFERENCE_DISPLAYS", 31: "EXIF"}
 """Names of FFmpeg's types, by their numbers, that PyAV 18 has no name for; PyAV 19 has these."""
@@ -148,7 +149,7 @@ def stereo_mode_of(sides: Mapping[str, bytes]) -> str:
 
 
 def read_header(stream: av.VideoStream) -> HeaderData:
-    """Return a stream's side data that PyAV does not give, from the header that a muxer writes for it in memory."""
+    """Return a stream's side data that PyAV does not give, from the header that a muxer writes for it."""
     header = next(filter(None, (_header_of(stream, container) for container in ("mp4", "mov", "matroska"))), b"")
     crop, context = _crop_of_box(header, stream) or _crop_of_elements(header), stream.codec_context
     is_whole = not any(crop) or crop.left + crop.right >= context.width or crop.top + crop.bottom >= context.height
@@ -158,14 +159,13 @@ def read_header(stream: av.VideoStream) -> HeaderData:
 
 
 def _header_of(stream: av.VideoStream, container: str) -> bytes:
-    file, options = BytesIO(), {"movflags": "frag_keyframe+empty_moov", "strict": "unofficial"}
-    try:
-        with av.open(file, "w", format=container, container_options=options) as output:
+    options = {"movflags": "frag_keyframe+empty_moov", "strict": "unofficial"}
+    with trial_file() as path, suppress(av.error.FFmpegError, ValueError):
+        with av.open(str(path), "w", format=container, container_options=options) as output:
             output.add_stream_from_template(stream, opaque=True)
             output.start_encoding()
-    except (av.error.FFmpegError, ValueError):
-        return b""
-    return file.getvalue()
+        return path.read_bytes()
+    return b""
 
 
 def _crop_of_box(header: bytes, stream: av.VideoStream) -> Crop | None:
