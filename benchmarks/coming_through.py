@@ -77,7 +77,8 @@ def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
 def _payload(packet: Any) -> bytes:
     """Return the data of a packet; of AAC, without the ADTS header that transport streams store."""
     data = bytes(packet)
-    if packet.stream.codec_context.name != "aac" or data[0] != 0xFF or data[1] & 0xF0 != 0xF0:
+    context = packet.stream.codec_context  # None of a codec that FFmpeg does not know
+    if context is None or context.name != "aac" or data[0] != 0xFF or data[1] & 0xF0 != 0xF0:
         return data
     return data[7 if data[1] & 1 else 9 :]
 
