@@ -2,13 +2,14 @@
 
 Converts every file of a folder, reads source and result with PyAV alone, and prints a row each. A file passes where
 its length, sound, colours and orientation came through, or where one sentence says why it cannot be converted; it fails
-otherwise. What follows ``--`` goes to fpsboost.
+otherwise. A sound may be missing where a remark names its stream as left out. What follows ``--`` goes to fpsboost.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -77,7 +78,8 @@ def judge(path: Path, folder: Path, options: list[str]) -> Row:
     row.source = f"{before.description}, {len(before.times)} frames"
     row.result = f"{after.description}, {len(after.times)} frames"
     row.duration_difference = float(after.duration - before.duration)
-    row.sound = compare_sound(before, after)
+    named = {int(number) for remark in row.remarks for number in re.findall(r"stream (\d+) was left out", remark)}
+    row.sound = compare_sound(before, after, named)
     row.orientation = "same" if after.turned == before.turned else f"{before.turned:g} -> {after.turned:g} degrees"
     colours = compare_colours(before, after)
     if colours is not None:

@@ -227,9 +227,8 @@ class VideoClock:
         Where that is implausible it is the picture's own `duration`. It is plausible, too, where packets that became no
         picture reach that far: captures leave out what stands still.
         """
-        stream = self.file.stream
-        if self._says_duration and stream.duration is not None and stream.start_time is not None:
-            end = (stream.start_time + stream.duration) * self.tick - self.start
+        end = self._declared_end
+        if self._says_duration and end is not None and self.file.stream.start_time is not None:
             last_packet = max(Fraction(0), self.file.last_start - self.start)
             if 0 < end - time <= 4 / self.rate or time < end <= last_packet + 4 / self.rate:
                 return end - time
@@ -237,11 +236,10 @@ class VideoClock:
 
     def early_end_remarks(self, name: str, end: Fraction, count: int, listed: int | None) -> list[str]:
         """Return the remark that a file ends before its header says, at `end` after `count` of `listed` frames."""
-        container, stream = self.file.container, self.file.stream
+        container, declared = self.file.container, self._declared_end
         promised, reached = Fraction(0), Fraction(0)
-        if stream.duration is not None and not clock_may_jump(container):  # there FFmpeg estimates it
-            begin = (stream.start_time or 0) * self.tick
-            promised, reached = begin + stream.duration * self.tick - self.start, end
+        if declared is not None and not clock_may_jump(container):  # there FFmpeg estimates it
+            promised, reached = declared, end
         # The whole file may outlast its video, so it is short only if no stream reaches its end.
         if container.duration and self._says_duration:
             whole, begin = (Fraction(time or 0, 1_000_000) for time in (container.duration, container.start_time))
@@ -257,6 +255,15 @@ class VideoClock:
             f"{name} ends after {float(reached):.1f} s of the {float(promised):.1f} s its header promises; "
             f"{counted(count, 'frame')}{of_all} could be read."
         ]
+
+    @property
+    def _declared_end(self) -> Fraction | None:
+        """Return when the stream ends by its header, whose duration counts from its start, in ASF from time 0."""
+        stream = self.file.stream
+        if stream.duration is None:
+            return None
+        begin = 0 if self.file.container.format.name.startswith("asf") else stream.start_time or 0
+        return (begin + stream.duration) * self.tick - self.start
 
     @property
     def _says_duration(self) -> bool:

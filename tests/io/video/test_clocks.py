@@ -202,6 +202,14 @@ def test_what_is_missing_is_counted(tmp_path):
     )
 
 
+@pytest.mark.parametrize("name", ["in.asf", "in.avi", "in.mkv"])
+def test_the_last_picture_is_shown_for_one_interval(tmp_path, name):
+    """A header that counts its duration from before the first picture does not lengthen the last one."""
+    clip = write_clip(tmp_path / name, times=range(2, 12), codec="mpeg4", sound="mp2", sound_seconds=0.3)
+    frames, _ = read(clip)
+    assert abs(frames[-1].duration - Fraction(1, 25)) <= MILLISECOND
+
+
 def test_an_absurd_rate_is_refused_with_the_ways_out(tmp_path, fpsboost_):
     """24 frames, most of them a millisecond apart, never become 2000, but for someone who says the rate."""
     pauses = (237, 411, 163, 307, 89, 223, 149)
