@@ -22,9 +22,11 @@ from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.io.animation.source import is_animation
 from fpsboost.io.opening import Target, TargetRequirements, open_source
-from fpsboost.io.output import Output, StreamInfo
+from fpsboost.io.output import Output, StreamInfo, VideoFile
 from fpsboost.io.video.decode_options import DecodeOptions, SizeChange
-from fpsboost.io.video.fitting import StreamFacts, list_streams
+from fpsboost.io.video.demuxer import is_cover_art, open_video
+from fpsboost.io.video.fitting import first_packets, fits, headers_in, is_text, keeps_data
+from fpsboost.io.video.tags import find_timecode
 from fpsboost.io.video.traits import VideoTraits, matrices, primaries, tag_name, transfers
 from fpsboost.method_table import methods
 from fpsboost.pair import Pair
@@ -49,6 +51,23 @@ class Look:
     """Colour tags, None if unspecified."""
     full_range: bool
     """Black is 0 rather than 16 (in 8 bits)."""
+
+
+@dataclass(frozen=True)
+class StreamFacts:
+    """Properties of one stream of a file; details are its frame size or its sound format.
+
+    The kind is ``video``, ``audio``, ``subtitle``, ``cover``, ``data`` or ``attachment``. `carries_over` says whether
+    an .mp4 holds it too.
+    """
+
+    index: int
+    kind: str
+    codec: str | None
+    language: str | None
+    title: str | None
+    details: str
+    carries_over: bool
 
 
 @dataclass(frozen=True)
@@ -202,7 +221,7 @@ def probe(
             width=info.width,
             height=info.height,
             look=look,
-            streams=[] if beside.video is None else list_streams(beside.video),
+            streams=[] if beside.video is None else _list_streams(beside.video),
             rate=float(info.rate),
             exact_rate=str(info.rate),
             varies=spread > max(2 * info.time_base, median / 20),
@@ -266,4 +285,41 @@ def _look(traits: VideoTraits) -> Look:
         primaries=tag_name(primaries, traits.color_primaries),
         transfer=tag_name(transfers, traits.color_transfer),
         full_range=traits.full_range,
+    )
+
+
+def _list_streams(file: VideoFile) -> list[StreamFacts]:
+    """Return the properties of all streams in a file."""
+    with open_video(file.path, file.name, playlists=file.playlists) as container:
+        streams = list(container.streams)
+        samples = first_packets(container, [stream for stream in streams if stream.type in ("audio", "subtitle")])
+        whole = {index for index, (is_whole, _) in headers_in(file).items() if is_whole}
+        return [
+            _facts_of(stream, file.stream_index, samples.get(stream.index), is_whole=stream.index in whole)
+            for stream in streams
+        ]
+
+
+def _facts_of(stream: Any, converted: int, sample: bytes | None, *, is_whole: bool) -> StreamFacts:
+    context = stream.codec_context
+    kind: str = "cover" if stream.type == "video" and is_cover_art(stream) else stream.type
+    details, carries_over = "", stream.index == converted
+    if stream.type == "video" and context:
+        details = f"{context.width}x{context.height}"
+    elif stream.type == "audio" and context:
+        details = f"{context.sample_rate} Hz, {context.layout.name}"
+    if kind in ("audio", "subtitle"):
+        carries_over = (is_whole and fits("mp4", stream, sample)) or is_text(stream)
+    elif kind == "cover":
+        carries_over = stream.name in ("png", "mjpeg")
+    elif kind == "data":
+        carries_over = bool(find_timecode(stream.metadata)) or keeps_data("mp4", stream)
+    return StreamFacts(
+        stream.index,
+        kind,
+        context.codec.canonical_name if context else None,
+        stream.metadata.get("language"),
+        stream.metadata.get("title", stream.metadata.get("name")),
+        details,
+        carries_over,
     )

@@ -15,8 +15,7 @@ from fpsboost.cli.options import in_flags
 from fpsboost.cli.signature import PathName
 
 if TYPE_CHECKING:
-    from fpsboost.io.video.fitting import StreamFacts
-    from fpsboost.probing import Look, Probe
+    from fpsboost.probing import Look, Probe, StreamFacts
 
 MAX_WIDTH = 80
 MAX_CUTS = 24

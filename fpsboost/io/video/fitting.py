@@ -19,12 +19,11 @@ from av.codec.codec import Properties
 
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.output import Output, VideoFile
-from fpsboost.io.video.demuxer import is_cover_art, open_video
+from fpsboost.io.video.demuxer import open_video
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoded_sound import can_encode, choose_sound_encoder, defaults, sound_encoders
 from fpsboost.io.video.encoding import containers, holds
 from fpsboost.io.video.pyav import open_input, trial_file
-from fpsboost.io.video.tags import find_timecode
 
 MAX_PROBED_PACKETS = 200
 """Maximum number of packets that are read to find the first packet of each stream."""
@@ -74,7 +73,7 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
     encoders: dict[int, str] = {}
     misfits: dict[int, _Misfit] = {}
     any_codec = False
-    headers = _headers_in(source)
+    headers = headers_in(source)
     with open_video(source.path, source.name, playlists=source.playlists) as file:
         _check_choice(file, source, encoding)
         streams = [stream for stream in file.streams if is_wanted(stream, encoding)]
@@ -220,7 +219,8 @@ def _headers_of(stream: av.stream.Stream) -> tuple[bool, bool]:
     return True, True
 
 
-def _headers_in(source: VideoFile) -> dict[int, tuple[bool, bool]]:
+def headers_in(source: VideoFile) -> dict[int, tuple[bool, bool]]:
+    """Return the result of `_headers_of` for each stream of a file by its number."""
     with open_video(source.path, source.name, playlists=source.playlists) as file:
         return {stream.index: _headers_of(stream) for stream in file.streams}
 
@@ -297,57 +297,3 @@ def open_muxer(path: Path, container: str, *, any_codec: bool = False) -> av.con
         return av.open(f"[f={container}]{escaped}", "w", format="tee")
     options = {"movflags": "+faststart"} if container in ("mp4", "mov") else {}
     return av.open(place, "w", format=container, container_options=options)
-
-
-@dataclass(frozen=True)
-class StreamFacts:
-    """Properties of one stream of a file; details are its frame size or its sound format.
-
-    The kind is ``video``, ``audio``, ``subtitle``, ``cover``, ``data`` or ``attachment``. `carries_over` says whether
-    an .mp4 holds it too.
-    """
-
-    index: int
-    kind: str
-    codec: str | None
-    language: str | None
-    title: str | None
-    details: str
-    carries_over: bool
-
-
-def list_streams(file: VideoFile) -> list[StreamFacts]:
-    """Return the properties of all streams in a file."""
-    with open_video(file.path, file.name, playlists=file.playlists) as container:
-        streams = list(container.streams)
-        samples = first_packets(container, [stream for stream in streams if stream.type in ("audio", "subtitle")])
-        whole = {index for index, (is_whole, _) in _headers_in(file).items() if is_whole}
-        return [
-            _facts_of(stream, file.stream_index, samples.get(stream.index), is_whole=stream.index in whole)
-            for stream in streams
-        ]
-
-
-def _facts_of(stream: av.stream.Stream, converted: int, sample: bytes | None, *, is_whole: bool) -> StreamFacts:
-    context: Any = stream.codec_context
-    kind: str = "cover" if stream.type == "video" and is_cover_art(stream) else stream.type
-    details, carries_over = "", stream.index == converted
-    if stream.type == "video" and context:
-        details = f"{context.width}x{context.height}"
-    elif stream.type == "audio" and context:
-        details = f"{context.sample_rate} Hz, {context.layout.name}"
-    if kind in ("audio", "subtitle"):
-        carries_over = (is_whole and fits("mp4", stream, sample)) or is_text(stream)
-    elif kind == "cover":
-        carries_over = stream.name in ("png", "mjpeg")
-    elif kind == "data":
-        carries_over = bool(find_timecode(stream.metadata)) or keeps_data("mp4", stream)
-    return StreamFacts(
-        stream.index,
-        kind,
-        context.codec.canonical_name if context else None,
-        stream.metadata.get("language"),
-        stream.metadata.get("title", stream.metadata.get("name")),
-        details,
-        carries_over,
-    )

@@ -30,8 +30,10 @@ from fpsboost.io.video.ycc import (
     color_space_of,
     from_bgr,
     full_chroma,
+    graph_of,
     has_alpha,
     is_full_range,
+    kind_of_picture,
     plane_arrays,
     reformatted,
     to_bgr,
@@ -257,10 +259,10 @@ def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction, nam
     The time base of the output is half of the pictures' own, or of `time_base`. Raises `InputError` for pictures that
     are too small or in a pixel format that cannot be deinterlaced.
     """
-    for _, alike in groupby(pictures, _kind):
+    for _, alike in groupby(pictures, kind_of_picture):
         first = next(alike)
         try:
-            graph = _graph_of(first, time_base, "bwdif", "mode=send_field:parity=auto:deint=all")
+            graph = graph_of(first, ("bwdif", "mode=send_field:parity=auto:deint=all"), time_base=time_base)
         except (av.error.FFmpegError, ValueError):
             raise InputError(
                 f"{name} holds pictures of {first.width}x{first.height} {first.format.name}, which cannot be "
@@ -277,26 +279,6 @@ def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction, nam
         yield from rest
 
 
-def _kind(picture: av.VideoFrame) -> tuple[int, int, str, int, int]:
-    """Return what a filter is made for: size, pixel format and colour coding."""
-    return picture.width, picture.height, picture.format.name, int(picture.colorspace), int(picture.color_range)
-
-
-def _graph_of(picture: av.VideoFrame, time_base: Fraction, name: str, options: str) -> av.filter.Graph:
-    """Return a graph of one of FFmpeg's filters for pictures like this one."""
-    width, height, pixel_format, color_space, color_range = _kind(picture)
-    clock = Fraction(picture.time_base or time_base)
-    graph = av.filter.Graph()
-    # The graph needs the colour tags too, so that a conversion to a format of the filter does not change the colours.
-    entry = graph.add(
-        "buffer",
-        f"video_size={width}x{height}:pix_fmt={pixel_format}:time_base={clock.numerator}/{clock.denominator}:"
-        f"colorspace={color_space}:range={color_range}",
-    )
-    graph.link_nodes(entry, graph.add(name, options), graph.add("buffersink")).configure()
-    return graph
-
-
 class _Graphs:
     """Graphs of filters that make one picture of one, by what they were made for."""
 
@@ -305,9 +287,9 @@ class _Graphs:
         self._graphs: dict[Any, av.filter.Graph] = {}
 
     def passed(self, picture: av.VideoFrame, name: str, options: str) -> av.VideoFrame:
-        key = _kind(picture), name, options
+        key = kind_of_picture(picture), name, options
         if key not in self._graphs:
-            self._graphs[key] = _graph_of(picture, self._time_base, name, options)
+            self._graphs[key] = graph_of(picture, (name, options), time_base=self._time_base)
         self._graphs[key].vpush(picture)
         return self._graphs[key].vpull()
 

@@ -14,6 +14,7 @@ import av.error
 import av.filter
 
 from fpsboost.io.video.pyav import trial_file
+from fpsboost.io.video.ycc import graph_of
 
 unnamed_types = {28: "LCEVC", 29: "VIEW_ID", 30: "THREE_D_REFERENCE_DISPLAYS", 31: "EXIF"}
 """Names of FFmpeg's types, by their numbers, that PyAV 18 has no name for; PyAV 19 has these."""
@@ -107,12 +108,7 @@ def side_data_of(picture: av.VideoFrame) -> list[tuple[str, bytes]]:
 
 def filtered(picture: av.VideoFrame, operations: Iterable[str]) -> av.VideoFrame | None:
     """Return a picture after operations of FFmpeg's filter of side data, without copying it; None if one stops it."""
-    graph = av.filter.Graph()
-    entry = graph.add_buffer(
-        width=picture.width, height=picture.height, format=picture.format, time_base=Fraction(1, 1000)
-    )
-    filters = [graph.add("sidedata", operation) for operation in operations]
-    graph.link_nodes(entry, *filters, graph.add("buffersink")).configure()
+    graph = graph_of(picture, *(("sidedata", operation) for operation in operations))
     graph.vpush(picture)
     with suppress(av.error.BlockingIOError):
         return graph.vpull()

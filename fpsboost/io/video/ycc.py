@@ -155,13 +155,32 @@ def from_bgr(
 
 def with_chroma_location(picture: av.VideoFrame, location: str) -> av.VideoFrame:
     """Tag a picture with its chroma location, which PyAV can do only through a filter; no pixel is copied."""
-    graph = av.filter.Graph()
-    entry = graph.add_buffer(
-        width=picture.width, height=picture.height, format=picture.format, time_base=Fraction(1, 1000)
-    )
-    graph.link_nodes(entry, graph.add("setparams", f"chroma_location={location}"), graph.add("buffersink")).configure()
+    graph = graph_of(picture, ("setparams", f"chroma_location={location}"))
     graph.vpush(picture)
     return graph.vpull()
+
+
+def kind_of_picture(picture: av.VideoFrame) -> tuple[int, int, str, int, int]:
+    """Return what a filter is made for: size, pixel format and colour coding."""
+    return picture.width, picture.height, picture.format.name, int(picture.colorspace), int(picture.color_range)
+
+
+def graph_of(
+    picture: av.VideoFrame, *filters: tuple[str, str], time_base: Fraction = Fraction(1, 1000)
+) -> av.filter.Graph:
+    """Return a graph of FFmpeg's filters, by their names and options, for pictures like this one."""
+    width, height, pixel_format, color_space, color_range = kind_of_picture(picture)
+    clock = Fraction(picture.time_base or time_base)
+    graph = av.filter.Graph()
+    # The graph needs the colour tags too, so that a conversion to a format of the filter does not change the colours.
+    entry = graph.add(
+        "buffer",
+        f"video_size={width}x{height}:pix_fmt={pixel_format}:time_base={clock.numerator}/{clock.denominator}:"
+        f"colorspace={color_space}:range={color_range}",
+    )
+    nodes = [graph.add(name, options) for name, options in filters]
+    graph.link_nodes(entry, *nodes, graph.add("buffersink")).configure()
+    return graph
 
 
 def reformatted(
