@@ -9,7 +9,6 @@ import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from fractions import Fraction
 from functools import partial
 from itertools import chain, product
 from pathlib import Path
@@ -93,14 +92,13 @@ def compare(
         check_limit(results.fail_under, contest.methods, list(ours), skipped)
     metrics = choose_metrics(results.metrics)
     check_results(results)
-    rate = None if decoding.input_fps is None else Fraction(decoding.input_fps)
     for clip in more:  # the first one says so soon enough
-        next(hiding.intervals(clip, rate))
+        next(hiding.intervals(clip))
     compared = []
     with tempfile.TemporaryDirectory(prefix="fpsboost-") as scratch:  # the report shows frames that a peer wrote there
         for clip in inputs:
             with Progressing(quiet=results.quiet) as progress:
-                intervals = partial(hiding.intervals, clip, rate)
+                intervals = partial(hiding.intervals, clip)
                 contestants = ours | dict(others.contestants(intervals, Path(scratch), progress.begin))
                 comparison = run(
                     clip,
@@ -108,7 +106,6 @@ def compare(
                     hiding,
                     progress,
                     skipped=skipped,
-                    input_fps=rate,
                     rendered=words_of(contest.rendered),
                     others=others.words(),
                     vectors=folder,
@@ -118,7 +115,7 @@ def compare(
                 )
             print_comparison(comparison, contestants, console)
             compared.append(ComparedClip(comparison, contestants))
-        write_results(compared, results, console, rate)
+        write_results(compared, results, console)
     if results.fail_under is not None:
         check_is_reached([clip.comparison for clip in compared], results.fail_under)
 
@@ -135,9 +132,7 @@ def print_comparison(comparison: Comparison, contestants: Mapping[str, Contestan
         console.print(sentence(line))
 
 
-def write_results(
-    compared: Sequence[ComparedClip], results: ResultOptions, console: Console, input_fps: Fraction | None
-) -> None:
+def write_results(compared: Sequence[ComparedClip], results: ResultOptions, console: Console) -> None:
     """Print what several clips come to, and write the files and the page that are asked for."""
     from fpsboost.evaluation.export import write_csv, write_json  # noqa: PLC0415
     from fpsboost.evaluation.verdict import judge_all  # noqa: PLC0415
@@ -155,7 +150,7 @@ def write_results(
         from fpsboost.evaluation.report.page import write_report  # noqa: PLC0415 (the drawing code is slow to import)
 
         with Console(stderr=True, quiet=results.quiet).status("writing the page"):
-            page = write_report(Path(results.report), compared, input_fps=input_fps)
+            page = write_report(Path(results.report), compared)
         console.print(f"Page: {literal(str(page))}", soft_wrap=True)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -56,9 +55,8 @@ def tune(
     if figure is not None:
         check_writable(Path(figure), figure)
         check_drawable(Path(figure))
-    rate = None if decoding.input_fps is None else Fraction(decoding.input_fps)
     with Progressing(quiet=quiet) as progress:
-        tuning = run(input, sweep.method, hiding, sweep.frames, progress, rate)
+        tuning = run(input, sweep.method, hiding, sweep.frames, progress)
     if figure is not None:
         draw_tuning(tuning, Path(figure))
     if not quiet:

@@ -74,7 +74,6 @@ def compare(
     observer: Observer,
     *,
     skipped: Mapping[str, str] | None = None,
-    input_fps: Fraction | None = None,
     rendered: tuple[str, ...] = (),
     others: tuple[str, ...] = (),
     vectors: VectorFolder | None = None,
@@ -82,7 +81,7 @@ def compare(
     cut_options: tuple[str, ...] = (),
     metrics: Sequence[str] = (),
 ) -> Comparison:
-    """Score methods, by name, on the hidden frames of a clip; `input_fps` are the frames per second of images.
+    """Score methods, by name, on the hidden frames of a clip.
 
     A renderer's `vectors` give the areas, and repeats are then not looked for. `cuts` finds the scene cuts between the
     true frames, or takes everything for one scene if it is None. `skipped` are methods that cannot be run, with the
@@ -99,13 +98,13 @@ def compare(
     with explained(OutputError, "write to", tempfile.gettempdir(), advice), tempfile.TemporaryFile() as file:
         observer.begin("reading", None)
         areas = _Areas(file)
-        overview, rate = _look(path, hiding, input_fps, areas, observer, vectors, cuts)
+        overview, rate = _look(path, hiding, areas, observer, vectors, cuts)
         results = []
         for name, contestant in contestants.items():
             observer.begin(name, len(overview.hidden))
             # the true frames are read beside: a method may read far ahead
-            truths = hiding.intervals(path, input_fps)
-            interpolated = contestant.interpolate(hiding.intervals(path, input_fps))
+            truths = hiding.intervals(path)
+            interpolated = contestant.interpolate(hiding.intervals(path))
             frames = list(_scored(interpolated, truths, areas, observer, meters := Meters(metrics, rate)))
             measured = meters.values(len(frames))
             frames = [replace(frame, metrics=row) for frame, row in zip(frames, measured, strict=True)]
@@ -140,7 +139,6 @@ def _made_with() -> dict[str, str]:
 def _look(
     path: str,
     hiding: Hiding,
-    input_fps: Fraction | None,
     areas: _Areas,
     observer: Observer,
     vectors: VectorFolder | None,
@@ -148,7 +146,7 @@ def _look(
 ) -> tuple[Comparison, Fraction]:
     """Return a comparison without methods, and the frames per second; raise InputError if no hidden frame counts."""
     facts = _Facts()
-    pairs = _true_pairs(facts.passing(hiding.intervals(path, input_fps), areas, observer, vectors), policy)
+    pairs = _true_pairs(facts.passing(hiding.intervals(path), areas, observer, vectors), policy)
     across_cuts = {
         number
         for before, (numbers, pair), after in with_neighbours(pairs)

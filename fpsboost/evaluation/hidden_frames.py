@@ -23,6 +23,7 @@ from fpsboost.image import Image
 from fpsboost.io.opening import PIPES, TargetRequirements, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.layered import FrameImage
+from fpsboost.options import words_of, words_of_options
 from fpsboost.streaming import beginning
 from fpsboost.timing.schedule import ByRate, rising_time
 from fpsboost.trimming import trim_source
@@ -133,13 +134,13 @@ class Hiding:
 
     def as_options(self) -> list[str]:
         """Return what differs from the defaults, as words of the command line."""
-        own, usual = ({**each.as_json(), "range": each._range} for each in (self, Hiding()))
-        names = ("skip", "range", "start", "end", "stream", "size_change", "duplicates")
-        given = {f"--{name.replace('_', '-')}": own[name] for name in names if own[name] != usual[name]}
-        words = [word for option, value in given.items() for word in (option, str(value))]
-        flags = {"--deinterlace": self.decoding.deinterlace, "--force-colours": self.decoding.force_colours}
-        flags["--allow-playlists"] = self.decoding.allow_playlists
-        return [*words, *(flag for flag, is_given in flags.items() if is_given)]
+        own = {
+            "--skip": (self.skip, 1),
+            "--range": (self._range, WHOLE),
+            "--duplicates": (self.duplicates, "interpolate"),
+        }
+        given = {flag: value for flag, (value, usual) in own.items() if value != usual}
+        return [*words_of(given), *words_of_options(self.decoding)]
 
     def as_json(self) -> dict[str, Any]:
         """Return plain data by the names of the options; a range as its two ends."""
@@ -158,16 +159,14 @@ class Hiding:
             "duplicates": self.duplicates,
         }
 
-    def intervals(self, path: str, input_fps: Fraction | None = None) -> Iterator[Interval]:
-        """Read a clip, images at `input_fps`; a rest at its end that fills no interval is left out."""
+    def intervals(self, path: str) -> Iterator[Interval]:
+        """Read a clip; a rest at its end that fills no interval is left out."""
         if path in PIPES:
             raise InputError("Standard input can be read only once, and every method needs it; name a file.")
         needs_rate = self.decoding.trim.needs_rate
         requirements = TargetRequirements(pictures_alone=True, upright=True, needs_rate=needs_rate, linear=True)
         count = repeats = 0
-        with open_source(
-            path, requirements=requirements, decoding=replace(self.decoding, input_fps=input_fps)
-        ) as whole:
+        with open_source(path, requirements=requirements, decoding=self.decoding) as whole:
             info = whole.info
             clock = ByRate.forgiving(2 * info.rate, info.rate, info.time_base)  # as in a conversion to twice the rate
             source, _ = trim_source(whole, self.decoding.trim, may_skip=not self.counts_frames)
@@ -278,12 +277,12 @@ class Sample(NamedTuple):
         return frame.image
 
 
-def read_samples(path: str, hiding: Hiding, numbers: Sequence[int], input_fps: Fraction | None = None) -> list[Sample]:
+def read_samples(path: str, hiding: Hiding, numbers: Sequence[int]) -> list[Sample]:
     """Return some of the hidden frames with their surroundings, in the order of `numbers`."""
     samples: dict[int, Sample] = {}
     before: Interval | None = None
     unfinished: list[Sample] = []
-    for interval in hiding.intervals(path, input_fps):
+    for interval in hiding.intervals(path):
         for sample in unfinished:
             sample.window.append(interval)
         window = [interval] if before is None else [before, interval]

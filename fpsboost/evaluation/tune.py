@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from fractions import Fraction
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -81,7 +80,6 @@ def tune(
     hiding: Hiding,
     count: int,
     observer: Observer,
-    input_fps: Fraction | None = None,
 ) -> Tuning:
     """Sweep the parameters of a method, whose estimator has a patch radius, on `count` frames of a clip."""
     if count < 1:
@@ -91,7 +89,7 @@ def tune(
     if "patch_radius" not in known:
         raise OptionError(f"The method {method!r} has no patch to tune; take nlm or nlm-exhaustive.")
     observer.begin("reading", None)
-    samples = choose_frames(path, hiding, count, observer, input_fps)
+    samples = choose_frames(path, hiding, count, observer)
     tuner = _Tuner(interpolator, method, samples, observer)
     best: dict[str, Any] = {}
     sweeps: dict[str, list[Trial]] = {}
@@ -111,9 +109,7 @@ def tune(
     return Tuning(path, method, [each.hidden.number for each in samples], sweeps, _best(sweeps["v"]), default)
 
 
-def choose_frames(
-    path: str, hiding: Hiding, count: int, observer: Observer, input_fps: Fraction | None = None
-) -> list[Sample]:
+def choose_frames(path: str, hiding: Hiding, count: int, observer: Observer) -> list[Sample]:
     """Return hidden frames whose motion is spread evenly from the middle of the clip's to its largest.
 
     Frames across a scene cut are left out, as long as there are others, and so are those that do not count.
@@ -121,7 +117,7 @@ def choose_frames(
     motions: list[tuple[float, int]] = []
     match_scores: list[float] = []
     known: list[bool] = []
-    for interval in hiding.intervals(path, input_fps):
+    for interval in hiding.intervals(path):
         image0, image1 = interval.prepared()
         motion = expected_motion(image0, image1)
         middle = interval.hidden[len(interval.hidden) // 2].number
@@ -139,7 +135,7 @@ def choose_frames(
     usable = [each for each, cut in fair if not cut] or [each for each, _ in fair]
     ranked = [number for _, number in sorted(usable)]
     places = np.linspace(len(ranked) - 1, (len(ranked) - 1) // 2, min(count, len(ranked)))
-    return read_samples(path, hiding, sorted({ranked[round(place)] for place in places.tolist()}), input_fps)
+    return read_samples(path, hiding, sorted({ranked[round(place)] for place in places.tolist()}))
 
 
 def patches(known: Container[str]) -> list[dict[str, Any]]:

@@ -148,7 +148,8 @@ def test_a_part_of_images_keeps_their_numbers(folder):
     """By frames, and by times where the rate is given."""
     for start, rate in (("3f", None), ("0.3", Fraction(10))):
         trim = Trim(parse_position(start, "`start`"))
-        assert [each.number for each in Hiding(decoding=DecodeOptions(trim=trim)).intervals(folder, rate)] == [3, 5, 7]
+        hiding = Hiding(decoding=DecodeOptions(trim, input_fps=rate))
+        assert [each.number for each in hiding.intervals(folder)] == [3, 5, 7]
     with pytest.raises(OptionError, match="`input_fps`"):
         list(Hiding(decoding=DecodeOptions(trim=trim)).intervals(folder))
 
@@ -156,8 +157,12 @@ def test_a_part_of_images_keeps_their_numbers(folder):
 def test_options_say_what_they_were_made_of():
     """The words of the command line that give the same again, and none for the defaults."""
     trim = Trim(parse_position("1:30.5", "--start"), parse_position("2700f", "--end"))
-    hiding = Hiding(2, decoding=DecodeOptions(trim, stream=1, deinterlace=True), duplicates="keep")
-    words = "--skip 2 --start 90.5 --end 2700f --stream 1 --duplicates keep --deinterlace"
+    hiding = Hiding(
+        2, decoding=DecodeOptions(trim, 24, stream=1, deinterlace=True, decoder="opencv"), duplicates="keep"
+    )
+    words = (
+        "--skip 2 --duplicates keep --start 90.5 --end 2700f --input-fps 24 --stream 1 --deinterlace --decoder opencv"
+    )
     assert hiding.as_options() == words.split()
     assert Hiding().as_options() == []
     assert Hiding(first=3).as_options() == ["--range", "3:"]

@@ -12,6 +12,7 @@ import pytest
 from fpsboost.errors import InputError
 from fpsboost.evaluation.hidden_frames import Hiding, read_samples
 from fpsboost.evaluation.peers import find_frames, read_like, run_peer
+from fpsboost.io.video.decode_options import DecodeOptions
 
 HEIGHT, WIDTH = 20, 24
 
@@ -120,10 +121,10 @@ def test_a_peer_is_told_how_many_and_how_fast(tmp_path, clip):
     )
     (tmp_path / "a scratch").mkdir()
     words = shlex.quote(str(tmp_path / "told")), "{in}", "{out}", "{factor}", "{fps}", "{other}"
-    intervals = Hiding(skip=2).intervals(clip, 24)
-    contestant = run_peer("tool", command(program, *words), intervals, tmp_path / "a scratch")
+    hiding = Hiding(skip=2, decoding=DecodeOptions(input_fps=24))
+    contestant = run_peer("tool", command(program, *words), hiding.intervals(clip), tmp_path / "a scratch")
     assert (tmp_path / "told").read_text() == "3 8 {other}"
-    made = list(contestant.interpolate(Hiding(skip=2).intervals(clip, 24)))
+    made = list(contestant.interpolate(hiding.intervals(clip)))
     assert [(each.number, int(each.image[-1, -1, 0])) for each in made] == [(1, 0), (2, 0), (4, 30), (5, 30)]
 
 

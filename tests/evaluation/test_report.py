@@ -29,6 +29,7 @@ from fpsboost.evaluation.report.pictures import find_spots
 from fpsboost.evaluation.report.styles import colours_of
 from fpsboost.evaluation.results import ComparedClip, MethodResult
 from fpsboost.evaluation.verdict import judge_all
+from fpsboost.io.video.decode_options import DecodeOptions
 
 
 @pytest.fixture(scope="module")
@@ -68,11 +69,11 @@ def test_page_holds_every_method(text, comparison):
 
 def test_page_says_how_to_repeat_it(text, comparison):
     """The command names the clip, the methods and what was hidden, and is on the page."""
-    hiding = Hiding(skip=2, first=1, last=9)
+    hiding = Hiding(skip=2, first=1, last=9, decoding=DecodeOptions(input_fps=24))
     assert f"fpsboost compare {comparison.clip} -m dis,blend,nearest,minterpolate --report DIR" in text
-    assert "--skip 2 --range 1:9 --input-fps 24 --report" in command(replace(comparison, hiding=hiding), 24)
+    assert "--skip 2 --range 1:9 --input-fps 24 --report" in command(replace(comparison, hiding=hiding))
     rendered = replace(comparison, rendered=("--vectors", "my passes"), cut_options=("--no-cuts",))
-    assert command(rendered, None).endswith("--vectors 'my passes' --no-cuts --report DIR")
+    assert command(rendered).endswith("--vectors 'my passes' --no-cuts --report DIR")
 
 
 def test_folder_appears_whole_or_not_at_all(comparison, contestants, tmp_path, monkeypatch):

@@ -10,7 +10,6 @@ import re
 import shlex
 from collections.abc import Mapping, Sequence
 from datetime import datetime
-from fractions import Fraction
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -70,23 +69,22 @@ class FrameSection(NamedTuple):
     strips: list[Strip]
 
 
-def write_report(folder: Path, clips: Sequence[ComparedClip], *, input_fps: Fraction | None = None) -> Path:
+def write_report(folder: Path, clips: Sequence[ComparedClip]) -> Path:
     """Write the page of comparisons by the same methods into a new folder, and return its path."""
-    page = make_page(clips, input_fps=input_fps)
     with new_folder(folder) as unfinished:
-        write_whole(unfinished / PAGE, page.encode())
+        write_whole(unfinished / PAGE, make_page(clips).encode())
     return folder / PAGE
 
 
-def make_page(clips: Sequence[ComparedClip], *, input_fps: Fraction | None = None, date: datetime | None = None) -> str:
+def make_page(clips: Sequence[ComparedClip]) -> str:
     """Return the page of comparisons as text; see `write_report`."""
     environment = templates_of()
     environment.filters["breakable"] = breakable
     comparisons = [each.comparison for each in clips]
-    written = (date or datetime.now().astimezone()).strftime("%Y-%m-%d %H:%M")
+    written = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M")
     bodies = [
         environment.get_template("clip.html.j2").render(
-            _clip_values(each, f"-{number}" if number > 1 else "", len(clips), input_fps), date=written
+            _clip_values(each, f"-{number}" if number > 1 else "", len(clips)), date=written
         )
         for number, each in enumerate(clips, 1)
     ]
@@ -108,16 +106,16 @@ def _name_of(comparison: Comparison) -> str:
     return Path(comparison.clip).name or comparison.clip
 
 
-def _clip_values(each: ComparedClip, at: str, clips: int, input_fps: Fraction | None) -> dict[str, Any]:
+def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
     """Return the values for the sections about one of several clips; `at` is a suffix of its element names."""
     comparison, contestants = each
     choices = choose_frames(comparison)
     opening = next((one for one in choices if DIFFERENT in one.reasons), choices[0]).number
-    sections, motion = _view_frames(comparison, contestants, choices, input_fps)
+    sections, motion = _view_frames(comparison, contestants, choices)
     count = count_for(comparison, MAX_PIXELS // clips)
     passages = choose_passages(comparison, count, [one.number for one in choices])
     exact = choose_exact(comparison, [*dict.fromkeys([opening, choices[0].number])], MAX_EXACT_PIXELS // clips)
-    played = view_passages(comparison, contestants, passages, input_fps, exact)
+    played = view_passages(comparison, contestants, passages, exact)
     played.opening = opening
     return {
         "at": at,
@@ -144,7 +142,7 @@ def _clip_values(each: ComparedClip, at: str, clips: int, input_fps: Fraction | 
         "exact": exact,
         "played": played,
         "plays_all": len(passages) == 1 and len(passages[0]) == len(comparison.hidden),
-        "command": command(comparison, input_fps),
+        "command": command(comparison),
         "is_float": comparison.kind.endswith("float"),
         "styles": styles_of([method.name for method in comparison.methods]),
         "brightest": MAX_DRAWN_ERROR,
@@ -152,7 +150,7 @@ def _clip_values(each: ComparedClip, at: str, clips: int, input_fps: Fraction | 
 
 
 def _view_frames(
-    comparison: Comparison, contestants: Mapping[str, Contestant], choices: Sequence[Choice], input_fps: Fraction | None
+    comparison: Comparison, contestants: Mapping[str, Contestant], choices: Sequence[Choice]
 ) -> tuple[list[FrameSection], MotionView | None]:
     """Return views of the chosen frames, each interpolated when its turn comes, and of the motion at the first."""
     names = [method.name for method in comparison.methods]
@@ -160,11 +158,9 @@ def _view_frames(
     far: dict[str, dict[int, Image]] = {}
     for name in names:
         if contestants[name].looks_far:  # which sees the whole clip
-            interpolated = contestants[name].interpolate(
-                comparison.hiding.intervals(comparison.clip, input_fps), numbers
-            )
+            interpolated = contestants[name].interpolate(comparison.hiding.intervals(comparison.clip), numbers)
             far[name] = {frame.number: frame.image for frame in interpolated}
-    samples = read_samples(comparison.clip, comparison.hiding, numbers, input_fps)
+    samples = read_samples(comparison.clip, comparison.hiding, numbers)
     sections: list[FrameSection] = []
     motion: MotionView | None = None
     for each, sample in zip(choices, samples, strict=True):
@@ -291,7 +287,7 @@ def frame_values(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def command(comparison: Comparison, input_fps: Fraction | None) -> str:
+def command(comparison: Comparison) -> str:
     """Return the command line of the comparison."""
     known = method_names()
     names = [*(method.name for method in comparison.methods), *comparison.skipped]
@@ -300,8 +296,6 @@ def command(comparison: Comparison, input_fps: Fraction | None) -> str:
     words += comparison.hiding.as_options()
     if comparison.metrics:
         words += ["--metrics", ",".join(comparison.metrics)]
-    if input_fps is not None:
-        words += ["--input-fps", str(input_fps)]
     return shlex.join([*words, *comparison.others, *comparison.rendered, *comparison.cut_options, "--report", "DIR"])
 
 

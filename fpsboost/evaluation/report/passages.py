@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from fractions import Fraction
 from statistics import median
 from typing import Any
 
@@ -81,7 +80,6 @@ def view_passages(
     comparison: Comparison,
     contestants: Mapping[str, Contestant],
     passages: Sequence[Sequence[int]],
-    input_fps: Fraction | None = None,
     exact: Collection[int] = (),
 ) -> PlayerData:
     """Interpolate the hidden frames of passages once more and encode them, those of `exact` without loss."""
@@ -98,7 +96,7 @@ def view_passages(
         frames.setdefault((passage, number), frame)["images"].append(data.add_picture(data_uri(picture, "webp")))
 
     def intervals() -> Iterator[Interval]:
-        return comparison.hiding.intervals(comparison.clip, input_fps)
+        return comparison.hiding.intervals(comparison.clip)
 
     for interval in _until(intervals(), last, 0):
         for hidden in interval.hidden:
