@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
-from itertools import chain, product
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -32,7 +32,8 @@ from fpsboost.options import words_of
 if TYPE_CHECKING:
     from fpsboost.evaluation.contestants import Contestant
     from fpsboost.evaluation.hidden_frames import Hiding
-    from fpsboost.evaluation.results import ComparedClip, Comparison, MethodResult
+    from fpsboost.evaluation.report.tables import Row
+    from fpsboost.evaluation.results import ComparedClip, Comparison
     from fpsboost.render.folder import VectorFolder
 
 EXIT_BELOW_LIMIT = 3
@@ -135,13 +136,16 @@ def print_comparison(comparison: Comparison, contestants: Mapping[str, Contestan
 def write_results(compared: Sequence[ComparedClip], results: ResultOptions, console: Console) -> None:
     """Print what several clips come to, and write the files and the page that are asked for."""
     from fpsboost.evaluation.export import write_csv, write_json  # noqa: PLC0415
+    from fpsboost.evaluation.report.tables import mean_rows  # noqa: PLC0415
     from fpsboost.evaluation.verdict import judge_all  # noqa: PLC0415
 
     comparisons = [clip.comparison for clip in compared]
     if len(comparisons) > 1:
         advice, *reasons = judge_all(comparisons)
         console.print(sentence(advice), style="bold", soft_wrap=True)
-        console.print(table_of_means(comparisons), *map(sentence, reasons), sep="\n")
+        names = ["mean", *(literal(Path(each.clip).name) for each in comparisons)]
+        means = figure_table("PSNR", f"{len(comparisons)} clips", names, mean_rows(comparisons))
+        console.print(means, *map(sentence, reasons), sep="\n")
     if results.json is not None:
         write_json(Path(results.json), comparisons)
     if results.csv is not None:
@@ -221,61 +225,31 @@ def check_results(results: ResultOptions) -> None:
 
 
 def tables(comparison: Comparison) -> list[Table]:
-    """Return tables: overall figures, best method first; errors by area, if one is large enough; further metrics."""
-    from fpsboost.evaluation.report.styles import break_name  # noqa: PLC0415
+    """Return tables, best method first: overall figures; errors by area, if one is large enough; further metrics."""
+    from fpsboost.evaluation.further_metrics import metrics  # noqa: PLC0415
+    from fpsboost.evaluation.report.tables import area_rows, further_rows, overall_rows  # noqa: PLC0415
 
-    ranked = sorted(comparison.methods, key=lambda method: -comparison.means(method).psnr)
     title = f"{literal(comparison.clip)}: {len(comparison.hidden)} frames of {comparison.kind}"
-    overall = figure_table("method", title, ["PSNR", "PSNR P5", "SSIM", "MAE", "MSE", "s/frame", "CPU s"])
-    by_area = figure_table("MAE", "where the errors are", chain.from_iterable(comparison.areas))
-    areas = [area for area, _ in comparison.areas]
-    for place, method in enumerate(ranked):
-        style = "bold green" if place == 0 and len(ranked) > 1 else ""
-        name = "\n".join(map(literal, break_name(method.name)))
-        scores, seconds = comparison.means(method), comparison.mean_seconds(method)
-        cells = [f"{scores.psnr:.2f}", f"{comparison.low_psnr(method):.2f}", f"{scores.ssim:.4f}", f"{scores.mae:.2f}"]
-        cells += [f"{scores.mse:.1f}", *("-" if math.isnan(value) else f"{value:.3f}" for value in seconds)]
-        overall.add_row(name, *cells, style=style)
-        errors = [comparison.mean_error(method, *pair) for pair in product(areas, (True, False))]
-        by_area.add_row(name, *("-" if math.isnan(error) else f"{error:.2f}" for error in errors), style=style)
-    all_tables = [overall]
-    if areas:
-        all_tables.append(by_area)
+    figures = ["PSNR", "PSNR P5", "SSIM", "MAE", "MSE", "s/frame", "CPU s"]
+    all_tables = [figure_table("method", title, figures, overall_rows(comparison))]
+    if comparison.areas:
+        areas = chain.from_iterable(comparison.areas)
+        all_tables.append(figure_table("MAE", "where the errors are", areas, area_rows(comparison)))
     if comparison.metrics:
-        all_tables.append(further_table(comparison, ranked))
+        titles = [metrics[name].title for name in comparison.metrics]
+        all_tables.append(figure_table("method", "further metrics", titles, further_rows(comparison)))
     return all_tables
 
 
-def figure_table(name: str, title: str, figures: Iterable[str]) -> Table:
-    """Return a table with a column of names and columns of figures."""
-    return Table(Column(name, overflow="fold"), *(Column(figure, justify="right") for figure in figures), title=title)
-
-
-def table_of_means(comparisons: Sequence[Comparison]) -> Table:
-    """Return the PSNR of every method on every clip, and the means over the clips, best method first."""
-    from fpsboost.evaluation.report.styles import break_name  # noqa: PLC0415
-    from fpsboost.evaluation.verdict import means_over_clips  # noqa: PLC0415
-
-    table = figure_table("PSNR", f"{len(comparisons)} clips", ["mean"])
-    for comparison in comparisons:
-        table.add_column(literal(Path(comparison.clip).name), justify="right", overflow="fold")
-    for place, means in enumerate(sorted(means_over_clips(comparisons), key=lambda means: -means.mean)):
-        style = "bold green" if place == 0 else ""
-        cells = [f"{psnr:.2f}" for psnr in (means.mean, *means.of_clips)]
-        table.add_row("\n".join(map(literal, break_name(means.method))), *cells, style=style)
-    return table
-
-
-def further_table(comparison: Comparison, ranked: Sequence[MethodResult]) -> Table:
-    """Return the table of further metrics, methods in the order of the overall figures."""
-    from fpsboost.evaluation.further_metrics import metrics  # noqa: PLC0415
+def figure_table(name: str, title: str, figures: Iterable[str], rows: Sequence[Row]) -> Table:
+    """Return a table with a row for each method, the first one highlighted if there are several."""
     from fpsboost.evaluation.report.styles import break_name  # noqa: PLC0415
 
-    table = figure_table("method", "further metrics", [metrics[name].title for name in comparison.metrics])
-    for method in ranked:
-        values = comparison.further(method).items()
-        cells = ["-" if math.isnan(value) else f"{value:.{metrics[name].digits}f}" for name, value in values]
-        table.add_row("\n".join(map(literal, break_name(method.name))), *cells)
+    columns = (Column(figure, justify="right", overflow="fold") for figure in figures)
+    table = Table(Column(name, overflow="fold"), *columns, title=title)
+    for place, row in enumerate(rows):
+        style = "bold green" if place == 0 and len(rows) > 1 else ""
+        table.add_row("\n".join(map(literal, break_name(row.name))), *(cell.text for cell in row.cells), style=style)
     return table
 
 

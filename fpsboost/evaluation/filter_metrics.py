@@ -104,12 +104,8 @@ class _FilterMeter:
         self._graph: _Graph | None = None
         self._counts: list[bool] = []
 
-    def add_shown(self, image: Image) -> None:
-        self._counts.append(False)
-        self._push(image, image)
-
-    def add(self, truth: Image, image: Image) -> None:
-        self._counts.append(True)
+    def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
+        self._counts.append(counts)
         self._push(truth, image)
 
     def _push(self, truth: Image, image: Image) -> None:

@@ -24,14 +24,11 @@ ALWAYS = ("psnr", "psnr_p5", "ssim", "mae", "mse")
 class Meter(Protocol):
     """Contract: measures the frames of one method, in the order of the output."""
 
-    def add_shown(self, image: Image) -> None:
-        """Add a frame that is shown to the methods; the first and the last of an output are such."""
-
-    def add(self, truth: Image, image: Image) -> None:
-        """Add an interpolated frame and the true one."""
+    def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
+        """Add the next frame and the true one; those that methods are shown, which are equal, do not count."""
 
     def values(self) -> list[float]:
-        """Return the metric of every interpolated frame; called once, at the end."""
+        """Return the metric of every frame that counts; called once, at the end."""
 
 
 @dataclass(frozen=True)
@@ -61,14 +58,12 @@ class FlipMeter:
     def __init__(self) -> None:
         self._values: list[float] = []
 
-    def add_shown(self, image: Image) -> None:
-        """See `Meter.add_shown`; such a frame has no error."""
+    def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
+        if counts:
+            from flip_evaluator import evaluate  # noqa: PLC0415 (an extra, which may be missing)
 
-    def add(self, truth: Image, image: Image) -> None:
-        from flip_evaluator import evaluate  # noqa: PLC0415 (an extra, which may be missing)
-
-        _, mean, _ = evaluate(_as_rgb(truth), _as_rgb(image), "LDR", applyMagma=False)
-        self._values.append(float(mean))
+            _, mean, _ = evaluate(_as_rgb(truth), _as_rgb(image), "LDR", applyMagma=False)
+            self._values.append(float(mean))
 
     def values(self) -> list[float]:
         return self._values
@@ -132,18 +127,14 @@ class Meters:
         """Yield the hidden frames of a clip in order; each must be passed to `add` before the next one is taken."""
         last: Interval | None = None
         for last in intervals:
-            self._add_shown(last.shown0.array)
+            self.add(last.shown0.array, last.shown0.array, counts=False)
             yield from last.hidden
         if last is not None:
-            self._add_shown(last.shown1.array)
+            self.add(last.shown1.array, last.shown1.array, counts=False)
 
-    def _add_shown(self, image: Image) -> None:
+    def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
         for meter in self._meters.values():
-            meter.add_shown(image)
-
-    def add(self, truth: Image, image: Image) -> None:
-        for meter in self._meters.values():
-            meter.add(truth, image)
+            meter.add(truth, image, counts=counts)
 
     def values(self, frames: int) -> list[dict[str, float]]:
         """Return the metrics of each of so many interpolated frames by name."""

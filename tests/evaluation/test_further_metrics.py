@@ -42,7 +42,7 @@ def test_twice_the_error_takes_6_db_of_xpsnr():
             if number % 2:
                 meter.add(image, image + np.float32(factor) * error)
             else:
-                meter.add_shown(image)
+                meter.add(image, image, counts=False)
     once, twice = (meter.values() for meter in meters)
     assert len(once) == 3
     assert np.subtract(once, twice) == pytest.approx(20 * np.log10(2), abs=0.05)
@@ -56,7 +56,7 @@ def test_xpsnr_of_equal_frames_is_120_db():
     other = image.copy()
     other[..., :3] += 9
     meter = XpsnrMeter(Fraction(25))
-    meter.add_shown(image)
+    meter.add(image, image, counts=False)
     meter.add(image, image)
     meter.add(image, other)
     assert meter.values() == [120.0] * 2
@@ -72,7 +72,7 @@ def test_xpsnr_takes_any_size_and_depth(dtype, scale, size):
     found = []
     for rows, columns in (size, (height, width)):
         meter = XpsnrMeter(Fraction(60))
-        meter.add_shown(truth[:rows, :columns])
+        meter.add(truth[:rows, :columns], truth[:rows, :columns], counts=False)
         meter.add(truth[:rows, :columns], made[:rows, :columns])
         found += meter.values()
     assert found[0] == found[1]
@@ -83,7 +83,7 @@ def test_xpsnr_takes_any_size_and_depth(dtype, scale, size):
 def test_frames_too_small_for_xpsnr_are_refused(height, width):
     """Rather than handed to a filter that divides by nothing, or sees no error in a lone column of blocks."""
     with pytest.raises(InputError, match=rf"Frames of {width}x{height} are too small for XPSNR, .* leave xpsnr out"):
-        XpsnrMeter(Fraction(25)).add_shown(flat(1, size=(height, width, 3)))
+        XpsnrMeter(Fraction(25)).add(flat(1, size=(height, width, 3)), flat(1, size=(height, width, 3)), counts=False)
 
 
 def test_vmaf_comes_from_the_log_of_libvmaf():

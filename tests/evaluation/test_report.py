@@ -144,7 +144,7 @@ def test_frames_shown_are_those_that_were_scored(comparison):
     def has_level(uri, number):
         return np.allclose(decoded(uri), 255 - 60 * scored.hidden.index(number), atol=2)  # WebP is lossy
 
-    for frame in _view_frames(scored, contestants, choose_frames(scored), None)[0]:
+    for frame in _view_frames(scored, contestants, choose_frames(scored))[0]:
         assert has_level(frame.strips[0].crops[1].uri, frame.number)
     played = view_passages(scored, contestants, [scored.hidden[1:3]])
     hidden = [frame for frame in played.frames if frame["note"] == "hidden"]
