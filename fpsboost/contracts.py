@@ -66,15 +66,6 @@ class RandomAccess(Protocol):
         """
 
 
-@runtime_checkable
-class Stoppable(Protocol):
-    """Contract: source that may end where its clip changes in a way that a conversion refuses."""
-
-    @property
-    def stopped_by(self) -> str | None:
-        """Sentence about the first such change among the frames read so far; None if there was none."""
-
-
 class ClosesOnExit(ABC):
     """Context manager that calls `close` on exit."""
 

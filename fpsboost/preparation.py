@@ -12,7 +12,7 @@ from fpsboost.contracts import FrameSource
 from fpsboost.errors import OptionError
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
-from fpsboost.io import DescribedSource
+from fpsboost.io import DescribedSource, SeekableSource
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.opening import Target, check_images, open_source
@@ -26,7 +26,7 @@ from fpsboost.streaming import beginning
 from fpsboost.timing.position import Trim
 from fpsboost.timing.rate import FrameIntervals, OutputRate
 from fpsboost.timing.schedule import ExposureSchedule, Schedule, count_frames
-from fpsboost.trimming import Seekable, Sliceable, trim_source
+from fpsboost.trimming import Sliceable, trim_source
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class OpenedClip:
         if isinstance(self.whole, Sliceable):
             self.whole.keep(round(seconds * self.whole.info.rate), None)
             return -beginning(self.whole).seconds
-        if isinstance(self.whole, Seekable):
+        if isinstance(self.whole, SeekableSource):
             origin = self.whole.first_time()
             self.whole.skip_to(origin + seconds)
             return origin

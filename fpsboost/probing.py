@@ -15,11 +15,12 @@ from tempfile import TemporaryDirectory
 from typing import Any, Self
 
 from fpsboost.analysis.duplicates import SourceFrame, group_duplicates
-from fpsboost.contracts import FrameSource, Stoppable
+from fpsboost.contracts import FrameSource
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, with_neighbours
+from fpsboost.io import SeekableSource
 from fpsboost.io.animation.source import is_animation
 from fpsboost.io.opening import Target, TargetRequirements, open_source
 from fpsboost.io.output import Output, StreamInfo, VideoFile
@@ -209,7 +210,7 @@ def probe(
             refused, losses = _try_sink(source.info, beside, schedule)
         findings = Findings()
         cuts = findings.cuts(source, methods["nlm"])
-        if isinstance(source, Stoppable):
+        if isinstance(source, SeekableSource):
             refused = refused or source.stopped_by
         info, times = source.info, findings.times
         counted = replace(info, frame_count=len(times), duration=findings.end - times[0])

@@ -14,22 +14,9 @@ from fpsboost.contracts import ClosesOnExit, FrameSource, RandomAccess
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
+from fpsboost.io import SeekableSource
 from fpsboost.io.output import TIME_TOLERANCE, Window
 from fpsboost.timing.position import Position, Trim
-
-
-@runtime_checkable
-class Seekable(Protocol):
-    """Contract: source that can seek, and so skip what comes before a time without reading it."""
-
-    def first_time(self) -> Fraction:
-        """Return the time of the clip's first frame, seconds."""
-
-    def skip_to(self, time: Fraction) -> None:
-        """Seek to a time, or as little before it as the source can; must be called before the first frame is read.
-
-        All frames from that time on are the same as without seeking.
-        """
 
 
 @runtime_checkable
@@ -68,7 +55,7 @@ class TrimmedSource(ClosesOnExit):
     ) -> None:
         self._source, self._trim = source, trim
         counts_frames = any(place is not None and place.is_frame for place in (trim.start, trim.end))
-        self._seekable = source if isinstance(source, Seekable) else None
+        self._seekable = source if isinstance(source, SeekableSource) else None
         self._may_skip = may_skip and trim.start is not None and not counts_frames and self._seekable is not None
         origin = Fraction(0) if self._seekable is None else self._seekable.first_time()
         begin, end = trim.seconds(source.info)

@@ -7,6 +7,7 @@ path, which names a video file, an animation, a folder of images, a pattern of i
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from fpsboost.contracts import FrameSource
@@ -25,12 +26,25 @@ class DescribedSource(FrameSource, Protocol):
 
 
 @runtime_checkable
-class SharesIndex(Protocol):
-    """Contract: source that reads a file to list its frames, and can take that list from another source of the file."""
+class SeekableSource(Protocol):
+    """Contract: source of a video file, in which it can seek, and whose frames it can list without decoding them."""
+
+    @property
+    def stopped_by(self) -> str | None:
+        """Sentence about the first change, in the frames read so far, that a conversion refuses; None without one."""
 
     @property
     def frame_index(self) -> FrameIndex | None:
-        """The list; None if there is none, or `RandomAccess.frame_times` was not called yet."""
+        """List of the frames; None if there is none, or `RandomAccess.frame_times` was not called yet."""
 
     def take_index(self, index: FrameIndex) -> None:
         """Take the list of a source of the same file; must be called before `RandomAccess.frame_times`."""
+
+    def first_time(self) -> Fraction:
+        """Return the time of the clip's first frame, seconds."""
+
+    def skip_to(self, time: Fraction) -> None:
+        """Seek to a time, or as little before it as the source can; must be called before the first frame is read.
+
+        All frames from that time on are the same as without seeking.
+        """

@@ -25,7 +25,7 @@ from fpsboost.errors import OptionError, OutputError, explained
 from fpsboost.fingerprint import JobFingerprint
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
-from fpsboost.io import SharesIndex
+from fpsboost.io import SeekableSource
 from fpsboost.io.output import OutputPart
 from fpsboost.io.part import INDEX_NAME, part_files, remove_if_empty
 from fpsboost.io.staging import write_safely
@@ -105,8 +105,8 @@ def plan_part(ready: Preparation) -> PartPlan:
     def read_from(number: int) -> Iterator[Iterator[Frame]]:
         with opened_clip(job, run) as again:
             assert isinstance(again.source, RandomAccess)
-            index = clip.whole.frame_index if isinstance(clip.whole, SharesIndex) else None
-            if index is not None and isinstance(again.whole, SharesIndex):
+            index = clip.whole.frame_index if isinstance(clip.whole, SeekableSource) else None
+            if index is not None and isinstance(again.whole, SeekableSource):
                 again.whole.take_index(index)
             again.source.begin_at(number)
             yield iter(again.source)
@@ -252,7 +252,7 @@ def frame_times(clip: OpenedClip, folder: Path) -> Sequence[Fraction] | None:
     source = clip.source
     if not isinstance(source, RandomAccess):
         return None
-    if isinstance(clip.whole, SharesIndex) and (folder / INDEX_NAME).exists():
+    if isinstance(clip.whole, SeekableSource) and (folder / INDEX_NAME).exists():
         index = read_index(folder, input_identity(clip))
         if index is not None:
             clip.whole.take_index(index)
@@ -264,7 +264,7 @@ def share_index(clip: OpenedClip, folder: Path) -> None:
 
     Nothing is lost where that is impossible.
     """
-    index = clip.whole.frame_index if isinstance(clip.whole, SharesIndex) else None
+    index = clip.whole.frame_index if isinstance(clip.whole, SeekableSource) else None
     if index is None or (folder / INDEX_NAME).exists():
         return
     points = [(point.number, point.pts, NO_TIME if point.dts is None else point.dts) for point in index.entry_points]

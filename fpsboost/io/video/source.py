@@ -288,7 +288,7 @@ class VideoSource(ClosesOnExit):
         self._reopen()
 
     def frame_times(self) -> list[Fraction] | None:
-        """See `fpsboost.io.RandomAccess.frame_times`; reads all packets, and decodes the first frames."""
+        """See `fpsboost.contracts.RandomAccess.frame_times`; reads all packets, and decodes the first frames."""
         self._opened()
         if self.frame_index is None and self._unindexed is None:
             try:
@@ -304,11 +304,11 @@ class VideoSource(ClosesOnExit):
         return [ticks * self._clock.tick - self._clock.start for ticks in self.frame_index.ticks.tolist()]
 
     def take_index(self, index: FrameIndex) -> None:
-        """See `fpsboost.io.SharesIndex.take_index`."""
+        """See `fpsboost.io.SeekableSource.take_index`."""
         self.frame_index = index
 
     def begin_at(self, number: int) -> None:
-        """See `fpsboost.io.RandomAccess.begin_at`; decodes from the key frame before."""
+        """See `fpsboost.contracts.RandomAccess.begin_at`; decodes from the key frame before."""
         times = self.frame_times()
         if times is not None and number >= len(times):
             raise InputError(f"{self._name} has {counted(len(times), 'frame')}, and none has the number {number}.")
