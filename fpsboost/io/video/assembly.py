@@ -102,8 +102,9 @@ class Assembly:
         """Mux the packets of the video, and those of the other streams that are due before each of them."""
         begin: tuple[int, int] | None = None
         end_pts = 0
-        for packet, following in pairwise(chain(self._packets(chunks), (None,))):
+        for packet, following in pairwise(chain(timed_packets(chunks), (None,))):
             assert packet is not None
+            packet.time_base, packet.stream = self._time_base, self._stream
             pts, dts = packet.pts or 0, packet.dts or 0
             begin, end_pts = begin or (pts, dts), max(end_pts, pts + (packet.duration or 0))
             if following is None and self._container in EXACT_TIME_BASE_CONTAINERS:
@@ -116,36 +117,23 @@ class Assembly:
         if begin is None:
             raise OutputError(f"{self._name} was not written because its encoder made nothing; try another `codec`.")
 
-    def _packets(self, chunks: Sequence[Chunk]) -> Iterator[av.Packet[Any]]:
-        decoding_times = decoding_times_of(chunks)
-        for packet in (packet for chunk in chunks for packet in chunk.packets()):
-            packet.dts, packet.time_base, packet.stream = next(decoding_times), self._time_base, self._stream
-            yield packet
 
-
-def decoding_times_of(chunks: Sequence[Chunk]) -> Iterator[int]:
-    """Yield the decoding time of each packet, in ticks.
+def timed_packets(chunks: Sequence[Chunk]) -> Iterator[av.Packet[Any]]:
+    """Yield all packets with their decoding times in the whole output, in ticks.
 
     With reordering, those of each chunk's encoder reach back into the chunk before, and for fewer pictures than x265
     buffers they are far before the presentation times. So the decoding time of a packet is the presentation time of
     the picture a fixed number of places before it in presentation order.
     """
-    delay = max(_delay_of(chunk) for chunk in chunks)
+    delay = max(chunk.delay for chunk in chunks)
     presented: deque[int] = deque()
     for number, chunk in enumerate(chunks):
-        in_order = sorted(times.pts for times in chunk.times())
+        times, packets = chunk.read()
+        in_order = sorted(each.pts for each in times)
         if number == 0:
             shift = in_order[min(delay, len(in_order) - 1)] - in_order[0]
             presented.extend(pts - shift for pts in in_order[:delay])
-        for pts in in_order:
-            presented.append(pts)
-            yield presented.popleft()
-
-
-def _delay_of(chunk: Chunk) -> int:
-    """Return the number of packets that are decoded before the first one is presented."""
-    times = chunk.times()
-    in_order = sorted(entry.pts for entry in times)
-    places = {pts: place for place, pts in enumerate(in_order)}
-    needed = max((index - places[entry.pts] for index, entry in enumerate(times)), default=0)
-    return max(needed, sum(entry.dts is not None and entry.dts < in_order[0] for entry in times))
+        presented.extend(in_order)
+        for packet in packets:
+            packet.dts = presented.popleft()
+            yield packet

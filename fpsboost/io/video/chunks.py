@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,7 +64,7 @@ class ChunkWriter:
         self._archive.close()
         sync(self._part)
         rename_safely(self._part, self._path)
-        return Chunk(self._path, frames)
+        return _chunk_of(self._path, index)
 
     def discard(self) -> None:
         """Close the incomplete file, which later runs ignore because of its suffix."""
@@ -74,23 +74,22 @@ class ChunkWriter:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Complete chunk: its path and its number of frames."""
+    """Complete chunk, and what must be known of all before the first is muxed."""
 
     path: Path
     frames: int
+    extradata: bytes
+    delay: int
+    """Number of packets that are decoded before the first one is presented."""
 
-    @property
-    def extradata(self) -> bytes:
-        return bytes.fromhex(_index_of(self.path)["extradata"])
+    def read(self) -> tuple[list[Times], Iterator[av.Packet[Any]]]:
+        """Return the times of all packets in decoding order, and the packets, without stream and time base."""
+        packets = _index_of(self.path)["packets"]
+        return _times_of(packets), self._packets(packets)
 
-    def times(self) -> list[Times]:
-        """Return the times of all packets in decoding order, without reading their data."""
-        return [Times(*times) for times, *_ in _index_of(self.path)["packets"]]
-
-    def packets(self) -> Iterator[av.Packet[Any]]:
-        """Yield all packets in decoding order, with neither stream nor time base set."""
+    def _packets(self, packets: Sequence[Any]) -> Iterator[av.Packet[Any]]:
         with ZipFile(self.path) as archive, archive.open(DATA) as data:
-            for times, is_keyframe, size, side_data in _index_of(self.path)["packets"]:
+            for times, is_keyframe, size, side_data in packets:
                 packet: av.Packet[Any] = av.Packet(data.read(size))
                 packet.pts, packet.dts, packet.duration = times
                 packet.is_keyframe = is_keyframe
@@ -107,9 +106,22 @@ def _index_of(path: Path) -> dict[str, Any]:
         return index
 
 
+def _times_of(packets: Sequence[Any]) -> list[Times]:
+    return [Times(*times) for times, *_ in packets]
+
+
+def _chunk_of(path: Path, index: dict[str, Any]) -> Chunk:
+    times = _times_of(index["packets"])
+    in_order = sorted(entry.pts for entry in times)
+    places = {pts: place for place, pts in enumerate(in_order)}
+    needed = max((place - places[entry.pts] for place, entry in enumerate(times)), default=0)
+    delay = max(needed, sum(entry.dts is not None and entry.dts < in_order[0] for entry in times))
+    return Chunk(path, index["frames"], bytes.fromhex(index["extradata"]), delay)
+
+
 def complete_chunk(path: Path) -> Chunk:
     """Return a chunk that is known to be complete and intact, without reading all of it."""
-    return Chunk(path, _index_of(path)["frames"])
+    return _chunk_of(path, _index_of(path))
 
 
 def find_chunks(folder: Path, first: int = 0) -> list[Chunk]:
