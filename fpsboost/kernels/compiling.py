@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import Lock
 from typing import IO, cast
 
 listeners: list[Callable[[], None]] = []
@@ -39,11 +40,11 @@ def told_of_compiling(tell: Callable[[], None]) -> Iterator[None]:
 
     Compiling takes seconds, once on a machine: a program can tell its user why it waits.
     """
-    waiting = [tell]
+    first = Lock()
 
     def listen() -> None:
-        if waiting:
-            waiting.pop()()
+        if first.acquire(blocking=False):  # of the threads that compile at the same time, too
+            tell()
 
     listeners.append(listen)
     try:

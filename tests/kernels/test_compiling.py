@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
 import time
 from functools import partial
 from pathlib import Path
@@ -69,6 +70,26 @@ def test_a_kernel_runs_where_nothing_can_be_cached():
         kernel(values)
     assert (values == 4).all()
     assert told == [True]
+
+
+def test_two_threads_are_told_of_once():
+    """Also where the second one compiles while the first one asks whether it was told already."""
+    told, others = [], [threading.Thread(target=tell_listeners)]
+
+    def interrupted(frame, event, _):
+        if event == "line" and frame.f_lineno > frame.f_code.co_firstlineno + 1 and others:
+            other = others.pop()
+            other.start()
+            other.join()
+        return interrupted if frame.f_code.co_name == "listen" else None
+
+    with told_of_compiling(lambda: told.append(True)):
+        sys.settrace(interrupted)
+        try:
+            tell_listeners()
+        finally:
+            sys.settrace(None)
+    assert (told, others) == ([True], [])
 
 
 @pytest.fixture
