@@ -101,15 +101,15 @@ def words_of(options: Mapping[str, object]) -> tuple[str, ...]:
 
 def words_of_options(*options: Any) -> list[str]:
     """Return what differs from the defaults in objects of options, as words of the command line."""
-    return [word for each in options for word in words_of(dict(_given(each)))]
+    return [word for each in options for word in words_of(dict(given_in(each)))]
 
 
-def _given(options: Any) -> Iterator[tuple[str, object]]:
+def given_in(options: Any) -> Iterator[tuple[str, object]]:
     """Yield the options that differ from their defaults, by their flags, with values as they are written."""
     names = {flag.field: flag.name for flag in flags_of(type(options))}
     for each in fields(options):
         value = getattr(options, each.name)
         if is_dataclass(each.default):
-            yield from _given(value)
+            yield from given_in(value)
         elif each.name in names and value != each.default:
             yield names[each.name], value.as_option() if hasattr(value, "as_option") else value

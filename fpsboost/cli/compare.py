@@ -27,7 +27,7 @@ from fpsboost.cli.signature import GROUPS, PathName, with_flags
 from fpsboost.errors import OptionError
 from fpsboost.io.new_output import check_new_folder, check_writable
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.options import words_of
+from fpsboost.options import words_of_options
 
 if TYPE_CHECKING:
     from fpsboost.evaluation.contestants import Contestant
@@ -82,10 +82,8 @@ def compare(
     console = Console(highlight=False, quiet=results.quiet)
     inputs, hiding = [input, *more], hiding_of(frames, decoding)
     others = name_others(contest.frames_of, contest.peer)
-    if contest.depth is not None and contest.vectors is None:
-        raise OptionError("--depth goes with --vectors; give both.")
     check_several(inputs, contest)
-    folder = contest.vector_folder
+    folder = contest.rendered.folder
     folder = folder and match_vectors(input, folder)
     ours, skipped = choose(contest.methods, folder)
     ours = with_cuts(ours, at_cuts)
@@ -107,11 +105,11 @@ def compare(
                     hiding,
                     progress,
                     skipped=skipped,
-                    rendered=words_of(contest.rendered),
+                    rendered=tuple(words_of_options(contest.rendered)),
                     others=others.words(),
                     vectors=folder,
                     cuts=at_cuts.applied_to(find_method("nlm")).cuts,
-                    cut_options=words_of(at_cuts.given),
+                    cut_options=tuple(words_of_options(at_cuts)),
                     metrics=metrics,
                 )
             print_comparison(comparison, contestants, console)
@@ -162,7 +160,7 @@ def check_several(inputs: Sequence[str], contest: ContestOptions) -> None:
     """Raise `OptionError` if there are several clips and an option is about one, or one is named twice."""
     if len(inputs) == 1:
         return
-    of_one = [*["--vectors"] * (contest.vectors is not None), *["--frames"] * bool(contest.frames_of)]
+    of_one = [*["--vectors"] * (contest.rendered.vectors is not None), *["--frames"] * bool(contest.frames_of)]
     if of_one:
         raise OptionError(f"{' and '.join(of_one)} goes with one clip; compare several one by one.")
     twice = next((input for input in inputs if inputs.count(input) > 1), None)

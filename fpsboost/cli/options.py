@@ -14,7 +14,7 @@ from fpsboost.errors import OptionError
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.memory import MemoryLimit, parse_memory
-from fpsboost.options import flags_of, option
+from fpsboost.options import flags_of, given_in, option
 from fpsboost.render.convention import ConventionName
 from fpsboost.rerender.options import FrameChoiceOptions, MergeOptions, PlanOptions
 from fpsboost.run_options import RunOptions
@@ -35,6 +35,28 @@ METHODS = (
 
 
 @dataclass(frozen=True)
+class RenderedOptions:
+    """What a renderer has written beside its images."""
+
+    vectors: str | None = option(None, "Motion vectors of a renderer, one file per frame.", metavar="DIR")
+    depth: str | None = option(None, "Depth of a renderer, for reproject-scene.", metavar="DIR")
+    vector_convention: ConventionName = option("auto", "Vector convention: blender, nuke...", flag="vectors-as")
+
+    def __post_init__(self) -> None:
+        if self.depth is not None and self.vectors is None:
+            raise OptionError("--depth goes with the motion vectors of --vectors; give that too, or leave --depth out.")
+        if self.vector_convention != "auto" and self.vectors is None:
+            raise OptionError("--vectors-as says what --vectors holds; give that too, or leave it out.")
+
+    @property
+    def folder(self) -> VectorFolder | None:
+        """The renderer's vectors, if there are any."""
+        from fpsboost.render.folder import VectorFolder  # noqa: PLC0415
+
+        return None if self.vectors is None else VectorFolder(self.vectors, self.depth, self.vector_convention)
+
+
+@dataclass(frozen=True)
 class MethodOptions:
     """Method by name, and what it gets beside the frames."""
 
@@ -52,20 +74,12 @@ class MethodOptions:
     )
     duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate or keep.")
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
-    vectors: str | None = option(None, "Motion vectors of a renderer, one file per frame.", metavar="DIR")
-    depth: str | None = option(None, "Depth of a renderer, for reproject-scene.", metavar="DIR")
-    vector_convention: ConventionName = option("auto", "Vector convention: blender, nuke...", flag="vectors-as")
+    rendered: RenderedOptions = RenderedOptions()
 
     def interpolator(self, tuning: TuningOptions) -> Interpolator:
         from fpsboost.method_table import configure, find_method  # noqa: PLC0415
-        from fpsboost.render.folder import VectorFolder  # noqa: PLC0415
 
-        if self.depth is not None and self.vectors is None:
-            raise OptionError("--depth goes with the motion vectors of --vectors; give that too, or leave --depth out.")
-        if self.vector_convention != "auto" and self.vectors is None:
-            raise OptionError("--vectors-as says what --vectors holds; give that too, or leave it out.")
-        folder = None if self.vectors is None else VectorFolder(self.vectors, self.depth, self.vector_convention)
-        interpolator = configure(find_method(self.method, folder), self.method, tuning.given)
+        interpolator = configure(find_method(self.method, self.rendered.folder), self.method, tuning.given)
         interpolator = replace(interpolator, match_grain=self.match_grain)
         return interpolator if self.duplicates == "interpolate" else replace(interpolator, duplicates=None)
 
@@ -105,17 +119,11 @@ class CutOptions:
     no_cuts: bool = option(False, "Treat the clip as one scene.")
     cuts: str | None = option(None, "Cut list: a time or frame per line, or PySceneDetect's.", metavar="FILE")
 
-    @property
-    def given(self) -> dict[str, Any]:
-        """Options that differ from the defaults, by their names on the command line."""
-        values = {flag.name: (getattr(self, flag.field), flag.default) for flag in flags_of(CutOptions)}
-        return {name: value for name, (value, default) in values.items() if value != default}
-
     def applied_to(self, interpolator: Interpolator) -> Interpolator:
         """Return the interpolator with these options applied."""
         from fpsboost.analysis.scene_cuts import CutDetector, read_cuts  # noqa: PLC0415
 
-        names = [name for name in self.given if name != "--at-cuts"]
+        names = [name for name, _ in given_in(self) if name != "--at-cuts"]
         if len(names) > 1:
             raise OptionError(f"{' and '.join(names)} contradict each other; give one of them.")
         policy = interpolator.cuts
@@ -191,22 +199,7 @@ class ContestOptions:
         "Repeatable.",
         metavar="NAME=COMMAND",
     )
-    vectors: str | None = option(None, "Motion vectors of a renderer, one file per frame of IN.", metavar="DIR")
-    depth: str | None = option(None, "Depth of a renderer, for reproject-scene.", metavar="DIR")
-    vector_convention: ConventionName = option("auto", "Vector convention: blender, nuke...", flag="vectors-as")
-
-    @property
-    def vector_folder(self) -> VectorFolder | None:
-        """The renderer's vectors, if there are any."""
-        from fpsboost.render.folder import VectorFolder  # noqa: PLC0415
-
-        return None if self.vectors is None else VectorFolder(self.vectors, self.depth, self.vector_convention)
-
-    @property
-    def rendered(self) -> dict[str, str | None]:
-        """Options for what a renderer has written, by their flags."""
-        convention = None if self.vector_convention == "auto" else self.vector_convention
-        return {"--vectors": self.vectors, "--depth": self.depth, "--vectors-as": convention}
+    rendered: RenderedOptions = RenderedOptions()
 
 
 @dataclass(frozen=True)
@@ -232,8 +225,7 @@ class PlannedMethodOptions:
     """The method whose frames are planned for."""
 
     method: str = option("nlm", "Interpolation method.", short="m", choices=METHODS)
-    vectors: str | None = option(None, "Motion vectors of a renderer, one file per frame.", metavar="DIR")
-    depth: str | None = option(None, "Depth of a renderer.", metavar="DIR")
+    rendered: RenderedOptions = RenderedOptions()
     quiet: bool = option(False, "Print errors only.", short="q")
 
 

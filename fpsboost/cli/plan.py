@@ -49,9 +49,7 @@ def plan(
     from fpsboost.rerender.frame_choice import choose_frames  # noqa: PLC0415
     from fpsboost.rerender.planning import plan_rerender  # noqa: PLC0415
 
-    interpolator = MethodOptions(motion.method, vectors=motion.vectors, depth=motion.depth).interpolator(
-        TuningOptions()
-    )
+    interpolator = MethodOptions(motion.method, rendered=motion.rendered).interpolator(TuningOptions())
     if choice.quality is not None and options != PlanOptions():
         raise OptionError("`quality` chooses whole frames, and the other options regions; give one or the other.")
     with Console(stderr=True, quiet=motion.quiet).status("making frames whose truth is known"):

@@ -350,7 +350,7 @@ def test_cuts_that_a_list_names_are_cuts_for_the_methods(fpsboost_, folder, tmp_
         (("--deinterlace",), 2, "--deinterlace is for video files"),
         (("--duplicates", "drop"), 2, "duplicates"),
         (("--no-cuts", "--cut-threshold", "0.5"), 2, "contradict each other"),
-        (("--depth", "pan"), 2, "--depth goes with --vectors"),
+        (("--depth", "pan"), 2, "--depth goes with the motion vectors of --vectors"),
         (("--vectors", "nowhere"), 1, "nowhere"),
         (("--skip", "0"), 2, "--skip must be at least 1"),
         (("--skip", "6"), 1, "too few frames"),
