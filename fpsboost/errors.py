@@ -5,6 +5,7 @@
     FpsboostError
     ├── OptionError     an invalid value: factor 0, an unknown method
     ├── InputError      the source cannot be read, or holds too little
+    │   └── EncryptedError  it is encrypted
     ├── OutputError     the target exists, cannot be written, or cannot hold the streams
     │   ├── CompleteAlreadyError  an output to be resumed is complete already
     │   ├── InUseError  another run writes the output
@@ -42,6 +43,10 @@ class SceneCutWarning(UserWarning):
 
 class InputError(FpsboostError):
     """Error for a source that is missing, unreadable, damaged beyond use, or too short."""
+
+
+class EncryptedError(InputError):
+    """Error for a source that is encrypted, so that decoding it would give noise."""
 
 
 class OutputError(FpsboostError):

@@ -291,36 +291,24 @@ def _look(traits: VideoTraits) -> Look:
 
 def _list_streams(file: VideoFile) -> list[StreamFacts]:
     """Return the properties of all streams in a file."""
+    whole, listed = headers_in(file), list[StreamFacts]()
     with open_video(file.path, file.name, playlists=file.playlists) as container:
-        streams = list(container.streams)
+        streams: list[Any] = list(container.streams)
         samples = first_packets(container, [stream for stream in streams if stream.type in ("audio", "subtitle")])
-        whole = {index for index, (is_whole, _) in headers_in(file).items() if is_whole}
-        return [
-            _facts_of(stream, file.stream_index, samples.get(stream.index), is_whole=stream.index in whole)
-            for stream in streams
-        ]
-
-
-def _facts_of(stream: Any, converted: int, sample: bytes | None, *, is_whole: bool) -> StreamFacts:
-    context = stream.codec_context
-    kind: str = "cover" if stream.type == "video" and is_cover_art(stream) else stream.type
-    details, carries_over = "", stream.index == converted
-    if stream.type == "video" and context:
-        details = f"{context.width}x{context.height}"
-    elif stream.type == "audio" and context:
-        details = f"{context.sample_rate} Hz, {context.layout.name}"
-    if kind in ("audio", "subtitle"):
-        carries_over = (is_whole and fits("mp4", stream, sample)) or is_text(stream)
-    elif kind == "cover":
-        carries_over = stream.name in ("png", "mjpeg")
-    elif kind == "data":
-        carries_over = bool(find_timecode(stream.metadata)) or keeps_data("mp4", stream)
-    return StreamFacts(
-        stream.index,
-        kind,
-        context.codec.canonical_name if context else None,
-        stream.metadata.get("language"),
-        stream.metadata.get("title", stream.metadata.get("name")),
-        details,
-        carries_over,
-    )
+        for stream in streams:
+            context, tags, number = stream.codec_context, stream.metadata, stream.index
+            kind: str = "cover" if stream.type == "video" and is_cover_art(stream) else stream.type
+            details, carries_over = "", number == file.stream_index
+            if stream.type == "video" and context:
+                details = f"{context.width}x{context.height}"
+            elif stream.type == "audio" and context:
+                details = f"{context.sample_rate} Hz, {context.layout.name}"
+            if kind in ("audio", "subtitle"):
+                carries_over = (whole[number][0] and fits("mp4", stream, samples.get(number))) or is_text(stream)
+            elif kind == "cover":
+                carries_over = stream.name in ("png", "mjpeg")
+            elif kind == "data":
+                carries_over = bool(find_timecode(tags)) or keeps_data("mp4", stream)
+            codec, title = context.codec.canonical_name if context else None, tags.get("title", tags.get("name"))
+            listed.append(StreamFacts(number, kind, codec, tags.get("language"), title, details, carries_over))
+    return listed

@@ -12,9 +12,10 @@ import av
 import av.container
 import av.error
 import av.stream
+import numpy as np
 from av.format import Flags
 
-from fpsboost.errors import InputError, OptionError
+from fpsboost.errors import EncryptedError, InputError, OptionError
 from fpsboost.io.video.pyav import open_input
 from fpsboost.io.video.remarks import Damage, encrypted_sentence
 from fpsboost.threads import available_cores
@@ -45,6 +46,9 @@ Both values are those of FFmpeg's programs.
 FIRST_BOXES = {b"ftyp", b"mdat", b"wide", b"free", b"skip"}
 """Types of the boxes that files of MP4 and MOV begin with."""
 
+PROBES, PROBED_BYTES = 256, 1 << 15
+"""Number and size of the places of a transport stream at which its packets are looked at for scrambling."""
+
 UNTIMED_FORMAT = "avi"
 """Container that stores no times, only packets in order; FFmpeg guesses presentation times from picture types."""
 
@@ -63,6 +67,8 @@ class Demuxer:
         self.clear: Fraction | None = None
         self._first: Fraction | None = None
         self._open()
+        is_broadcast = self.container.format.name == "mpegts"
+        self._scrambled = scrambled_place(path, self.stream.id) if is_broadcast else None
 
     def _open(self) -> None:
         self.container = open_video(self._path, self._name, playlists=self._playlists)
@@ -88,6 +94,8 @@ class Demuxer:
                 if is_encrypted(packet):
                     self.clear = place - self._first
                     return
+                if self._scrambled is not None and (packet.pos or 0) > self._scrambled:
+                    break
             if start is not None and packet.time_base:
                 tick = Fraction(packet.time_base)
                 self.furthest = max((start + (packet.duration or 0)) * tick, self.furthest)
@@ -95,6 +103,8 @@ class Demuxer:
                     self.last_start = max(start * tick, self.last_start)
             if packet.stream.index == video:
                 yield packet
+        if self._scrambled is not None:  # FFmpeg reads past what is scrambled
+            self.clear = Fraction(0) if self._first is None else self.last_start - self._first
 
     def seek(self, ticks: int) -> bool:
         """Go to the key frame before a time in ticks of the video stream; return whether the container can."""
@@ -179,13 +189,33 @@ def choose_video(container: av.container.InputContainer, name: str, wanted: int 
     if chosen.codec_context is None:
         raise InputError(f"{name} uses a video codec that cannot be decoded here; convert it to H.264 first.")
     if "ASF_Protection_Type" in container.metadata:
-        raise InputError(encrypted_sentence(name))
+        raise EncryptedError(encrypted_sentence(name))
     return chosen
 
 
 def is_encrypted(packet: av.Packet[Any]) -> bool:
     """Return whether a packet is encrypted, by itself as in MP4, or with its whole stream as in Matroska."""
     return bool(packet.has_sidedata("encryption_info")) or "enc_key_id" in packet.stream.metadata
+
+
+def scrambled_place(path: Path, pid: int) -> int | None:
+    """Return about where in a transport stream, in bytes, the packets with this identifier are scrambled, if they are.
+
+    A sample of the file is read; FFmpeg does not tell.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        for place in range(0, size, max(PROBED_BYTES, size // PROBES)):
+            file.seek(place)
+            block = np.frombuffer(file.read(PROBED_BYTES), np.uint8)
+            for length in (188, 192, 204):
+                rows = block[: len(block) // length * length].reshape(-1, length)
+                begins = np.mean(rows == 0x47, axis=0) > 0.9 if len(rows) else np.zeros(1, bool)
+                heads = block[begins.argmax() :][: (len(rows) - 1) * length].reshape(-1, length)[:, :4].astype(int)
+                own = heads[(heads[:, 1] % 32 * 256 + heads[:, 2] == pid) & begins.any()]
+                if len(own) and np.mean(own[:, 3] >= 0x40) > 0.5:
+                    return place
+    return None
 
 
 def left_out_remarks(container: av.container.InputContainer, chosen: av.VideoStream, name: str) -> list[str]:

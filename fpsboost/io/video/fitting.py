@@ -17,13 +17,14 @@ import av.container
 import av.error
 from av.codec.codec import Properties
 
-from fpsboost.errors import OptionError, OutputError
+from fpsboost.errors import EncryptedError, OptionError, OutputError
 from fpsboost.io.output import Output, VideoFile
-from fpsboost.io.video.demuxer import open_video
+from fpsboost.io.video.demuxer import open_video, scrambled_place
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoded_sound import can_encode, choose_sound_encoder, defaults, sound_encoders
 from fpsboost.io.video.encoding import containers, holds
 from fpsboost.io.video.pyav import open_input, trial_file
+from fpsboost.io.video.remarks import encrypted_stream_sentence
 
 MAX_PROBED_PACKETS = 200
 """Maximum number of packets that are read to find the first packet of each stream."""
@@ -75,7 +76,7 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
     any_codec = False
     headers = headers_in(source)
     with open_video(source.path, source.name, playlists=source.playlists) as file:
-        _check_choice(file, source, encoding)
+        _check_streams(file, source, encoding)
         streams = [stream for stream in file.streams if is_wanted(stream, encoding)]
         strict = [stream for stream in streams if not is_text(stream)]
         samples = first_packets(file, strict)
@@ -118,8 +119,11 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
     return Fitting(encoders, left_out, any_codec)
 
 
-def _check_choice(file: av.container.InputContainer, source: VideoFile, encoding: Encoding) -> None:
-    """Raise `OptionError` if a stream is asked for that is no sound or subtitles; the video that is read may be."""
+def _check_streams(file: av.container.InputContainer, source: VideoFile, encoding: Encoding) -> None:
+    """Raise an exception if a stream is wanted that is scrambled, or neither sound nor subtitles nor the video."""
+    for stream in file.streams if file.format.name == "mpegts" else ():
+        if is_wanted(stream, encoding) and scrambled_place(source.path, stream.id) is not None:
+            raise EncryptedError(encrypted_stream_sentence(source.name, stream.type, stream.index))
     offered = {stream.index: stream for stream in file.streams if stream.type in ("audio", "subtitle")}
     for number in set(encoding.streams or ()) - offered.keys() - {source.stream_index}:
         listed = ", ".join(f"{index} ({codec_of(stream)} {stream.type})" for index, stream in offered.items())

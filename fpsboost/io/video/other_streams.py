@@ -17,14 +17,14 @@ import av.container
 import av.error
 from av.subtitles.subtitle import AssSubtitle, SubtitleSet
 
-from fpsboost.errors import InputError
+from fpsboost.errors import EncryptedError
 from fpsboost.io.output import Output, VideoFile, Window
 from fpsboost.io.video.demuxer import is_cover_art, is_encrypted, open_video, read_packets
 from fpsboost.io.video.encoded_sound import EncodedSound, output_time
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, containers
 from fpsboost.io.video.fitting import Fitting, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
 from fpsboost.io.video.pyav import open_input, printable
-from fpsboost.io.video.remarks import Damage, counted, not_held_remark
+from fpsboost.io.video.remarks import Damage, counted, encrypted_stream_sentence, not_held_remark
 from fpsboost.io.video.tags import Labels, at_rate, copy_labels, find_timecode, frames_later, lost_labels, tags_for
 
 MAX_INTERLEAVING = 10
@@ -114,9 +114,10 @@ class OtherStreams:
 
     def check_labels(self, path: Path) -> None:
         with open_input(str(path.absolute())) as file:
-            for index, labels in self._labels.items():
-                lost = lost_labels(labels, file.streams[labels.index]) if labels.index < len(file.streams) else []
-                if lost:
+            streams = [stream for stream in file.streams if not is_cover_art(stream)]
+            for index, labels in self._labels.items():  # the streams of each type are in order, but not all of them
+                place = next((n for n, stream in enumerate(streams) if stream.type == labels.kind), None)
+                if place is not None and (lost := lost_labels(labels, streams.pop(place))):
                     self._remark(f"lost of stream {index} of its source: {', '.join(lost)}.")
 
     def _remark(self, sentence: str) -> None:
@@ -267,8 +268,7 @@ class OtherStreams:
         index, kind = packet.stream.index, packet.stream.type
         end = None if self._window is None else self._window.end
         if is_encrypted(packet) and (end is None or packet.dts * Fraction(packet.time_base) < end):
-            without = {"audio": "`audio=False`", "subtitle": "`subtitles=False`"}.get(kind, "a copy without it")
-            raise InputError(f"{self._source.name} has encrypted {kind} (DRM) in stream {index}; take {without}.")
+            raise EncryptedError(encrypted_stream_sentence(self._source.name, kind, index))
         if index not in self._sounds and self._window is not None and not self._move(packet, self._window):
             return
         last = self._last_dts.get(index)

@@ -75,6 +75,12 @@ def encrypted_sentence(name: str, begin: Fraction = Fraction(0)) -> str:
     return f"{name} is encrypted (DRM) from {end} s on; `end={end}` converts what is before."
 
 
+def encrypted_stream_sentence(name: str, kind: str, index: int) -> str:
+    """Return the sentence that another stream than the video is encrypted."""
+    without = {"audio": "`audio=False`", "subtitle": "`subtitles=False`"}.get(kind, "a copy without it")
+    return f"{name} has encrypted {kind} (DRM) in stream {index}; take {without}."
+
+
 def lost_alpha_remark(name: str) -> str:
     """Return the remark on alpha that the target cannot hold, with the targets that can."""
     return (

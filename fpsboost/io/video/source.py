@@ -20,7 +20,7 @@ import av.error
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.contracts import ClosesOnExit
-from fpsboost.errors import InputError
+from fpsboost.errors import EncryptedError, InputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
 from fpsboost.io.output import StreamInfo, VideoFile
@@ -140,10 +140,16 @@ class VideoSource(ClosesOnExit):
         )
 
     def _check_clear(self, clear: Fraction | None) -> None:
-        """Raise `InputError` unless the part to be read ends before what is encrypted, after `clear` seconds."""
+        """Raise `EncryptedError` unless the part to be read ends before what is encrypted, after `clear` seconds."""
         end = self._decoding.trim.end
         if clear is not None and (end is None or end.seconds(self._clock.rate) > clear):
-            raise InputError(encrypted_sentence(self._name, clear))
+            raise EncryptedError(encrypted_sentence(self._name, clear))
+
+    def check_is_clear(self) -> None:
+        """Raise `EncryptedError` if something encrypted is to be read, for which all packets are read."""
+        for _ in self._demuxer.packets(Damage()):
+            pass
+        self._check_clear(self._demuxer.clear)
 
     def _prepare_for_images(self) -> None:
         traits = self.traits

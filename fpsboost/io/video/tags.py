@@ -85,9 +85,9 @@ def tags_for(source: Mapping[str, str], container: str) -> Tags:
 
 @dataclass(frozen=True)
 class Labels:
-    """Labels of a stream of an output: its number, its tags and its dispositions."""
+    """Labels of a stream of an output: its type, its tags and its dispositions."""
 
-    index: int
+    kind: str
     tags: Mapping[str, str]
     roles: int
 
@@ -109,7 +109,7 @@ def copy_labels(stream: av.stream.Stream, target: av.stream.Stream, container: s
         labels[language] = next(iter([*kept, *known]), labels[language])
     target.metadata.update(labels)
     target.disposition = stream.disposition
-    return Labels(target.index, dict(target.metadata), int(target.disposition))
+    return Labels(target.type, dict(target.metadata), int(target.disposition))
 
 
 def lost_labels(wanted: Labels, stream: av.stream.Stream) -> list[str]:

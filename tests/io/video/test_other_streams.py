@@ -459,3 +459,18 @@ def test_lost_labels_are_said(tmp_path):
         f"{target} lost of stream 1 of its source: language Klingon.",
         f"{target} lost of stream 2 of its source: language bre.",
     ]
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
+def test_labels_are_those_of_the_same_stream(tmp_path, suffix):
+    """A picture or a font before the sound, which other containers keep elsewhere, takes no label from it."""
+    clip = tmp_path / "in.mp4"
+    with av.open(str(clip), "w") as output:
+        _, packets = add_pictures(output)
+        packets += add_pictures(output, 1, codec="png", pixel_format="rgb24")[1]
+        sound = output.add_stream("aac", rate=48000)
+        sound.metadata["language"] = "fra"
+        mux_in_order(output, packets + tone(sound))
+    with av.open(str(clip)) as file:
+        assert [stream.type for stream in file.streams] == ["video", "video", "audio"]
+    assert double(clip, tmp_path / f"out{suffix}") == []

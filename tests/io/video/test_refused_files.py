@@ -6,6 +6,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import av
+import numpy as np
 import pytest
 from video_truth import add_pictures, copy_packets, pictures_of, write_clip
 
@@ -52,8 +53,9 @@ def test_an_encrypted_file_is_refused_before_work(tmp_path, kind):
         write_encrypted_matroska(clip)
     else:
         copy_packets(write_clip(tmp_path / "clear.mkv", sound="aac"), clip, **KEYS)
-    with pytest.raises(InputError, match=r"in\.\w+ is encrypted \(DRM\) and cannot be decoded; name a copy"):
-        VideoSource(clip)
+    for decoder in ("ffmpeg", "opencv"):
+        with pytest.raises(InputError, match=r"in\.\w+ is encrypted \(DRM\) and cannot be decoded; name a copy"):
+            open_source(str(clip), decoding=DecodeOptions(decoder=decoder))
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".mkv"])  # with an index, and surveyed
@@ -78,6 +80,28 @@ def test_encrypted_sound_is_refused_and_can_be_left_out(tmp_path, monkeypatch):
     monkeypatch.setattr("fpsboost.io.video.other_streams.is_encrypted", lambda packet: packet.stream.type == "audio")
     with pytest.raises(InputError, match=r"in\.mkv has encrypted audio \(DRM\) in stream 1; take `audio=False`\."):
         convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST)
+
+
+@pytest.mark.parametrize(
+    ("decoder", "pid", "first", "sentence"),
+    [
+        ("ffmpeg", 256, 0, r"is encrypted \(DRM\) and cannot be decoded"),
+        ("ffmpeg", 256, 0.5, r"is encrypted \(DRM\) from \d(\.\d+)? s on"),
+        ("ffmpeg", 257, 0, r"has encrypted audio \(DRM\) in stream 1"),
+        ("opencv", 256, 0.5, r"is encrypted \(DRM\) from \d(\.\d+)? s on"),
+    ],
+)
+def test_scrambled_packets_of_a_transport_stream_are_encrypted(tmp_path, decoder, pid, first, sentence):
+    """FFmpeg and OpenCV pass over them without a word, wholly or from somewhere on."""
+    clip = write_clip(tmp_path / "in.ts", times=range(200), codec="mpeg2video", sound="mp2")
+    packets = np.frombuffer(clip.read_bytes(), np.uint8).reshape(-1, 188).copy()
+    wanted = packets[int(first * len(packets)) :]
+    hidden = (wanted[:, 1] % 32 == pid // 256) & (wanted[:, 2] == pid % 256)
+    wanted[hidden, 3] |= 0x80
+    wanted[hidden, 12:] ^= 0x5A
+    clip.write_bytes(packets.tobytes())
+    with pytest.raises(InputError, match=sentence):
+        convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", decoding=DecodeOptions(decoder=decoder))
 
 
 def test_an_unfinished_file_is_refused_as_such(tmp_path):
