@@ -53,10 +53,7 @@ class ArraySource(ClosesOnExit):
 
 
 class CaptureSource(ArraySource):
-    """Source of frames that OpenCV reads from anything that `cv2.VideoCapture` accepts.
-
-    That is a file, a URL, a GStreamer pipeline, or the number of a camera.
-    """
+    """Source of what OpenCV reads: a file, a URL, a GStreamer pipeline, or the number of a camera."""
 
     def __init__(self, path: str, *, limit: MemoryLimit | None = None) -> None:
         camera: Any = int(path) if path.isdigit() and not Path(path).exists() else path

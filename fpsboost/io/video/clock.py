@@ -32,10 +32,7 @@ DURATION_FROM_BEGIN = ("mov", "flv")
 """Those that count it from the beginning, wherever on the clock that is."""
 
 MAX_WAITING = 8
-"""Number of consecutive frames, each not later than the last good one, that ends the wait for a later frame.
-
-If the times of these frames increase, the clock has jumped back.
-"""
+"""Number of consecutive frames no later than the last good one that ends the wait; if they rise, the clock jumped."""
 
 MAX_RATE = 1000
 ASSUMED_RATE = Fraction(25)
@@ -79,10 +76,7 @@ class Cadence:
         return abs(1 / rate - self.interval) <= self.error
 
     def is_nearly(self, rate: Fraction) -> bool:
-        """Return whether a declared rate is near enough.
-
-        At a constant rate it may miss the end by less than `MAX_DRIFT` frames, at a variable rate by less than 1 %.
-        """
+        """Return whether a declared rate is less than `MAX_DRIFT` frames off at the end, or than 1 % if it varies."""
         missed = abs(self.interval * rate - 1)
         return missed * self.count < MAX_DRIFT if self.is_constant else missed < Fraction(1, 100)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Collection, Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -12,7 +13,6 @@ import av
 import av.container
 import av.error
 import av.stream
-import numpy as np
 from av.format import Flags
 
 from fpsboost.errors import EncryptedError, InputError, OptionError
@@ -38,13 +38,13 @@ MAX_STEP_BACK = Fraction(1, 10)
 """Maximum backward step of decoding times, as in damaged streams, that is not taken for a new recording, seconds."""
 
 MAX_GAP = Fraction(10)
-"""Maximum gap between packets that is not taken for a new recording, seconds.
-
-Both values are those of FFmpeg's programs.
-"""
+"""Maximum gap between packets that is no new recording, seconds; both values are those of FFmpeg's programs."""
 
 FIRST_BOXES = {b"ftyp", b"mdat", b"wide", b"free", b"skip"}
 """Types of the boxes that files of MP4 and MOV begin with."""
+
+TRANSPORT_PACKET = re.compile(rb"(?=\x47(..)(.)(?:.{184}|.{188}|.{200})\x47)", re.DOTALL)
+"""A packet of 188, 192 or 204 bytes before another: its identifier, below flags, and how it is scrambled, above."""
 
 PROBES, PROBED_BYTES = 256, 1 << 15
 """Number and size of the places of a transport stream at which its packets are looked at for scrambling."""
@@ -199,22 +199,15 @@ def is_encrypted(packet: av.Packet[Any]) -> bool:
 
 
 def scrambled_place(path: Path, pid: int) -> int | None:
-    """Return about where in a transport stream, in bytes, the packets with this identifier are scrambled, if they are.
-
-    A sample of the file is read; FFmpeg does not tell.
-    """
+    """Return about where, in bytes, packets of a transport stream with this identifier are scrambled, by a sample."""
     size = path.stat().st_size
     with path.open("rb") as file:
         for place in range(0, size, max(PROBED_BYTES, size // PROBES)):
             file.seek(place)
-            block = np.frombuffer(file.read(PROBED_BYTES), np.uint8)
-            for length in (188, 192, 204):
-                rows = block[: len(block) // length * length].reshape(-1, length)
-                begins = np.mean(rows == 0x47, axis=0) > 0.9 if len(rows) else np.zeros(1, bool)
-                heads = block[begins.argmax() :][: (len(rows) - 1) * length].reshape(-1, length)[:, :4].astype(int)
-                own = heads[(heads[:, 1] % 32 * 256 + heads[:, 2] == pid) & begins.any()]
-                if len(own) and np.mean(own[:, 3] >= 0x40) > 0.5:
-                    return place
+            packets = TRANSPORT_PACKET.findall(file.read(PROBED_BYTES))
+            own = [flags[0] >= 0x40 for head, flags in packets if int.from_bytes(head) & 0x1FFF == pid]
+            if 2 * sum(own) > len(own):
+                return place
     return None
 
 

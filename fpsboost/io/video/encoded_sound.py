@@ -47,10 +47,7 @@ OPUS_SAMPLE_RATE = 48_000
 STANDARD_LAYOUTS = ("mono", "stereo", "3.0", "quad", "5.0", "5.1", "6.1", "7.1")
 """Standard channel layouts for one channel, two, ..."""
 MIN_GAP = Fraction(1, 50)
-"""Minimum distance of an audio frame's timestamp from the end of the run that counts as a gap, seconds.
-
-It is more than jitter, and as much as a lost packet.
-"""
+"""Minimum distance of audio from the end of its run that is a gap, seconds: above jitter, and a lost packet."""
 PREROLL = Fraction(1, 2)
 """Duration that is decoded before the start of the window, since decoders need it, seconds."""
 FLUSH_SILENCE = Fraction(1, 4)

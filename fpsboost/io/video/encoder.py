@@ -28,7 +28,7 @@ from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, depth_of
 from fpsboost.io.video.pixel_choice import choose_pixel_format
 from fpsboost.io.video.side_data import filtered, stereo_modes
 from fpsboost.io.video.traits import LightLevel, MasteringDisplay, VideoTraits
-from fpsboost.io.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha, is_gray
+from fpsboost.io.video.ycc import FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha, is_gray
 
 MIN_CUTREE_WIDTH = 64
 """Minimum width for x265's "cutree", pixels; in narrower pictures it writes out of bounds (seen up to 48)."""
@@ -214,19 +214,7 @@ def traits_of_image(image: Pixels | None) -> VideoTraits:
     """Return the traits to write for images, which have no tags: BT.709, limited range, own channels and depth."""
     channels = 3 if image is None else image.shape[2]
     deep = image is not None and image.dtype != np.uint8
-    return VideoTraits(
-        pixel_format={1: "gray", 3: "gbrp"}.get(channels, "gbrap") + ("16le" if deep else ""),
-        color_space=BT709,
-        tagged_color_space=BT709,
-        color_range=LIMITED_RANGE,
-        color_primaries=BT709,
-        color_transfer=BT709,
-        full_range=False,
-        chroma_location="left",
-        tagged_chroma_location=True,
-        sample_aspect_ratio=None,
-        display_matrix=None,
-    )
+    return VideoTraits({1: "gray", 3: "gbrp"}.get(channels, "gbrap") + ("16le" if deep else ""))
 
 
 def _is_rgb(pixel_format: str) -> bool:
@@ -263,10 +251,7 @@ def undisturbed() -> Iterator[None]:
 def with_hdr(
     options: Mapping[str, str], encoder: str, display: MasteringDisplay | None, light: LightLevel | None
 ) -> tuple[dict[str, str], bool]:
-    """Add mastering display and light levels to an encoder's options, and return whether these hold all of both.
-
-    Parameters that are already there are kept and take precedence.
-    """
+    """Add mastering display and light to an encoder's options, unless given; return whether these hold all of both."""
     if encoder not in _parameters:
         return dict(options), display is None and light is None
     name, name_of_display, name_of_light, whole_units = _parameters[encoder]

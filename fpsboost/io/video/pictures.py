@@ -301,10 +301,7 @@ def _pulled(graph: av.filter.Graph) -> Iterator[av.VideoFrame]:
 
 
 def cropped(pictures: Iterable[av.VideoFrame], crop: Crop, time_base: Fraction, name: str) -> Iterator[av.VideoFrame]:
-    """Yield what a crop leaves of pictures, without copying it.
-
-    Where it begins inside a sample of chroma, chroma is resampled, at full resolution, and luma stays as it is.
-    """
+    """Yield what a crop leaves of pictures, by resampling chroma alone where it begins inside a sample of it."""
     scaler, graphs = VideoReformatter(), _Graphs(time_base)
     options = f"iw-{crop.left + crop.right}:ih-{crop.top + crop.bottom}:{crop.left}:{crop.top}:exact=1"
     for picture in pictures:

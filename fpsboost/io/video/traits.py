@@ -15,7 +15,16 @@ from fpsboost.colour import Coding
 from fpsboost.errors import InputError
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.side_data import described, is_ordinary, side_data_of, stereo_mode_of
-from fpsboost.io.video.ycc import PLANAR_FORMATS, UNSPECIFIED, bgr_of, chroma_location_of, color_space_of, is_full_range
+from fpsboost.io.video.ycc import (
+    BT709,
+    LIMITED_RANGE,
+    PLANAR_FORMATS,
+    UNSPECIFIED,
+    bgr_of,
+    chroma_location_of,
+    color_space_of,
+    is_full_range,
+)
 
 matrices = {0: "rgb", 1: "bt709", 4: "fcc", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020nc", 10: "bt2020c"}
 primaries = {1: "bt709", 4: "bt470m", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020", 12: "smpte432"}
@@ -33,10 +42,7 @@ Point = tuple[Fraction, Fraction]
 
 @dataclass(frozen=True)
 class MasteringDisplay:
-    """Mastering display of a clip (SMPTE ST 2086): CIE 1931 x and y of its colours, and luminance in cd/m2.
-
-    Either all colours or both luminances may be None.
-    """
+    """Mastering display (SMPTE ST 2086): CIE 1931 x and y of colours, luminance in cd/m2; either may be None."""
 
     red: Point | None
     green: Point | None
@@ -63,20 +69,21 @@ class VideoTraits:
     bits); a chroma location that is not tagged is FFmpeg's guess. The aspect ratio is the width of a pixel over its
     height, and the display matrix is in 16.16 and 2.30 fixed point. Further side data is described by its type;
     `stereo_mode` is Matroska's name of how a picture holds two views. Colours of `dolby_vision_only` are those of no
-    other format. `codec` is FFmpeg's name of the format that the pictures were coded in, empty if they were not.
+    other format. `codec` is FFmpeg's name of the format that the pictures were coded in, empty if they were not. The
+    defaults are what images get, which have no tags.
     """
 
     pixel_format: str
-    color_space: int
-    tagged_color_space: int
-    color_range: int
-    color_primaries: int
-    color_transfer: int
-    full_range: bool
-    chroma_location: str
-    tagged_chroma_location: bool
-    sample_aspect_ratio: Fraction | None
-    display_matrix: tuple[int, ...] | None
+    color_space: int = BT709
+    tagged_color_space: int = BT709
+    color_range: int = LIMITED_RANGE
+    color_primaries: int = BT709
+    color_transfer: int = BT709
+    full_range: bool = False
+    chroma_location: str = "left"
+    tagged_chroma_location: bool = True
+    sample_aspect_ratio: Fraction | None = None
+    display_matrix: tuple[int, ...] | None = None
     mastering_display: MasteringDisplay | None = None
     light_level: LightLevel | None = None
     side_data: Mapping[str, str] = field(default_factory=dict, compare=False)
