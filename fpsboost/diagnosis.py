@@ -82,7 +82,7 @@ def _programs() -> Iterator[Finding]:
 
 
 def _codecs() -> Iterator[Finding]:
-    from fpsboost.io.animation.writers import types  # noqa: PLC0415
+    from fpsboost.io.animation.sink import types  # noqa: PLC0415
     from fpsboost.io.video.encoded_sound import sound_encoders  # noqa: PLC0415
     from fpsboost.io.video.encoding import encoders  # noqa: PLC0415
     from fpsboost.io.video.pyav import ffmpeg_version, missing_codecs  # noqa: PLC0415

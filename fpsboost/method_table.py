@@ -17,8 +17,7 @@ from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, view
 from fpsboost.interpolator import Interpolator
-from fpsboost.motion.block import BlockMatching
-from fpsboost.motion.codec import CodecMotion
+from fpsboost.motion.block import BlockMatching, CodecMotion
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.motion.nlm import CoarseToFine

@@ -1,10 +1,14 @@
-"""Command line: parses arguments, builds objects, calls the library, shows progress and chooses the exit code."""
+"""Command line: parses arguments, builds objects, calls the library, shows progress and chooses the exit code.
+
+Signals ask a process to stop; requests are repeated until they have an effect.
+"""
 
 from __future__ import annotations
 
 import atexit
 import gc
 import os
+import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -13,6 +17,9 @@ from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
 from textwrap import shorten
+from threading import Timer, main_thread
+from traceback import walk_stack
+from types import FrameType
 from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Group, MissingArgumentError, Parameter, UnusedCliTokensError
@@ -33,7 +40,6 @@ from fpsboost.cli.progress import print_object, reporter_of
 from fpsboost.cli.signature import GROUPS, PathName, default_text, with_flags
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
-from fpsboost.interruption import stopping_on
 from fpsboost.io.staging import discard_unfinished
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
@@ -394,3 +400,74 @@ def standard_output_finished() -> Iterator[None]:
         if isinstance(error, BrokenPipeError):
             raise ReaderGoneError from None
         raise
+
+
+CANNOT_STOP = {"llvmlite.binding.executionengine", "importlib._bootstrap"}
+"""Modules whose functions LLVM calls while it writes machine code, and Python while it imports a module."""
+
+AGAIN_AFTER = 0.05
+"""Time after which a request to stop is repeated, seconds."""
+
+
+@contextmanager
+def stopping_on(*numbers: int) -> Iterator[None]:
+    """Let signals stop a block of the main thread like Ctrl-C, so that no incomplete output remains; then at once.
+
+    A `KeyboardInterrupt` can be lost: in a destructor, in a callback of a compiled library, or where closing a file
+    raises another error in its place. The request is therefore repeated until the block ends, but never while the
+    exception is on its way, so that cleaning up is not disturbed.
+    """
+    request = _Request()
+    for number in numbers:
+        signal.signal(number, request.receive)
+    sys.unraisablehook = _report_unless_interrupted
+    try:
+        yield
+    finally:
+        request.end()
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
+        sys.unraisablehook = sys.__unraisablehook__
+
+
+class _Request:
+    """Request to stop, and the timer that repeats it."""
+
+    def __init__(self) -> None:
+        self._timer: Timer | None = None
+        self._is_repeated = False
+
+    def receive(self, number: int, frame: FrameType | None) -> None:
+        """Raise `KeyboardInterrupt` unless it would be lost here, or is on its way and nobody asked again."""
+        is_repeated, self._is_repeated = self._is_repeated, False
+        self.end()
+        self._timer = Timer(AGAIN_AFTER, self._repeat, [number])
+        self._timer.daemon = True
+        self._timer.start()
+        modules = {caller.f_globals.get("__name__") for caller, _ in walk_stack(frame)}
+        if not CANNOT_STOP & modules and not (is_repeated and _is_on_its_way(sys.exc_info()[1])):
+            raise KeyboardInterrupt
+
+    def end(self) -> None:
+        """Repeat the request no more."""
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def _repeat(self, number: int) -> None:
+        self._is_repeated = True
+        if sys.platform == "win32":
+            signal.raise_signal(number)
+        else:  # in the main thread, so that it wakes from waiting
+            signal.pthread_kill(main_thread().ident or 0, number)
+
+
+def _is_on_its_way(error: BaseException | None) -> bool:
+    """Return whether an exception that is being handled is a `KeyboardInterrupt`, or was raised while one was."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__context__
+    return error is not None
+
+
+def _report_unless_interrupted(unraisable: sys.UnraisableHookArgs) -> None:
+    if unraisable.exc_type is not KeyboardInterrupt:
+        sys.__unraisablehook__(unraisable)

@@ -1,21 +1,191 @@
-"""Metrics beside PSNR, SSIM, MAE and MSE: a table by name, to which a metric is added as one more entry."""
+"""Metrics beside PSNR, SSIM, MAE and MSE: a table by name, to which a metric is added as one more entry.
+
+XPSNR and VMAF are filters of two videos, in the FFmpeg that PyAV brings. Both look at frames before and after, so they
+are given the whole output beside the whole original, shown frames in their places; values of those, which are equal,
+are left out. Pictures are YCbCr of 4:4:4, limited range and 8 bits, by the matrix that is usual for their size.
+"""
 
 from __future__ import annotations
 
+import gc
+import json
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, Protocol
 
+import av
+import av.filter
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.colour import as_shown
-from fpsboost.errors import OptionError
-from fpsboost.evaluation.filter_metrics import VmafMeter, XpsnrMeter, missing_filter
+from fpsboost.colour import as_shown, composite_on_black, has_alpha
+from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation.hidden_frames import Hidden, Interval
 from fpsboost.image import Image
+from fpsboost.io.video.ycc import assumed_color_space, from_bgr
+
+HIGHEST = 120.0
+"""XPSNR of equal frames, dB, the same as their PSNR; infinity would have no mean."""
+
+PIXEL_FORMAT = "yuv444p"
+"""Pixel format of both videos; deeper ones are misread by ``xpsnr`` (FFmpeg 8.1), which takes rows to be unpadded."""
+
+MULTIPLE = 4
+"""Side of the blocks of ``xpsnr``, pixels; a lone last row or column has far too much weight, and may lie behind it."""
+
+MIN_PIXELS = 2025
+"""Number of pixels of a frame below which ``xpsnr`` takes blocks of no size, and divides by it."""
+
+MIN_SIDE = 32
+"""Side of a frame below which ``xpsnr`` may see no error, pixels: in a lone column of blocks it sees none."""
+
+
+def missing_filter(name: str) -> str | None:
+    """Return what is missing to use a filter of FFmpeg, or None."""
+    if name in av.filter.filters_available:
+        return None
+    return f"the filter {name}, which the FFmpeg of this PyAV ({av.__version__}) was built without"
+
+
+class _Graph:
+    """Filter graph that compares two videos of one size."""
+
+    def __init__(self, image: Image, rate: Fraction, filter_name: str, options: dict[str, str]) -> None:
+        height, width = image.shape[:2]
+        self._matrix, self._passed = assumed_color_space(height), 0
+        self._clock = Fraction(1, max(1, round(rate)))
+        self._graph = av.filter.Graph()
+        picture = {
+            "video_size": f"{width}x{height}",
+            "pix_fmt": PIXEL_FORMAT,
+            "time_base": str(self._clock),
+            "frame_rate": str(1 / self._clock),
+            "pixel_aspect": "1/1",
+        }
+        comparing = self._graph.add(filter_name, **options)
+        self._entries = [self._graph.add("buffer", **picture) for _ in range(2)]
+        for place, entry in enumerate(self._entries):
+            entry.link_to(comparing, 0, place)
+        self._exit = self._graph.add("buffersink")
+        comparing.link_to(self._exit)
+        self._graph.configure()
+
+    def push(self, first: Image, second: Image) -> list[av.VideoFrame]:
+        """Add two frames of one moment, and return the pictures that come out."""
+        for entry, image in zip(self._entries, (first, second), strict=True):
+            if has_alpha(image):  # colours count as far as they are seen, as in the other scores
+                image = composite_on_black(image)[..., :-1]  # noqa: PLW2901
+            picture = from_bgr(image, PIXEL_FORMAT, self._matrix, full_range=False)
+            picture.pts, picture.time_base = self._passed, self._clock
+            entry.push(picture)
+        self._passed += 1
+        return self._pull()
+
+    def end(self) -> list[av.VideoFrame]:
+        """End both videos, and return the last pictures."""
+        for entry in self._entries:
+            entry.push(None)
+        return self._pull()
+
+    def _pull(self) -> list[av.VideoFrame]:
+        pictures: list[av.VideoFrame] = []
+        with suppress(av.BlockingIOError, av.EOFError):
+            while True:
+                picture = self._exit.pull()
+                assert isinstance(picture, av.VideoFrame)
+                pictures.append(picture)
+        return pictures
+
+
+class _FilterMeter:
+    """Meter by a filter of FFmpeg, which is given every frame and whose values of interpolated frames count."""
+
+    def __init__(self, rate: Fraction) -> None:
+        self._rate = rate
+        self._graph: _Graph | None = None
+        self._counts: list[bool] = []
+
+    def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
+        self._counts.append(counts)
+        self._push(truth, image)
+
+    def _push(self, truth: Image, image: Image) -> None:
+        raise NotImplementedError
+
+    def _counted(self, values: list[float]) -> list[float]:
+        return [value for value, counts in zip(values, self._counts, strict=True) if counts]
+
+
+class XpsnrMeter(_FilterMeter):
+    """Meter of XPSNR of luma, dB: PSNR with errors weighted by how well they are seen.
+
+    Helmrich et al. 2020 (doi:10.1109/ICASSP40776.2020.9054089), as FFmpeg's filter ``xpsnr`` has it: blocks are weighed
+    by the activity of the true video in space and time, in time by second differences from 32 frames per second on. Up
+    to three rows at the bottom and columns at the right are left out, so that the sides are multiples of 4.
+    """
+
+    def __init__(self, rate: Fraction) -> None:
+        super().__init__(rate)
+        self._values: list[float] = []
+
+    def _push(self, truth: Image, image: Image) -> None:
+        height, width = (side - side % MULTIPLE for side in truth.shape[:2])
+        if min(height, width) < MIN_SIDE or height * width < MIN_PIXELS:
+            raise InputError(
+                f"Frames of {truth.shape[1]}x{truth.shape[0]} are too small for XPSNR, which needs {MIN_SIDE} "
+                f"pixels each way and {MIN_PIXELS} in all; leave xpsnr out of `metrics`."
+            )
+        truth, image = (np.ascontiguousarray(each[:height, :width]) for each in (truth, image))
+        if self._graph is None:
+            self._graph = _Graph(truth, self._rate, "xpsnr", {})
+        self._keep(self._graph.push(truth, image))
+
+    def _keep(self, pictures: list[av.VideoFrame]) -> None:
+        self._values += [min(float(each.metadata["lavfi.xpsnr.xpsnr.y"]), HIGHEST) for each in pictures]
+
+    def values(self) -> list[float]:
+        if self._graph is not None:
+            self._keep(self._graph.end())
+            self._graph = None
+        return self._counted(self._values)
+
+
+class VmafMeter(_FilterMeter):
+    """Meter of VMAF, 0 to 100, by Netflix's model ``vmaf_v0.6.1`` in FFmpeg's filter ``libvmaf``.
+
+    It was trained on what people said of compressed videos on a 1080p screen from three times its height away.
+    """
+
+    def __init__(self, rate: Fraction) -> None:
+        super().__init__(rate)
+        self._scratch = tempfile.TemporaryDirectory(prefix="fpsboost-")
+        self._log = Path(self._scratch.name, "vmaf.json")
+
+    def _push(self, truth: Image, image: Image) -> None:
+        if self._graph is None:
+            self._graph = _Graph(truth, self._rate, "libvmaf", {"log_path": str(self._log), "log_fmt": "json"})
+        self._graph.push(image, truth)  # unlike xpsnr, it takes the reference second
+
+    def values(self) -> list[float]:
+        if self._graph is not None:
+            self._graph.end()
+            self._graph = None
+            gc.collect()  # libvmaf writes its log when it is freed; PyAV's filters and their graph hold each other
+        values = read_vmaf(self._log.read_text(encoding="utf-8"))
+        self._scratch.cleanup()
+        return self._counted(values)
+
+
+def read_vmaf(log: str) -> list[float]:
+    """Read the VMAF of every frame, in order, from the log that libvmaf writes as JSON."""
+    frames = sorted(json.loads(log)["frames"], key=lambda frame: int(frame["frameNum"]))
+    return [float(frame["metrics"]["vmaf"]) for frame in frames]
+
 
 ALWAYS = ("psnr", "psnr_p5", "ssim", "mae", "mse")
 """Metrics that every comparison has; naming one changes nothing."""

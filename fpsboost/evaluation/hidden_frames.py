@@ -24,9 +24,9 @@ from fpsboost.io.opening import PIPES, TargetRequirements, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.layered import FrameImage
 from fpsboost.options import words_of, words_of_options
+from fpsboost.preparation import trim_source
 from fpsboost.streaming import beginning
 from fpsboost.timing.schedule import ByRate, rising_time
-from fpsboost.trimming import trim_source
 
 if TYPE_CHECKING:
     from fpsboost.evaluation.contestants import Contestant

@@ -26,7 +26,7 @@ from fpsboost.evaluation.metrics import mean, score
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.new_output import write_whole
 from fpsboost.method_table import configure, find_method, methods
-from fpsboost.motion.search_radius import choose_search_radius, expected_motion
+from fpsboost.motion.exhaustive import choose_search_radius, expected_motion
 
 DEFAULT = "nlm"
 """Method that every other one is measured by."""

@@ -1,7 +1,8 @@
 """Staging of unfinished outputs in a hidden folder beside the output, which remains if a run is stopped.
 
 The folder is locked while a run writes there; the system releases the lock when the run ends, however it ends. Its
-manifest identifies the job, so that `--resume` continues only the same job.
+manifest identifies the job, so that `--resume` continues only the same job. A part of an output, to be joined with the
+others afterwards, becomes a folder of its own.
 """
 
 from __future__ import annotations
@@ -15,20 +16,23 @@ import shutil
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from io import BufferedRandom
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from fpsboost.errors import InputError, InUseError, OptionError, OutputError, explained
+from fpsboost.errors import CompleteAlreadyError, InputError, InUseError, OptionError, OutputError, explained
 
 if TYPE_CHECKING:
     from fpsboost.fingerprint import JobFingerprint
+    from fpsboost.io.output import Output
 
 if sys.platform == "win32":
     import msvcrt
 else:
     import fcntl
+
 
 LOCK, MANIFEST, COMPLETE = "lock", "manifest.json", "whole"
 LOCKED = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)
@@ -250,7 +254,7 @@ def is_unfinished(output: str) -> bool:
 def discard_unfinished(output: str) -> None:
     """Remove what a stopped run has left of a video or a folder of images, unless another run writes there."""
     for place in unfinished_places(Path(output)):
-        if (place / MANIFEST).is_file() and not (place / "replaced").exists():  # which may hold the only copy of files
+        if (place / MANIFEST).is_file() and not (place / REPLACED).exists():  # which may hold the only copy of files
             with explained(OutputError, "remove", place, "check the permissions"):
                 staging = StagingDirectory(place, "output", output, None)
                 staging.open()
@@ -308,3 +312,62 @@ def lock_file(file: BufferedRandom) -> None:
         msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
     else:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+REPLACED = "replaced"
+INDEX_NAME = ".index.npz"
+"""File in the folder of all parts with the list of the input's frames."""
+
+
+class PartFolder(StagingDirectory):
+    """Folder in which a part of an output is written; what is `staged` is a folder for its files.
+
+    Raises `CompleteAlreadyError` if the part is there and the job is to be resumed.
+    """
+
+    def __init__(self, output: Output) -> None:
+        assert output.part is not None
+        self._part, folder = output.part, output.part.folder
+        super().__init__(hidden_place(folder.parent, folder.name), "output", str(folder), output.job)
+        if folder.exists() and not output.overwrite:
+            if output.job is not None and output.job.resume:
+                raise CompleteAlreadyError(complete_already(self.name))
+            raise OutputError(f"{self.name} exists already; give `resume` to keep it, or `overwrite=True`.")
+        if not folder.parent.parent.is_dir():
+            raise OutputError(f"The folder {folder.parent.parent} does not exist; create it first.")
+
+    def open(self) -> None:
+        """Lock the hidden folder for this run, with the files of an earlier run that this one resumes."""
+        self._part.folder.parent.mkdir(exist_ok=True)
+        try:
+            super().open()
+            self.staged.mkdir(exist_ok=True)
+        except BaseException:
+            remove_if_empty(self._part.folder.parent)
+            raise
+
+    def publish_part(self) -> None:
+        """Give the complete files their final place."""
+        self._part.complete(self.staged)
+        sync(self.staged)
+        if self._part.folder.exists():
+            os.replace(self._part.folder, self.folder / REPLACED)
+        self.publish(self._part.folder)
+
+    def leave(self, error: BaseException | None, frames: int, expected: int | None, *, stays: bool = False) -> None:
+        """Release the hidden folder as any other, and remove the folder of all parts if it holds none."""
+        super().leave(error, frames, expected, stays=stays)
+        remove_if_empty(self._part.folder.parent)
+
+
+def remove_if_empty(folder: Path) -> None:
+    """Remove the folder of all parts if it holds none."""
+    with suppress(OSError):
+        if os.listdir(folder) == [INDEX_NAME]:
+            (folder / INDEX_NAME).unlink()
+        folder.rmdir()  # fails unless it is empty
+
+
+def part_files(folder: Path) -> list[Path]:
+    """Return the files of a part in order of their names."""
+    return sorted(path for path in folder.iterdir() if path.is_file())

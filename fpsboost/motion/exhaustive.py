@@ -4,21 +4,44 @@ Algorithm 1 of the report ("Image-based Reprojection Using a Non-local Means Alg
 neighbourhood, the similarity image ``W_k(x) = xi(A(x), B(x + k))`` is summed over the similarity area in two
 one-dimensional passes, and the offset with the largest sum is the motion. `docs/method.md` states the method in
 formulas, and what the report leaves open.
+
+The search radius is the largest motion of a pair of frames, plus 20 % (section 4.1). The renderer knows the largest
+motion. Without its vectors, it is estimated from regularised motion fields, because the most similar patch by itself is
+no evidence: in a repeated pattern, it may be many periods away.
+
+- OpenCV's DIS flow is regularised. A vector of it is used if its forward-backward error is small, with the length of
+  the shortest motion in its neighbourhood that explains the point as well.
+- Points that no vector around them explains are looked up in the coarse-to-fine search, which finds small and fast
+  objects. Its vectors are used if they explain a good part of a connected region: an object that moves by itself is
+  explained as a whole, while chance matches in changing areas are scattered.
+
+The result is a lower bound: edges, occlusions and changing areas are left out, and they are often the fastest.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal, get_args
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
 
 from fpsboost.colour import colour_components
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import check_pair
-from fpsboost.motion.field import MotionField
+from fpsboost.kernels.jit import LANES
+from fpsboost.kernels.planes import PlanePair
+from fpsboost.kernels.shortest import ShortestMotion, find_shortest
+from fpsboost.kernels.similarity import UNIT, colour_scale
+from fpsboost.motion.components import contrast_components, padded_planes, small_copy
+from fpsboost.motion.field import MotionField, forward_backward_error, point_places
 from fpsboost.motion.full_search import Window, search_by_passes, search_fused
-from fpsboost.motion.rendered import RenderedVectors
-from fpsboost.motion.search_radius import choose_search_radius
+from fpsboost.motion.nlm import CoarseToFine
+from fpsboost.motion.opencv import Dis
+from fpsboost.motion.rendered import RenderedMotion, RenderedVectors
 
 Implementation = Literal["fused", "passes"]
 MAX_PATCH_RADIUS = 20  # (2r + 1)^2 fixed-point similarities must fit 31 bits
@@ -32,7 +55,7 @@ class ExhaustiveSearch:
     ----------
     search_radius : int or None
         Largest motion that can be found, pixels in x and in y; None for an automatic choice for each pair, see
-        `fpsboost.motion.search_radius` (section 4.1).
+        `fpsboost.motion.exhaustive` (section 4.1).
     patch_radius : int
         Radius r of the similarity area of (2r + 1) x (2r + 1) pixels, 1 to 20; 5 in the report.
     window : {'box', 'gaussian'}
@@ -88,3 +111,144 @@ class ExhaustiveSearch:
         colours0, colours1 = image0.cached(colour_components), image1.cached(colour_components)
         field01, field10 = search(colours0, colours1, radius, self.patch_radius, self.window, self.v)
         return replace(field01, search_radius=radius), replace(field10, search_radius=radius)
+
+
+RADIUS_MARGIN = 1.2
+"""Ratio of the radius to the largest motion: the report's 20 % more."""
+
+MIN_RADIUS_SHARE = 1 / 32
+"""Minimum radius as a share of the frame's longer side. Refraction moves faster than the surfaces that a renderer's
+vectors follow: a slowly rotating glass cube whose surfaces move by 2.5 pixels needs a radius of 12 in a frame of
+384."""
+
+MIN_RADIUS = 4
+"""Minimum radius, pixels, for the smallest frames."""
+
+UNDERESTIMATION_FACTOR = 4 / 3
+"""Assumed ratio of the largest motion to the lower bound. Over 36 pairs of rendered frames with known vectors, it was
+0.9 to 1.9, and 1.0 in pans."""
+
+MAX_LONGER_SIDE = 640
+"""Maximum longer side, pixels; larger frames are reduced to it."""
+
+MAX_MOTION_SHARE = 1 / 4
+"""Search range as a share of the frame's longer side."""
+
+STEP = 4
+"""Distance between the points that are compared, pixels."""
+
+NEIGHBOURHOOD_RADIUS = 4
+"""Points in each direction whose motion may explain a point as well: 16 pixels."""
+
+EDGE_PADDING = 16
+"""Width of the repeated edges around the frame, pixels: a window farther outside would contain nothing else."""
+
+PATCH_RADIUS = 5
+"""Radius of the patches that are compared, as in the report, pixels."""
+
+BANDWIDTH = 0.09
+"""Bandwidth of the similarity, as in the default method."""
+
+CONSISTENCY_TOLERANCE = 0.5
+"""Maximum forward-backward error of a valid vector of DIS, pixels: all valid vectors are exact to less than a pixel."""
+
+SIMILARITY_TOLERANCE = 0.2
+"""Amount by which the similarity of a shorter motion may be lower, and that of a longer one must be higher."""
+
+MIN_SIMILARITY = 0.5
+"""Minimum similarity of a motion that explains a point."""
+
+EXPLAINED_SIMILARITY = 0.7
+"""Similarity from which on a point needs no other explanation."""
+
+MIN_EXPLAINED_SHARE = 0.2
+"""Minimum share of a connected unexplained region that an object's own motion explains; the rest is what it occludes
+and uncovers."""
+
+MIN_OBJECT_POINTS = math.ceil(2 * (2 * PATCH_RADIUS + 1) ** 2 / STEP**2)
+"""Minimum number of points of an object that moves by itself: twice a patch. A smaller object follows its surroundings
+in a patch of the report's size, and cannot be distinguished from chance."""
+
+
+def choose_search_radius(image0: FrameCache, image1: FrameCache, vectors: RenderedVectors | None = None) -> int:
+    """Choose the report's search radius in x and in y for two frames, pixels (section 4.1).
+
+    It is the largest motion, the renderer's or an estimate, plus 20 %, and at least 1/32 of the frame's longer side.
+    Raises what `fpsboost.motion.rendered.RenderedMotion.estimate` raises.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(1).integers(0, 256, (96, 128, 3), dtype=np.uint8)
+    >>> radius = choose_search_radius(FrameCache(noise), FrameCache(np.roll(noise, 10, axis=1)))
+    >>> 12 <= radius <= 20
+    True
+    """
+    longer_side: int = max(image0.pixels.shape[:2])
+    least = MIN_RADIUS_SHARE * longer_side
+    if vectors is not None:
+        fields = RenderedMotion(vectors).estimate(image0, image1)
+        largest = max(float(np.abs(field.flow).max()) for field in fields)
+        radius = max(RADIUS_MARGIN * largest, least)
+    else:
+        radius = RADIUS_MARGIN * max(UNDERESTIMATION_FACTOR * expected_motion(image0, image1), least)
+    # rounding errors of half-float vectors must not increase the radius by one
+    return min(max(MIN_RADIUS, math.ceil(radius - 1e-3)), max(MIN_RADIUS, longer_side))
+
+
+def expected_motion(image0: FrameCache, image1: FrameCache) -> float:
+    """Estimate the largest motion of two frames along x or y, pixels: a lower bound; see `UNDERESTIMATION_FACTOR`."""
+    scale: float = max(1.0, max(image0.pixels.shape[:2]) / MAX_LONGER_SIDE)
+    if scale > 1:
+        image0, image1 = (FrameCache(image.cached(small_copy, MAX_LONGER_SIDE)) for image in (image0, image1))
+    regular = Dis("medium").estimate(image0, image1)
+    detailed = CoarseToFine(max_motion_share=MAX_MOTION_SHARE, step=STEP).estimate(image0, image1)
+    planes0, planes1 = (
+        padded_planes(image.cached(contrast_components), EDGE_PADDING, 0, 2 * LANES, colour_scale(BANDWIDTH))
+        for image in (image0, image1)
+    )
+    size = image0.pixels.shape[:2]
+    largest = 0.0
+    for planes, there, back in (((planes0, planes1), 0, 1), ((planes1, planes0), 1, 0)):
+        compared = _compare(*planes, size, regular[there], NEIGHBOURHOOD_RADIUS)
+        certain = _point_errors(regular[there], regular[back], size) <= CONSISTENCY_TOLERANCE
+        certain &= compared.own >= MIN_SIMILARITY
+        longest = _largest_neighbour_motion(np.where(certain, compared.shortest, 0))
+        gain = _compare(*planes, size, detailed[there], 0).own - compared.best
+        round_trips = _point_errors(detailed[there], detailed[back], size)
+        things = _largest_object_motion(detailed[there], round_trips, gain, compared.best < EXPLAINED_SIMILARITY)
+        largest = max(largest, longest, things)
+    return scale * largest
+
+
+def _compare(
+    planes0: NDArray[Any], planes1: NDArray[Any], size: tuple[int, ...], field: MotionField, around: int
+) -> ShortestMotion:
+    points, _ = field.at_points(STEP)
+    found = ShortestMotion(*(np.empty(points.shape[:2], np.float32) for _ in range(3)))
+    pair = PlanePair(planes0, planes1, EDGE_PADDING, size[0], size[1], UNIT)
+    find_shortest(pair, STEP, PATCH_RADIUS, LANES, around, np.float32(SIMILARITY_TOLERANCE), points, found)
+    return found
+
+
+def _point_errors(there: MotionField, back: MotionField, size: tuple[int, ...]) -> NDArray[Any]:
+    return forward_backward_error(there.at_points(STEP)[0], *point_places(size, STEP), back)
+
+
+def _largest_neighbour_motion(lengths: NDArray[Any]) -> float:
+    """Return the largest length that two neighbouring points have; that of a single point may be chance."""
+    across = np.minimum(lengths[:, 1:], lengths[:, :-1])
+    down = np.minimum(lengths[1:], lengths[:-1])
+    return float(max(across.max(initial=0), down.max(initial=0)))
+
+
+def _largest_object_motion(
+    field: MotionField, round_trips: NDArray[Any], gain: NDArray[Any], unexplained: NDArray[Any]
+) -> float:
+    """Return the largest motion of objects that move by themselves and are missing from the regularised field."""
+    lengths = np.abs(field.at_points(STEP)[0]).max(axis=-1)
+    gained = unexplained & (gain >= SIMILARITY_TOLERANCE) & (round_trips <= 1 + 0.05 * lengths)
+    count, labels = cv2.connectedComponents(unexplained.astype(np.uint8))
+    points, gains = (np.bincount(labels[mask], minlength=count) for mask in (unexplained, gained))
+    things = np.flatnonzero((gains >= MIN_OBJECT_POINTS) & (gains >= MIN_EXPLAINED_SHARE * points))
+    # 90th percentile, as some of the many points of an object are mismatched
+    return max((float(np.percentile(lengths[gained & (labels == thing)], 90)) for thing in things), default=0.0)

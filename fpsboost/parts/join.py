@@ -13,7 +13,7 @@ from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.opening import Target
 from fpsboost.io.output import Window
-from fpsboost.io.part import part_files
+from fpsboost.io.staging import part_files
 from fpsboost.io.video.chunks import complete_chunk
 from fpsboost.io.video.encoder import traits_of_image
 from fpsboost.io.video.sink import VideoSink

@@ -6,13 +6,16 @@ The list of a video's frames is left in a file beside the parts, so that not eve
 from __future__ import annotations
 
 import io
+import math
 import re
 import shutil
 import zipfile
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
@@ -27,15 +30,13 @@ from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.io import SeekableSource
 from fpsboost.io.output import OutputPart
-from fpsboost.io.part import INDEX_NAME, part_files, remove_if_empty
-from fpsboost.io.staging import write_safely
+from fpsboost.io.staging import INDEX_NAME, part_files, remove_if_empty, write_safely
 from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.io.video.frame_index import EntryPoint, FrameIndex
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_difference, input_identity, stored
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, exposed, opened_clip, prepared
 from fpsboost.run_options import MAX_PARTS, Part, RunOptions
-from fpsboost.timing.output_numbers import OutputNumbers
-from fpsboost.timing.schedule import ByFactor, Schedule, count_frames, rising_time
+from fpsboost.timing.schedule import MAX_FILLED, ByFactor, Schedule, count_frames, rising_time
 
 LEAD_IN = 24
 """Number of frames that are searched first, before those that are needed, for one where reading may begin."""
@@ -339,3 +340,69 @@ def manifest_of(plan: PartPlan, ready: Preparation, folder: Path) -> Manifest:
         remarks=[*plan.remarks, *summary.remarks],
         files=[stored(path) for path in part_files(folder)],
     )
+
+
+class OutputNumbers:
+    """Numbers of the output frames of a clip whose frames are at `times`, increasing seconds; counted from 0.
+
+    Examples
+    --------
+    >>> from fpsboost.timing.schedule import ByFactor
+    >>> numbers = OutputNumbers([Fraction(0), Fraction(1), Fraction(2)], ByFactor(Fraction(2)))
+    >>> numbers.before(1), numbers.source_frame(3)
+    (2, 1)
+    """
+
+    def __init__(self, times: Sequence[Fraction], schedule: Schedule) -> None:
+        self._times, self._schedule = times, schedule
+
+    def is_certain(self, number: int) -> bool:
+        """Return whether the presentation time of a frame does not depend on those of earlier frames.
+
+        A frame is shown at its nominal or at its own time, and nominal times do not decrease: all earlier frames are
+        shown before this one if that is so of the frame before it, at either time.
+        """
+        if number == 0:
+            return True
+        start, time, before = self._times[0], self._times[number], self._times[number - 1]
+        nominal = self._schedule.presentation_time(start, before)
+        return self._schedule.presentation_time(start, time) > max(nominal, before)
+
+    def certain_at_most(self, number: int) -> int:
+        """Return the last frame up to a number whose presentation time does not depend on earlier frames."""
+        return next(each for each in range(number, -1, -1) if self.is_certain(each))
+
+    def presented(self, number: int) -> Fraction:
+        """Return when a frame is shown, or the last one before it that is, seconds."""
+        last: Fraction | None = None
+        for each in range(self.certain_at_most(number), number + 1):
+            time = rising_time(self._schedule, self._times[0], self._times[each], last)
+            last = last if time is None else time
+        assert last is not None, "the first one is certain"
+        return last
+
+    def before(self, number: int) -> int:
+        """Return the number of output frames before a frame of the source."""
+        return self._position(number) - sum(lost for pause, lost in self._pauses if pause < number)
+
+    def source_frame(self, output: int) -> int:
+        """Return the frame of the source at or before an output frame; the last one for those after the end."""
+        return max(0, bisect_right(range(len(self._times)), output, key=self.before) - 1)
+
+    def _position(self, number: int) -> int:
+        return math.ceil(self._schedule.output_position(number, self._times[0], self.presented(number)))
+
+    @cached_property
+    def _pauses(self) -> list[tuple[int, int]]:
+        """Frames before pauses that are not filled, and how many output frames fewer there are for each."""
+        pauses = []
+        number, last = 0, len(self._times) - 1
+        while number < last:
+            following = bisect_right(self._times, self._times[number] + MAX_FILLED - 1)  # snapping may lengthen a pause
+            if following == number + 1:
+                time0, time1 = self.presented(number), self.presented(following)
+                steps = self._schedule.steps(number, self._times[0], time0, time1)
+                made = sum(not step.is_sample for step in steps)
+                pauses.append((number, self._position(following) - self._position(number) - made))
+            number = max(number + 1, following - 1)
+        return [pause for pause in pauses if pause[1]]

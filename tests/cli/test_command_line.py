@@ -202,7 +202,7 @@ def test_a_request_to_stop_is_repeated_if_it_is_lost(loss):
     """Whatever swallows the exception or replaces it; while others clean up because of it, they are not disturbed."""
     code = f"""if True:
         import signal, threading
-        from fpsboost.interruption import AGAIN_AFTER, stopping_on
+        from fpsboost.cli.app import AGAIN_AFTER, stopping_on
         number, cleaned = signal.SIGTERM, None
         with stopping_on(number):
             try:{LOSSES[loss].replace(chr(10), chr(10) + 8 * " ")}
@@ -513,7 +513,7 @@ STAGES = {
     "writing images": "fpsboost.io.images.encoder.ImageEncoder.content",
     "finishing a video": "fpsboost.io.video.sink.VideoSink._finish",
     "finishing images": "fpsboost.io.images.sink.ImageSink._finish",
-    "finishing an animation": "fpsboost.io.animation.writers.AnimationWriter.finish",
+    "finishing an animation": "fpsboost.io.animation.sink.AnimationWriter.finish",
     "summary": "fpsboost.conversion.closing_remarks",
 }
 

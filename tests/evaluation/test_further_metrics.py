@@ -15,8 +15,7 @@ from truth import noise, waves
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation import filter_metrics, further_metrics
-from fpsboost.evaluation.filter_metrics import XpsnrMeter, read_vmaf
-from fpsboost.evaluation.further_metrics import FlipMeter, choose_metrics, metrics
+from fpsboost.evaluation.further_metrics import FlipMeter, XpsnrMeter, choose_metrics, metrics, read_vmaf
 
 HERE = tuple(name for name, metric in metrics.items() if metric.missing() is None)
 """What can be measured here."""

@@ -20,8 +20,8 @@ from fpsboost.errors import InputError, OptionError
 from fpsboost.io.opening import open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.source import VideoSource
+from fpsboost.preparation import TrimmedSource, trim_source
 from fpsboost.timing.position import Position, Trim, parse_position
-from fpsboost.trimming import TrimmedSource, trim_source
 
 GROUPS = {"preset": "ultrafast", "crf": "0", "g": "6", "bf": "2", "sc_threshold": "0"}
 

@@ -8,7 +8,7 @@ from truth import affine, as_type, noise, prepared
 
 from fpsboost.errors import OptionError
 from fpsboost.motion import codec
-from fpsboost.motion.codec import CodecMotion
+from fpsboost.motion.block import CodecMotion
 
 
 @pytest.mark.parametrize("shift", [(6, -4), (-5, 3), (2.5, 1.25)])

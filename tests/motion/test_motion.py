@@ -14,8 +14,7 @@ from fpsboost.colour import colour_components
 from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.motion import MotionEstimator
-from fpsboost.motion.block import BlockMatching
-from fpsboost.motion.codec import CodecMotion
+from fpsboost.motion.block import BlockMatching, CodecMotion
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.motion.nlm import CoarseToFine, pyramid

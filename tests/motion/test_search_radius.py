@@ -24,8 +24,8 @@ from fpsboost.kernels.shortest import ShortestMotion, find_shortest
 from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.method_table import find_method
 from fpsboost.motion.components import contrast_components, padded_planes
+from fpsboost.motion.exhaustive import choose_search_radius
 from fpsboost.motion.rendered import RenderedMotion
-from fpsboost.motion.search_radius import choose_search_radius
 from fpsboost.render.folder import VectorFolder
 
 LOWEST, HIGHEST = 0.8, 1.6

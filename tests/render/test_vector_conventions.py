@@ -17,8 +17,7 @@ from fpsboost.cli import app
 from fpsboost.errors import InputError, OptionError
 from fpsboost.io.images.encoder import encode_image
 from fpsboost.render.convention import StoredVectors, VectorConvention, conventions
-from fpsboost.render.fit import RenderedPair, fit_convention, fit_vectors
-from fpsboost.render.folder import VectorFolder, find_vector_channels
+from fpsboost.render.folder import RenderedPair, VectorFolder, find_vector_channels, fit_convention, fit_vectors
 
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")  # said only under pytest
 

@@ -20,9 +20,9 @@ from fpsboost.io.images.sequence import NumberedImages, Numbering
 from fpsboost.io.images.source import MOVING, is_pattern
 from fpsboost.io.new_output import ADVICE, check_folder
 from fpsboost.io.output import Output
-from fpsboost.io.part import PartFolder
 from fpsboost.io.staging import (
     IN_EXISTING_FOLDER,
+    PartFolder,
     StagedSink,
     StagingDirectory,
     complete_already,

@@ -192,7 +192,7 @@ class ImageSource(ClosesOnExit):
         return image
 
     def keep(self, first: int, last: int | None) -> None:
-        """See `fpsboost.trimming.Sliceable.keep`; places count numbers where gaps are filled."""
+        """See `fpsboost.preparation.Sliceable.keep`; places count numbers where gaps are filled."""
         kept = [index for index, place in enumerate(self._places) if first <= place and (last is None or place < last)]
         if not kept:
             reason = "ends before `start`" if first > self._places[-1] else "has none between `start` and `end`"

@@ -1,4 +1,4 @@
-"""Motion vectors of an H.264 stream that is encoded in memory: what `fpsboost.motion.codec` needs of PyAV."""
+"""Motion vectors of an H.264 stream that is encoded in memory: what `fpsboost.motion.block` needs of PyAV."""
 
 from __future__ import annotations
 

@@ -18,9 +18,9 @@ from fpsboost.frame import Frame
 from fpsboost.io.images.source import ImageReading, ImageSource
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.source import VideoSource
+from fpsboost.preparation import TrimmedSource
 from fpsboost.streaming import beginning
 from fpsboost.timing.position import Trim, parse_position
-from fpsboost.trimming import TrimmedSource
 
 FAST = {"preset": "ultrafast"}
 B_FRAMES = {**FAST, "bf": "2", "g": "6", "sc_threshold": "0"}
