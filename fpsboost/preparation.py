@@ -81,9 +81,7 @@ class TrimmedSource(ClosesOnExit):
         self._first = self._dropped = 0
         self._begun = False
         self._own_remarks: list[str] = []
-        self.window = Window(
-            origin + begin, None if by_frames else planned_end, planned_end, origin, stretch=stretch
-        )
+        self.window = Window(origin + begin, None if by_frames else planned_end, planned_end, origin, stretch=stretch)
 
     @property
     def info(self) -> ClipInfo:

@@ -142,7 +142,7 @@ def check_complete(parts: Sequence[PartFiles]) -> list[PartFiles]:
     ordered = [by_number[number] for number in sorted(by_number)]
     for folder, manifest in ordered:
         _check_files(folder, manifest)
-    filled = [each for each in ordered if each[1].frames]
+    filled = [each for each in ordered if each[1].summary.frames_out]
     for (folder, manifest), (next_folder, following) in pairwise(filled):
         if not _fits(manifest, following):
             raise InputError(
@@ -154,8 +154,8 @@ def check_complete(parts: Sequence[PartFiles]) -> list[PartFiles]:
 
 def _fits(manifest: Manifest, following: Manifest) -> bool:
     """Return whether a part begins where another one ends."""
-    ends, begins = manifest.ends, following.begins
-    if manifest.first + manifest.frames != following.first or ends is None or begins is None:
+    ends, begins = (each.summary.boundaries.get(following.first) for each in (manifest, following))
+    if manifest.first + manifest.summary.frames_out != following.first or ends is None or begins is None:
         return False
     return ends.time == begins.time and (ends.number == begins.number or not manifest.counts_frames)
 
@@ -176,7 +176,7 @@ def _check_files(folder: Path, manifest: Manifest) -> None:
 
 def _window(parts: Sequence[PartFiles]) -> Window | None:
     """Return the part of the clip that all parts together show."""
-    filled = [manifest for _, manifest in parts if manifest.frames]
+    filled = [manifest for _, manifest in parts if manifest.summary.frames_out]
     if not filled or filled[0].window is None or filled[-1].window is None:
         return None
     return replace(filled[0].window, end=filled[-1].window.end)
@@ -184,20 +184,20 @@ def _window(parts: Sequence[PartFiles]) -> Window | None:
 
 def _summary(parts: Sequence[PartFiles]) -> Summary:
     """Return the summary of the whole conversion."""
-    manifests = [manifest for _, manifest in parts]
+    summaries = [manifest.summary for _, manifest in parts]
     summary = Summary(
-        frames_in=max(each.frames_read for each in manifests),
-        frames_out=sum(each.frames for each in manifests),
-        frames_made=sum(each.frames_made for each in manifests),
-        scene_cuts=sum(each.scene_cuts for each in manifests),
-        duplicates=sum(each.duplicates for each in manifests),
+        frames_in=max(each.frames_in for each in summaries),
+        frames_out=sum(each.frames_out for each in summaries),
+        frames_made=sum(each.frames_made for each in summaries),
+        scene_cuts=sum(each.scene_cuts for each in summaries),
+        duplicates=sum(each.duplicates for each in summaries),
     )
-    intervals = [each.intervals for each in manifests if each.intervals.longest]
+    intervals = [each.frame_intervals for each in summaries if each.frame_intervals.longest]
     if intervals:
         longest = max(intervals, key=lambda each: (each.longest, -each.begin))
         shortest = min(each.shortest for each in intervals)
         summary.frame_intervals = FrameIntervals(shortest, longest.longest, longest.begin)
-    for manifest in manifests:
-        summary.note_match(manifest.lowest_match)
-        summary.remarks += [remark for remark in manifest.remarks if remark not in summary.remarks]
+    for each in summaries:
+        summary.note_match(each.lowest_match)
+        summary.remarks += [remark for remark in each.remarks if remark not in summary.remarks]
     return summary

@@ -5,14 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Self, get_args, get_origin, get_type_hints
 
 import cv2
 
-from fpsboost.contracts import LowestMatch, SourceMoment
+from fpsboost.contracts import Summary
 from fpsboost.errors import InputError, explained
 from fpsboost.fingerprint import fingerprint_options, identify_files
 from fpsboost.io.output import Window
@@ -23,11 +23,11 @@ from fpsboost.io.video.pyav import pyav_version
 from fpsboost.parts.self_test import digest_of, self_test
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, opened_clip, prepared
 from fpsboost.run_options import Part, RunOptions
-from fpsboost.timing.rate import FrameIntervals, OutputRate
+from fpsboost.timing.rate import OutputRate
 from fpsboost.version import __version__
 
 MANIFEST_NAME = "part.json"
-FORMAT = 2
+FORMAT = 3
 """Version of the manifest's fields."""
 
 
@@ -56,23 +56,12 @@ class Manifest:
     """Everything that must be the same for all parts."""
     first: int
     """Number of the part's first frame in the output, counted from 0."""
-    frames: int
-    frames_made: int
-    frames_read: int
-    """Number of source frames from the clip's first one to the last one that was read."""
-    scene_cuts: int
-    duplicates: int
-    begins: SourceMoment | None
-    """Frame of the source at or before the first output frame of the part."""
-    ends: SourceMoment | None
-    """The same for the first output frame of the next part."""
+    summary: Summary
+    """Summary of the part, without times; frames read are all source frames from the clip's first one on."""
     counts_frames: bool
     """Whether the numbers of the source's frames shape the output, so that boundaries must agree on them."""
     window: Window | None
-    intervals: FrameIntervals
-    lowest_match: LowestMatch | None
-    remarks: list[str] = field(default_factory=list)
-    files: list[StoredFile] = field(default_factory=list)
+    files: list[StoredFile]
 
     def write(self, folder: Path) -> None:
         """Write the manifest into the folder of its part."""
@@ -168,7 +157,7 @@ def as_json(value: Any) -> Any:
         return str(value)
     if isinstance(value, dict):
         return {str(key): as_json(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
+    if isinstance(value, (list, tuple, set)):
         return [as_json(each) for each in value]
     return value
 
@@ -176,8 +165,8 @@ def as_json(value: Any) -> Any:
 def from_json(kind: Any, value: Any) -> Any:
     """Return the object of a type that `as_json` has stored.
 
-    The type is a dataclass, Fraction, str, int, float, bool, a list, tuple or dict of these, or a union of one with
-    None. Raises `KeyError`, `TypeError` or `ValueError` for what was stored by something else.
+    The type is a dataclass, Fraction, str, int, float, bool, a list, set, tuple or dict of these, or a union of one
+    with None. Raises `KeyError`, `TypeError` or `ValueError` for what was stored by something else.
 
     Examples
     --------
@@ -199,11 +188,11 @@ def from_json(kind: Any, value: Any) -> Any:
 
 
 def _collection(kind: Any, kinds: Any, value: Any) -> Any:
-    """Return a dict, list or tuple of values of these kinds; anything else as it is."""
+    """Return a dict, list, set or tuple of values of these kinds; anything else as it is."""
     if kind is dict:
         return {kinds[0](key): from_json(kinds[1], item) for key, item in value.items()}
-    if kind is list:
-        return [from_json(kinds[0], item) for item in value]
+    if kind in (list, set):
+        return kind(from_json(kinds[0], item) for item in value)
     if kind is tuple:
         kinds = kinds[:1] * len(value) if kinds[-1] is Ellipsis else kinds
         return tuple(from_json(each, item) for each, item in zip(kinds, value, strict=True))

@@ -18,6 +18,7 @@ from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -316,6 +317,8 @@ def manifest_of(plan: PartPlan, ready: Preparation, folder: Path) -> Manifest:
     """Return the manifest of a part whose files are complete."""
     job, summary, outputs = ready.job, plan.summary, plan.outputs
     assert summary is not None
+    of_one_run: dict[str, Any] = {"seconds": 0.0, "utilisation": "", "completed_frames": 0}
+    read = summary.frames_in + (0 if outputs.entry is None else outputs.entry.number)
     by_number = isinstance(ready.base_schedule, ByFactor) or job.method.match_grain or counts_frames(job.method.cuts)
     return Manifest(
         part=plan.part,
@@ -326,18 +329,9 @@ def manifest_of(plan: PartPlan, ready: Preparation, folder: Path) -> Manifest:
         encoding=job.encoding,
         facts=facts_of(ready),
         first=outputs.first,
-        frames=summary.frames_out,
-        frames_made=summary.frames_made,
-        frames_read=summary.frames_in + (0 if outputs.entry is None else outputs.entry.number),
-        scene_cuts=summary.scene_cuts,
-        duplicates=summary.duplicates,
-        begins=summary.boundaries.get(outputs.first),
-        ends=None if outputs.stop is None else summary.boundaries.get(outputs.stop),
+        summary=replace(summary, frames_in=read, remarks=[*plan.remarks, *summary.remarks], **of_one_run),
         counts_frames=by_number,
         window=ready.clip.window,
-        intervals=summary.frame_intervals,
-        lowest_match=summary.lowest_match,
-        remarks=[*plan.remarks, *summary.remarks],
         files=[stored(path) for path in part_files(folder)],
     )
 
