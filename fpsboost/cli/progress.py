@@ -6,6 +6,7 @@ import gc
 import json
 import sys
 from contextlib import ExitStack
+from functools import partial
 from typing import TYPE_CHECKING, Any, Self
 
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeRemainingColumn
@@ -98,7 +99,6 @@ class Reporter(ExitStack):
             frames += f", {summary.scene_cuts} scene cut{'s' if summary.scene_cuts > 1 else ''}"
         if summary.completed_frames:
             frames += f", {summary.completed_frames} of which were there already"
-        speed = (summary.frames_out - summary.completed_frames) / max(summary.seconds, 1e-9)
         if self._verbose and summary.search_radii:
             least, largest = min(summary.search_radii), max(summary.search_radii)
             self._say(f"Search radius: {least if least == largest else f'{least} to {largest}'} pixels.")
@@ -108,7 +108,7 @@ class Reporter(ExitStack):
         if lowest is not None and lowest.match_score < 1:
             file = f", {summary.lowest_match_file}" if summary.lowest_match_file else ""
             where = f", least certain at {format_time(lowest.time)} (frame {lowest.number}{file})"
-        self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({speed:.1f} frames/s){where}")
+        self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({_speed(summary):.1f} frames/s){where}")
         for remark in summary.remarks:
             self._say(f"Note: {remark}")
 
@@ -132,7 +132,7 @@ class JsonReporter(ExitStack):
 
     def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
         self._expected = expected_frames
-        self.enter_context(told_of_compiling(self._say_compiling))
+        self.enter_context(told_of_compiling(partial(self._print, "compiling")))
         self._print("opened")
 
     def ready(self) -> None:
@@ -159,9 +159,6 @@ class JsonReporter(ExitStack):
         }
         remarks = [in_flags(remark) for remark in summary.remarks]
         self._print("done", fps=_speed(summary), done=True, output=self._output, **counts, remarks=remarks)
-
-    def _say_compiling(self) -> None:
-        self._print("compiling")
 
     def _print(self, stage: str, fps: float | None = None, **more: Any) -> None:
         print_object(frame=self._frames, frames=self._expected, fps=fps, stage=stage, **more)

@@ -71,10 +71,11 @@ def tune(
         )
         console.print(literal(f"{with_these} {other} {default.mse:.2f} at {default.cpu_seconds:.2f}."))
         console.print("In a comparison:")
-        options = ",".join(f"{name.replace('_', '-')}={value}" for name, value in tuning.best.options.items())
+        options = ",".join(f"{name.replace('_', '-')}={value}" for name, value in best.options.items())
         console.print(literal(f"-m {tuning.method}:{options}"), soft_wrap=True)
         console.print("In a conversion:")
-    console.print(literal(as_options(tuning)), soft_wrap=True)
+    options = " ".join(f"--{name.replace('_', '-')} {value}" for name, value in tuning.best.options.items())
+    console.print(literal(f"--method {tuning.method} {options}"), soft_wrap=True)
 
 
 def table(name: str, trials: list[Trial], tuning: Tuning) -> Table:
@@ -99,9 +100,3 @@ def table(name: str, trials: list[Trial], tuning: Tuning) -> Table:
             style="bold green" if is_best else "",
         )
     return sweep_table
-
-
-def as_options(tuning: Tuning) -> str:
-    """Return the method with its options, as text for a conversion."""
-    options = " ".join(f"--{name.replace('_', '-')} {value}" for name, value in tuning.best.options.items())
-    return f"--method {tuning.method} {options}"

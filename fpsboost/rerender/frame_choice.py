@@ -21,22 +21,19 @@ from typing import Any
 
 import numpy as np
 
-from fpsboost import FrameCache, InputError, Interpolator, MemoryLimit, OptionError, find_method
+from fpsboost import FrameCache, Interpolator, MemoryLimit, OptionError, find_method
 from fpsboost.image import Image, view
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import NumberedImages
-from fpsboost.io.images.source import ImageSource
-from fpsboost.io.new_output import check_new_folder, new_folder
-from fpsboost.io.opening import ASSUMED_IMAGE_RATE
+from fpsboost.io.new_output import new_folder
 from fpsboost.io.staging import write_safely
-from fpsboost.rerender.planning import check_input
+from fpsboost.rerender.planning import open_images
 from fpsboost.rerender.score import comparable, squared_error
 from fpsboost.threads import available_cores, run_in_parallel
 
 LONGEST = 16
 """Largest difference of two numbers between which frames are interpolated."""
 
-MIN_IMAGES = 3
 VERSION = 1
 FRAMES_FILE, LIST_FILE = "frames.json", "frames.txt"
 
@@ -134,9 +131,7 @@ def choose_frames(preview: str, folder: str, quality: float, *, method: str | In
     interpolator = find_method(method)
     if interpolator.uses_vectors:
         raise OptionError("`vectors` lead from frame to frame, and frames are chosen at any distance; leave it out.")
-    check_input(preview)
-    check_new_folder(Path(folder))
-    with ImageSource(preview, ASSUMED_IMAGE_RATE) as source:
+    with open_images(preview, folder) as source:
         images, info = source.images, source.info
         for place, frame in enumerate(source):  # which checks that all are alike
             if place == 0:
@@ -145,8 +140,6 @@ def choose_frames(preview: str, folder: str, quality: float, *, method: str | In
         raise OptionError(
             f"The images of {preview} have no numbers in their names, of which some are chosen; number them."
         )
-    if len(images.files) < MIN_IMAGES:
-        raise InputError(f"{preview} holds {len(images.files)} images, and {MIN_IMAGES} at least are needed.")
     threads = MemoryLimit().affordable_threads(info.width, info.height, available_cores())
     trials = _Trials(images, replace(interpolator, duplicates=None), 10 ** (-quality / 10))
     with run_in_parallel(threads) as in_order:

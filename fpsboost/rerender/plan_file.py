@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
 
@@ -108,24 +108,14 @@ class RerenderPlan:
             "height": self.height,
             "tile": self.tile,
             "numbers": [frame.number for frame in self.frames],
-            "frames": [
-                {
-                    "number": frame.number,
-                    "regions": [list(region) for region in frame.regions],
-                    "whole": frame.whole,
-                    "expected_error": round(frame.expected_error, 4),
-                    "remaining_error": round(frame.remaining_error, 4),
-                }
-                for frame in self.frames
-            ],
+            "frames": [{**asdict(frame), **_errors_of(frame)} for frame in self.frames],
             "totals": {
                 "frames": sum(bool(frame.regions) for frame in self.frames),
                 "whole_frames": sum(frame.whole for frame in self.frames),
                 "regions": sum(len(frame.regions) for frame in self.frames),
                 "rendered_share": round(self.rendered_share, 6),
                 "seconds": self.seconds,
-                "expected_error": round(self.expected_error, 4),
-                "remaining_error": round(self.remaining_error, 4),
+                **_errors_of(self),
             },
         }
 
@@ -179,6 +169,10 @@ def mask_numbering(folder: Path, numbers: Sequence[int]) -> Numbering:
     """Return how masks are named: like the frames, with as many digits as the longest number has."""
     digits = max(MASK_DIGITS, *(len(str(number)) for number in numbers))
     return Numbering(folder, "mask_", digits, ".png")
+
+
+def _errors_of(item: PlannedFrame | RerenderPlan) -> dict[str, float]:
+    return {name: round(getattr(item, name), 4) for name in ("expected_error", "remaining_error")}
 
 
 def _frame(data: Mapping[str, Any], width: int, height: int) -> PlannedFrame:

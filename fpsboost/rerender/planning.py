@@ -59,15 +59,8 @@ def plan_rerender(
     """
     options = options or PlanOptions()
     interpolator = find_method(method)
-    check_input(input)
-    check_new_folder(Path(folder))
-    with ImageSource(input, ASSUMED_IMAGE_RATE) as source:
+    with open_images(input, folder) as source:
         images, info = source.images, source.info
-        if len(images.files) < MIN_IMAGES:
-            raise InputError(
-                f"{input} holds {len(images.files)} images, and a plan needs {MIN_IMAGES} at least: it hides one "
-                "between two others to learn how large errors are."
-            )
         factor = options.factor or (images.step if images.step > 1 else 2)
         first, step = images.numbers_for(Fraction(factor)) or (images.first_number, 1)
         numbers = [first + step * place for place in range((len(images.files) - 1) * factor + 1)]
@@ -98,13 +91,20 @@ def plan_rerender(
     return plan
 
 
-def check_input(path: str) -> None:
-    """Raise InputError unless a path stands for images, whose numbers a plan goes by."""
-    if stands_for_images(path):
-        return
-    if not Path(path).exists():
-        raise InputError(f"{path or 'An input without a name'} does not exist; check the name.")
-    raise InputError(f"{path} is no folder or pattern of images, which plans are made for; write its frames as images.")
+def open_images(path: str, folder: str) -> ImageSource:
+    """Open the images of a plan, which goes to a new folder; raise InputError unless they are images, and enough."""
+    if not stands_for_images(path):
+        if not Path(path).exists():
+            raise InputError(f"{path or 'An input without a name'} does not exist; check the name.")
+        raise InputError(f"{path} is no folder or pattern of images, which plans need; write its frames as images.")
+    check_new_folder(Path(folder))
+    source = ImageSource(path, ASSUMED_IMAGE_RATE)
+    if len(source.images.files) < MIN_IMAGES:
+        raise InputError(
+            f"{path} holds {len(source.images.files)} images, and a plan needs {MIN_IMAGES} at least: it hides one "
+            "between two others to learn how large errors are."
+        )
+    return source
 
 
 def _cost(options: PlanOptions, pixels: int, frames: int) -> RenderCost:
