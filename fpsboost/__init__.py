@@ -51,8 +51,7 @@ if TYPE_CHECKING:
     from fpsboost.rerender.frame_choice import FrameChoice, choose_frames
     from fpsboost.rerender.merging import MergeSummary, merge_regions
     from fpsboost.rerender.options import MergeOptions, PlanOptions, RenderBudget
-    from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
-    from fpsboost.rerender.planning import plan_rerender
+    from fpsboost.rerender.planning import PlannedFrame, RerenderPlan, plan_rerender
     from fpsboost.rerender.regions import Rectangle
     from fpsboost.run_options import Part, RunOptions
     from fpsboost.streaming import run_conversion
@@ -104,8 +103,7 @@ _modules = {
     "rerender.frame_choice": "FrameChoice choose_frames",
     "rerender.merging": "MergeSummary merge_regions",
     "rerender.options": "MergeOptions PlanOptions RenderBudget",
-    "rerender.plan_file": "PlannedFrame RerenderPlan",
-    "rerender.planning": "plan_rerender",
+    "rerender.planning": "PlannedFrame RerenderPlan plan_rerender",
     "rerender.regions": "Rectangle",
     "run_options": "Part RunOptions",
     "streaming": "run_conversion",

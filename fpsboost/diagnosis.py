@@ -34,7 +34,7 @@ DECODERS = (
 """FFmpeg's decoders of what people film and render."""
 
 known_digests: Mapping[str, str] = MappingProxyType({"nlm": "6870d30a1ebd8a53", "nlm-fast": "0f3e3a90e8420481"})
-"""First digits of the digests of `fpsboost.parts.self_test` by method, 8-bit BGR; AVX2 and AVX-512 give the same."""
+"""First digits of the digests of `fpsboost.parts.manifest` by method, 8-bit BGR; AVX2 and AVX-512 give the same."""
 
 MAX_ERROR = 4.0
 """Mean absolute error of a frame whose motion is known, of 255, beyond which kernels are broken; 0.02 is usual."""
@@ -131,7 +131,7 @@ def _self_test() -> Iterator[Finding]:
     import numpy as np  # noqa: PLC0415
 
     from fpsboost.method_table import interpolate, methods  # noqa: PLC0415
-    from fpsboost.parts.self_test import self_test  # noqa: PLC0415
+    from fpsboost.parts.manifest import self_test  # noqa: PLC0415
 
     texture = np.random.default_rng(0).integers(0, 256, (24, 60, 3), np.uint8).repeat(4, axis=0).repeat(4, axis=1)
     for method, known in known_digests.items():

@@ -31,8 +31,8 @@ from fpsboost.options import words_of_options
 
 if TYPE_CHECKING:
     from fpsboost.evaluation.contestants import Contestant
+    from fpsboost.evaluation.export import Row
     from fpsboost.evaluation.hidden_frames import Hiding
-    from fpsboost.evaluation.report.tables import Row
     from fpsboost.evaluation.results import ComparedClip, Comparison
     from fpsboost.render.folder import VectorFolder
 
@@ -133,8 +133,11 @@ def print_comparison(comparison: Comparison, contestants: Mapping[str, Contestan
 
 def write_results(compared: Sequence[ComparedClip], results: ResultOptions, console: Console) -> None:
     """Print what several clips come to, and write the files and the page that are asked for."""
-    from fpsboost.evaluation.export import write_csv, write_json  # noqa: PLC0415
-    from fpsboost.evaluation.report.tables import mean_rows  # noqa: PLC0415
+    from fpsboost.evaluation.export import (  # noqa: PLC0415
+        mean_rows,
+        write_csv,
+        write_json,
+    )
     from fpsboost.evaluation.verdict import judge_all  # noqa: PLC0415
 
     comparisons = [clip.comparison for clip in compared]
@@ -224,8 +227,8 @@ def check_results(results: ResultOptions) -> None:
 
 def tables(comparison: Comparison) -> list[Table]:
     """Return tables, best method first: overall figures; errors by area, if one is large enough; further metrics."""
+    from fpsboost.evaluation.export import area_rows, further_rows, overall_rows  # noqa: PLC0415
     from fpsboost.evaluation.further_metrics import metrics  # noqa: PLC0415
-    from fpsboost.evaluation.report.tables import area_rows, further_rows, overall_rows  # noqa: PLC0415
 
     title = f"{literal(comparison.clip)}: {len(comparison.hidden)} frames of {comparison.kind}"
     figures = ["PSNR", "PSNR P5", "SSIM", "MAE", "MSE", "s/frame", "CPU s"]

@@ -16,7 +16,7 @@ from fpsboost.rerender.options import FrameChoiceOptions, MergeOptions, PlanOpti
 
 if TYPE_CHECKING:
     from fpsboost.rerender.frame_choice import FrameChoice
-    from fpsboost.rerender.plan_file import RerenderPlan
+    from fpsboost.rerender.planning import RerenderPlan
 
 MAX_LIST = 60
 """Maximum length of a list of frames on the terminal; frames.txt has all."""

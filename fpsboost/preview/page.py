@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from fpsboost import ClipInfo, Frame, OptionError, Target, format_time, open_sink
 from fpsboost.evaluation.report.self_contained import PlayerData, as_heat, data_uri, encode, templates_of
 from fpsboost.io.new_output import check_writable, write_whole
+from fpsboost.preview.places import View
 from fpsboost.preview.trial import Estimate, Preview
-from fpsboost.preview.views import View
 from fpsboost.threads import available_cores
 
 SPEEDS = (Fraction(1), Fraction(1, 4))

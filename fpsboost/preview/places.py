@@ -1,9 +1,13 @@
-"""Passages of a clip that show what a conversion would do, found by decoding a few frames at places all over it."""
+"""Passages of a clip that show what a conversion would do, found by decoding a few frames at places all over it.
+
+Their frames are kept as a page shows them: reduced, upright, in 8-bit colours.
+"""
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
 from itertools import islice, pairwise
@@ -14,10 +18,58 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost import ClipInfo, ConversionJob, Frame, OptionError, Position, RunOptions, Trim
+from fpsboost.colour import as_shown
 from fpsboost.image import view
+from fpsboost.io.video.pictures import turned_upright
+from fpsboost.io.video.traits import VideoTraits
 from fpsboost.preparation import opened_clip
-from fpsboost.preview.views import View
 from fpsboost.probing import Findings
+
+LONGEST_SIDE = 960
+"""Longer side of a picture on the page, pixels."""
+
+QUALITY = 85
+"""JPEG quality, of 100."""
+
+
+@dataclass
+class View:
+    """Frames of a passage as encoded pictures."""
+
+    traits: VideoTraits | None = None
+    times: list[Fraction] = field(default_factory=list)
+    """Seconds after the passage's first frame, on the source's clock."""
+    pictures: list[bytes] = field(default_factory=list)
+    end: Fraction = Fraction(0)
+    """End of the last frame, seconds."""
+
+    def add(self, frame: Frame, time: Fraction) -> None:
+        """Add the next frame."""
+        image = self.displayed(view(frame.image).to_bgr())
+        data = cv2.imencode(".jpg", as_shown(image), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
+        self.times.append(time)
+        self.pictures.append(data.tobytes())
+
+    def displayed(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Return an image, or a map of its pixels, as it is displayed and no larger than a page can use."""
+        height, width = image.shape[:2]
+        aspect = (self.traits.sample_aspect_ratio or 1) if self.traits else 1
+        scale = min(1.0, LONGEST_SIDE / max(height, width * aspect))
+        size = max(1, round(width * aspect * scale)), max(1, round(height * scale))
+        if size != (width, height):
+            image = cv2.resize(image, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
+        image = image.reshape(*image.shape[:2], -1)
+        return turned_upright(image, self.traits.display_matrix if self.traits else None)
+
+    def place_at(self, time: Fraction) -> int:
+        """Return the place of the frame that is shown at a time."""
+        return max(0, bisect_right(self.times, time) - 1)
+
+    def image_at(self, time: Fraction) -> NDArray[np.uint8]:
+        """Return the picture that is shown at a time, (H, W, 3)."""
+        data = np.frombuffer(self.pictures[self.place_at(time)], np.uint8)
+        return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8)
+
 
 PASSAGES = 3
 """Maximum number of passages that are chosen."""

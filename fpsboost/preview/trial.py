@@ -27,8 +27,7 @@ from fpsboost import (
 )
 from fpsboost.contracts import SilentObserver
 from fpsboost.preparation import prepared
-from fpsboost.preview.places import Passage, Selection, find_passages
-from fpsboost.preview.views import View
+from fpsboost.preview.places import Passage, Selection, View, find_passages
 from fpsboost.threads import available_cores
 
 

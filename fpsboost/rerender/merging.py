@@ -31,7 +31,7 @@ from fpsboost.io.new_output import check_new_folder, new_folder
 from fpsboost.io.staging import write_safely
 from fpsboost.layered import FrameImage
 from fpsboost.rerender.options import MergeOptions
-from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
+from fpsboost.rerender.planning import PlannedFrame, RerenderPlan
 from fpsboost.rerender.regions import Rectangle
 
 LOSSY = (".jpg", ".jpeg")

@@ -1,23 +1,203 @@
-"""Plans of what to render: from images and a budget to masks and rectangles in a folder."""
+"""Plans of what to render: from images and a budget to ``plan.json`` with rectangles, and a mask for every frame.
+
+Rectangles are ``[x, y, width, height]`` in pixels from the upper left corner, y down. Blender's render border is in
+fractions of the frame with y up, and fractions of a pixel are cut off. In a frame of W x H pixels it is
+``min_x = (x + 0.5) / W``, ``max_x = (x + width + 0.5) / W``, ``min_y = (H - y - height + 0.5) / H`` and
+``max_y = (H - y + 0.5) / H``.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fpsboost import InputError, Interpolator, MemoryLimit, VectorFolder, find_method
+from fpsboost.io.images.encoder import encode_image
+from fpsboost.io.images.files import content_of, read_image
+from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.images.source import ImageSource
 from fpsboost.io.new_output import check_new_folder, new_folder
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, stands_for_images
+from fpsboost.io.staging import write_safely
 from fpsboost.rerender.options import PlanOptions, RenderBudget
-from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
 from fpsboost.rerender.regions import Rectangle, RenderCost, TileGrid, choose_regions, partition
 from fpsboost.rerender.score import expect_errors
 from fpsboost.threads import available_cores, run_in_parallel
+
+PLAN_FILE = "plan.json"
+VERSION = 1
+RENDERED = 255
+"""Value of mask pixels that are to be rendered."""
+
+MASK_DIGITS = 4
+
+
+@dataclass(frozen=True)
+class PlannedFrame:
+    """Regions of one frame that are to be rendered.
+
+    Attributes
+    ----------
+    number : int
+        Number of the frame.
+    regions : tuple of Rectangle
+        Rectangles that do not overlap, in pixels; none where nothing is to be rendered.
+    whole : bool
+        Whether all of the frame is to be rendered.
+    expected_error, remaining_error : float
+        Expected mean squared error before and after rendering, in levels of 255 squared.
+    """
+
+    number: int
+    regions: tuple[Rectangle, ...]
+    whole: bool
+    expected_error: float
+    remaining_error: float
+
+    def mask(self, height: int, width: int) -> NDArray[Any]:
+        """Return the pixels to render, (height, width) bool."""
+        mask = np.zeros((height, width), bool)
+        for region in self.regions:
+            mask[region.part] = True
+        return mask
+
+
+@dataclass(frozen=True)
+class RerenderPlan:
+    """Regions of interpolated frames that are worth rendering.
+
+    Attributes
+    ----------
+    width, height : int
+        Size of a frame, pixels.
+    tile : int
+        Side of the tiles that regions consist of, pixels.
+    frames : tuple of PlannedFrame
+        All interpolated frames, in order.
+    seconds : float or None
+        Expected time of rendering; None if unknown.
+    """
+
+    width: int
+    height: int
+    tile: int
+    frames: tuple[PlannedFrame, ...]
+    seconds: float | None = None
+
+    @property
+    def rendered_share(self) -> float:
+        """Share of all pixels of these frames that is to be rendered."""
+        pixels = sum(region.area for frame in self.frames for region in frame.regions)
+        return pixels / (self.width * self.height * len(self.frames))
+
+    @property
+    def expected_error(self) -> float:
+        """Expected mean squared error of all frames before rendering, in levels of 255 squared."""
+        return float(np.mean([frame.expected_error for frame in self.frames]))
+
+    @property
+    def remaining_error(self) -> float:
+        """Expected mean squared error of all frames after rendering, in levels of 255 squared."""
+        return float(np.mean([frame.remaining_error for frame in self.frames]))
+
+    def as_json(self) -> dict[str, Any]:
+        """Return plain data, as it is written to ``plan.json``."""
+        return {
+            "version": VERSION,
+            "width": self.width,
+            "height": self.height,
+            "tile": self.tile,
+            "numbers": [frame.number for frame in self.frames],
+            "frames": [{**asdict(frame), **_errors_of(frame)} for frame in self.frames],
+            "totals": {
+                "frames": sum(bool(frame.regions) for frame in self.frames),
+                "whole_frames": sum(frame.whole for frame in self.frames),
+                "regions": sum(len(frame.regions) for frame in self.frames),
+                "rendered_share": round(self.rendered_share, 6),
+                "seconds": self.seconds,
+                **_errors_of(self),
+            },
+        }
+
+    def write(self, folder: Path) -> None:
+        """Write ``plan.json`` and the masks into a folder."""
+        masks = mask_numbering(folder, [frame.number for frame in self.frames])
+        for frame in self.frames:
+            path = masks.path(frame.number)
+            mask = frame.mask(self.height, self.width)[..., np.newaxis] * np.uint8(RENDERED)
+            write_safely(path, encode_image(path, mask))
+        write_safely(folder / PLAN_FILE, json.dumps(self.as_json(), indent=1).encode())
+
+    @classmethod
+    def read(cls, folder: Path) -> Self:
+        """Read a plan from its folder.
+
+        Raises
+        ------
+        InputError
+            It is missing, damaged, of a later version, or a mask differs from the rectangles.
+        """
+        path = folder / PLAN_FILE
+        data = content_of(path, "name a folder that fpsboost plan has written")
+        try:
+            values = json.loads(data)
+            if values["version"] != VERSION:
+                raise InputError(f"{path} is of version {values['version']}, and {VERSION} can be read; plan again.")
+            frames = tuple(_frame(each, values["width"], values["height"]) for each in values["frames"])
+            plan = cls(values["width"], values["height"], values["tile"], frames, values["totals"]["seconds"])
+        except (ValueError, KeyError, TypeError) as error:
+            raise InputError(f"{path} is damaged or no plan; plan again.") from error
+        plan._check_masks(folder)
+        return plan
+
+    def _check_masks(self, folder: Path) -> None:
+        masks = mask_numbering(folder, [frame.number for frame in self.frames])
+        for frame in self.frames:
+            path = masks.path(frame.number)
+            content_of(path, "plan again, or put it back")
+            mask = read_image(path)
+            height, width = mask.shape[:2]
+            if (height, width) != (self.height, self.width):
+                raise InputError(
+                    f"{path} has {width}x{height} pixels and its plan {self.width}x{self.height}; plan again."
+                )
+            if ((mask[..., 0] > 0) != frame.mask(height, width)).any():
+                raise InputError(f"{path} marks other pixels than the rectangles of {PLAN_FILE}; plan again.")
+
+
+def mask_numbering(folder: Path, numbers: Sequence[int]) -> Numbering:
+    """Return how masks are named: like the frames, with as many digits as the longest number has."""
+    digits = max(MASK_DIGITS, *(len(str(number)) for number in numbers))
+    return Numbering(folder, "mask_", digits, ".png")
+
+
+def _errors_of(item: PlannedFrame | RerenderPlan) -> dict[str, float]:
+    return {name: round(getattr(item, name), 4) for name in ("expected_error", "remaining_error")}
+
+
+def _frame(data: Mapping[str, Any], width: int, height: int) -> PlannedFrame:
+    """Read a frame of a plan; raise ValueError, KeyError or TypeError where it is none."""
+    regions = tuple(Rectangle(*map(int, region)) for region in data["regions"])
+    for each in regions:
+        inside = each.x >= 0 and each.y >= 0 and each.x + each.width <= width and each.y + each.height <= height
+        if not inside or each.width < 1 or each.height < 1:
+            raise ValueError("a region outside of the frame")
+    return PlannedFrame(
+        int(data["number"]),
+        regions,
+        bool(data["whole"]),
+        float(data["expected_error"]),
+        float(data["remaining_error"]),
+    )
+
 
 DEFAULT_BUDGET = RenderBudget(0.1)
 MIN_IMAGES = 3

@@ -28,7 +28,7 @@ from fpsboost import (
 from fpsboost.cli.probe import facts
 from fpsboost.io.opening import TargetRequirements, open_source, stands_for_images
 from fpsboost.preparation import opened_clip
-from fpsboost.preview.views import View
+from fpsboost.preview.places import View
 from fpsboost.probing import Findings, Probe
 from fpsboost.ui.choices import first_choices, on_page
 from fpsboost.ui.jobs import start_process

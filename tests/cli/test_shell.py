@@ -21,7 +21,7 @@ from fpsboost.cli.app import app, completion_script
 from fpsboost.cli.options import METHODS
 from fpsboost.diagnosis import Finding, diagnose
 from fpsboost.method_table import methods, vector_methods
-from fpsboost.parts.self_test import self_test
+from fpsboost.parts.manifest import self_test
 
 SHELLS = ("bash", "zsh", "fish")
 

@@ -24,8 +24,7 @@ from fpsboost.evaluation.compare import compare
 from fpsboost.evaluation.contestants import InterpolatedFrame
 from fpsboost.evaluation.hidden_frames import Hiding, read_samples
 from fpsboost.evaluation.report.page import _view_frames, choose_frames, command, write_report
-from fpsboost.evaluation.report.passages import choose_exact, choose_passages, view_passages
-from fpsboost.evaluation.report.pictures import find_spots
+from fpsboost.evaluation.report.pictures import choose_exact, choose_passages, find_spots, view_passages
 from fpsboost.evaluation.report.styles import colours_of
 from fpsboost.evaluation.results import ComparedClip, MethodResult
 from fpsboost.evaluation.verdict import judge_all

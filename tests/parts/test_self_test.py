@@ -14,7 +14,7 @@ from fpsboost.image import YCbCrImage
 from fpsboost.kernels.compiling import told_of_compiling
 from fpsboost.layered import FrameImage, Layer, LayeredImage
 from fpsboost.method_table import configure, methods
-from fpsboost.parts.self_test import self_test
+from fpsboost.parts.manifest import self_test
 from fpsboost.synthesis.blend import Blend
 
 

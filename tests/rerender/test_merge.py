@@ -20,7 +20,7 @@ from fpsboost.io.images.files import read_image
 from fpsboost.io.images.metadata import ImageMetadata, metadata_of
 from fpsboost.rerender.merging import merge_regions, mix, seam_weights
 from fpsboost.rerender.options import MergeOptions
-from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
+from fpsboost.rerender.planning import PlannedFrame, RerenderPlan
 from fpsboost.rerender.regions import Rectangle
 
 HEIGHT, WIDTH = 24, 32

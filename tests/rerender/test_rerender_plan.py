@@ -15,8 +15,7 @@ from hypothesis.extra import numpy as arrays
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.io.images.files import read_image
 from fpsboost.rerender.options import PlanOptions, RenderBudget, parse_budget
-from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
-from fpsboost.rerender.planning import plan_rerender
+from fpsboost.rerender.planning import PlannedFrame, RerenderPlan, plan_rerender
 from fpsboost.rerender.regions import (
     Rectangle,
     RenderCost,

@@ -17,21 +17,25 @@ from typing import Any, NamedTuple
 from markupsafe import Markup
 
 from fpsboost.evaluation.contestants import MINTERPOLATE, Contestant, method_names
+from fpsboost.evaluation.export import COLUMNS, area_rows, further_rows, mean_rows, overall_rows
 from fpsboost.evaluation.further_metrics import metrics
 from fpsboost.evaluation.hidden_frames import read_samples
 from fpsboost.evaluation.report.charts import Chart, Dot, Series, draw_dots, draw_lines
-from fpsboost.evaluation.report.passages import (
+from fpsboost.evaluation.report.pictures import (
+    MAX_DRAWN_ERROR,
     MAX_EXACT_PIXELS,
     MAX_PIXELS,
+    MotionView,
+    Strip,
     choose_exact,
     choose_passages,
     count_for,
+    view_frame,
+    view_motion,
     view_passages,
 )
-from fpsboost.evaluation.report.pictures import MAX_DRAWN_ERROR, MotionView, Strip, view_frame, view_motion
 from fpsboost.evaluation.report.self_contained import templates_of
 from fpsboost.evaluation.report.styles import styles_of
-from fpsboost.evaluation.report.tables import COLUMNS, area_rows, further_rows, mean_rows, overall_rows
 from fpsboost.evaluation.results import ComparedClip, Comparison
 from fpsboost.evaluation.verdict import judge, judge_all, listed
 from fpsboost.image import Image
