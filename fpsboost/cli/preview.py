@@ -12,7 +12,7 @@ from cyclopts import Group, Parameter
 from rich.console import Console
 
 from fpsboost.cli.batch import plan_outputs
-from fpsboost.cli.contestants import choose, split_methods
+from fpsboost.cli.compare import choose, split_methods
 from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import CutOptions, PreviewOptions, in_flags
 from fpsboost.cli.signature import GROUPS, PathName, with_flags

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from truth import SCENES, needs_scenes
 
-from fpsboost.cli.contestants import choose, name_others, split_methods
+from fpsboost.cli.compare import choose, name_others, split_methods
 from fpsboost.errors import OptionError
 from fpsboost.evaluation.contestants import InterpolatorContestant, Minterpolate, method_names
 from fpsboost.method_table import configure, methods, read_options
