@@ -14,7 +14,7 @@ from comparison_truth import pan, save_clip
 from truth import noise, waves
 
 from fpsboost.errors import InputError, OptionError
-from fpsboost.evaluation import filter_metrics, further_metrics
+from fpsboost.evaluation import further_metrics
 from fpsboost.evaluation.further_metrics import FlipMeter, XpsnrMeter, choose_metrics, metrics, read_vmaf
 
 HERE = tuple(name for name, metric in metrics.items() if metric.missing() is None)
@@ -116,7 +116,7 @@ def test_metrics_are_chosen_by_name_once():
 
 def test_what_is_missing_is_named(monkeypatch):
     """A filter of FFmpeg, a package, and how to get it."""
-    monkeypatch.setattr(filter_metrics.av.filter, "filters_available", frozenset())
+    monkeypatch.setattr(further_metrics.av.filter, "filters_available", frozenset())
     monkeypatch.setattr(further_metrics, "find_spec", lambda name: None)
     for name, words in (("xpsnr", "filter xpsnr"), ("vmaf", "filter libvmaf"), ("flip", r"'fpsboost\[flip\]'")):
         with pytest.raises(OptionError, match=f"`metrics={name}` needs the .*{words}"):

@@ -7,7 +7,7 @@ import pytest
 from truth import affine, as_type, noise, prepared
 
 from fpsboost.errors import OptionError
-from fpsboost.motion import codec
+from fpsboost.motion import block
 from fpsboost.motion.block import CodecMotion
 
 
@@ -46,7 +46,7 @@ def test_blocks_of_all_sizes_have_their_pixels():
     blocks = [(8, 8, 16, 16), (24, 4, 16, 8), (24, 12, 16, 8), (36, 8, 8, 16), (44, 8, 8, 16)]
     blocks += [(4, 20, 8, 8), (12, 20, 8, 8), (4, 28, 8, 8)]
     names = ("dst_x", "dst_y", "w", "h")
-    numbers = codec._block_numbers(np.array(blocks, [(name, int) for name in names]), 27, 45)
+    numbers = block._block_numbers(np.array(blocks, [(name, int) for name in names]), 27, 45)
     expected = np.zeros((32, 48), int)
     for number, (x, y, width, height) in enumerate(blocks, 1):
         expected[y - height // 2 : y + height // 2, x - width // 2 : x + width // 2] = number
