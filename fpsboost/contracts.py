@@ -121,47 +121,31 @@ class Cancellable(Protocol):
 
 @dataclass(frozen=True)
 class Entry:
-    """State in which the loop begins in the middle of a clip, and goes on as if it had read the clip from its start.
-
-    Attributes
-    ----------
-    number : int
-        Source frame that is read first, counted from 0.
-    start : Fraction
-        Time of the clip's first frame, seconds.
-    outputs_before : int
-        Number of output frames before that source frame.
-    step : float
-        Difference of the frame from the picture before it, for the detector of duplicates; infinite at the start.
-    """
+    """State in which the loop begins in the middle of a clip, and goes on as if it had read the clip from its start."""
 
     number: int
+    """Source frame that is read first, counted from 0."""
     start: Fraction
+    """Time of the clip's first frame, seconds."""
     outputs_before: int
+    """Number of output frames before that source frame."""
     step: float = math.inf
+    """Difference of the frame from the picture before it, for the detector of duplicates; infinite at the start."""
 
 
 @dataclass(frozen=True)
 class OutputRange:
-    """Output frames that a run writes, of all that the whole clip gives.
-
-    Attributes
-    ----------
-    first : int
-        Number of the first one, counted from 0.
-    stop : int or None
-        Number of the first one that follows; None for all to the end.
-    skip : int
-        Number of frames, from the first, that the sink has already; see `fpsboost.io.staging.StagedSink`. They are
-        counted and passed on in order, but instead of an interpolated image they carry one of the source.
-    entry : Entry or None
-        Where the source begins, early enough for the first one; None for its start.
-    """
+    """Output frames that a run writes, of all that the whole clip gives."""
 
     first: int = 0
+    """Number of the first frame, counted from 0."""
     stop: int | None = None
+    """Number of the first frame after the range; None if there is none."""
     skip: int = 0
+    """Number of frames, from the first, that the sink has already; see `fpsboost.io.staging.StagedSink`. They are
+    counted and passed on in order, but instead of an interpolated image they carry one of the source."""
     entry: Entry | None = None
+    """Where reading begins, early enough for the first frame; None for the start of the clip."""
 
     def __contains__(self, number: int) -> bool:
         return self.first <= number and not self.is_past(number)
@@ -181,75 +165,50 @@ class SourceMoment:
 
 @dataclass(frozen=True)
 class LowestMatch:
-    """Frame of the output that was made of the two frames that match least, across no scene cut.
-
-    Attributes
-    ----------
-    match_score : float
-        See `fpsboost.pair.Pair.detected_match_score`.
-    number : int
-        Number of the frame, counted from 0.
-    time : Fraction
-        Its presentation time, seconds after the output's first frame.
-    """
+    """Frame of the output that was made of the two frames that match least, across no scene cut."""
 
     match_score: float
+    """How well the two frames match, 0 to 1; see `fpsboost.pair.Pair.detected_match_score`."""
     number: int
+    """Number of the frame, counted from 0."""
     time: Fraction
+    """Presentation time of the frame, seconds after the output's first frame."""
 
 
 @dataclass
 class Summary:
-    """Counts and remarks of a conversion.
-
-    Attributes
-    ----------
-    frames_in, frames_out : int
-        Frames read and written.
-    frames_made : int
-        Frames written that are not from the source: interpolated, or repeated across a cut.
-    scene_cuts : int
-        Pairs in which a scene ends; they were not interpolated across.
-    duplicates : int
-        Duplicate frames that were interpolated across.
-    completed_frames : int
-        Frames of `frames_out` that an earlier run had finished.
-    seconds : float
-        Wall time of the loop, without compiling.
-    remarks : list of str
-        Sentences about everything that was lost or guessed.
-    details : str
-        How the target was written, for verbose output; empty if there was no choice.
-    utilisation : str
-        How busy cores or workers were, as a sentence, for verbose output; empty if it was not measured.
-    frame_intervals : FrameIntervals
-        Intervals between the frames of the source.
-    search_radii : set of int
-        Search radii that were chosen for pairs of frames, pixels; empty if the method has none.
-    lowest_match : LowestMatch or None
-        Where the result is least certain; None if nothing was made between two frames of a scene.
-    lowest_match_file : str
-        The image of that frame; empty in a video.
-    boundaries : dict of int to SourceMoment
-        The frame of the source at or before the first output frame of a part of a conversion, and before the first one
-        after it, by the numbers of these output frames.
-    """
+    """Counts and remarks of a conversion."""
 
     frames_in: int = 0
     frames_out: int = 0
+    """Frames read and written."""
     frames_made: int = 0
+    """Frames written that are not from the source: interpolated, or repeated across a cut."""
     scene_cuts: int = 0
+    """Pairs in which a scene ends; they were not interpolated across."""
     duplicates: int = 0
+    """Duplicate frames that were interpolated across."""
     completed_frames: int = 0
+    """Frames of `frames_out` that an earlier run had finished."""
     seconds: float = 0.0
+    """Wall time of the loop, without compiling."""
     remarks: list[str] = field(default_factory=list)
+    """Sentences about everything that was lost or guessed."""
     details: str = ""
+    """How the target was written, for verbose output; empty if there was no choice."""
     utilisation: str = ""
+    """How busy cores or workers were, as a sentence, for verbose output; empty if it was not measured."""
     frame_intervals: FrameIntervals = field(default_factory=FrameIntervals)
+    """Intervals between the frames of the source."""
     search_radii: set[int] = field(default_factory=set)
+    """Search radii that were chosen for pairs of frames, pixels; empty if the method has none."""
     lowest_match: LowestMatch | None = None
+    """Where the result is least certain; None if nothing was made between two frames of a scene."""
     lowest_match_file: str = ""
+    """File name of that image; empty in a video."""
     boundaries: dict[int, SourceMoment] = field(default_factory=dict)
+    """The frame of the source at or before the first output frame of a part of a conversion, and before the first one
+    after it, by the numbers of these output frames."""
 
     def note_match(self, match: LowestMatch | None) -> None:
         """Keep a match if it is the lowest so far; must be called in the order of the frames."""

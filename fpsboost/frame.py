@@ -52,52 +52,37 @@ from fpsboost.layered import FrameImage
 
 
 class PairMotion(NamedTuple):
-    """Motion between two frames of a source.
-
-    Attributes
-    ----------
-    number0, number1 : int
-        Places of the two among the frames that are read, from 0; further apart than 1 if duplicates lie between them.
-    flow01, flow10 : (H, W, 2) float32
-        Motion of each to the other, y down.
-    """
+    """Motion between two frames of a source."""
 
     number0: int
     number1: int
+    """Places of the two among the frames that are read, from 0; further apart than 1 if duplicates lie between them."""
     flow01: NDArray[Any]
     flow10: NDArray[Any]
+    """(H, W, 2) float32: motion of each to the other, y down."""
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One image and its presentation time.
-
-    Attributes
-    ----------
-    image : (H, W, C) uint8, uint16 or float32, YCbCrImage or LayeredImage
-    time : Fraction
-        Presentation time in seconds.
-    duration : Fraction
-        Duration in seconds; 0 if the source does not say.
-    original : object or None
-        The decoder's own frame, kept so that a sink of the same kind can write it without any conversion.
-        None for interpolated frames.
-    preceding : object or None
-        Of interpolated frames, the `original` of the frame of the source before them, whose metadata they share.
-    confidence : (H, W) float32 or None
-        Confidence of every pixel of a frame that was made, 0 to 1, for a sink that asks for it; None for others.
-    motion : PairMotion or None
-        Motion between the two frames of the source around it, for a sink that asks for it, with the first frame that is
-        made between them.
-    """
+    """One image and its presentation time."""
 
     image: FrameImage
+    """(H, W, C) uint8, uint16 or float32, YCbCrImage or LayeredImage."""
     time: Fraction
+    """Presentation time in seconds."""
     duration: Fraction = Fraction(0)
+    """Duration in seconds; 0 if the source does not say."""
     original: object | None = None
+    """The decoder's own frame, kept so that a sink of the same kind can write it without any conversion. None for
+    interpolated frames."""
     preceding: object | None = None
+    """The `original` of the source frame before an interpolated frame, whose metadata it shares; None for others."""
     confidence: NDArray[Any] | None = None
+    """(H, W) float32 or None: confidence of every pixel of an interpolated frame, 0 to 1, for a sink that asks for it;
+    None for others."""
     motion: PairMotion | None = None
+    """Motion between the two frames of the source around it, for a sink that asks for it, with the first frame that is
+    made between them."""
 
     @property
     def pixels(self) -> Pixels:
@@ -112,31 +97,20 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class ClipInfo:
-    """Properties of a clip that are known before its first frame is read.
-
-    Attributes
-    ----------
-    name : str
-        The path or pattern as the user gave it.
-    height, width : int
-        Pixels, as stored (a rotation tag is not applied).
-    rate : Fraction
-        Nominal frames per second.
-    time_base : Fraction
-        Seconds per tick: every frame time is a multiple of it.
-    frame_count : int or None
-        Number of frames that the source declares; None if it does not.
-    duration : Fraction or None
-        Duration in seconds that the source declares; None if it does not.
-    mean_rate : Fraction or None
-        Frames per second over all frames whose times are known beforehand, pauses included; None if none are.
-    """
+    """Properties of a clip that are known before its first frame is read."""
 
     name: str
+    """The path or pattern as the user gave it."""
     height: int
     width: int
+    """Pixels, as stored (a rotation tag is not applied)."""
     rate: Fraction
+    """Nominal frames per second."""
     time_base: Fraction
+    """Seconds per tick: every frame time is a multiple of it."""
     frame_count: int | None
+    """Number of frames that the source declares; None if it does not."""
     duration: Fraction | None = None
+    """Duration in seconds that the source declares; None if it does not."""
     mean_rate: Fraction | None = None
+    """Frames per second over all frames whose times are known beforehand, pauses included; None if none are."""

@@ -22,28 +22,21 @@ from fpsboost.kernels.points import (
 
 @dataclass(frozen=True)
 class MotionField:
-    """Motion of every pixel of one frame to another frame.
-
-    Attributes
-    ----------
-    vectors : (rows, columns, 2) float32
-        ``(dx, dy)`` in pixels; the direction is in the variable's name (``field01``, ``field10``).
-    similarities : (rows, columns) float32
-        Similarity of the patches or blocks at both ends of each vector, in [0, 1], by the estimator's own measure; 1
-        everywhere if it has none. The default's belongs to the whole-pixel vector before refinement.
-    search_radius : int or None
-        Search range, pixels in x and in y, if the estimator chose it for these frames.
-    spacing : int
-        Pixels along x and y that share a vector.
-    size : (H, W) or None
-        Size of the frame; None if every pixel has a vector of its own.
-    """
+    """Motion of every pixel of one frame to another frame."""
 
     vectors: NDArray[Any]
+    """(rows, columns, 2) float32: ``(dx, dy)`` in pixels; the direction is in the variable's name (``field01``,
+    ``field10``)."""
     similarities: NDArray[Any]
+    """(rows, columns) float32: similarity of the patches or blocks at both ends of each vector, in [0, 1], by the
+    estimator's own measure; 1 everywhere if it has none. The default's belongs to the whole-pixel vector before
+    refinement."""
     search_radius: int | None = None
+    """Search range, pixels in x and in y, if the estimator chose it for these frames."""
     spacing: int = 1
+    """Pixels along x and y that share a vector."""
     size: tuple[int, int] | None = None
+    """(H, W) or None: size of the frame; None if every pixel has a vector of its own."""
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -27,18 +27,12 @@ class FrameVectors(NamedTuple):
 
 
 class RenderedVectors(Protocol):
-    """Contract: motion vectors for every frame at the output rate, such as `fpsboost.render.folder.VectorFolder`.
-
-    Attributes
-    ----------
-    step : int
-        Number of vectors from one output frame to the next.
-    remarks : list of str
-        Remarks on what was guessed.
-    """
+    """Contract: motion vectors for every frame at the output rate, such as `fpsboost.render.folder.VectorFolder`."""
 
     step: int
+    """Number of vectors from one output frame to the next."""
     remarks: list[str]
+    """Remarks on what was guessed."""
 
     def has(self, number: int) -> bool:
         """Return whether there are vectors for an output frame, counted from 0."""

@@ -42,24 +42,16 @@ InOrder = Callable[[Iterable[Callable[[], float]]], Iterator[float]]
 
 @dataclass(frozen=True)
 class FrameChoice:
-    """Frames to render, of a range of numbers.
-
-    Attributes
-    ----------
-    numbers : tuple of int
-        Numbers of the frames to render, rising, with the first and the last of the range.
-    quality : float
-        PSNR that every frame between must reach, dB.
-    lowest : float or None
-        Lowest PSNR of a frame between on the preview, dB; None if none was interpolated.
-    extrapolated : bool
-        Whether the preview leaves out frames, so that some errors are carried on from larger distances.
-    """
+    """Frames to render, of a range of numbers."""
 
     numbers: tuple[int, ...]
+    """Numbers of the frames to render, rising, with the first and the last of the range."""
     quality: float
+    """PSNR that every frame between must reach, dB."""
     lowest: float | None
+    """Lowest PSNR of a frame between on the preview, dB; None if none was interpolated."""
     extrapolated: bool
+    """Whether the preview leaves out frames, so that some errors are carried on from larger distances."""
 
     @property
     def total(self) -> int:

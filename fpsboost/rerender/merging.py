@@ -39,24 +39,16 @@ LOSSY = (".jpg", ".jpeg")
 
 @dataclass
 class MergeSummary:
-    """Result of a merge.
-
-    Attributes
-    ----------
-    frames : int
-        Number of frames written.
-    merged_frames : int
-        Number of frames with rendered regions; all others are copies.
-    regions : int
-        Number of regions put back.
-    remarks : list of str
-        Sentences about what was left out or could not be kept.
-    """
+    """Result of a merge."""
 
     frames: int
+    """Number of frames written."""
     merged_frames: int
+    """Number of frames with rendered regions; all others are copies."""
     regions: int
+    """Number of regions put back."""
     remarks: list[str]
+    """Sentences about what was left out or could not be kept."""
 
 
 class _Rendered(NamedTuple):

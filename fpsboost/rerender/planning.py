@@ -42,25 +42,17 @@ MASK_DIGITS = 4
 
 @dataclass(frozen=True)
 class PlannedFrame:
-    """Regions of one frame that are to be rendered.
-
-    Attributes
-    ----------
-    number : int
-        Number of the frame.
-    regions : tuple of Rectangle
-        Rectangles that do not overlap, in pixels; none where nothing is to be rendered.
-    whole : bool
-        Whether all of the frame is to be rendered.
-    expected_error, remaining_error : float
-        Expected mean squared error before and after rendering, in levels of 255 squared.
-    """
+    """Regions of one frame that are to be rendered."""
 
     number: int
+    """Number of the frame."""
     regions: tuple[Rectangle, ...]
+    """Rectangles that do not overlap, in pixels; none where nothing is to be rendered."""
     whole: bool
+    """Whether all of the frame is to be rendered."""
     expected_error: float
     remaining_error: float
+    """Expected mean squared error before and after rendering, in levels of 255 squared."""
 
     def mask(self, height: int, width: int) -> NDArray[Any]:
         """Return the pixels to render, (height, width) bool."""
@@ -72,25 +64,17 @@ class PlannedFrame:
 
 @dataclass(frozen=True)
 class RerenderPlan:
-    """Regions of interpolated frames that are worth rendering.
-
-    Attributes
-    ----------
-    width, height : int
-        Size of a frame, pixels.
-    tile : int
-        Side of the tiles that regions consist of, pixels.
-    frames : tuple of PlannedFrame
-        All interpolated frames, in order.
-    seconds : float or None
-        Expected time of rendering; None if unknown.
-    """
+    """Regions of interpolated frames that are worth rendering."""
 
     width: int
     height: int
+    """Size of a frame, pixels."""
     tile: int
+    """Side of the tiles that regions consist of, pixels."""
     frames: tuple[PlannedFrame, ...]
+    """All interpolated frames, in order."""
     seconds: float | None = None
+    """Expected time of rendering; None if unknown."""
 
     @property
     def rendered_share(self) -> float:

@@ -175,19 +175,13 @@ def stretched(frames: Iterable[Frame], stretch: Fraction, start: Fraction | None
 
 @dataclass
 class FrameIntervals:
-    """Shortest and longest interval between consecutive frames.
-
-    Attributes
-    ----------
-    shortest, longest : Fraction
-        Intervals in seconds; 0 for fewer than two frames.
-    begin : Fraction
-        Start of the longest interval, seconds after the first frame.
-    """
+    """Shortest and longest interval between consecutive frames."""
 
     shortest: Fraction = Fraction(0)
     longest: Fraction = Fraction(0)
+    """Intervals in seconds; 0 for fewer than two frames."""
     begin: Fraction = Fraction(0)
+    """Start of the longest interval, seconds after the first frame."""
     _first: Fraction | None = None
     _last: Fraction = Fraction(0)
 
