@@ -58,7 +58,7 @@ def convert(
         rise by a step of 2 or more were rendered with that step: if `factor` divides it, the frames made get the
         missing numbers.
     factor : Fraction or int, optional
-        Output frames per source frame; 2 if `rate` says nothing else.
+        Output frames per source frame; 2 by default, unless `rate` says how many.
     rate : OutputRate, optional
         Frames per second instead of a factor, slow motion, or only the images that are missing.
     method : str or Interpolator
@@ -68,7 +68,7 @@ def convert(
     encoding : Encoding, optional
         How to encode video, and which streams to keep.
     run : RunOptions, optional
-        What may be replaced and used, and who is told of the progress.
+        Whether existing files are replaced, memory and threads, and an observer of the progress.
 
     Returns
     -------

@@ -83,8 +83,8 @@ class FrameCache:
     Attributes
     ----------
     pixels : (H, W, C) uint8, uint16 or float32, or YCbCrImage
-        What motion and weights are found on: the image itself; of images with layers, whose colours are scene-linear,
-        these colours as they are compared, see `fpsboost.colour`.
+        Image on which motion and weights are estimated: the image itself; of images with layers, whose colours are
+        scene-linear, these colours as they are compared, see `fpsboost.colour`.
 
     Examples
     --------

@@ -89,7 +89,7 @@ class Interpolator:
         captures that missed some; they are replaced by frames made for their times. None keeps them. Stills, and frames
         held until a cut, are always kept. Not used with motion from a renderer's vectors.
     match_grain : bool
-        Add the noise to in-between frames that mixing has taken from them, so that they are as grainy as the two
+        Add noise to interpolated frames in place of what averaging has removed, so that they are as grainy as the two
         frames. For methods that follow motion: texture that is not followed may be taken for grain.
 
     Examples
@@ -128,7 +128,7 @@ class Interpolator:
 
     @property
     def has_confidence(self) -> bool:
-        """Whether the synthesizer knows the confidence of every pixel, which otherwise takes time of its own."""
+        """Whether the synthesizer computes a confidence for every pixel; otherwise it is computed separately."""
         return isinstance(self.synthesizer, FusesHypotheses)
 
     @property
@@ -307,7 +307,7 @@ class Interpolator:
             yield image, confidence
 
     def with_vectors(self, change: Callable[[Any], RenderedVectors]) -> tuple[Interpolator, list[str]]:
-        """Change a renderer's vectors, if there are any, and return what they have remarked beside the interpolator."""
+        """Return the interpolator with other vectors of a renderer, if it has any, and the remarks of these vectors."""
         matched: dict[str, Any] = {}
         remarks: list[str] = []
         for name, part in (("estimator", self.estimator), ("synthesizer", self.synthesizer)):

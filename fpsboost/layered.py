@@ -84,7 +84,7 @@ class LayeredImage(ImageView):
         return [self.colour, *self.planes().values()]
 
     def copy(self) -> Self:
-        """Return a copy with a picture of its own; the layers, which nobody writes to, are shared."""
+        """Return a copy with a picture of its own; the layers, which are never written to, are shared."""
         return replace(self, colour=self.colour.copy())
 
     def deep_copy(self) -> Self:

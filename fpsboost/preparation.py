@@ -211,11 +211,11 @@ class ConversionJob:
     encoding: Encoding = field(default_factory=Encoding)
 
     def of_part(self, trim: Trim) -> ConversionJob:
-        """Return the same for a part of the clip."""
+        """Return the same conversion of a part of the clip."""
         return replace(self, decoding=replace(self.decoding, trim=trim))
 
     def target(self, run: RunOptions) -> Target:
-        """Return what the output is; raise `OptionError` if there is none, or an option does not apply to it."""
+        """Return the output's target; raise `OptionError` if there is none, or an option does not apply to it."""
         _check_shutter(self.rate, self.method, run)
         target = Target.parse(_resolve_output(self.input, self.output, in_place=run.in_place, overwrite=run.overwrite))
         target.check_encoding(self.encoding)

@@ -59,15 +59,15 @@ def parse_part(text: str, option: str = "`chunk`") -> Part:
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a conversion is run; nothing of it shapes the frames.
+    """How a conversion is run; its frames are the same with any of these options.
 
     Parameters
     ----------
     overwrite : bool
         Replace an existing output.
     in_place : bool
-        Write the frames that are made beside the images of the input; the output must not be given. Existing files are
-        never changed.
+        Write interpolated frames into the folder of the input images; `output` must be None. Existing files are never
+        changed.
     resume : bool
         Resume an earlier run of the same input and options that was stopped, after the frames that it finished; start
         anew if there is none.
@@ -77,7 +77,7 @@ class RunOptions:
         Pairs of frames processed in parallel; by default as many as there are cores and memory for. Frames are the
         same with any number.
     chunk : Part, optional
-        Make only this part of the output, in a folder of its own; see `fpsboost.join`.
+        Convert only this part of the output, into a folder of its own; see `fpsboost.join`.
     observer : Observer, optional
         Informed of the progress.
     watcher : FrameWatcher, optional

@@ -64,8 +64,8 @@ def run_conversion(
     source : FrameSource
     interpolator : Interpolator
     sink : FrameSink
-        Entered already. One with the attributes ``needs_confidence`` and ``needs_motion`` gets frames with what it
-        needs; see `fpsboost.Frame`.
+        Must have been entered. A sink with the attributes ``needs_confidence`` and ``needs_motion`` gets frames with
+        these; see `fpsboost.Frame`.
     schedule : Schedule
         Determines the output times. Of an `ExposureSchedule`, every output frame is the mean of several that are
         interpolated around its time, in one scene; images must be arrays.
@@ -86,7 +86,7 @@ def run_conversion(
     Raises
     ------
     OptionError
-        `duplicates` is unknown, or `threads` is below 1.
+        `threads` is below 1.
     InputError
         The source has fewer than two frames. Errors of source and sink are passed on.
     """

@@ -37,10 +37,10 @@ class DuplicateDetector:
     Parameters
     ----------
     noise : float
-        Maximum difference of a duplicate, in 8-bit levels. Of the duplicates of two clips found in the wild, the
-        noisiest differed by 5 levels, and pairs in motion by 10 and more.
+        Maximum difference of a duplicate, in 8-bit levels. In two clips as people share them, the noisiest duplicates
+        differed by 5 levels, and pairs in motion by 10 and more.
     share : float
-        Maximum difference of a duplicate, as a fraction of the differences before and after it. Same clips: below 0.1.
+        Maximum difference of a duplicate, as a fraction of those before and after it; below 0.1 in these clips.
     smallest_step : float
         Minimum difference of two different pictures, in 8-bit levels; a smaller difference is invisible.
     block : int

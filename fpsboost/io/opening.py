@@ -190,7 +190,7 @@ Kind = Literal["video", "pipe", "animation", "images"]
 
 @dataclass(frozen=True)
 class Target:
-    """What a path stands for as an output.
+    """Output that a path names, and its kind.
 
     Parameters
     ----------

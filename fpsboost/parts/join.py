@@ -34,20 +34,20 @@ def join(
 ) -> Summary:
     """Join the parts of a conversion; the result is the same as that of one run.
 
-    Sound, subtitles and everything else are taken from the input now. The parts stay as they are.
+    Sound, subtitles and all other streams are copied from the input. The parts are kept.
 
     Parameters
     ----------
     output : str
-        Video or folder of images, of the type that the parts were made for.
+        Video or folder of images, of the type for which the parts were converted.
     parts : sequence of str or Path
         Folders of parts, in any order, or the folder that holds them.
     input : str, optional
-        The input, if it is not where it was when the parts were made.
+        The input, if its path has changed since the parts were converted.
     overwrite : bool
         Replace an existing output.
     observer : Observer, optional
-        Informed when all is checked.
+        Informed when all parts have been checked.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def join(
     Raises
     ------
     InputError
-        A part is missing, there twice, damaged, or of another job; or the input has changed.
+        A part is missing, given twice, damaged, or of another job; or the input has changed.
     OptionError
         No parts are named, or `output` is of another type.
     OutputError

@@ -75,7 +75,7 @@ class VectorFolder:
     Raises
     ------
     InputError, OptionError
-        There are none, or the convention does not suit them.
+        There are no vectors, or the convention does not suit them.
     """
 
     def __init__(self, path: str | Path, depth: str | Path | None = None, convention: ConventionName = "auto") -> None:

@@ -88,16 +88,16 @@ def as_ranges(numbers: Sequence[int], to: str) -> str:
 
 
 def choose_frames(preview: str, folder: str, quality: float, *, method: str | Interpolator = "nlm") -> FrameChoice:
-    """Say which frames to render so that the frames between can be interpolated, and write the list to a folder.
+    """Choose the frames to render, so that all others can be interpolated, and write the list to a folder.
 
     Parameters
     ----------
     preview : str
-        Folder or pattern of numbered images: all frames rendered quickly, or every so many of them.
+        Folder or pattern of numbered images: all frames, rendered quickly, or every N-th of them.
     folder : str
         New folder for ``frames.json`` and ``frames.txt``.
     quality : float
-        PSNR that every frame between must reach, dB. Noise of the preview counts as error.
+        PSNR that every interpolated frame must reach, dB. Noise of the preview counts as error.
     method : str or Interpolator
         Method that is to interpolate them.
 

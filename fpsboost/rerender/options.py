@@ -46,7 +46,7 @@ def parse_budget(text: str, name: str) -> RenderBudget:
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """Which regions of the frames between are to be rendered, and what rendering costs.
+    """Budget, tiles and costs of rendering, by which regions of interpolated frames are chosen.
 
     Parameters
     ----------

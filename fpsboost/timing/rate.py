@@ -49,14 +49,14 @@ class OutputRate:
     slow_motion_sound : {'drop', 'stretch'}, optional
         Whether the audio of slow motion is dropped, the default, or stretched at its own pitch.
     fill_gaps : bool
-        Whether the source is images whose numbers are their clock: a factor then counts frames per number, 1 by
-        default, and no frame is held, however many are missing.
+        Interpolate the missing images of a numbered sequence, whose numbers are its clock: `factor` then counts frames
+        per number, 1 by default, and no gap is too long.
     shutter : Fraction or int, optional
         Motion blur: shutter angle, degrees, above 0 and at most 360. Every frame, the source's own too, becomes the
         mean of several that are made around its time, over this share of the interval between output frames.
     shutter_samples : int, optional
-        Number of frames that are averaged, odd; 15 by default. One for each pixel of the fastest motion during the
-        exposure leaves no steps.
+        Number of frames that are averaged, odd; 15 by default. No steps are visible with one for each pixel of the
+        fastest motion during the exposure.
 
     Raises
     ------
@@ -154,7 +154,7 @@ class OutputRate:
             rate = float(schedule.frames_per_second / self.stretch)
             remarks.append(
                 f"{info.name} varies from {slowest:.4g} to {fastest:.4g} frames per second; the output is constant at "
-                f"{rate:.5g}, and `keep_timing` keeps the rhythm."
+                f"{rate:.5g}, and `keep_timing` keeps it variable."
             )
         if schedule.is_pause(frame_intervals.longest):
             filled = "held there" if frame_intervals.longest <= MAX_FILLED else "held there as one long frame"

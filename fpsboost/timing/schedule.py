@@ -47,7 +47,7 @@ class Schedule(Protocol):
     """Contract: determines the times of output frames. Implementations are `ByFactor` and `ByRate`."""
 
     def presentation_time(self, start: Fraction, time: Fraction) -> Fraction:
-        """Return the presentation time of a source frame: its own time, or the nominal time that was meant.
+        """Return the presentation time of a source frame: its own time, or the nominal time if it is near that.
 
         `start` and `time` are those of source frame 0 and of this one as given by the source, seconds. All other
         methods take times returned by this one.
@@ -74,8 +74,8 @@ class Schedule(Protocol):
 class ByFactor:
     """Schedule that multiplies the frames: each source interval is divided evenly, whatever its length.
 
-    Output frame k lies at source position k / factor, so variable frame rates keep their rhythm and every source frame
-    that is hit keeps its exact time.
+    Output frame k lies at source position k / factor, so a variable frame rate stays variable, and every source frame
+    that becomes an output frame keeps its exact time.
 
     Parameters
     ----------

@@ -168,8 +168,8 @@ def test_a_variable_rate_becomes_constant_and_is_said():
     assert frames[-1].time + frames[-1].duration == Fraction(38, 100)
     assert [int(frame.image[0, 0, 0]) for frame in frames[4:10]] == [20, 22, 24, 26, 28, 30]
     assert summary.remarks == [
-        "clip.mp4 varies from 10 to 25 frames per second; the output is constant at 50, and `keep_timing` keeps the "
-        "rhythm."
+        "clip.mp4 varies from 10 to 25 frames per second; the output is constant at 50, and `keep_timing` keeps it "
+        "variable."
     ]
     assert play(info, times, Fraction(38, 100), OutputRate(keep_timing=True))[1].remarks == []
     assert play(info, times, Fraction(38, 100), OutputRate(fps=Fraction(60)))[1].remarks == []

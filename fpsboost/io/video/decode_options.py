@@ -23,7 +23,7 @@ class DecodeOptions:
     Parameters
     ----------
     trim : Trim
-        Which part of the input is read; all of it unless told.
+        Part of the input that is read; the whole input by default.
     input_fps : Fraction or int, optional
         Frames per second of input images.
     stream : int, optional

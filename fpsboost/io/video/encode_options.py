@@ -128,6 +128,6 @@ class Encoding:
 
     @property
     def given(self) -> list[str]:
-        """Names of the options that ask for something, which dropping a stream does not."""
+        """Names of the options that differ from the defaults, without those that leave out streams."""
         asked = [field for field in fields(self) if field.default is not True]
         return [f"`{field.name}`" for field in asked if getattr(self, field.name) != field.default]
