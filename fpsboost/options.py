@@ -112,4 +112,7 @@ def given_in(options: Any) -> Iterator[tuple[str, object]]:
         if is_dataclass(each.default):
             yield from given_in(value)
         elif each.name in names and value != each.default:
-            yield names[each.name], value.as_option() if hasattr(value, "as_option") else value
+            if isinstance(value, tuple):
+                value = ",".join(map(str, value))
+            is_switch = isinstance(value, bool)  # also where it drops something: --no-audio
+            yield names[each.name], is_switch or (value.as_option() if hasattr(value, "as_option") else value)
