@@ -16,7 +16,7 @@ from typing import Any, Self
 
 from fpsboost.analysis.duplicates import SourceFrame, group_duplicates
 from fpsboost.contracts import FrameSource
-from fpsboost.errors import FpsboostError
+from fpsboost.errors import FpsboostError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, with_neighbours
@@ -69,6 +69,12 @@ class StreamFacts:
     title: str | None
     details: str
     carries_over: bool
+
+    @property
+    def says(self) -> str:
+        """Everything in one line."""
+        facts = (self.codec, self.details, self.language, self.title)
+        return f"{self.kind}: {' '.join(fact for fact in facts if fact and fact != 'und')}"
 
 
 @dataclass(frozen=True)
@@ -222,7 +228,7 @@ def probe(
             width=info.width,
             height=info.height,
             look=look,
-            streams=[] if beside.video is None else _list_streams(beside.video),
+            streams=[] if beside.video is None else list_streams(beside.video),
             rate=float(info.rate),
             exact_rate=str(info.rate),
             varies=spread > max(2 * info.time_base, median / 20),
@@ -254,25 +260,35 @@ class _AbortSinkError(Exception):
     """Exception that leaves a sink without writing."""
 
 
-def _try_sink(info: ClipInfo, stream: StreamInfo, schedule: Schedule) -> tuple[str | None, list[str]]:
-    """Return why an .mp4 would be refused, and remarks on what it would lose, by opening a temporary one."""
-    timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))
-    remarks: list[str] = []
+def remarks_before(output: Output) -> list[str]:
+    """Return remarks on what a video would lose, by opening a temporary one; raise `OutputError` if it cannot be."""
+    remarks, name = list[str](), Path(output.path).name
     with TemporaryDirectory() as folder:
-        path = str(Path(folder) / "out.mp4")
+        path = str(Path(folder) / name)
         try:
-            sink = Target.parse(path).open(Output(path, info, timing, stream))
+            sink = Target.parse(path).open(replace(output, path=path))
             with suppress(_AbortSinkError), sink:
                 remarks += sink.remarks
                 raise _AbortSinkError
         except FpsboostError as error:
-            return str(error).replace(path, "out.mp4"), []
-    return None, [_as_prospect(remark.replace(path, "out.mp4")) for remark in remarks]
+            raise OutputError(str(error).replace(path, name)) from error
+    return [_as_prospect(remark.replace(path, name)) for remark in remarks]
+
+
+def _try_sink(info: ClipInfo, stream: StreamInfo, schedule: Schedule) -> tuple[str | None, list[str]]:
+    """Return why an .mp4 would be refused, and remarks on what it would lose."""
+    timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))
+    try:
+        return None, remarks_before(Output("out.mp4", info, timing, stream))
+    except OutputError as error:
+        return str(error), []
 
 
 def _as_prospect(remark: str) -> str:
     """Return a remark on what a conversion has done as one on what it would do."""
-    return re.sub(r"\b(was|were) (?=left out|taken|written)|(?<=; )(?=left out\.)", "would be ", remark)
+    remark = re.sub(r"\b(was|were) (?=left out|taken|written)|(?<=; )(?=left out\.)", "would be ", remark)
+    remark = re.sub(r"\blost (?=(?:the|tags|closed|of stream)\b)", "would lose ", remark)
+    return re.sub(r"\bholds (?=stream \d)", "would hold ", remark)
 
 
 def _look(traits: VideoTraits) -> Look:
@@ -289,7 +305,7 @@ def _look(traits: VideoTraits) -> Look:
     )
 
 
-def _list_streams(file: VideoFile) -> list[StreamFacts]:
+def list_streams(file: VideoFile) -> list[StreamFacts]:
     """Return the properties of all streams in a file."""
     whole, listed = headers_in(file), list[StreamFacts]()
     with open_video(file.path, file.name, playlists=file.playlists) as container:

@@ -23,13 +23,15 @@ from fpsboost.errors import check_choice
 from fpsboost.io.video.encoding import encoders
 from fpsboost.options import options_from, words_of_options
 from fpsboost.preparation import prepared
+from fpsboost.probing import remarks_before
 from fpsboost.ui.files import Files
 
 LABELS = {
     **{"overwrite": "Replace it if it exists", "no-audio": "Keep the sound", "no-subtitles": "Keep the subtitles"},
     **{"factor": "Times as many frames", "fps": "Frames a second", "slow-motion": "Slow motion", "method": "Method"},
     **{"input-fps": "The images were made for how many a second", "start": "From", "end": "to", "codec": "Format"},
-    **{"crf": "Smaller file” or “Higher quality", "lossless": "Without loss", "resume": "Try again"},
+    **{"crf": "Smaller file” or “Higher quality", "lossless": "Without loss", "streams": "Streams to keep"},
+    "resume": "Try again",
 }
 """What the page calls the options that it has, by their flags."""
 
@@ -37,6 +39,7 @@ PHRASES = {
     r"(?:give|pass|add|use) (?=--overwrite)": "tick ",
     r"with --no-(?=audio|subtitles)": "by clearing --no-",
     "a higher --crf": "“Smaller file”",
+    r"leave (\d+) out of --streams": r"clear stream \1 of “Streams to keep”",
     "leave --resume out to start anew": "remove it here, and convert anew",
 }
 """How sentences go on where the page has another way than an option."""
@@ -78,6 +81,7 @@ class Choices:
     quality: str = "usual"
     sound: bool = True
     subtitles: bool = True
+    streams: str = ""
     overwrite: bool = False
     input_fps: str = ""
 
@@ -108,7 +112,8 @@ class Choices:
     @property
     def encoding(self) -> Encoding:
         codec, lossless = self.codec or None, self.quality == "lossless"
-        encoding = Encoding(codec=codec, lossless=lossless, audio=self.sound, subtitles=self.subtitles)
+        encoding: Encoding = options_from(Encoding, {"codec": codec, "streams": self.streams or None})
+        encoding = replace(encoding, lossless=lossless, audio=self.sound, subtitles=self.subtitles)
         if not CRF_STEPS[self.quality]:
             return encoding
         codec = self.codec or ("vp9" if self.name.lower().endswith(".webm") else "h264")
@@ -123,13 +128,15 @@ class Choices:
         """Return what the conversion would give, as plain data, without running it."""
         with prepared(job, RunOptions(overwrite=self.overwrite)) as ready:
             remarks = [*ready.remarks, *ready.target.open(ready.output).remarks]
+            if ready.target.kind == "video":
+                remarks += remarks_before(ready.output)
             frames, rate = ready.output.expected_frames, ready.output.timing.rate
         has_rate = ready.target.has_rate
         return {
             "frames": frames,
             "rate": float(rate) if has_rate else None,
             "length": format_time(frames / rate) if has_rate and frames else "",
-            "remarks": [on_page(each) for each in remarks],
+            "remarks": [on_page(each) for each in dict.fromkeys(remarks)],
         }
 
 

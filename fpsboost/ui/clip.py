@@ -29,12 +29,15 @@ from fpsboost.cli.probe import facts
 from fpsboost.io.opening import TargetRequirements, open_source, stands_for_images
 from fpsboost.preparation import opened_clip
 from fpsboost.preview.places import View
-from fpsboost.probing import Findings, Probe
+from fpsboost.probing import Findings, Probe, list_streams
 from fpsboost.ui.choices import first_choices, on_page
 from fpsboost.ui.jobs import start_process
 
 QUICK_PIXELS = 1_500_000_000
 """Number of pixels in all frames of a clip up to which it is read to its end unasked, which takes seconds."""
+
+KEPT = {"audio": "sound", "subtitle": "subtitles"}
+"""Names in the form of the kinds of streams that are kept."""
 
 DROP_AFTER = 0.25
 """Time after which it is looked whether anybody still waits for a clip that is read, seconds."""
@@ -44,7 +47,7 @@ def header(path: str) -> dict[str, Any]:
     """Return the properties of a clip that are known without reading its frames, as plain data."""
     with open_source(path, requirements=TargetRequirements(layers=True)) as source:
         info, is_images = source.info, source.stream_info.images is not None
-        remarks = list(source.remarks)
+        remarks, file = list(source.remarks), source.stream_info.video
     count, duration = info.frame_count, _duration(info)
     unit = info.rate if is_images else 1  # of places: images, or seconds
     says = [f"{info.width}x{info.height}", *([f"{count:,} frames"] if count else [])]
@@ -57,6 +60,11 @@ def header(path: str) -> dict[str, Any]:
         "last": None if duration is None else max(0.0, float(duration * unit - unit / info.rate)),
         "is_quick": count is not None and count * info.width * info.height <= QUICK_PIXELS,
         "remarks": [on_page(each) for each in remarks],
+        "streams": [
+            {"index": each.index, "kind": KEPT[each.kind], "says": each.says}
+            for each in (list_streams(file) if file is not None else ())
+            if each.kind in KEPT
+        ],
         "choices": asdict(first_choices(path)),
     }
 
@@ -76,10 +84,7 @@ def probe(path: str, is_dropped: Event) -> dict[str, Any]:
     result = Probe.from_json(json.loads(text))
     return {
         "facts": {name: value for name, value in facts(result).items() if not name.startswith("--")},
-        "streams": [
-            f"{each.kind}: {' '.join(filter(None, (each.codec, each.details, each.language, each.title)))}"
-            for each in result.streams
-        ],
+        "streams": {f"stream {each.index}": each.says for each in result.streams},
         "remarks": [on_page(each) for each in (*result.remarks, *result.conversion.remarks)],
         "last": result.frames - 1 if stands_for_images(path) else max(0.0, result.duration - 1 / result.rate),
     }

@@ -68,7 +68,8 @@ def ui(
             uvicorn.Server(config).run(sockets=[bound])
     except KeyboardInterrupt:
         console.print("Stopped.")
-        sys.exit()  # without another request to stop, as while the exception is handled there is none
+        sys.stdout.flush()
+        os._exit(0)  # without waiting for a frame that is being computed, which nobody sees any more
 
 
 def _bound(port: int) -> socket.socket:

@@ -117,17 +117,24 @@ class Queue:
                 raise OptionError(f"There is no job {number} in the queue; load the page anew.")
             return self._jobs[number]
 
-    def add(self, words: list[str], output: str) -> int:
-        """Add a job and return its number; raise `OptionError` if there are too many, or one writes the same output."""
+    def add(self, *commands: list[str]) -> list[int]:
+        """Add jobs by the words of their command lines, the third of which is the output, and return their numbers.
+
+        Raises `OptionError`, and adds none, if there are too many, or another job writes the same output.
+        """
         with self._changed:
-            if len(self._jobs) >= MAX_JOBS:
-                raise OptionError(f"The queue has {MAX_JOBS} jobs; remove some first.")
-            if output.rstrip("/") in self.outputs():
-                raise OptionError(f"Another job in the queue writes {output}; choose another name.")
-            number = max((job.number for job in self._all), default=0) + 1
-            self._jobs[number] = Job(number, words, output)
+            if len(self._jobs) + len(commands) > MAX_JOBS:
+                raise OptionError(f"The queue takes {MAX_JOBS} jobs and has {len(self._jobs)}; remove some first.")
+            outputs = self.outputs()
+            for _, _, output, *_ in commands:
+                if output.rstrip("/") in outputs:
+                    raise OptionError(f"Another job in the queue writes {output}; choose another name.")
+                outputs.add(output.rstrip("/"))
+            first = max((job.number for job in self._all), default=0) + 1
+            jobs = {number: Job(number, words, words[2]) for number, words in enumerate(commands, first)}
+            self._jobs |= jobs
             self._save()
-            return number
+            return list(jobs)
 
     def outputs(self) -> set[str]:
         """Return what jobs write that are not done, folders without a slash at the end."""

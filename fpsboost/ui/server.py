@@ -11,8 +11,9 @@ import re
 import secrets
 import shlex
 from asyncio import FIRST_COMPLETED, create_task, wait, wrap_future
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable, Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from itertools import count
@@ -39,8 +40,8 @@ from fpsboost.ui.clip import header, look_between, probe
 from fpsboost.ui.files import Files, show_in_folder
 from fpsboost.ui.jobs import Queue
 
-MAX_BODY = 64 * 1024
-"""Largest body of a request, bytes; the page sends a few hundred."""
+MAX_BODY = 1024 * 1024
+"""Largest body of a request, bytes; the page sends a few hundred for each clip."""
 
 READERS = 4
 """Number of clips that are read to their ends at a time."""
@@ -80,7 +81,7 @@ class Desk:
     def pick(self, data: Json) -> Json:
         """Return the header of a clip, which may be read from now on."""
         found = header(self.files.pick(str(data.get("path", ""))))
-        return {**found, "choices": asdict(self._named(Choices(**found["choices"])))}
+        return {**found, "choices": asdict(self._named(Choices(**found["choices"]), self.queue.outputs()))}
 
     def probe(self, data: Json, is_dropped: Event) -> Json:
         """Return the properties of a clip, read to its end."""
@@ -89,10 +90,8 @@ class Desk:
         return probe(path, is_dropped)
 
     def check(self, data: Json) -> Json:
-        """Return what a conversion would give, and the command line for it."""
-        choices = self._choices(data)
-        job = choices.job(self.files)
-        return {**choices.check(job), "name": choices.name, "command": shlex.join(choices.words(job))}
+        """Return what the conversions of some clips would give, and the command lines for them."""
+        return {"clips": [found for found, _ in self._conversions(data)]}
 
     def look(self, data: Json, is_dropped: Event) -> Json:
         """Return a frame between two, by a method and by blending; nothing if nobody waits for it any more."""
@@ -110,19 +109,35 @@ class Desk:
         }
 
     def add(self, data: Json) -> Json:
-        choices = self._choices(data)
-        job = choices.job(self.files)
-        choices.check(job)
-        return {"number": self.queue.add(choices.words(job), job.output or "")}
+        """Add the conversions of some clips to the queue: all of them, or none."""
+        return {"numbers": self.queue.add(*(words for _, words in self._conversions(data)))}
 
-    def _choices(self, data: Json) -> Choices:
-        """Return the choices in a request, with a free name if the user has not written one."""
-        choices = Choices.of(data)
-        return self._named(choices) if data.get("is_named") is False else choices
+    def _conversions(self, data: Json) -> Iterator[tuple[Json, list[str]]]:
+        """Yield what the conversion of each clip in a request would give, and the words of its command line.
 
-    def _named(self, choices: Choices) -> Choices:
-        """Return the choices with a name that no file has, unless that is to be replaced, and no job writes."""
-        outputs, folder, name = self.queue.outputs(), self.files.inside(choices.folder), choices.name
+        Its name is a free one if the user has not written it. An error names its clip if there are several.
+        """
+        clips = data.get("clips")
+        if not isinstance(clips, list) or not clips or not all(isinstance(each, dict) for each in clips):
+            raise OptionError("The page has sent no clips; load it anew.")
+        outputs = self.queue.outputs()
+        for each in clips:
+            choices = Choices.of(each)
+            try:
+                choices = self._named(choices, outputs) if each.get("is_named") is False else choices
+                job = choices.job(self.files)
+                found, words = choices.check(job), choices.words(job)
+            except FpsboostError as error:
+                if len(clips) == 1:
+                    raise
+                reason = " ".join(filter(None, (str(error), notes_of(error))))
+                raise OptionError(f"{Path(choices.input).name}: {reason}") from error
+            outputs.add(words[2].rstrip("/"))
+            yield {**found, "name": choices.name, "command": shlex.join(words)}, words
+
+    def _named(self, choices: Choices, outputs: Collection[str]) -> Choices:
+        """Return the choices with a name that no file has, unless that is to be replaced, and no other output."""
+        folder, name = self.files.inside(choices.folder), choices.name
         suffix = "/" if name.endswith("/") else Path(name).suffix
         stem = re.sub(r"-\d+$", "", name.removesuffix(suffix))
         numbers = count(2)
@@ -252,9 +267,8 @@ def make_app(desk: Desk) -> Starlette:
 
         return endpoint
 
-    def working(answer: Callable[[Json, Event], Json], workers: int) -> Callable[[Request], Any]:
+    def working(answer: Callable[[Json, Event], Json], pool: ThreadPoolExecutor) -> Callable[[Request], Any]:
         """Return an endpoint for long work, which waits in a pool of its own and ends when nobody waits for it."""
-        pool = ThreadPoolExecutor(workers)
 
         async def endpoint(request: Request) -> Response:
             data, is_dropped = await _data_of(request), Event()
@@ -272,7 +286,14 @@ def make_app(desk: Desk) -> Starlette:
 
     posts = (desk.folder, desk.find, desk.pick, desk.check, desk.add, desk.change)
     # one look at a time, so that it takes no more memory than a conversion
-    works = {"/look": working(desk.look, 1), "/probe": working(desk.probe, READERS)}
+    lookers, readers = ThreadPoolExecutor(1), ThreadPoolExecutor(READERS)
+    works = {"/look": working(desk.look, lookers), "/probe": working(desk.probe, readers)}
+
+    @asynccontextmanager
+    async def lifespan(app: Starlette) -> AsyncIterator[None]:
+        yield
+        readers.shutdown()  # which waits until their processes are stopped
+
     return Starlette(
         routes=[
             Route("/", page),
@@ -281,6 +302,7 @@ def make_app(desk: Desk) -> Starlette:
             *(Route(f"/{each.__name__}", answering(each), methods=["POST"]) for each in posts),
             *(Route(path, work, methods=["POST"]) for path, work in works.items()),
         ],
+        lifespan=lifespan,
         middleware=[Middleware(Guard, token=desk.token, port=desk.port)],
         exception_handlers={FpsboostError: _notice, OSError: _notice, MemoryError: _notice},
     )

@@ -14,9 +14,11 @@ import sys
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict
 from http.client import HTTPConnection
+from itertools import chain
 from pathlib import Path
 from threading import Event, Thread
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -24,7 +26,7 @@ import uvicorn
 from browser import violations
 from playwright.sync_api import expect
 from starlette.testclient import TestClient
-from video_truth import scene, write_clip
+from video_truth import add_pictures, mux_in_order, scene, tone, write_clip
 
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.io.staging import MANIFEST, hidden_place
@@ -77,15 +79,33 @@ def client(desk):
 
 def notice(client, path, data):
     """The sentence with which a request is refused."""
-    answer = client.post(path, json=data)
+    answer = client.post(path, json={"clips": [data]} if path in ("/check", "/add") else data)
     assert answer.status_code == 400, answer.text
     return str(answer.json()["notice"])
+
+
+def check(client, choices):
+    """What a conversion would give."""
+    return client.post("/check", content=json.dumps({"clips": [choices]})).json()["clips"][0]
+
+
+def add(client, choices):
+    """The number of a conversion that is put into the queue."""
+    return client.post("/add", json={"clips": [choices]}).json()["numbers"][0]
 
 
 def form(client, films, **changes):
     """What the page sends of the clip, which is picked."""
     picked = client.post("/pick", json={"path": str(films / "clip.mp4")}).json()
     return {**picked["choices"], "method": "nearest", **changes}
+
+
+def write_sounds(path):
+    """Write a clip with two sounds."""
+    with av.open(str(path), "w") as output:
+        _, packets = add_pictures(output)
+        sounds = [output.add_stream("aac", rate=48000) for _ in range(2)]
+        mux_in_order(output, [*packets, *chain(*map(tone, sounds))])
 
 
 def until(queue, state, frame=0):
@@ -212,7 +232,7 @@ def test_links_inside_a_folder_of_images(client, films, save_images):
     save_images(films / "shot", count=4)
     (films / "shot" / "shot_0005.png").symlink_to(films / "shot" / "shot_0001.png")
     choices = client.post("/pick", json={"path": str(films / "shot")}).json()["choices"]
-    assert client.post("/check", json=choices).status_code == 200
+    assert check(client, choices)["frames"] == 9
     (films / "shot" / "shot_0006.png").symlink_to(films.parent / "other" / "shot_0005.png")
     (films / "out.mp4").symlink_to(films.parent / "secret.mp4")
     said = f"{films}/shot/shot_0006.png is a link to outside of {films}; remove it, or pick another."
@@ -251,7 +271,7 @@ def test_input_that_became_a_link_is_not_converted(desk, client, films):
     choices = form(client, films)
     (films / "clip.mp4").unlink()
     (films / "clip.mp4").symlink_to(films.parent / "secret.mp4")
-    desk.queue.add(["fpsboost", choices["input"], str(films / "out.mp4")], str(films / "out.mp4"))
+    desk.queue.add(["fpsboost", choices["input"], str(films / "out.mp4")])
     assert "lies outside of" in until(desk.queue, "failed")["message"]
 
 
@@ -316,10 +336,7 @@ def test_page_and_command_line_say_the_same(client, films, fpsboost_, changes, a
 @pytest.mark.parametrize(
     ("said", "shown"),
     [
-        (
-            "cannot hold it; leave it out with `audio=False`.",
-            "cannot hold it; leave it out by clearing “Keep the sound”.",
-        ),
+        ("leave it out with `audio=False`.", "leave it out by clearing “Keep the sound”."),
         ("it is there; add `overwrite=True` to go on.", "it is there; tick “Replace it if it exists” to go on."),
         ("9 frames are finished, and --resume goes on.", "9 frames are finished, and “Try again” goes on."),
         ("a--fps.mp4 (see `fps`) is there.", "a--fps.mp4 (see “Frames a second”) is there."),
@@ -354,8 +371,9 @@ def test_bad_clips_are_said_as_on_the_command_line(client, films, fpsboost_, pat
         ("/pick", b"[]"),
         ("/pick", b'{"path": 3}'),
         ("/check", b"null"),
-        ("/check", b'{"input": 1}'),
-        ("/add", b'{"input": "a", "unknown": "b"}'),
+        ("/check", b'{"clips": []}'),
+        ("/check", b'{"clips": [{"input": 1}]}'),
+        ("/add", b'{"clips": [{"input": "a", "unknown": "b"}, 2]}'),
         ("/look", b'{"choices": {}, "time": "now"}'),
         ("/change", b'{"number": true, "action": "pause"}'),
         ("/change", b'{"number": 1, "action": "explode"}'),
@@ -405,7 +423,7 @@ def test_names_need_not_be_unicode(client, films):
     (films / "clip.mp4").rename(films / "\udcff.mp4")
     (entry,) = client.post("/folder", json={}).json()["entries"]
     choices = client.post("/pick", content=json.dumps({"path": entry["path"]})).json()["choices"]
-    assert client.post("/check", content=json.dumps(choices)).json()["frames"] == 20
+    assert check(client, choices)["frames"] == 20
 
 
 @pytest.mark.parametrize("time", [-1, float("nan"), 1e30, True, "1"])
@@ -421,12 +439,25 @@ def test_times_are_checked(client, films, time):
 def test_form_says_what_comes_out(client, films):
     """The frames, the rate, the length and the command line of a conversion, before it is done."""
     changes = {"rate": "slow", "value": "4", "start": "2f", "codec": "hevc", "quality": "smaller", "name": "it's.mkv"}
-    found = client.post("/check", json=form(client, films, **changes)).json()
+    found = check(client, form(client, films, **changes, subtitles=False))
     assert found.pop("command") == (
         f"fpsboost {films}/clip.mp4 '{films}/it'\"'\"'s.mkv' --factor 4 --slow-motion --method nearest --start 2f "
-        "--codec hevc --crf 26"
+        "--codec hevc --crf 26 --no-subtitles"
     )
     assert (found["frames"], found["rate"], found["remarks"]) == (32, 25.0, [])
+
+
+def test_streams_are_chosen_and_what_is_lost_is_said_before(client, films):
+    """Of several sounds, some are kept by their numbers; what becomes of them is said before any work."""
+    write_sounds(films / "clip.mp4")
+    picked = client.post("/pick", json={"path": str(films / "clip.mp4")}).json()
+    assert [(each["index"], each["kind"]) for each in picked["streams"]] == [(1, "sound"), (2, "sound")]
+    found = check(client, form(client, films, name="out.webm", streams="2"))
+    assert "--streams 2 " in f"{found['command']} "
+    (said,) = found["remarks"]
+    assert re.fullmatch(r"out.webm would hold stream 2 \(aac sound\) of its source encoded anew as opus.*\.", said)
+    said = notice(client, "/check", form(client, films, streams="1,5"))
+    assert said.startswith(f"“Streams to keep” 5 is no sound and no subtitles of {films}/clip.mp4, which has 1 (aac ")
 
 
 def test_images_become_images(client, films, save_images):
@@ -434,7 +465,7 @@ def test_images_become_images(client, films, save_images):
     save_images(films / "shot")
     found = client.post("/pick", json={"path": str(films / "shot")}).json()
     assert (found["is_images"], found["choices"]["name"]) == (True, "shot-2x/")
-    assert client.post("/check", json=found["choices"]).json()["frames"] == 9
+    assert check(client, found["choices"])["frames"] == 9
     as_video = {**found["choices"], "name": "shot.mp4"}
     assert "say it with “The images were made for how many a second”" in notice(client, "/check", as_video)
     assert found["last"] == 4
@@ -442,7 +473,7 @@ def test_images_become_images(client, films, save_images):
         shown = client.post("/look", json={"choices": {**found["choices"], "method": "blend"}, "time": time}).json()
         assert shown["between"] == "between shot_{:04}.png and shot_{:04}.png".format(*between)
     assert client.post("/probe", json={"path": found["choices"]["input"]}).json()["last"] == 4
-    assert client.post("/check", json={**as_video, "input_fps": "24"}).json()["rate"] == 48
+    assert check(client, {**as_video, "input_fps": "24"})["rate"] == 48
 
 
 def test_probe_says_what_the_command_says(client, films):
@@ -451,7 +482,7 @@ def test_probe_says_what_the_command_says(client, films):
     assert client.post("/pick", json={"path": str(films / "clip.mkv")}).json()["last"] is None
     found = client.post("/probe", json={"path": str(films / "clip.mkv")}).json()
     assert found["facts"]["frames"] == "10"
-    assert found["streams"][0].startswith("video: h264")
+    assert found["streams"]["stream 0"].startswith("video: h264")
     assert found["last"] == pytest.approx(client.post("/pick", json={"path": str(films / "clip.mp4")}).json()["last"])
 
 
@@ -459,8 +490,8 @@ def test_probe_says_what_the_command_says(client, films):
 def posted(address, path, data):
     """The connection of a request whose answer has not been read, open while the block lasts."""
     with closing(HTTPConnection(address.split("/")[2])) as connection:
-        origin = address.partition("/?")[0]
-        connection.request("POST", path, json.dumps(data), {"x-fpsboost-token": TOKEN, "origin": origin})
+        origin, _, token = address.partition("/?token=")
+        connection.request("POST", path, json.dumps(data), {"x-fpsboost-token": token, "origin": origin})
         yield connection
 
 
@@ -542,7 +573,7 @@ def test_look_at_the_ends(client, films, time):
 
 def test_job_becomes_a_file_that_plays(client, desk, films):
     """The page gets the result in parts as a player asks for them, and nothing else in its place."""
-    number = client.post("/add", json=form(client, films)).json()["number"]
+    number = add(client, form(client, films))
     assert client.get(f"/result/{number}").status_code in (200, 400)
     job, output = until(desk.queue, "done"), films / "clip-2x.mp4"
     assert (job["frame"], job["frames"], job["message"]) == (20, 20, "")
@@ -563,11 +594,11 @@ def test_name_is_free_unless_it_was_written(client, desk, films):
     (films / "clip-2x.mp4").touch()
     choices = form(client, films)
     assert choices["name"] == "clip-2x-2.mp4"
-    desk.queue.add(["fpsboost", "in.mp4", f"{films}/clip-2x-2.mp4"], f"{films}/clip-2x-2.mp4")
+    desk.queue.add(["fpsboost", "in.mp4", f"{films}/clip-2x-2.mp4"])
     for sent, name in [("clip-2x-2.mp4", "clip-2x-3.mp4"), ("clip-2x.mp4", "clip-2x-3.mp4"), ("shot/", "shot/")]:
-        assert client.post("/check", json={**choices, "name": sent, "is_named": False}).json()["name"] == name
+        assert check(client, {**choices, "name": sent, "is_named": False})["name"] == name
     replaced = {**choices, "name": "clip-2x.mp4", "overwrite": True, "is_named": False}
-    assert client.post("/check", json=replaced).json()["name"] == "clip-2x.mp4"
+    assert check(client, replaced)["name"] == "clip-2x.mp4"
     assert "exists already" in notice(client, "/check", {**choices, "name": "clip-2x.mp4", "is_named": True})
 
 
@@ -575,7 +606,7 @@ def test_name_is_free_unless_it_was_written(client, desk, films):
 def test_result_is_shown_beside_its_source_and_in_its_folder(client, desk, films, monkeypatch, name):
     """The source can be played too, and the file manager of this machine shows what was written, a folder as well."""
     started = list[list[str]]()
-    number = client.post("/add", json=form(client, films, name=name)).json()["number"]
+    number = add(client, form(client, films, name=name))
     until(desk.queue, "done")
     monkeypatch.setattr("fpsboost.ui.files.subprocess.Popen", lambda words, **_: started.append(words))
     assert client.get(f"/source/{number}").content == (films / "clip.mp4").read_bytes()
@@ -608,7 +639,7 @@ def test_failure_is_said_in_a_sentence(client, desk, films):
     choices = form(client, films)
     data = (films / "clip.mp4").read_bytes()
     (films / "clip.mp4").write_bytes(b"damaged meanwhile")
-    desk.queue.add(["fpsboost", choices["input"], str(films / "out.mp4")], str(films / "out.mp4"))
+    desk.queue.add(["fpsboost", choices["input"], str(films / "out.mp4")])
     assert str(films / "clip.mp4") in until(desk.queue, "failed")["message"]
     (films / "clip.mp4").write_bytes(data)
     desk.queue._jobs[1].words += ["--method", "nearest"]
@@ -639,7 +670,7 @@ def test_cancelling_leaves_nothing(client, desk, films, waiting_process):
     """A conversion that is cancelled while it runs, or paused, leaves no unfinished output."""
     before = sorted(os.listdir(films))
     for is_paused_first in (False, True):
-        number = client.post("/add", json=form(client, films)).json()["number"]
+        number = add(client, form(client, films))
         until(desk.queue, "running", 10)
         assert len(os.listdir(films)) == len(before) + 1
         if is_paused_first:
@@ -654,7 +685,7 @@ def test_cancelling_leaves_nothing(client, desk, films, waiting_process):
 def test_jobs_wait_for_the_one_before(client, desk, films):
     """One conversion runs at a time; one that waits is paused and cancelled like the one that runs."""
     for name in ("a.mp4", "b.mp4"):
-        client.post("/add", json=form(client, films, name=name))
+        add(client, form(client, films, name=name))
     until(desk.queue, "running", 10)
     assert [job["state"] for job in desk.queue.listing()] == ["running", "waiting"]
     desk.queue.pause(2)
@@ -665,24 +696,32 @@ def test_jobs_wait_for_the_one_before(client, desk, films):
     assert taken == f"Another job in the queue writes {films / 'a.mp4'}; choose another name."
 
 
+def test_clips_are_added_together_or_not_at_all(client, films):
+    """If one of several clips cannot be converted, its name is said and none is added; each gets a name of its own."""
+    write_clip(films / "clip.mkv")
+    first = {**form(client, films), "is_named": False}
+    second = {**first, "input": client.post("/pick", json={"path": str(films / "clip.mkv")}).json()["choices"]["input"]}
+    wrong, named = {**second, "start": "1", "end": "0"}, {**second, "is_named": True}
+    for last, said in [(wrong, "clip.mkv: "), (named, f"Another job in the queue writes {films}/clip-2x.mp4")]:
+        assert client.post("/add", json={"clips": [first, last]}).json()["notice"].startswith(said)
+    checked = client.post("/check", json={"clips": [first, second]}).json()["clips"]
+    assert [each["name"] for each in checked] == ["clip-2x.mp4", "clip-2x-2.mp4"]
+    assert client.post("/add", json={"clips": [first, second]}).json() == {"numbers": [1, 2]}
+
+
 @pytest.mark.usefixtures("waiting_process")
 def test_queue_has_a_limit(desk, tmp_path):
     """No more jobs than the limit are taken."""
-    first, *others = [str(tmp_path / f"{number}.mp4") for number in range(MAX_JOBS + 1)]
-    for output in others:
-        desk.queue.add(["fpsboost", "in.mp4", output], output)
+    first, *others = [["fpsboost", "in.mp4", str(tmp_path / f"{number}.mp4")] for number in range(MAX_JOBS + 1)]
+    desk.queue.add(*others)
     with pytest.raises(OptionError, match="remove some first"):
-        desk.queue.add(["fpsboost", "in.mp4", first], first)
+        desk.queue.add(first)
 
 
 @pytest.mark.parametrize(
     ("said", "frame", "message"),
     [
-        (
-            "Stopped; 480 of 896 frames are finished, and --resume goes on from there.",
-            480,
-            "Paused at 480 of 896 frames.",
-        ),
+        ("Stopped; 480 of 896 frames are finished, and so on.", 480, "Paused at 480 of 896 frames."),
         ("Stopped; nothing was written.", 0, jobs.BEGINS_ANEW),
     ],
 )
@@ -694,7 +733,7 @@ def test_pause_says_where_it_goes_on(desk, films, monkeypatch, said, frame, mess
     monkeypatch.setattr(
         jobs, "start_process", lambda words: subprocess.Popen(process, stderr=subprocess.PIPE, encoding="utf-8")
     )
-    desk.queue.add(["fpsboost", str(films / "clip.mp4"), str(films / "out.mp4")], str(films / "out.mp4"))
+    desk.queue.add(["fpsboost", str(films / "clip.mp4"), str(films / "out.mp4")])
     until(desk.queue, "running", 10)
     desk.queue.pause(1)
     job = until(desk.queue, "paused")
@@ -757,28 +796,32 @@ def test_queue_belongs_to_one_server(tmp_path):
 # ---------------------------------------------------------------- the command
 
 
-def test_command_prints_the_address_and_ends(tmp_path):
-    """`fpsboost ui` prints an address that answers, ends when it is told to, and can start on that port at once."""
-    port = "0"
-    for _ in range(2):
-        port = run_server(tmp_path, port)
+def test_command_prints_the_address_and_ends(films):
+    """`fpsboost ui` prints an address that answers, can start on its port at once, and ends within a look."""
+    run_server(films, run_server(films, "0"))
 
 
-def run_server(tmp_path, port):
-    """The port of a server that was asked for its page and stopped, while the connection was open."""
-    words = [sys.executable, "-m", "fpsboost", "ui", str(tmp_path), "--no-browser", "--port", port]
-    environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")}
+def run_server(films, port):
+    """The port of a server that was asked for its page, and stopped while a frame was computed."""
+    script = "import threading, fpsboost.__main__, fpsboost.ui.server as server\n"
+    script += "server.look_between = lambda *_: (print('looking', flush=True), threading.Event().wait())\n"
+    script += "fpsboost.__main__.main()"
+    words = [sys.executable, "-c", script, "ui", str(films), "--no-browser", "--port", port]
+    environment = {**os.environ, "XDG_STATE_HOME": str(films / "state")}
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as ui:
         assert ui.stdout is not None
         address = ui.stdout.readline().removeprefix("The page: ").strip()
         host, port = address.removeprefix("http://").partition("/")[0].split(":")
-        assert host == "127.0.0.1"
+        assert (host, ui.stdout.readline()[:6]) == ("127.0.0.1", "Ctrl-C")
         with socket.create_connection((host, int(port))) as asked:
             asked.sendall(f"GET /?{address.partition('?')[2]} HTTP/1.0\r\nHost: {host}:{port}\r\n\r\n".encode())
             assert asked.recv(100).startswith(b"HTTP/1.1 200")
-            ui.terminate()
-            out, err = ui.communicate()
-    assert (out.splitlines()[-1], err, ui.returncode) == ("Stopped.", "", 0)
+            choices = posted_whole(address, "/pick", {"path": str(films / "clip.mp4")})["choices"]
+            with posted(address, "/look", {"choices": choices, "time": 0}):
+                assert ui.stdout.readline() == "looking\n"
+                ui.terminate()
+                out, err = ui.communicate(timeout=60)
+    assert (out, err, ui.returncode) == ("Stopped.\n", "", 0)
     return port
 
 
@@ -916,8 +959,6 @@ def test_page_says_what_is_wrong(chromium, films, tmp_path):
         page.get_by_label("Four times").check()
         page.get_by_text("40 frames, at 100 a second").wait_for()
         assert page.locator("[name=name]").input_value() == "mine.mkv"
-        page.locator("#at").fill("99:99")
-        page.locator("#at").press("Enter")
         page.close()
 
 
@@ -957,6 +998,27 @@ def test_conversion_goes_on_after_a_restart(chromium, films, tmp_path):
         page.get_by_role("button", name="Continue").click()
         expect(page.locator("#jobs .state")).to_have_text("20 of 20 frames")
         page.locator("#jobs video[controls]").wait_for()
+
+
+def test_streams_of_each_clip_are_chosen(chromium, films, tmp_path):
+    """Where a clip has several sounds, each can be left out; without sound, there is nothing to choose."""
+    write_sounds(films / "film.mp4")
+    with serving(films, tmp_path / "queue.json") as address, opened(chromium, address) as page:
+        for name in ("clip.mp4", "film.mp4"):
+            page.get_by_label(f"Tick {name}").check()
+        page.get_by_role("button", name="Take these 2 clips").click()
+        expect(page.locator("#clip-title")).to_have_text("2 clips")
+        expect(page.locator("#streams")).to_be_hidden()
+        page.get_by_role("button", name="film.mp4").click()
+        streams = page.get_by_role("group", name="Streams to keep of film.mp4")
+        streams.get_by_label("1: audio: aac").uncheck()
+        expect(page.locator("#command")).to_have_text(re.compile(r"film-2x.mp4 --factor 2 --streams 2$"))
+        page.get_by_role("button", name="clip.mp4").click()
+        page.get_by_role("button", name="film.mp4").click()
+        streams.get_by_label("2: audio: aac").uncheck()
+        expect(page.locator("#command")).to_have_text(re.compile(r"film-2x.mp4 --factor 2 --no-audio$"))
+        page.get_by_label("Keep the sound").uncheck()
+        expect(streams.get_by_label("2: audio: aac")).to_be_disabled()
 
 
 @pytest.mark.parametrize("way", ["tick", "drop"])

@@ -168,6 +168,7 @@ function showClip(clip) {
   byId("facts").hidden = true;
   byId("reading").hidden = true;
   byId("picture").replaceChildren();
+  showStreams();
   setLast(clip.last);
   goTo((clip.last ?? 0) / 2);
   byId("read").hidden = clip.is_quick;
@@ -197,10 +198,9 @@ async function probe() {
     try {
       const found = await ask("/probe", { path: clip.choices.input }, state.reading.signal);
       if (state.clip !== clip) return;
-      const rows = Object.entries(found.facts).map(([name, value]) =>
+      const rows = Object.entries({ ...found.facts, ...found.streams }).map(([name, value]) =>
         make("div", {}, make("dt", {}, name), make("dd", {}, value)),
       );
-      found.streams.forEach((each, place) => rows.push(make("div", {}, make("dt", {}, `stream ${place}`), make("dd", {}, each))));
       setLast(found.last);
       byId("facts").lastElementChild.replaceChildren(...rows);
       byId("facts").hidden = false;
@@ -227,13 +227,34 @@ function choices(clip = state.clip) {
     end: elements.end.value.trim(),
     codec: elements.codec.value,
     quality: elements.quality.value,
-    sound: elements.sound.checked,
-    subtitles: elements.subtitles.checked,
+    ...keptOf(clip),
     overwrite: elements.overwrite.checked,
     name: state.clips.length > 1 ? nameFor(clip) : elements.name.value.trim(),
     is_named: state.isNamed && !state.isTaken, // if not, the answer says which name is free
     input_fps: elements.input_fps.value.trim(),
   };
+}
+
+/** Which sound and subtitles are kept of a clip. */
+function keptOf({ streams }) {
+  const { elements } = form;
+  const kept = streams.filter((each) => !each.isDropped && elements[each.kind].checked);
+  const keeps = (kind) => elements[kind].checked && (kept.some((each) => each.kind === kind) || !streams.some((each) => each.kind === kind));
+  const hasChoice = streams.some((each) => each.isDropped);
+  return { sound: keeps("sound"), subtitles: keeps("subtitles"), streams: hasChoice ? kept.map((each) => each.index).join(",") : "" };
+}
+
+/** Offer the sound and subtitles of the clip that is shown, where there are several of a kind. */
+function showStreams() {
+  const { clip, clips } = state;
+  byId("streams").hidden = new Set(clip.streams.map((each) => each.kind)).size === clip.streams.length;
+  byId("streams-title").textContent = clips.length > 1 ? `Streams to keep of ${clip.name}` : "Streams to keep";
+  const ticks = clip.streams.map((each) => {
+    const tick = make("input", { type: "checkbox", checked: !each.isDropped, disabled: !form.elements[each.kind].checked });
+    tick.addEventListener("input", () => (each.isDropped = !tick.checked));
+    return make("label", { className: "check" }, tick, make("span", {}, `${each.index}: ${each.says}`));
+  });
+  byId("streams").lastElementChild.replaceChildren(...ticks);
 }
 
 /** The name that says what a clip becomes. */
@@ -265,10 +286,11 @@ function check() {
   const number = ++checks;
   soon = setTimeout(async () => {
     byId("outcome").textContent = "";
-    const found = await attempt(form, () => forEach((clip) => ask("/check", choices(clip))));
+    const answer = await attempt(form, () => ask("/check", chosen()));
     if (number !== checks) return;
-    byId("start").ariaDisabled = String(!found);
-    if (!found) return;
+    byId("start").ariaDisabled = String(!answer);
+    if (!answer) return;
+    const found = answer.clips;
     const remarks = new Set(found.flatMap((each) => each.remarks));
     byId("outcome").textContent = [...found.map(outcomeOf).map((each, place) => named(place, each)), ...remarks].join(" ");
     byId("command").textContent = found.map((each) => each.command).join("\n");
@@ -278,17 +300,8 @@ function check() {
   }, 250);
 }
 
-/** Do something for all clips, one after another; if that cannot be done, the notice names the clip. */
-async function forEach(action) {
-  const results = [];
-  for (const [place, clip] of state.clips.entries()) {
-    try {
-      results.push(await action(clip));
-    } catch (error) {
-      throw error instanceof Notice ? new Notice(named(place, error.message)) : error;
-    }
-  }
-  return results;
+function chosen() {
+  return { clips: state.clips.map((clip) => choices(clip)) };
 }
 
 function named(place, sentence) {
@@ -308,12 +321,13 @@ form.addEventListener("input", (event) => {
   suggestName();
   check();
   if (event.target.name === "method") look();
+  if (["sound", "subtitles"].includes(event.target.name)) showStreams();
 });
 form.addEventListener("submit", async (event) => {
   event.preventDefault();
   if (byId("start").ariaDisabled === "true") return;
   byId("start").ariaDisabled = "true";
-  const added = await attempt(form, () => forEach((clip) => ask("/add", choices(clip))));
+  const added = await attempt(form, () => ask("/add", chosen()));
   byId("start").ariaDisabled = "false";
   if (added) {
     state.isTaken = true;
@@ -322,7 +336,8 @@ form.addEventListener("submit", async (event) => {
   }
   await follow();
   if (!added) return;
-  announce(added.length > 1 ? `${added.length} conversions were added to the queue.` : "The conversion was added to the queue.");
+  const count = added.numbers.length;
+  announce(count > 1 ? `${count} conversions were added to the queue.` : "The conversion was added to the queue.");
   byId("queue").scrollIntoView({ block: "nearest" });
 });
 
