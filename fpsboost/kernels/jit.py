@@ -18,10 +18,10 @@ from typing import Any
 
 import numba
 from numba import types
-from numba.core import cgutils
+from numba.core import cgutils, event
 from numba.extending import register_jitable
 
-from fpsboost.kernels.compiling import listeners, tell_listeners
+from fpsboost.kernels.compiling import tell_listeners
 
 __all__ = ["FINITE_JIT", "JIT", "LANES", "cgutils", "njit", "types"]
 
@@ -40,12 +40,21 @@ vectors."""
 Function = Callable[..., Any]
 
 
-class Kernel:
-    """Function to call from Python, compiled for every combination of types and kept in numba's cache.
+class TellsListeners(event.Listener):
+    """Tells the listeners when numba begins to compile what its cache does not hold."""
 
-    Listeners are called before its first compilation. If the cache has it for other types alone, they are called after
-    the compilation, as numba does not say beforehand what its cache lacks.
-    """
+    def on_start(self, event: event.Event) -> None:
+        tell_listeners()
+
+    def on_end(self, event: event.Event) -> None:
+        pass
+
+
+event.register("numba:compile", TellsListeners())
+
+
+class Kernel:
+    """Function to call from Python, compiled for every combination of types and kept in numba's cache."""
 
     def __init__(self, function: Function, options: dict[str, Any]) -> None:
         update_wrapper(self, function)
@@ -63,22 +72,7 @@ class Kernel:
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the kernel; the first call for some types compiles it or loads it from the cache."""
-        if not listeners:
-            return self.dispatcher(*arguments)
-        is_new = not (self.dispatcher.signatures or self._is_cached())
-        misses = self.dispatcher.stats.cache_misses.copy()
-        if is_new:
-            tell_listeners()
-        result = self.dispatcher(*arguments)
-        if not is_new and self.dispatcher.stats.cache_misses != misses:
-            tell_listeners()
-        return result
-
-    def _is_cached(self) -> bool:
-        """Return whether the cache has the kernel for any types."""
-        folder, name = self.dispatcher.stats.cache_path, self.py_func.__name__
-        module = Path(self.py_func.__code__.co_filename).stem
-        return folder is not None and any(Path(folder).glob(f"{module}.*{name}-*.nbi"))
+        return self.dispatcher(*arguments)
 
 
 @cache

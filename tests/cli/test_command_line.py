@@ -135,6 +135,7 @@ def test_compiling_is_said_when_kernels_are_compiled_and_only_then(fpsboost_, cl
     assert len(result.lines) == 2
     assert "Compiling" in result.lines[0]
     (tmp_path / "other.mp4").write_bytes(clip.read_bytes())
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "other cache"))
     assert fpsboost_("in.mp4", "other.mp4", "both", *CHEAP).err.count("Compiling") == 1
 
     kernel = tmp_path / "kernel.py"
