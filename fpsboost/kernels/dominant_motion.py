@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.kernels.candidates import Candidates
-from fpsboost.kernels.jit import FINITE_JIT, njit
+from fpsboost.kernels.jit import FINITE_JIT, borrowed, njit
 from fpsboost.kernels.pixel_weights import (
     SQUARES_PER_WINDOW,
     Weighting,
@@ -51,6 +51,9 @@ def keep_heavier(weight, motion, t, top, left, weights, places):
 @njit(cache=True, **FINITE_JIT)
 def compare_candidates(layer, t, candidates, weighting, work, sums, weights, places):
     """Write where each pixel lies along the candidate with the largest weight; see `find_dominant_motion`."""
+    layer, candidates, weighting, work, sums, weights, places = borrowed(
+        (layer, candidates, weighting, work, sums, weights, places)
+    )
     (height, width), (rows, columns) = weights.shape, candidates.listed.shape
     spacing, before = candidates.spacing, (WINDOW - candidates.spacing) // 2
     for row in range(rows):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fpsboost.kernels.candidates import Candidates
 from fpsboost.kernels.instruction import SIXTEEN, Index, fma
-from fpsboost.kernels.jit import FINITE_JIT, LANES, njit
+from fpsboost.kernels.jit import FINITE_JIT, LANES, borrowed, njit
 from fpsboost.kernels.pixel_weights import (
     SQUARES_PER_WINDOW,
     Weighting,
@@ -106,6 +106,9 @@ def blend_hypotheses(
 @njit(cache=True, **FINITE_JIT)
 def blend_nodes(full, further, t, candidates, weighting, value_range, work, sums, blended):
     """Write the in-between frame, one row of nodes at a time; see `blend_hypotheses`."""
+    full, further, candidates, weighting, work, sums, blended = borrowed(
+        (full, further, candidates, weighting, work, sums, blended)
+    )
     (channels, height, width), (rows, columns) = blended.image.shape, candidates.listed.shape
     has_confidence, further_planes = blended.confidence.shape[1] > 0, blended.further.shape[0]
     spacing, before = candidates.spacing, (WINDOW - candidates.spacing) // 2

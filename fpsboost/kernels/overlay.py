@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.kernels.instruction import Index
-from fpsboost.kernels.jit import JIT, njit
+from fpsboost.kernels.jit import JIT, borrowed, njit
 
 STAYS, STANDS_OUT = 1, 2
 
@@ -92,6 +92,7 @@ def mark_overlay(frames, motion, spacing, shortest, same, different, smallest, m
       had moved; else 0
     - `any_stands_out`: (1,) bool out
     """
+    frames, motion, smallest, marks = borrowed((frames, motion, smallest, marks))
     (height, width), as_code = marks.shape, frames.image0.dtype.type
     most, least = as_code(same), as_code(different)
     any_stands_out[0] = False

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.kernels.instruction import AS_GIVEN, EIGHT, FLOAT, INDEX, REAL, SIXTEEN, fma, instruction, vector
-from fpsboost.kernels.jit import FINITE_JIT, njit
+from fpsboost.kernels.jit import FINITE_JIT, borrowed, njit
 
 MARGIN = 40
 """Width of the repeated edges beyond the frame, pixels."""
@@ -76,8 +76,9 @@ def filter_down(weights, rows, y, out):
         filter_row(weights[k], before, rows[k, y % ring_size], after, to)
 
 
-@njit(cache=True, **FINITE_JIT)
-def find_coefficients(planes, unit, weights, coefficients):
+def find_coefficients(
+    planes: NDArray[Any], unit: np.float32, weights: NDArray[Any], coefficients: NDArray[Any]
+) -> None:
     """Compute the B-spline coefficients of planes, (C, H, W) uint8, uint16 or float32, whose edges are repeated.
 
     - `unit`: factor on every value
@@ -85,14 +86,21 @@ def find_coefficients(planes, unit, weights, coefficients):
     - `coefficients`: (C, H + 2 MARGIN, W + 2 MARGIN or more) float32 out; the frame begins MARGIN rows and columns from
       the corner
     """
-    (channels, height, _), (_, tall, width) = planes.shape, coefficients.shape
-    stages, reach = weights.size, (1 << weights.size) - 1
-    for weight in weights:  # so that flat areas keep their brightness
-        gain = np.float32(1) + weight + weight
-        unit /= gain * gain
+    stages, reach, width = weights.size, (1 << weights.size) - 1, coefficients.shape[2]
     lines = np.empty((2, width + 2 * reach), np.float32)
     # of what is filtered before these are full, nothing remains
     rows = np.zeros((stages, reach + 2, width), np.float32)
+    filter_planes(planes, unit, weights, lines, rows, coefficients)
+
+
+@njit(cache=True, **FINITE_JIT)
+def filter_planes(planes, unit, weights, lines, rows, coefficients):
+    """Compute the coefficients of planes in place of `find_coefficients`, which makes the work arrays."""
+    planes, weights, lines, rows, coefficients = borrowed((planes, weights, lines, rows, coefficients))
+    (channels, height, _), tall, reach = planes.shape, coefficients.shape[1], (1 << weights.size) - 1
+    for weight in weights:  # so that flat areas keep their brightness
+        gain = np.float32(1) + weight + weight
+        unit /= gain * gain
     first, last = MARGIN - reach, MARGIN + height - 1 + reach
     for c in range(channels):
         for y in range(-2 * reach, height + 2 * reach):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from numba import njit
 from twins import listed_offsets
 
 from fpsboost.kernels.instruction import EIGHT, fma, prefetch
+from fpsboost.kernels.jit import borrowed
 from fpsboost.kernels.refine import PRODUCT_COUNT, WINDOW_SIDE, window_products
 from fpsboost.kernels.tiles import NOTHING, NOWHERE, VALUES_PER_ENTRY, insert_eight
 
@@ -52,6 +54,28 @@ def test_prefetching_changes_nothing_wherever_it_points(place):
     flat = np.arange(4, dtype=np.float32)
     fetch_ahead(flat, np.uint64(place))
     np.testing.assert_array_equal(flat, [0, 1, 2, 3])
+
+
+class Nested(NamedTuple):
+    """Arrays in a tuple, and what is none."""
+
+    arrays: tuple[np.ndarray, np.ndarray]
+    factor: int
+
+
+def test_borrowed_arrays_are_the_same_arrays():
+    """They are read and written like those that they were made of, in nested tuples, too."""
+
+    def call(nested, out):
+        (first, second), factor = borrowed(nested)
+        to = borrowed(out)
+        for i in range(to.size):
+            to[i] = first[i, 0] + second[i] * factor
+
+    for run in forms(call):
+        out = np.zeros(3)
+        run(Nested((np.ones((3, 2)), np.arange(3)), 2), out)
+        np.testing.assert_array_equal(out, [1, 3, 5])
 
 
 @njit
