@@ -180,8 +180,9 @@ class Summary:
     """Counts and remarks of a conversion."""
 
     frames_in: int = 0
+    """Frames read."""
     frames_out: int = 0
-    """Frames read and written."""
+    """Frames written."""
     frames_made: int = 0
     """Frames written that are not from the source: interpolated, or repeated across a cut."""
     scene_cuts: int = 0

@@ -55,11 +55,13 @@ class PairMotion(NamedTuple):
     """Motion between two frames of a source."""
 
     number0: int
+    """Number of the first frame, of those that are read, counted from 0."""
     number1: int
-    """Places of the two among the frames that are read, from 0; further apart than 1 if duplicates lie between them."""
+    """Number of the second frame; further apart than 1 if duplicates lie between them."""
     flow01: NDArray[Any]
+    """(H, W, 2) float32: motion from the first frame to the second, y down."""
     flow10: NDArray[Any]
-    """(H, W, 2) float32: motion of each to the other, y down."""
+    """(H, W, 2) float32: motion from the second frame to the first, y down."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +104,9 @@ class ClipInfo:
     name: str
     """The path or pattern as the user gave it."""
     height: int
+    """Rows of pixels, as stored (a rotation tag is not applied)."""
     width: int
-    """Pixels, as stored (a rotation tag is not applied)."""
+    """Columns of pixels, likewise."""
     rate: Fraction
     """Nominal frames per second."""
     time_base: Fraction

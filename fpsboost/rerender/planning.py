@@ -51,8 +51,9 @@ class PlannedFrame:
     whole: bool
     """Whether all of the frame is to be rendered."""
     expected_error: float
+    """Expected mean squared error before rendering, in levels of 255 squared."""
     remaining_error: float
-    """Expected mean squared error before and after rendering, in levels of 255 squared."""
+    """Expected mean squared error after rendering, in levels of 255 squared."""
 
     def mask(self, height: int, width: int) -> NDArray[Any]:
         """Return the pixels to render, (height, width) bool."""
@@ -67,8 +68,9 @@ class RerenderPlan:
     """Regions of interpolated frames that are worth rendering."""
 
     width: int
+    """Width of a frame, pixels."""
     height: int
-    """Size of a frame, pixels."""
+    """Height of a frame, pixels."""
     tile: int
     """Side of the tiles that regions consist of, pixels."""
     frames: tuple[PlannedFrame, ...]

@@ -178,8 +178,9 @@ class FrameIntervals:
     """Shortest and longest interval between consecutive frames."""
 
     shortest: Fraction = Fraction(0)
+    """Shortest interval, seconds; 0 for fewer than two frames."""
     longest: Fraction = Fraction(0)
-    """Intervals in seconds; 0 for fewer than two frames."""
+    """Longest interval, seconds; 0 for fewer than two frames."""
     begin: Fraction = Fraction(0)
     """Start of the longest interval, seconds after the first frame."""
     _first: Fraction | None = None
