@@ -102,16 +102,6 @@ class FrameSink(AbstractContextManager["FrameSink"], Protocol):
 
 
 @runtime_checkable
-class TakesSideData(Protocol):
-    """Contract: sink that takes what is known of frames beside their pixels; see `fpsboost.frame.Frame`."""
-
-    needs_confidence: bool
-    """Whether frames that are made are to have their confidence."""
-    needs_motion: bool
-    """Whether frames are to have the motion between the frames of the source around them."""
-
-
-@runtime_checkable
 class Cancellable(Protocol):
     """Contract: source or sink that waits for another program, possibly forever."""
 

@@ -30,7 +30,6 @@ from fpsboost.contracts import (
     SilentObserver,
     SourceMoment,
     Summary,
-    TakesSideData,
 )
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import ClipInfo, Frame, PairMotion
@@ -102,7 +101,7 @@ def run_conversion(
             stretch=stretch,
             threads=threads,
             holds_last_frame=sink.holds_last_frame,
-            needs=Needs(sink.needs_confidence, sink.needs_motion) if isinstance(sink, TakesSideData) else Needs(),
+            needs=Needs(getattr(sink, "needs_confidence", False), getattr(sink, "needs_motion", False)),
             outputs=outputs,
         ) as frames,
         write_behind(sink.write, 2, _cancel_of(sink)) as write,
@@ -120,7 +119,7 @@ def run_conversion(
 
 
 class Needs(NamedTuple):
-    """What interpolated frames are to have beside their pixels; see `fpsboost.contracts.TakesSideData`."""
+    """What interpolated frames are to have beside their pixels: their confidence, and motion; see `Frame`."""
 
     confidence: bool = False
     motion: bool = False

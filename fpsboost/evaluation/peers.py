@@ -21,7 +21,7 @@ import tempfile
 import time
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
 from typing import IO, ClassVar, NamedTuple
 
@@ -79,23 +79,24 @@ def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerF
         last = interval.last
     assert first is not None
     steps = _steps([image.number for image in images])
+    numbers: Iterable[int | None]
     if 0 <= len(images) - (last - first + 1) <= most and len(set(steps)) <= 1:
-        begin = first
+        numbers = count(first)
     elif images[0].number in (0, 1) and set(steps) == {1} and len(images) > last:
-        begin = 0
+        numbers = count()
     elif len(images) == len(hidden) and (len(set(steps)) <= 1 or steps == _steps(hidden)):
-        return PeerFrames(dict(zip(hidden, (each.path for each in images), strict=True)), f"images of {folder}")
+        numbers = hidden
     else:
-        by_number = {each.number: each.path for each in images}
-        missing = [number for number in hidden if number not in by_number]
-        if missing:
-            raise InputError(
-                f"{folder} has {len(images)} images, but none for frame {missing[0]}; {name} must give the whole "
-                f"sequence ({last - first + 1} images), the hidden frames alone ({len(hidden)}), or images numbered "
-                "like the frames of the clip, counted from 0."
-            )
-        return PeerFrames({number: by_number[number] for number in hidden}, f"images of {folder}")
-    return PeerFrames({number: images[number - begin].path for number in hidden}, f"images of {folder}")
+        numbers = [image.number for image in images]
+    paths = {number: image.path for number, image in zip(numbers, images, strict=False)}
+    missing = [number for number in hidden if number not in paths]
+    if missing:
+        raise InputError(
+            f"{folder} has {len(images)} images, but none for frame {missing[0]}; {name} must give the whole "
+            f"sequence ({last - first + 1} images), the hidden frames alone ({len(hidden)}), or images numbered "
+            "like the frames of the clip, counted from 0."
+        )
+    return PeerFrames({number: paths[number] for number in hidden}, f"images of {folder}")
 
 
 def _steps(numbers: Sequence[int | None]) -> list[int]:
@@ -214,16 +215,13 @@ def list_images(folder: Path) -> list[NumberedImage]:
     with explained(InputError, "read", folder, "name a folder of images"):
         names = [each for each in list_files(folder) if extension_of(each) in IMAGE_SUFFIXES and each[0] != "."]
     parts = {name: re.split(r"(\d+)", Path(name).stem) for name in names}
-    values = [[int(each) for each in split[1::2]] for split in parts.values()]
+    values = {name: [int(each) for each in split[1::2]] for name, split in parts.items()}
     # of several numbers the frame's is the one that changes, else the last
-    alike = len({len(each) for each in values}) == 1
-    changing = [place for place, column in enumerate(zip(*values, strict=False)) if len(set(column)) > 1]
+    alike = len({len(each) for each in values.values()}) == 1
+    changing = [place for place, column in enumerate(zip(*values.values(), strict=False)) if len(set(column)) > 1]
     place = changing[0] if alike and len(changing) == 1 else -1
-    images = [
-        NumberedImage(each[place] if each else None, folder / name) for name, each in zip(names, values, strict=True)
-    ]
-    order = sorted(range(len(names)), key=lambda index: (parts[names[index]][::2], values[index]))
-    return [images[index] for index in order]
+    names.sort(key=lambda name: (parts[name][::2], values[name]))
+    return [NumberedImage(values[name][place] if values[name] else None, folder / name) for name in names]
 
 
 def read_like(path: Path, like: Image) -> Image:

@@ -97,6 +97,13 @@ def new_folder(path: Path) -> Iterator[Path]:
             staging.close(keep=False)
 
 
+def reason_to_refuse(folder: Path, old: Sequence[Path], *, alone: bool) -> str:
+    """Return why files are not written to a folder without `overwrite`, which holds `old` ones; empty if they are."""
+    if alone and any(not name.startswith(".") for name in os.listdir(folder)):
+        return f"{folder} is not empty; add `overwrite=True` to replace the files in it, or name another."
+    return f"{old[0]} exists; add `overwrite=True` to replace such files, or choose another pattern." if old else ""
+
+
 class StagedFiles:
     """Files that are written in a hidden folder and get their names at the end, all of them or none.
 
@@ -122,13 +129,10 @@ class StagedFiles:
 
     def check(self) -> None:
         """Raise `OutputError` if files exist and may not be replaced."""
-        if self._overwrite or not self._folder.is_dir():
-            return
-        if self._alone and any(not name.startswith(".") for name in os.listdir(self._folder)):
-            advice = "add `overwrite=True` to replace the files in it, or name another."
-            raise OutputError(f"{self._folder} is not empty; {advice}")
-        for old in self._find_old():
-            raise OutputError(f"{old} exists; add `overwrite=True` to replace such files, or choose another pattern.")
+        if not self._overwrite and self._folder.is_dir():
+            reason = reason_to_refuse(self._folder, self._find_old(), alone=self._alone)
+            if reason:
+                raise OutputError(reason)
 
     def _find_old(self) -> list[Path]:
         return [path for naming in self._namings for _, path in naming.find(any_padding=self._alone)]

@@ -18,7 +18,7 @@ from fpsboost.io.images.encoder import ImageEncoder, check_size
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
 from fpsboost.io.images.sequence import NumberedImages, Numbering
 from fpsboost.io.images.source import MOVING, is_pattern
-from fpsboost.io.new_output import ADVICE, check_folder
+from fpsboost.io.new_output import ADVICE, check_folder, reason_to_refuse
 from fpsboost.io.output import Output
 from fpsboost.io.staging import (
     IN_EXISTING_FOLDER,
@@ -174,17 +174,11 @@ class ImageSink(NumberedSink):
             return
         if self._overwrite or not folder.is_dir() or is_moving:
             return
-        old = self._find_old()
-        is_full = self._is_folder and any(not name.startswith(".") for name in os.listdir(folder))
-        if not old and not is_full:
-            return
-        if self._job is not None and self._job.resume and not self._unfinished.is_pending:
+        reason = reason_to_refuse(folder, self._find_old(), alone=self._is_folder)
+        if reason and self._job is not None and self._job.resume and not self._unfinished.is_pending:
             raise CompleteAlreadyError(complete_already(self._target))
-        if is_full:
-            raise OutputError(
-                f"{folder} is not empty; add `overwrite=True` to replace the frames in it, or name another."
-            )
-        raise OutputError(f"{old[0]} exists; add `overwrite=True` to replace such images, or choose another pattern.")
+        if reason:
+            raise OutputError(reason)
 
     def __enter__(self) -> Self:
         with self._explained():
