@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from video_truth import scene
 
 from fpsboost.__main__ import stop_signals
-from fpsboost.cli import app, progress
+from fpsboost.cli import app, messages
 
 collect_ignore = ["blender_round_trip.py"]  # runs in Blender
 
@@ -130,7 +130,7 @@ def fpsboost_(monkeypatch, capfd, tmp_path) -> Iterator[Command]:
     """Run the command line in this process and in `tmp_path`, as if its output were piped."""
     handlers = {number: signal.getsignal(number) for number in stop_signals()}
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(progress.Reporter, "_say_compiling", lambda self: None)  # the cache may be cold
+    monkeypatch.setattr(messages.Reporter, "_say_compiling", lambda self: None)  # the cache may be cold
     for name in COLOUR_VARIABLES:
         monkeypatch.delenv(name, raising=False)
 

@@ -46,7 +46,7 @@ import os, signal, sys
 
 import fpsboost.conversion
 from fpsboost.__main__ import main
-from fpsboost.cli.progress import Reporter
+from fpsboost.cli.messages import Reporter
 from fpsboost.io.images import sink as numbered
 from fpsboost.io.staging import StagingDirectory
 

@@ -31,13 +31,23 @@ from fpsboost.cli.messages import (
     keep_columns_readable,
     library_prints_apart,
     literal,
+    print_object,
+    reporter_of,
     say_error,
     say_traceback,
     sentence,
 )
-from fpsboost.cli.options import CutOptions, JoinOptions, MessageOptions, MethodOptions, TuningOptions
-from fpsboost.cli.progress import print_object, reporter_of
-from fpsboost.cli.signature import GROUPS, PathName, default_text, with_flags
+from fpsboost.cli.options import (
+    GROUPS,
+    CutOptions,
+    JoinOptions,
+    MessageOptions,
+    MethodOptions,
+    PathName,
+    TuningOptions,
+    default_text,
+    with_flags,
+)
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
 from fpsboost.io.staging import discard_unfinished

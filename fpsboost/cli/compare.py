@@ -24,8 +24,7 @@ from rich.table import Column, Table
 
 from fpsboost.cli import messages
 from fpsboost.cli.messages import literal, sentence
-from fpsboost.cli.options import ContestOptions, CutOptions, HidingOptions, ResultOptions
-from fpsboost.cli.signature import GROUPS, PathName, with_flags
+from fpsboost.cli.options import GROUPS, ContestOptions, CutOptions, HidingOptions, PathName, ResultOptions, with_flags
 from fpsboost.errors import OptionError
 from fpsboost.io.new_output import check_new_folder, check_writable
 from fpsboost.io.video.decode_options import DecodeOptions

@@ -9,8 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from fpsboost.cli.messages import console, literal, sentence
-from fpsboost.cli.options import MethodOptions, PlannedMethodOptions, TuningOptions
-from fpsboost.cli.signature import PathName, with_flags
+from fpsboost.cli.options import MethodOptions, PathName, PlannedMethodOptions, TuningOptions, with_flags
 from fpsboost.errors import OptionError
 from fpsboost.rerender.options import FrameChoiceOptions, MergeOptions, PlanOptions
 

@@ -14,8 +14,7 @@ from rich.console import Console
 from fpsboost.cli.batch import plan_outputs
 from fpsboost.cli.compare import choose, split_methods
 from fpsboost.cli.messages import literal, sentence
-from fpsboost.cli.options import CutOptions, PreviewOptions, in_flags
-from fpsboost.cli.signature import GROUPS, PathName, with_flags
+from fpsboost.cli.options import GROUPS, CutOptions, PathName, PreviewOptions, in_flags, with_flags
 from fpsboost.errors import OptionError
 from fpsboost.io.new_output import check_writable
 from fpsboost.io.opening import PIPES

@@ -11,8 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from fpsboost.cli.messages import literal
-from fpsboost.cli.options import in_flags
-from fpsboost.cli.signature import PathName
+from fpsboost.cli.options import PathName, in_flags
 
 if TYPE_CHECKING:
     from fpsboost.probing import Look, Probe, StreamFacts

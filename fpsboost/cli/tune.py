@@ -11,8 +11,7 @@ from rich.table import Table
 
 from fpsboost.cli.compare import Progressing, frames_group, hiding_of
 from fpsboost.cli.messages import literal
-from fpsboost.cli.options import HidingOptions, SweepOptions
-from fpsboost.cli.signature import PathName, with_flags
+from fpsboost.cli.options import HidingOptions, PathName, SweepOptions, with_flags
 from fpsboost.io.new_output import check_writable
 from fpsboost.io.video.decode_options import DecodeOptions
 

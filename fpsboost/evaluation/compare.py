@@ -97,11 +97,12 @@ def compare(
     advice = "free some space there, or name another folder with TMPDIR"
     with explained(OutputError, "write to", tempfile.gettempdir(), advice), tempfile.TemporaryFile() as file:
         observer.begin("reading", None)
-        areas = _Areas(file)
-        overview, rate = _look(path, hiding, areas, observer, vectors, cuts)
-        results = []
+        areas, facts = _Areas(file), _Facts()
+        pairs = _true_pairs(facts.passing(hiding.intervals(path), areas, observer, vectors), cuts)
+        across_cuts, doubtful = _not_counted(path, facts, pairs)
+        rate, results = facts.pictures / facts.seconds, []
         for name, contestant in contestants.items():
-            observer.begin(name, len(overview.hidden))
+            observer.begin(name, len(facts.hidden))
             # the true frames are read beside: a method may read far ahead
             truths = hiding.intervals(path)
             interpolated = contestant.interpolate(hiding.intervals(path))
@@ -109,14 +110,25 @@ def compare(
             measured = meters.values(len(frames))
             frames = [replace(frame, metrics=row) for frame, row in zip(frames, measured, strict=True)]
             results.append(MethodResult(name, contestant.describe(), frames))
-    return replace(
-        overview,
+    left_out = {*across_cuts, *doubtful}
+    shares = [row for number, row in zip(facts.hidden, facts.shares, strict=True) if number not in left_out]
+    return Comparison(
+        path,
+        facts.kind,
+        hiding,
+        facts.hidden,
+        across_cuts,
+        shares=dict(zip(AREAS, np.mean(shares, axis=0).tolist(), strict=True)),
         methods=results,
         skipped=dict(skipped or {}),
         made_with=_made_with(),
         rendered=rendered,
         others=others,
         cut_options=cut_options,
+        times=facts.times,
+        repeats=facts.repeats,
+        doubtful=doubtful,
+        clip_frames=facts.clip_frames,
         metrics=tuple(metrics),
     )
 
@@ -136,17 +148,11 @@ def _made_with() -> dict[str, str]:
     }
 
 
-def _look(
-    path: str,
-    hiding: Hiding,
-    areas: _Areas,
-    observer: Observer,
-    vectors: VectorFolder | None,
-    policy: CutPolicy | None,
-) -> tuple[Comparison, Fraction]:
-    """Return a comparison without methods, and the frames per second; raise InputError if no hidden frame counts."""
-    facts = _Facts()
-    pairs = _true_pairs(facts.passing(hiding.intervals(path), areas, observer, vectors), policy)
+def _not_counted(path: str, facts: _Facts, pairs: Iterator[tuple[list[int], Pair]]) -> tuple[list[int], list[int]]:
+    """Return hidden frames across cuts, and those whose pictures are not known; raise InputError if no other is left.
+
+    The facts are complete when all pairs were taken.
+    """
     across_cuts = {
         number
         for before, (numbers, pair), after in with_neighbours(pairs)
@@ -155,24 +161,19 @@ def _look(
     }
     cuts = [number for number in facts.hidden if number in across_cuts]
     doubtful = [number for number in facts.unknown if number not in across_cuts]
-    _check_some_count(path, len(facts.hidden), len(cuts), len(doubtful))
-    left_out = {*cuts, *doubtful}
-    shares = [row for number, row in zip(facts.hidden, facts.shares, strict=True) if number not in left_out]
-    comparison = Comparison(
-        path,
-        facts.kind,
-        hiding,
-        facts.hidden,
-        cuts,
-        shares=dict(zip(AREAS, np.mean(shares, axis=0).tolist(), strict=True)),
-        methods=[],
-        skipped={},
-        times=facts.times,
-        repeats=facts.repeats,
-        doubtful=doubtful,
-        clip_frames=facts.clip_frames,
+    if len(facts.hidden) > len(cuts) + len(doubtful):
+        return cuts, doubtful
+    reasons = []
+    if cuts:
+        reasons.append(f"{len(cuts)} across a scene cut (`no_cuts` takes everything for one scene)")
+    if doubtful:
+        reasons.append(
+            f"{len(doubtful)} beside repeated frames, in stills or pauses (`duplicates='keep'` takes repeats too)"
+        )
+    raise InputError(
+        f"None of the {len(facts.hidden)} frames of {path} that would be hidden can be compared: "
+        f"{' and '.join(reasons)}; choose another part of the clip."
     )
-    return comparison, facts.pictures / facts.seconds
 
 
 @dataclass
@@ -225,23 +226,6 @@ def _true_pairs(intervals: Iterable[Interval], policy: CutPolicy | None) -> Iter
         for pair in pairwise(row):
             yield [each.number for each in interval.hidden], interpolator.pair(*pair)
         last = end
-
-
-def _check_some_count(path: str, hidden: int, cuts: int, doubtful: int) -> None:
-    """Raise `InputError` unless a hidden frame is left that counts."""
-    if hidden > cuts + doubtful:
-        return
-    reasons = []
-    if cuts:
-        reasons.append(f"{cuts} across a scene cut (`no_cuts` takes everything for one scene)")
-    if doubtful:
-        reasons.append(
-            f"{doubtful} beside repeated frames, in stills or pauses (`duplicates='keep'` takes repeats too)"
-        )
-    raise InputError(
-        f"None of the {hidden} frames of {path} that would be hidden can be compared: {' and '.join(reasons)}; "
-        "choose another part of the clip."
-    )
 
 
 def _scored(

@@ -15,7 +15,7 @@ from cyclopts import Group, Parameter
 from rich.console import Console
 
 from fpsboost import OptionError
-from fpsboost.cli.signature import PathName
+from fpsboost.cli.options import PathName
 
 options = Group("Options", sort_key=1)
 

@@ -20,7 +20,7 @@ from numba import config
 from video_truth import packets_of, pictures_of, spoil_packets, write_clip
 
 import fpsboost
-from fpsboost.cli import app, progress
+from fpsboost.cli import app, messages
 from fpsboost.cli.compare import choose
 from fpsboost.interpolator import Interpolator
 from fpsboost.kernels.jit import Kernel
@@ -30,7 +30,7 @@ from fpsboost.timing.schedule import parse_number, parse_rate
 ROOT = Path(__file__).parents[2]
 ORBIT = ROOT / "samples" / "orbit.mp4"
 CHEAP = ("--method", "nearest")
-SAY_COMPILING = progress.Reporter._say_compiling  # before a fixture silences it
+SAY_COMPILING = messages.Reporter._say_compiling  # before a fixture silences it
 
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")  # said only under pytest
 
@@ -129,7 +129,7 @@ def test_compiling_is_said_when_kernels_are_compiled_and_only_then(fpsboost_, cl
             kernel(1)
 
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.setattr(progress.Reporter, "_say_compiling", SAY_COMPILING)
+    monkeypatch.setattr(messages.Reporter, "_say_compiling", SAY_COMPILING)
     monkeypatch.setattr(Interpolator, "compile_for", compile_two)
     result = fpsboost_("in.mp4", "out.mp4", *CHEAP)
     assert len(result.lines) == 2
@@ -435,7 +435,7 @@ def test_a_corrupt_video_is_converted_with_a_note(fpsboost_, tmp_path):
 WAITING = """
 import sys
 from fpsboost.__main__ import main
-from fpsboost.cli.progress import Reporter
+from fpsboost.cli.messages import Reporter
 
 
 def wrote(self, summary):
@@ -498,7 +498,7 @@ def test_ctrl_c_keeps_what_was_there(fpsboost_, clip, tmp_path, snapshot, monkey
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(progress.Reporter, "wrote", interrupt)
+    monkeypatch.setattr(messages.Reporter, "wrote", interrupt)
     result = fpsboost_("in.mp4", "out.mp4", "--overwrite", *CHEAP)
     assert (result.code, result.out) == (130, "")
     assert snapshot(tmp_path) == before

@@ -29,8 +29,7 @@ from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageSource
 from fpsboost.io.side.flow import encode_flow
 from fpsboost.io.staging import StagingDirectory
-from fpsboost.io.video.assembly import timed_packets
-from fpsboost.io.video.chunks import ChunkWriter, find_chunks
+from fpsboost.io.video.chunks import ChunkWriter, find_chunks, timed_packets
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.sink import ChunkSink, VideoSink
@@ -267,7 +266,7 @@ def test_cuts_and_duplicates_are_counted_the_same(tmp_path):
 
 def test_all_may_be_there(tmp_path, clip, whole, monkeypatch):
     """A run that is stopped while its file is put together goes on with that alone."""
-    monkeypatch.setattr("fpsboost.io.video.assembly.Assembly.finish", lambda *_: 1 / 0)
+    monkeypatch.setattr("fpsboost.io.video.chunks.Assembly.finish", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError) as caught:
         run(clip, tmp_path / "out.mp4")
     assert caught.value.__notes__ == ["50 frames are finished, and `resume` goes on from there."]
@@ -518,7 +517,7 @@ def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int) -> None:
             raise KeyboardInterrupt
 
     monkeypatch.setattr(ChunkSink, "_finish_chunk", finish_chunk)
-    monkeypatch.setattr("fpsboost.cli.progress.Reporter.wrote", wrote)
+    monkeypatch.setattr("fpsboost.cli.messages.Reporter.wrote", wrote)
 
 
 COMMAND = ("in.mp4", "out.mp4", "--factor", "40", "-m", "nearest", "--preset", "ultrafast", "--duplicates", "keep")

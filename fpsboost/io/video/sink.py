@@ -24,8 +24,7 @@ from fpsboost.image import Image
 from fpsboost.io.new_output import check_writable
 from fpsboost.io.output import Output, check_frame_size
 from fpsboost.io.staging import PartFolder, StagedSink, StagingDirectory, complete_already, hidden_place
-from fpsboost.io.video.assembly import Assembly
-from fpsboost.io.video.chunks import CHUNK_FRAMES, Chunk, ChunkWriter, find_chunks
+from fpsboost.io.video.chunks import CHUNK_FRAMES, Assembly, Chunk, ChunkWriter, find_chunks
 from fpsboost.io.video.encoder import VideoEncoder, traits_of_image
 from fpsboost.io.video.encoding import (
     EXACT_TIME_BASE_CONTAINERS,
