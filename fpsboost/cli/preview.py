@@ -50,7 +50,7 @@ def preview(
     from fpsboost.io.opening import Target  # noqa: PLC0415
     from fpsboost.preparation import ConversionJob  # noqa: PLC0415
     from fpsboost.preview.page import check_video, estimate_sentence, write_page, write_video  # noqa: PLC0415
-    from fpsboost.preview.trial import preview as run  # noqa: PLC0415
+    from fpsboost.preview.page import preview as run  # noqa: PLC0415
 
     if input in PIPES:
         raise OptionError("Standard input can be read only once, and a preview reads several places; name a file.")

@@ -19,9 +19,16 @@ from video_truth import scene, write_clip
 from fpsboost.conversion import convert
 from fpsboost.method_table import methods
 from fpsboost.preparation import ConversionJob
-from fpsboost.preview.page import LABEL_HEIGHT, _as_duration, estimate_sentence, write_page, write_video
+from fpsboost.preview.page import (
+    LABEL_HEIGHT,
+    Estimate,
+    _as_duration,
+    estimate_sentence,
+    preview,
+    write_page,
+    write_video,
+)
 from fpsboost.preview.places import find_passages
-from fpsboost.preview.trial import Estimate, preview
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Position
 from fpsboost.timing.rate import OutputRate
