@@ -90,8 +90,10 @@ def make_on_worker(order: WorkerOrder) -> Outcome:
         return _carry_out(order, worker, partial(_check_wanted, worker, key))
     except _CancelledPartError:
         return Outcome(is_stopped=True)
-    except Exception as error:
-        return Outcome(error=_picklable(error))
+    except FpsboostError as error:
+        return Outcome(error=error)
+    except Exception as error:  # which the client could perhaps not read
+        return Outcome(error=RuntimeError("".join(traceback.format_exception(error))))
 
 
 def _carry_out(order: WorkerOrder, worker: Worker, check: Callable[[], None]) -> Outcome:
@@ -193,13 +195,6 @@ def _check_wanted(worker: Worker, key: Key) -> None:
     is_wanted = task is not None and task.state != "cancelled"
     if not is_wanted or worker.status not in (Status.running, Status.paused, Status.closing_gracefully):
         raise _CancelledPartError
-
-
-def _picklable(error: Exception) -> Exception:
-    """Return an error that another process can read: itself if it is one of fpsboost's, else one with its traceback."""
-    if isinstance(error, FpsboostError):
-        return error
-    return RuntimeError("".join(traceback.format_exception(error)))
 
 
 def read_piece(path: str, begin: int, size: int) -> bytes:

@@ -123,7 +123,8 @@ def _say(verdict: Verdict) -> list[str]:
     priced = [name for name in dict.fromkeys([verdict.best, verdict.cheapest]) if not math.isnan(seconds[name])]
     prices = [f"{name} {say_seconds(seconds[name])}" for name in priced]
     price = [f"{doing} these {verdict.clip_frames} frames takes {listed(prices)} of CPU time."] if prices else []
-    reached = f"{verdict.best} reaches {verdict.psnr:.1f} dB over {_count(verdict.frames)}"
+    plural = "" if verdict.frames == 1 else "s"
+    reached = f"{verdict.best} reaches {verdict.psnr:.1f} dB over {verdict.frames} frame{plural}"
     if not verdict.ahead:
         return [f"{reached}.", *price]
     advice = _advise(verdict.best, verdict.ahead, verdict.cheapest, seconds)
@@ -176,10 +177,6 @@ def _leads(ahead: Sequence[Difference]) -> str:
         return f"{leads}; one frame says nothing about others"
     leads = ", ".join(f"{each.mean:.2f} ± {each.standard_error:.2f} dB ahead of {each.method}" for each in ahead)
     return f"{leads} (mean and standard error; up to two of these count as level)"
-
-
-def _count(frames: int) -> str:
-    return f"{frames} frame{'' if frames == 1 else 's'}"
 
 
 def listed(words: Sequence[str]) -> str:

@@ -140,7 +140,8 @@ def view_motion(
     height, width = interval.shown0.array.shape[:2]
     edge = max(1.0, float(np.median([np.percentile(np.linalg.norm(flow, axis=-1), 98) for flow in flows.values()])))
     spacing = max(4, max(height, width) // ARROWS)
-    stretch = _stretch(edge, spacing)
+    # the roundest factor that lets arrows be seen and hardly overlap
+    stretch = float(next((factor for factor in (20, 10, 5, 2) if factor * edge <= 1.5 * spacing), 1))
     fields = [
         MotionPicture(
             Picture(name, places[name], encode(not_too_wide(in_colour(flow, edge)))),
@@ -227,11 +228,6 @@ def draw_wheel(size: int) -> NDArray[Any]:
     y, x = (np.mgrid[:size, :size].astype(np.float32) + 0.5 - radius) / radius
     inside = ((1 - np.hypot(x, y)) * radius + 0.5).clip(0, 1)  # a smooth rim
     return np.dstack([in_colour(np.dstack([x, y]), 1), np.rint(inside * 255).astype(np.uint8)])
-
-
-def _stretch(edge: float, spacing: int) -> float:
-    """Return the roundest factor that lets arrows be seen and hardly overlap."""
-    return float(next((factor for factor in (20, 10, 5, 2) if factor * edge <= 1.5 * spacing), 1))
 
 
 def draw_arrows(flow: NDArray[Any], spacing: int, stretch: float) -> tuple[str, str]:
