@@ -35,7 +35,7 @@ from scoring import (
 
 from fpsboost.colour import colour_components
 from fpsboost.errors import FpsboostError
-from fpsboost.evaluation.metrics import means
+from fpsboost.evaluation.results import means
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image
 from fpsboost.interpolator import InBetween, Interpolator

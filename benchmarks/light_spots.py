@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 from scoring import find_clips, one_thread, read_frames, wide_console
 
-from fpsboost.evaluation.metrics import score
+from fpsboost.evaluation.results import score
 from fpsboost.image import Image
 from fpsboost.method_table import methods
 

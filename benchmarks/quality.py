@@ -47,7 +47,7 @@ from fpsboost.colour import normalised
 from fpsboost.errors import FpsboostError, InputError, OptionError
 from fpsboost.evaluation.further_metrics import choose_metrics
 from fpsboost.evaluation.further_metrics import metrics as further_metrics
-from fpsboost.evaluation.metrics import absolute_error, means
+from fpsboost.evaluation.results import absolute_error, means
 from fpsboost.image import Image
 from fpsboost.io.images.files import IMAGE_SUFFIXES, read_image
 from fpsboost.method_table import find_method, methods

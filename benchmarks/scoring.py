@@ -20,7 +20,7 @@ from fpsboost.evaluation.contestants import InterpolatorContestant
 from fpsboost.evaluation.further_metrics import Meters
 from fpsboost.evaluation.further_metrics import metrics as further_metrics
 from fpsboost.evaluation.hidden_frames import Hiding, Interval
-from fpsboost.evaluation.metrics import low_percentile, mean, means, score
+from fpsboost.evaluation.results import low_percentile, mean, means, score
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, view
 from fpsboost.interpolator import Interpolator, with_neighbours

@@ -70,10 +70,6 @@ def convert(
     run : RunOptions, optional
         Whether existing files are replaced, memory and threads, and an observer of the progress.
 
-    Returns
-    -------
-    Summary
-
     Raises
     ------
     OptionError, InputError, OutputError

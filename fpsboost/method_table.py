@@ -79,10 +79,6 @@ def find_method(method: str | Interpolator, vectors: RenderedVectors | None = No
     vectors : RenderedVectors, optional
         Such as a `VectorFolder`.
 
-    Returns
-    -------
-    Interpolator
-
     Raises
     ------
     OptionError

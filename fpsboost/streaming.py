@@ -78,10 +78,6 @@ def run_conversion(
     outputs : OutputRange, optional
         Output frames that the sink gets; all by default.
 
-    Returns
-    -------
-    Summary
-
     Raises
     ------
     OptionError

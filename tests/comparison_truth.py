@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from truth import waves
 
-from fpsboost.evaluation.metrics import Scores
-from fpsboost.evaluation.results import FrameResult
+from fpsboost.evaluation.results import FrameResult, Scores
 
 HEIGHT, WIDTH = 48, 64
 NAMES = ("dis", "blend", "nearest")

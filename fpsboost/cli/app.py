@@ -48,7 +48,7 @@ from fpsboost.cli.options import (
     default_text,
     with_flags,
 )
-from fpsboost.cluster.options import ClusterOptions
+from fpsboost.cluster import ClusterOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
 from fpsboost.io.staging import discard_unfinished
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -163,7 +163,7 @@ def convert(
     gc.disable()  # until kernels are compiled or loaded: importing and loading them makes many objects and few cycles
     # imported here so that --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost.cli.batch import check_ending, convert_all, convert_each  # noqa: PLC0415
-    from fpsboost.cluster.options import convert_where  # noqa: PLC0415
+    from fpsboost.cluster import convert_where  # noqa: PLC0415
     from fpsboost.preparation import ConversionJob  # noqa: PLC0415
     from fpsboost.threads import one_opencv_thread  # noqa: PLC0415
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin,
 
 from cyclopts import Group, Parameter
 
-from fpsboost.cluster.options import ClusterOptions
+from fpsboost.cluster import ClusterOptions
 from fpsboost.errors import OptionError
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding

@@ -2,12 +2,72 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from fpsboost import OptionError
+from fpsboost.options import option
 
 if TYPE_CHECKING:
     from distributed import Client
 
     from fpsboost import ConversionJob, RunOptions, Summary
+
+
+LOCAL = "local"
+
+
+@dataclass(frozen=True)
+class ClusterOptions:
+    """Where the parts of a conversion are made; by default in threads of one process.
+
+    The address is that of a Dask scheduler; ``local`` means workers on this machine, one per core.
+    """
+
+    cluster: str | None = option(None, "Convert on Dask workers: tls://HOST:PORT, or local.", metavar="ADDRESS")
+
+    def __post_init__(self) -> None:
+        if self.cluster is not None and self.cluster != LOCAL and not re.match(r"(tcp|tls)://[^/]+:\d+$", self.cluster):
+            raise OptionError(
+                f"`cluster` must be local, or the address of a scheduler such as tls://host:8786, not {self.cluster}."
+            )
+
+
+def convert_where(where: ClusterOptions, job: ConversionJob, run: RunOptions) -> Summary:
+    """Convert a clip where options say; the output is the same everywhere."""
+    # imported here because the command line reads the options for --help
+    from fpsboost import convert_job  # noqa: PLC0415
+
+    if where.cluster is None:
+        return convert_job(job, run)
+    try:
+        from fpsboost.cluster import dask_engine  # noqa: PLC0415
+    except ImportError as error:
+        raise OptionError("`cluster` needs Dask; install it with: pip install 'fpsboost[cluster]'.") from error
+    if where.cluster == LOCAL:
+        with dask_engine.local_client(_affordable_workers(job, run)) as client:
+            return dask_engine.convert(job, client, run=run)
+    with dask_engine.remote_client(where.cluster) as client:
+        summary = dask_engine.convert(job, client, run=run)
+    if re.match(r"tcp://(?!localhost:|127\.|\[::1\])", where.cluster):
+        summary.remarks.append(
+            f"The connection to {where.cluster} was not encrypted, and who reaches that port can run programs on the "
+            "workers; use tls:// with the certificates of Dask's configuration."
+        )
+    return summary
+
+
+def _affordable_workers(job: ConversionJob, run: RunOptions) -> int:
+    """Return the number of workers with one thread that this machine has cores and memory for."""
+    from fpsboost import MemoryLimit  # noqa: PLC0415
+    from fpsboost.preparation import opened_clip  # noqa: PLC0415
+    from fpsboost.threads import available_cores  # noqa: PLC0415
+
+    with opened_clip(job, run) as clip:
+        info, images = clip.source.info, clip.whole.stream_info.images
+    planes = 0 if images is None else images.planes
+    return (run.limit or MemoryLimit()).affordable_processes(info.width, info.height, available_cores(), planes)
 
 
 def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None) -> Summary:
@@ -24,10 +84,6 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
         Synchronous; it stays open.
     run : RunOptions, optional
         `threads` is what each worker may use; by default its own number.
-
-    Returns
-    -------
-    Summary
 
     Raises
     ------

@@ -24,9 +24,8 @@ from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.evaluation.contestants import Contestant, InterpolatedFrame
 from fpsboost.evaluation.further_metrics import Meters
 from fpsboost.evaluation.hidden_frames import Hiding, Interval
-from fpsboost.evaluation.metrics import absolute_error, score
 from fpsboost.evaluation.regions import AREAS, Regions, find_regions
-from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult
+from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult, absolute_error, score
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import view
 from fpsboost.interpolator import with_neighbours

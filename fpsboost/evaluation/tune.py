@@ -22,7 +22,7 @@ from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.evaluation.compare import Observer
 from fpsboost.evaluation.contestants import InterpolatorContestant
 from fpsboost.evaluation.hidden_frames import Hiding, Sample, read_samples
-from fpsboost.evaluation.metrics import mean, score
+from fpsboost.evaluation.results import mean, score
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.new_output import write_whole
 from fpsboost.method_table import configure, find_method, methods

@@ -49,10 +49,6 @@ def join(
     observer : Observer, optional
         Informed when all parts have been checked.
 
-    Returns
-    -------
-    Summary
-
     Raises
     ------
     InputError

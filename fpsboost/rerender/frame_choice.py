@@ -101,10 +101,6 @@ def choose_frames(preview: str, folder: str, quality: float, *, method: str | In
     method : str or Interpolator
         Method that is to interpolate them.
 
-    Returns
-    -------
-    FrameChoice
-
     Raises
     ------
     OptionError

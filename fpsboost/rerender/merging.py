@@ -75,10 +75,6 @@ def merge_regions(made: str, rendered: str, output: str, options: MergeOptions) 
     options : MergeOptions
         The plan, and the width of seams.
 
-    Returns
-    -------
-    MergeSummary
-
     Raises
     ------
     OptionError

@@ -208,10 +208,6 @@ def plan_rerender(
     method : str or Interpolator
         Method that interpolates the frames.
 
-    Returns
-    -------
-    RerenderPlan
-
     Raises
     ------
     InputError

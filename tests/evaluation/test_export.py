@@ -13,9 +13,8 @@ import pytest
 from fpsboost.evaluation.export import DATA_VERSION, as_json, write_csv, write_json
 from fpsboost.evaluation.further_metrics import metrics
 from fpsboost.evaluation.hidden_frames import Hiding
-from fpsboost.evaluation.metrics import Scores
 from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
-from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult
+from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult, Scores
 
 DESCRIPTION = (Path(__file__).parents[2] / "docs" / "comparison.md").read_text(encoding="utf-8")
 

@@ -10,7 +10,7 @@ from truth import SCENES, needs_scenes
 
 from fpsboost.evaluation.contestants import InterpolatorContestant
 from fpsboost.evaluation.hidden_frames import Hiding
-from fpsboost.evaluation.metrics import mean, score
+from fpsboost.evaluation.results import mean, score
 from fpsboost.method_table import find_method
 
 GOLDEN = json.loads(Path(__file__).parents[1].joinpath("golden_scores.json").read_text())

@@ -10,7 +10,7 @@ from truth import noise
 
 from fpsboost.colour import composite_on_black
 from fpsboost.errors import InputError
-from fpsboost.evaluation.metrics import (
+from fpsboost.evaluation.results import (
     Scores,
     absolute_error,
     low_percentile,

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from fpsboost.colour import as_shown
 from fpsboost.evaluation.contestants import Contestant, InterpolatorContestant
 from fpsboost.evaluation.hidden_frames import Interval, Sample
-from fpsboost.evaluation.metrics import absolute_error
 from fpsboost.evaluation.report.self_contained import (
     LOSSLESS,
     MAX_WIDTH,
@@ -28,7 +27,7 @@ from fpsboost.evaluation.report.self_contained import (
     encode,
     not_too_wide,
 )
-from fpsboost.evaluation.results import Comparison
+from fpsboost.evaluation.results import Comparison, absolute_error
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.motion.field import ZeroMotion, point_places
