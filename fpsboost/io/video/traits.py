@@ -37,6 +37,9 @@ transfers = {
 UPRIGHT = struct.pack("=9i", 1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 30)
 """Display matrix that changes nothing, as of EXIF."""
 
+ALWAYS_LOCATED = ("h264", "hevc", "amv", "h263", "mjpeg", "mpeg1video", "theora")
+"""Formats whose decoders always say where chroma samples are; of others FFmpeg takes an unknown place for the centre."""
+
 Point = tuple[Fraction, Fraction]
 
 
@@ -121,8 +124,7 @@ def read_traits(
         color_transfer=picture.color_trc,
         full_range=is_full_range(picture),
         chroma_location=location,
-        # FFmpeg takes an untagged location for the centre; only these two formats always have a tag.
-        tagged_chroma_location=location != "center" or codec in ("h264", "hevc"),
+        tagged_chroma_location=location != "center" or codec in ALWAYS_LOCATED,
         sample_aspect_ratio=as_fraction(stream.sample_aspect_ratio),
         display_matrix=None if matrix in (None, UPRIGHT) else tuple(np.frombuffer(matrix, np.int32).tolist()),
         mastering_display=parse_mastering_display(sides.get("MASTERING_DISPLAY_METADATA")),

@@ -20,7 +20,7 @@ from fpsboost import convert
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
-from fpsboost.io.video.ycc import SCALER_FLAGS, plane_arrays
+from fpsboost.io.video.ycc import SCALER_FLAGS, chroma_location_of, plane_arrays
 
 SIZE = 48, 64
 BT709, BT601, BT2020, PQ, HLG = 1, 6, 9, 16, 18
@@ -149,7 +149,7 @@ def colours(picture: av.VideoFrame, pixel_format: str = "bgr24") -> np.ndarray[A
     ],
 )
 def test_every_frame_has_the_colours_that_ffmpeg_shows(tmp_path, codec, pixel_format, encoding):
-    """Of a still with a palette, in gray, in packed samples, and in planes that lie in memory from bottom to top."""
+    """Of a still with a palette, in gray, in packed samples, in planes from bottom to top with chroma in the centre."""
     still = gradients("bgr0" if pixel_format != "yuvj420p" else pixel_format, full_range=True)
     still = with_palette() if pixel_format == "pal8" else still.reformat(format=pixel_format)
     clip = write_pictures(tmp_path / "in.nut", still, codec)
@@ -159,6 +159,7 @@ def test_every_frame_has_the_colours_that_ffmpeg_shows(tmp_path, codec, pixel_fo
     for picture in pictures:
         off = colours(picture) - expected
         assert (abs(off.mean()) < 0.2, np.abs(off).max() <= 4) == (True, True)
+        assert codec != "amv" or chroma_location_of(picture, VideoReformatter()) == "center"
 
 
 def test_transparent_colours_of_a_palette_are_kept_or_said_to_be_lost(tmp_path):
