@@ -252,12 +252,11 @@ class VideoClock:
 
     @property
     def _declared_end(self) -> Fraction | None:
-        """Return when the stream ends by its header, whose duration counts from its start, in ASF from time 0."""
+        """Return when the stream ends by its header; that of ASF only says how long the whole file is."""
         stream = self.file.stream
-        if stream.duration is None:
+        if stream.duration is None or self.file.container.format.name.startswith("asf"):
             return None
-        begin = 0 if self.file.container.format.name.startswith("asf") else stream.start_time or 0
-        return (begin + stream.duration) * self.tick - self.start
+        return ((stream.start_time or 0) + stream.duration) * self.tick - self.start
 
     @property
     def _says_duration(self) -> bool:

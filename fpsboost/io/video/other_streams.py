@@ -30,6 +30,9 @@ from fpsboost.io.video.tags import Labels, at_rate, copy_labels, find_timecode, 
 MAX_INTERLEAVING = 10
 """Maximum time by which packets of different streams in one file may be out of order, seconds."""
 
+MAX_PRIMING = Fraction(1, 10)
+"""Hidden sound before the beginning that decoders need to have decoded, at most, seconds."""
+
 MIN_TEXT_TICK = Fraction(1, 90_000)
 """Shortest tick of subtitles in mp4 and mov, whose muxer takes no two that are 2**31 ticks apart, seconds."""
 
@@ -231,11 +234,16 @@ class OtherStreams:
         for packet in read_packets(self._input, wanted, damage):
             if damage.unreadable and sentence not in self.remarks:
                 self.remarks.append(sentence)
-            if packet.dts is not None:
+            if packet.dts is not None and not self._is_hidden(packet):
                 later = round(self._source.start / Fraction(packet.time_base))
                 packet.dts -= later
                 packet.pts = None if packet.pts is None else packet.pts - later
                 yield packet
+
+    def _is_hidden(self, packet: av.Packet[av.stream.Stream]) -> bool:
+        """Return whether the edit list of the source hides a packet, the output cannot, and no decoder needs it."""
+        end = ((packet.pts or 0) + (packet.duration or 0)) * Fraction(packet.time_base)
+        return packet.is_discard and self._container not in EXACT_TIME_BASE_CONTAINERS and end < -MAX_PRIMING
 
     def _is_past(self, packet: av.Packet[av.stream.Stream]) -> bool:
         """Return whether a packet is so far after the window that all later packets of any stream are after it too."""

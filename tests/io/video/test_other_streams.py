@@ -327,13 +327,15 @@ def test_labels_survive_two_changes_of_container(tmp_path):
 # ----------------------------------------------------------------------------------------------- where the sound stands
 
 
-def write_sound(path: Path, sound_start: int, video_start: int, *, sound_first: bool) -> Path:
+def write_sound(
+    path: Path, sound_start: int, video_start: int, *, sound_first: bool = False, samples: int = 19200
+) -> Path:
     """Write picture and sound that start at their own times, samples of 48 kHz and frames of 25 a second."""
     with av.open(str(path), "w") as output:
         sound = output.add_stream("aac", rate=48000) if sound_first else None
         _, packets = add_pictures(output, start=video_start)
         sound = sound or output.add_stream("aac", rate=48000)
-        mux_in_order(output, packets + tone(sound, sound_start))
+        mux_in_order(output, packets + tone(sound, sound_start, samples))
     return path
 
 
@@ -353,6 +355,18 @@ def test_sound_stays_beside_its_pictures(tmp_path, sound_start, video_start, sou
         assert [data for _, data in after] == [data for _, data in before]
         shifts = [first_picture(path) - packets[0][0] for path, packets in ((clip, before), (target, after))]
         assert abs(shifts[1] - shifts[0]) <= (Fraction(1, 500) if suffix == ".mkv" else 0)
+
+
+def test_sound_that_an_edit_list_hides_is_not_heard(tmp_path):
+    """In mp4 and mov it stays hidden; Matroska, which hides none, gets what decoders need to begin with."""
+    clip = write_sound(tmp_path / "in.mp4", -96000, 0, samples=120_000)
+    with av.open(str(clip)) as file:
+        assert next(file.demux(audio=0)).is_discard
+    for suffix in (".mp4", ".mov", ".mkv"):
+        target = tmp_path / f"out{suffix}"
+        assert double(clip, target) == []
+        hidden = first_picture(target) - packets_of(target, "audio")[0][0]
+        assert (0 < hidden < Fraction(1, 5)) if suffix == ".mkv" else (hidden > 1)
 
 
 def first_picture(path: Path) -> Fraction:
