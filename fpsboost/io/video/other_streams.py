@@ -323,10 +323,7 @@ def _chapters_within(file: av.container.InputContainer, window: Window | None, s
 
 
 def _exact_timescale(file: av.container.InputContainer, start: Fraction, ticks_of_sounds: Sequence[Fraction]) -> int:
-    """Return the ticks per second in which every stream's start is exact; mp4 rounds to milliseconds by default.
-
-    For re-encoded audio the end is exact too, since its last packet holds padding beyond the end.
-    """
+    """Return ticks per second in which starts, and ends of re-encoded audio, are exact; by default it is 1000."""
     starts = [
         stream.start_time * Fraction(stream.time_base) - start
         for stream in file.streams
@@ -337,10 +334,7 @@ def _exact_timescale(file: av.container.InputContainer, start: Fraction, ticks_o
 
 
 def _attached_picture(source: VideoFile, index: int) -> av.Packet[Any] | None:
-    """Return a picture attached to the file, which FFmpeg delivers as the first packet of its own stream.
-
-    The file is opened separately, since seeking back to the start afterwards would lose audio before time 0.
-    """
+    """Return an attached picture, the first packet of its stream, from a file of its own, as seeking loses audio."""
     with open_video(source.path, source.name, playlists=source.playlists) as file:
         try:
             packet = next(iter(file.demux(file.streams[index])), None)

@@ -25,10 +25,7 @@ formats_of_other_files = {"concat", "dash", "hls", "imf", "rtp", "rtsp", "sap", 
 
 
 def open_input(file: Any, *, playlists: bool = False) -> av.container.InputContainer:
-    """Open a path or a file object for demuxing; bytes of its texts that are not UTF-8 become U+FFFD.
-
-    Without `playlists`, only the file itself may be read.
-    """
+    """Open a file for demuxing, and no other without `playlists`; what of its texts is not UTF-8 becomes U+FFFD."""
     allowed = {}
     if not playlists:
         formats = ",".join(sorted(av.formats_available - formats_of_other_files))

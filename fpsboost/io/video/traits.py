@@ -38,7 +38,7 @@ UPRIGHT = struct.pack("=9i", 1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 30)
 """Display matrix that changes nothing, as of EXIF."""
 
 ALWAYS_LOCATED = ("h264", "hevc", "amv", "h263", "mjpeg", "mpeg1video", "theora")
-"""Formats whose decoders always say where chroma samples are; of others FFmpeg takes an unknown place for the centre."""
+"""Formats whose decoders always say where chroma samples are; of others FFmpeg takes an unknown one for the centre."""
 
 Point = tuple[Fraction, Fraction]
 

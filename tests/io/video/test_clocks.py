@@ -205,7 +205,7 @@ def test_what_is_missing_is_counted(tmp_path):
 @pytest.mark.parametrize("sound_seconds", [0.3, 0.5])
 @pytest.mark.parametrize("name", ["in.asf", "in.avi", "in.mkv"])
 def test_the_last_picture_is_shown_for_one_interval(tmp_path, name, sound_seconds):
-    """A header that counts from before the first picture, or to the end of the sound, does not lengthen the last one."""
+    """A header that counts from before the first picture, or to the end of the sound, lengthens no last one."""
     clip = write_clip(tmp_path / name, times=range(2, 12), codec="mpeg4", sound="mp2", sound_seconds=sound_seconds)
     frames, _ = read(clip)
     assert abs(frames[-1].duration - Fraction(1, 25)) <= MILLISECOND
