@@ -29,7 +29,7 @@ from fpsboost.ui.files import Files
 LABELS = {
     **{"overwrite": "Replace it if it exists", "no-audio": "Keep the sound", "no-subtitles": "Keep the subtitles"},
     **{"factor": "Times as many frames", "fps": "Frames a second", "slow-motion": "Slow motion", "method": "Method"},
-    **{"input-fps": "The images were made for how many a second", "start": "From", "end": "to", "codec": "Format"},
+    **{"input-fps": "Frame rate of the images", "start": "From", "end": "to", "codec": "Format"},
     **{"crf": "Smaller file” or “Higher quality", "lossless": "Without loss", "streams": "Streams to keep"},
     "resume": "Try again",
 }
@@ -50,14 +50,16 @@ CRF_STEPS = {"usual": 0, "smaller": 6, "higher": -4, "lossless": 0}
 """Difference from the usual constant rate factor by words for the quality; 6 is about half of the size."""
 
 
-def on_page(sentence: str) -> str:
-    """Return a sentence of the library or of the command line in the words of the page.
+def on_page(sentence: str, *paths: str) -> str:
+    """Return a sentence of the library or of the command line in the words of the page, with the names of some paths.
 
     Examples
     --------
     >>> on_page("a.mp4 exists already; pass `overwrite=True` to replace it.")
     'a.mp4 exists already; tick “Replace it if it exists” to replace it.'
     """
+    for path in paths:
+        sentence = sentence.replace(path, Path(path).name)
     text = in_flags(sentence)
     for words, others in PHRASES.items():
         text = re.sub(words, others, text)
@@ -136,7 +138,7 @@ class Choices:
             "frames": frames,
             "rate": float(rate) if has_rate else None,
             "length": format_time(frames / rate) if has_rate and frames else "",
-            "remarks": [on_page(each) for each in dict.fromkeys(remarks)],
+            "remarks": [on_page(each, self.input, ready.output.path) for each in dict.fromkeys(remarks)],
         }
 
 

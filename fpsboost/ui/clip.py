@@ -59,7 +59,7 @@ def header(path: str) -> dict[str, Any]:
         "is_images": is_images,
         "last": None if duration is None else max(0.0, float(duration * unit - unit / info.rate)),
         "is_quick": count is not None and count * info.width * info.height <= QUICK_PIXELS,
-        "remarks": [on_page(each) for each in remarks],
+        "remarks": [on_page(each, path) for each in remarks],
         "streams": [
             {"index": each.index, "kind": KEPT[each.kind], "says": each.says}
             for each in (list_streams(file) if file is not None else ())
@@ -85,7 +85,7 @@ def probe(path: str, is_dropped: Event) -> dict[str, Any]:
     return {
         "facts": {name: value for name, value in facts(result).items() if not name.startswith("--")},
         "streams": {f"stream {each.index}": each.says for each in result.streams},
-        "remarks": [on_page(each) for each in (*result.remarks, *result.conversion.remarks)],
+        "remarks": [on_page(each, path) for each in (*result.remarks, *result.conversion.remarks)],
         "last": result.frames - 1 if stands_for_images(path) else max(0.0, result.duration - 1 / result.rate),
     }
 

@@ -58,7 +58,7 @@ class Job:
         """Take over the progress that a run reports."""
         for name in ("stage", "frame", "frames", "fps"):
             setattr(self, name, report.get(name, getattr(self, name)))
-        remarks = map(on_page, report.get("remarks", []))
+        remarks = [on_page(each, self.words[1], self.output) for each in report.get("remarks", [])]
         self.remarks += [each for each in remarks if each not in self.remarks]
 
     def pause(self, kept: int, message: str) -> None:

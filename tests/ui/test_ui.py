@@ -467,7 +467,7 @@ def test_images_become_images(client, films, save_images):
     assert (found["is_images"], found["choices"]["name"]) == (True, "shot-2x/")
     assert check(client, found["choices"])["frames"] == 9
     as_video = {**found["choices"], "name": "shot.mp4"}
-    assert "say it with “The images were made for how many a second”" in notice(client, "/check", as_video)
+    assert "say it with “Frame rate of the images”" in notice(client, "/check", as_video)
     assert found["last"] == 4
     for time, between in enumerate([(1, 2), (2, 3), (3, 4), (4, 5), (4, 5), (4, 5)]):
         shown = client.post("/look", json={"choices": {**found["choices"], "method": "blend"}, "time": time}).json()
@@ -574,7 +574,6 @@ def test_look_at_the_ends(client, films, time):
 def test_job_becomes_a_file_that_plays(client, desk, films):
     """The page gets the result in parts as a player asks for them, and nothing else in its place."""
     number = add(client, form(client, films))
-    assert client.get(f"/result/{number}").status_code in (200, 400)
     job, output = until(desk.queue, "done"), films / "clip-2x.mp4"
     assert (job["frame"], job["frames"], job["message"]) == (20, 20, "")
     part = client.get(f"/result/{number}", headers={"range": "bytes=0-99"})
@@ -639,10 +638,9 @@ def test_failure_is_said_in_a_sentence(client, desk, films):
     choices = form(client, films)
     data = (films / "clip.mp4").read_bytes()
     (films / "clip.mp4").write_bytes(b"damaged meanwhile")
-    desk.queue.add(["fpsboost", choices["input"], str(films / "out.mp4")])
+    desk.queue.add(["fpsboost", choices["input"], str(films / "out.mp4"), "--method", "nearest"])
     assert str(films / "clip.mp4") in until(desk.queue, "failed")["message"]
     (films / "clip.mp4").write_bytes(data)
-    desk.queue._jobs[1].words += ["--method", "nearest"]
     desk.queue.resume(1)
     until(desk.queue, "done")
 
@@ -728,8 +726,7 @@ def test_queue_has_a_limit(desk, tmp_path):
 def test_pause_says_where_it_goes_on(desk, films, monkeypatch, said, frame, message):
     """A paused conversion says how many frames are kept, or that it begins anew; the next start asks for no others."""
     script = STOPPED_AT_TEN.replace("of 20", "of 896").replace('"frames": 20', '"frames": 896')
-    script = re.sub('"Stopped; .*?"', repr(said), script)
-    process = [sys.executable, "-c", script]
+    process = [sys.executable, "-c", re.sub('"Stopped; .*?"', repr(said), script)]
     monkeypatch.setattr(
         jobs, "start_process", lambda words: subprocess.Popen(process, stderr=subprocess.PIPE, encoding="utf-8")
     )
@@ -1048,7 +1045,10 @@ def test_several_clips_become_something_alike(chromium, films, tmp_path, way):
             )
         expect(page.locator("#clip-title")).to_have_text("2 clips")
         expect(page.locator("#clip-title")).to_be_focused()
-        page.get_by_role("button", name="city.mp4").click()
+        for name in ("city.mp4", "beach.mp4", "city.mp4", "city.mp4"):
+            page.get_by_role("button", name=name).click()  # which drops what is read
+        page.locator("#facts").get_by_text("constant").wait_for(state="attached")
+        expect(page.locator("#clip .notice")).to_be_hidden()
         page.get_by_label("Repeat frames").check()
         page.get_by_label("Another multiple").check()
         page.locator("#names").get_by_text("beach-3x.mp4, city-3x.mp4").wait_for()

@@ -160,6 +160,7 @@ async function pick(paths) {
 
 /** Show one of the clips that were taken. */
 function showClip(clip) {
+  if (clip === state.clip) return;
   state.reading?.abort(); // a clip that is no longer shown is not read on
   Object.assign(state, { clip, player: null });
   [...byId("several").children].forEach((chip, place) => (chip.ariaPressed = String(state.clips[place] === clip)));
@@ -190,14 +191,14 @@ function fill(clips) {
 
 async function probe() {
   const { clip } = state;
-  state.reading = new AbortController();
+  const reading = (state.reading = new AbortController());
   if (document.activeElement === byId("read")) byId("clip-title").focus();
   byId("read").hidden = true;
   byId("reading").hidden = false;
   await attempt(byId("clip"), async () => {
     try {
-      const found = await ask("/probe", { path: clip.choices.input }, state.reading.signal);
-      if (state.clip !== clip) return;
+      const found = await ask("/probe", { path: clip.choices.input }, reading.signal);
+      if (reading.signal.aborted) return;
       const rows = Object.entries({ ...found.facts, ...found.streams }).map(([name, value]) =>
         make("div", {}, make("dt", {}, name), make("dd", {}, value)),
       );
@@ -206,10 +207,10 @@ async function probe() {
       byId("facts").hidden = false;
       byId("notes").replaceChildren(...found.remarks.map((each) => make("p", { className: "note" }, each)));
     } catch (error) {
-      if (state.clip === clip) throw error;
+      if (!reading.signal.aborted) throw error;
     }
   });
-  if (state.clip === clip) byId("reading").hidden = true;
+  if (!reading.signal.aborted) byId("reading").hidden = true;
 }
 
 // ---------------------------------------------------------------- what it becomes
@@ -247,6 +248,9 @@ function keptOf({ streams }) {
 /** Offer the sound and subtitles of the clip that is shown, where there are several of a kind. */
 function showStreams() {
   const { clip, clips } = state;
+  for (const kind of ["sound", "subtitles"]) {
+    form.elements[kind].parentElement.hidden = !clips.some((each) => each.streams.some((stream) => stream.kind === kind));
+  }
   byId("streams").hidden = new Set(clip.streams.map((each) => each.kind)).size === clip.streams.length;
   byId("streams-title").textContent = clips.length > 1 ? `Streams to keep of ${clip.name}` : "Streams to keep";
   const ticks = clip.streams.map((each) => {
@@ -292,7 +296,8 @@ function check() {
     if (!answer) return;
     const found = answer.clips;
     const remarks = new Set(found.flatMap((each) => each.remarks));
-    byId("outcome").textContent = [...found.map(outcomeOf).map((each, place) => named(place, each)), ...remarks].join(" ");
+    const outcomes = found.map((each, place) => make("p", {}, named(place, outcomeOf(each))));
+    byId("outcome").replaceChildren(...outcomes, ...[...remarks].map((each) => make("p", { className: "note" }, each)));
     byId("command").textContent = found.map((each) => each.command).join("\n");
     byId("names").textContent = `Each beside its source: ${found.map((each) => each.name).join(", ")}.`;
     if (!state.isNamed || state.isTaken) form.elements.name.value = found[0].name;
@@ -309,7 +314,7 @@ function named(place, sentence) {
 }
 
 function outcomeOf({ frames, rate, length }) {
-  const says = [frames ? `${frames.toLocaleString("en")} frames` : "frames as many as there are"];
+  const says = [frames ? `${frames.toLocaleString("en")} frames` : "the number of frames is unknown"];
   if (rate) says.push(`at ${+rate.toFixed(3)} a second`);
   if (length) says.push(`${length} long`);
   return `${says.join(", ")}.`;
@@ -491,7 +496,7 @@ function show(job) {
 
 /** What a job has written, beside its source, which plays in step. */
 function result(job) {
-  const where = make("p", { className: "note" }, `It is ${job.output}`);
+  const where = make("p", { className: "note" }, `Saved as ${job.output}`);
   if (/[\\/]$/.test(job.output)) return [where];
   const after = pictureOf(job, "result", job.output);
   const before = pictureOf(job, "source", job.words[1]);
