@@ -29,6 +29,7 @@ from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageSource
 from fpsboost.io.side.flow import encode_flow
 from fpsboost.io.staging import StagingDirectory
+from fpsboost.io.video import chunks
 from fpsboost.io.video.chunks import ChunkWriter, find_chunks, timed_packets
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
@@ -273,6 +274,14 @@ def test_all_may_be_there(tmp_path, clip, whole, monkeypatch):
     monkeypatch.undo()
     assert run(clip, tmp_path / "out.mp4", resume=True).completed_frames == 50
     assert contents(tmp_path / "out.mp4") == contents(whole)
+
+
+def test_each_index_is_parsed_once(tmp_path, clip, monkeypatch):
+    """When its chunk is muxed, since that of a long film takes a while."""
+    parsed = []
+    monkeypatch.setattr(chunks, "_index_of", lambda path, of=chunks._index_of: parsed.append(path.name) or of(path))
+    run(clip, tmp_path / "out.mp4")
+    assert parsed == [f"{number:08d}.chunk" for number in range(2 * FRAMES // CHUNK)]
 
 
 @pytest.mark.parametrize("damage", ["torn", "flipped", "empty", "missing"])
