@@ -157,7 +157,7 @@ def _open_file(
     if not Path(path).exists():
         raise InputError(f"{path} does not exist; check the name.")
     if Path(path).is_fifo():
-        raise InputError(f"{path} is a named pipe, which can be read only once; give - and lead it there: < {path}.")
+        raise InputError(f"{path} is a named pipe, which is read only once; give it as standard input: - < {path}.")
     animated = is_animation(Path(path))
     if not animated and Path(path).suffix.lower() in (*IMAGE_SUFFIXES, ".apng"):
         raise InputError(f"{path} is a single image; give its folder, or a pattern like shot_####.png.")

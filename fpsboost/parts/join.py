@@ -76,7 +76,7 @@ def join(
     )
     with opened_clip(job, run) as clip:
         if input_identity(clip) != first.facts.get("input"):
-            raise InputError(f"{clip.whole.info.name} is not what the parts were made of; name that with `input`.")
+            raise InputError(f"{clip.whole.info.name} is not the input of the parts; name that with `input`.")
         ready = prepare(job, run, clip)
         ready.output = replace(ready.output, window=_window(ordered))
         summary = _summary(ordered)

@@ -333,7 +333,9 @@ def test_another_job_is_refused(tmp_path, clip):
     """The sentence names what differs, and what is finished stays for the job that it belongs to."""
     stop(clip, tmp_path / "out.mp4", 30, encoding=replace(FAST, crf=20))
     before = sorted(folder_of(tmp_path / "out.mp4").iterdir())
-    with pytest.raises(OutputError, match=r"out\.mp4 was begun with crf 20 and not 30; say the same as then, or leave"):
+    with pytest.raises(
+        OutputError, match=r"out\.mp4 was begun with crf 20 and not 30; give the same options, or leave"
+    ):
         run(clip, tmp_path / "out.mp4", resume=True, encoding=replace(FAST, crf=30))
     assert sorted(folder_of(tmp_path / "out.mp4").iterdir()) == before
     run(clip, tmp_path / "out.mp4", resume=True, encoding=replace(FAST, crf=20))
@@ -544,7 +546,7 @@ def test_the_command_line_goes_on(fpsboost_, tmp_path, monkeypatch):
     )
     result = fpsboost_(*COMMAND, "--resume", "--crf", "30")
     assert result.err.startswith(
-        "fpsboost: out.mp4 was begun with crf None and not 30; say the same as then, or leave "
+        "fpsboost: out.mp4 was begun with crf None and not 30; give the same options, or leave "
     )
     result = fpsboost_(*COMMAND, "--resume")
     assert result.code == 0

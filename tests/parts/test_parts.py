@@ -238,7 +238,7 @@ def test_parts_that_cannot_be_joined(tmp_path, made):
     convert_in_parts(3, tmp_path / "in", tmp_path / "nearest", method="nearest")
     assert "differ in their" in refused(one, tmp_path / "nearest.parts" / two.name, three)
     spoil(tmp_path / "in" / "003.png")
-    assert "is not what the parts were made of" in refused(made)
+    assert "is not the input of the parts" in refused(made)
 
 
 def test_join_takes_an_input_that_was_moved(tmp_path, made):
