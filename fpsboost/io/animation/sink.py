@@ -23,7 +23,7 @@ import numpy as np
 from fpsboost.errors import OutputError, explained
 from fpsboost.frame import Frame
 from fpsboost.image import Image, view
-from fpsboost.io.animation.source import MAX_DELAY_TERM, PNG_SIGNATURE, SHORTEST_GIF_DELAY, WEBP_ANIMATED
+from fpsboost.io.animation.source import MAX_DELAY_TERM, PNG_SIGNATURE, SHORTEST_GIF_DELAY, WEBP_ANIMATED, opened
 from fpsboost.io.new_output import check_writable
 from fpsboost.io.output import Output, check_frame_size
 from fpsboost.io.staging import StagedSink
@@ -385,6 +385,11 @@ class AnimationSink(StagedSink):
         if self._begin is None:
             raise OutputError(f"{self._name} was not written because there were no frames.")
         self._writer.finish()
+        self._file.seek(0)
+        try:
+            opened(self._file).load()
+        except Exception as error:  # damage makes Pillow raise nearly anything
+            raise OutputError(f"{self._name} was not written because it cannot be read back; check the disk.") from error
         self._file.close()
         os.replace(self._temporary, self._path)
 

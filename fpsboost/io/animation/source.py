@@ -44,7 +44,7 @@ def is_animation(path: Path) -> bool:
             start = file.read(HEADER_SIZE)
             if start.startswith(PNG_SIGNATURE):
                 file.seek(0)
-                with _opened(file) as image:
+                with opened(file) as image:
                     return bool(getattr(image, "is_animated", False))
     except (OSError, SyntaxError):
         return False
@@ -58,7 +58,7 @@ def _webp_size(start: bytes) -> tuple[int, int] | None:
     return 1 + int.from_bytes(start[24:27], "little"), 1 + int.from_bytes(start[27:30], "little")
 
 
-def _opened(file: BinaryIO) -> PillowImage:
+def opened(file: BinaryIO) -> PillowImage:
     """Open an animation without decoding it; its warnings become remarks or errors of the source."""
     from PIL import Image as Pillow  # noqa: PLC0415
 
@@ -103,7 +103,7 @@ class AnimationSource(ClosesOnExit):
             limit.check(self._name, *declared)
         try:
             self._file.seek(0)
-            image = _opened(self._file)
+            image = opened(self._file)
         except Exception as error:  # damage makes Pillow raise nearly anything
             raise InputError(f"{self._name} is damaged or no animation; replace it.") from error
         self._format, self.plays, (self._width, self._height) = image.format, _plays_of(image), image.size
@@ -146,7 +146,7 @@ class AnimationSource(ClosesOnExit):
                     image = np.ascontiguousarray(picture.to_ndarray(format="bgra"))
                     yield image, delay if delay >= SHORTEST_GIF_DELAY else DEFAULT_DELAY
             return
-        file = _opened(self._file)
+        file = opened(self._file)
         with suppress(EOFError):
             for index in count():
                 file.seek(index)

@@ -237,6 +237,8 @@ class VideoPartSink(ChunkSink):
 
     def _finish(self) -> None:
         self._finish_chunk()
+        if len(find_chunks(self._folder, self._first_chunk)) < len(self._chunks):
+            raise OutputError(f"{self._name} was not written because it cannot be read back; check the disk.")
         self._part.publish_part()
 
 

@@ -345,3 +345,12 @@ def test_options_for_video_are_refused(fpsboost_, tmp_path):
     result = fpsboost_("in.gif", "out.webp", "--crf", 3, "--codec", "vp9")
     assert result.code == 2
     assert "out.webp will be an animation, which takes no --codec or --crf" in result.err
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_an_animation_that_cannot_be_read_back_is_not_published(tmp_path, monkeypatch, suffix):
+    """It ends in a sentence and leaves nothing behind."""
+    monkeypatch.setattr("fpsboost.io.animation.sink.AnimationWriter.finish", lambda self: self._file.truncate(20))
+    with pytest.raises(OutputError, match=rf"out\{suffix} was not written because it cannot be read back; check"):
+        write(tmp_path / f"out{suffix}", [scene(number) for number in range(3)])
+    assert not list(tmp_path.iterdir())
