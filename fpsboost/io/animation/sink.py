@@ -389,7 +389,9 @@ class AnimationSink(StagedSink):
         try:
             opened(self._file).load()
         except Exception as error:  # damage makes Pillow raise nearly anything
-            raise OutputError(f"{self._name} was not written because it cannot be read back; check the disk.") from error
+            raise OutputError(
+                f"{self._name} was not written because it cannot be read back; check the disk."
+            ) from error
         self._file.close()
         os.replace(self._temporary, self._path)
 
