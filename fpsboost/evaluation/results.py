@@ -178,19 +178,19 @@ class Comparison:
         """Return what must be known of duplicates and times to understand the figures, as sentences."""
         notes = []
         if self.repeats:
-            notes.append(f"These frames show what the one before shows, and are no truths: {_some(self.repeats)}.")
+            notes.append(f"These frames repeat the one before, and are not compared: {_some(self.repeats)}.")
         if self.doubtful:
             notes.append(
-                "These hidden frames do not count, since beside repeats, in stills and across pauses nobody knows what "
-                f"should be seen: {_some(self.doubtful)}."
+                "These hidden frames do not count, since beside repeats, in stills and across pauses the true picture "
+                f"is unknown: {_some(self.doubtful)}."
             )
         uneven = [number for number in self.uneven if number not in {*self.cuts, *self.doubtful}]
         if uneven:
             rigid = [name for name, contestant in contestants.items() if not contestant.any_time]
             but = f" (even ones with {', '.join(rigid)})" if rigid else ""
             notes.append(
-                f"These hidden frames do not divide the time between the shown ones evenly, and were made at their own "
-                f"times{but}: {_some(uneven)}."
+                f"These hidden frames do not divide the time between the shown ones evenly, and were interpolated at "
+                f"their own times{but}: {_some(uneven)}."
             )
         return notes
 

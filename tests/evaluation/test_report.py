@@ -95,7 +95,7 @@ def test_folder_appears_whole_or_not_at_all(comparison, contestants, tmp_path, m
     ("changes", "words"),
     [
         ({"cuts": [0]}, "Not counted: frame {},"),
-        ({"doubtful": [0], "repeats": [1]}, "nobody knows what should be seen: {}."),
+        ({"doubtful": [0], "repeats": [1]}, "the true picture is unknown: {}."),
     ],
 )
 def test_frames_that_do_not_count_are_named_and_not_drawn(comparison, contestants, tmp_path, changes, words):

@@ -104,7 +104,7 @@ class Encoding:
         metavar="KEY=VALUE",
         parse=parse_encoder_options,
     )
-    audio_codec: str | None = option(None, "Audio encoder: aac, opus, flac...; else copy.", group="Streams")
+    audio_codec: str | None = option(None, "Audio encoder: aac, opus...; else copy; opus in .webm.", group="Streams")
     audio: bool = option(True, "Drop the audio.", flag="no-audio", group="Streams")
     subtitles: bool = option(True, "Drop the subtitles.", flag="no-subtitles", group="Streams")
     streams: tuple[int, ...] | None = option(
