@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import re
+import statistics
 from collections.abc import Collection, Iterator
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -46,8 +48,14 @@ FIRST_BOXES = {b"ftyp", b"mdat", b"wide", b"free", b"skip"}
 TRANSPORT_PACKET = re.compile(rb"(?=\x47(..)(.)(?:.{184}|.{188}|.{200})\x47)", re.DOTALL)
 """A packet of 188, 192 or 204 bytes before another: its identifier, below flags, and how it is scrambled, above."""
 
-PROBES, PROBED_BYTES = 256, 1 << 15
-"""Number and size of the places of a transport stream at which its packets are looked at for scrambling."""
+PICTURE_TIME = re.compile(rb"\x00\x00\x01[\xe0-\xef]..[\x80-\xbf][\x80-\xff].(.{5})", re.DOTALL)
+"""Presentation time, among bits that are always set, in the header of a packet of video (PES)."""
+
+MAX_REORDERED_TIME = 45_000
+"""How far back in ticks of 90 kHz a picture may be presented before the one that is stored before it."""
+
+PROBES, MIN_PROBED_BYTES, MAX_PROBED_BYTES = 256, 1 << 12, 1 << 15
+"""Number and sizes of the places of a file at which a sample is taken."""
 
 UNTIMED_FORMAT = "avi"
 """Container that stores no times, only packets in order; FFmpeg guesses presentation times from picture types."""
@@ -80,6 +88,18 @@ class Demuxer:
         # a quarter of the cores: the decoder has little to do, and every thread holds frames of its own
         self.stream.thread_type = "AUTO"
         self.stream.thread_count = max(1, available_cores() // 4)
+
+    @property
+    def duration(self) -> int | None:
+        """Duration in ticks, unless unknown, or wrong because a sample shows that the clock jumps."""
+        times: list[int] = []
+        for _, block in probed(self._path) if clock_may_jump(self.container) else ():
+            if match := PICTURE_TIME.search(block):
+                high, middle, low = match[1][0] >> 1 & 7, int.from_bytes(match[1][1:3]), int.from_bytes(match[1][3:])
+                times.append(high << 30 | middle >> 1 << 15 | low >> 1)
+        steps = [(later - earlier + MAX_REORDERED_TIME) % (1 << 33) for earlier, later in pairwise(times)]
+        jumps = max(steps, default=0) > 10 * max(statistics.median(steps or [0]), MAX_REORDERED_TIME)
+        return None if jumps or (self.stream.duration or 0) <= 0 else self.stream.duration
 
     def packets(self, damage: Damage) -> Iterator[av.Packet[Any]]:
         """Yield the video stream's packets from where the file is, and update `damage`, `furthest` and `last_start`."""
@@ -198,16 +218,23 @@ def is_encrypted(packet: av.Packet[Any]) -> bool:
     return bool(packet.has_sidedata("encryption_info")) or "enc_key_id" in packet.stream.metadata
 
 
+def probed(path: Path) -> Iterator[tuple[int, bytes]]:
+    """Yield a sample of a file: places, in bytes, and what lies there."""
+    size = path.stat().st_size
+    step = max(MIN_PROBED_BYTES, size // PROBES)
+    with path.open("rb") as file:
+        for place in range(0, size, step):
+            file.seek(place)
+            yield place, file.read(min(step, MAX_PROBED_BYTES))
+
+
 def scrambled_place(path: Path, pid: int) -> int | None:
     """Return about where, in bytes, packets of a transport stream with this identifier are scrambled, by a sample."""
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        for place in range(0, size, max(PROBED_BYTES, size // PROBES)):
-            file.seek(place)
-            packets = TRANSPORT_PACKET.findall(file.read(PROBED_BYTES))
-            own = [flags[0] >= 0x40 for head, flags in packets if int.from_bytes(head) & 0x1FFF == pid]
-            if 2 * sum(own) > len(own):
-                return place
+    for place, block in probed(path):
+        packets = TRANSPORT_PACKET.findall(block)
+        own = [flags[0] >= 0x40 for head, flags in packets if int.from_bytes(head) & 0x1FFF == pid]
+        if 2 * sum(own) > len(own):
+            return place
     return None
 
 

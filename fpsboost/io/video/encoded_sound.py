@@ -254,10 +254,7 @@ class EncodedSound:
         self._take(frame, begin)
 
     def _take(self, frame: av.AudioFrame, begin: Fraction | None) -> None:
-        """Stretch and encode the new samples of a decoded frame that lie in the window.
-
-        `begin` is the start of its packet, seconds, used if the frame has no timestamp.
-        """
+        """Stretch and encode new samples in the window; `begin`, of the packet, is the time of a frame without one."""
         run = self._run
         time = begin if frame.pts is None else frame.pts * Fraction(frame.time_base or 1)
         if time is None or (run is not None and abs(time - run.end) < MIN_GAP):

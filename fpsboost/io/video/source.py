@@ -135,7 +135,7 @@ class VideoSource(ClosesOnExit):
             rate=self._clock.rate,
             time_base=self._clock.time_base,
             frame_count=fields * stream.frames or None,
-            duration=stream.duration * tick if stream.duration and stream.duration > 0 else None,
+            duration=None if (duration := self._demuxer.duration) is None else duration * tick,
             mean_rate=None if cadence is None else cadence.mean_rate * fields,
         )
 

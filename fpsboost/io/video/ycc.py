@@ -232,10 +232,7 @@ def _sample_type(bits: int) -> np.dtype[Any]:
 
 
 def color_space_of(picture: av.VideoFrame) -> int:
-    """Return the AVColorSpace to convert with: the tag, or the default for an untagged video of this size.
-
-    Raises ValueError for a tag of no plain luma-chroma matrix (YCgCo, ICtCp...).
-    """
+    """Return the AVColorSpace by tag or size; raise ValueError for no plain luma-chroma matrix (YCgCo, ICtCp)."""
     tag = int(picture.colorspace)
     if picture.format.is_rgb or tag in (0, 2, 3):
         return assumed_color_space(picture.height)

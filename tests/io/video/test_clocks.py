@@ -117,6 +117,9 @@ def test_joined_recordings_go_on(tmp_path, second):
     parts = [write_at(tmp_path / f"{k}.ts", start) for k, start in enumerate((Fraction(36_000), second))]
     clip = tmp_path / "in.ts"
     clip.write_bytes(b"".join(part.read_bytes() for part in parts))
+    for path, length in ((clip, None), (parts[0], Fraction(2, 5))):
+        with VideoSource(path) as source:
+            assert source.info.duration == length
     summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST)
     assert summary.frames_in == 20
     assert 40 <= summary.frames_out <= 42  # the sound of the first one lasts longer than its pictures
