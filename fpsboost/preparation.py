@@ -189,18 +189,9 @@ class TrimmedSource(ClosesOnExit):
 
 @dataclass(frozen=True)
 class ConversionJob:
-    """Conversion of a clip: everything that shapes its output.
+    """Conversion of a clip: everything that shapes its output, as `fpsboost.convert` takes it.
 
-    Parameters
-    ----------
-    input : str
-        See `fpsboost.convert`.
-    output : str or None
-        See `fpsboost.convert`; None for images beside the input.
-    rate : OutputRate
-    method : Interpolator
-    decoding : DecodeOptions
-    encoding : Encoding
+    `output` is None for images beside the input.
     """
 
     input: str

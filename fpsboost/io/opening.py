@@ -190,14 +190,7 @@ Kind = Literal["video", "pipe", "animation", "images"]
 
 @dataclass(frozen=True)
 class Target:
-    """Output that a path names, and its kind.
-
-    Parameters
-    ----------
-    path : str
-        See `fpsboost.convert`.
-    kind : {'video', 'pipe', 'animation', 'images'}
-    """
+    """Output that a path names, as `fpsboost.convert` takes it, and its kind."""
 
     path: str
     kind: Kind
