@@ -75,6 +75,9 @@ def draw_ui(page: Page, clip: Path) -> None:
         page.mouse.move(0, 0)
         page.set_viewport_size({"width": VIEW["width"], "height": 1060})
         page.evaluate("scrollTo(0, 0)")
+        for note in page.locator("#folder, .result .note").all():  # a place that readers have, too
+            text = note.inner_text().replace(str(films), "~/Videos")
+            note.evaluate("(note, text) => (note.textContent = text)", text)
         save(page, "page-ui")
 
 
