@@ -115,8 +115,8 @@ def _note(video: Video, frame: Any, base: Fraction, keeps: bool, in_rgb: bool) -
     time = frame.pts * Fraction(frame.time_base or base) if frame.pts is not None else video.end
     if not video.times:
         video.turned = float(frame.rotation or 0)
-        video.is_rgb = frame.format.is_rgb
-        if not video.is_rgb:  # which need not say what it means
+        video.is_rgb = frame.format.is_rgb or frame.format.has_palette
+        if not video.is_rgb and len(frame.format.components) > 2:  # RGB and gray need not say what they mean
             is_full = frame.color_range == 2 or frame.format.name.startswith("yuvj")
             video.tags |= {
                 "range": "full" if is_full else "limited",
@@ -129,7 +129,7 @@ def _note(video: Video, frame: Any, base: Fraction, keeps: bool, in_rgb: bool) -
     duration = frame.duration * Fraction(frame.time_base or base) if frame.duration else lasted
     video.end = max(video.end, time + duration)  # of AVI, times are not always in order
     if keeps:
-        if in_rgb or frame.format.is_rgb:
+        if in_rgb or video.is_rgb:
             image = frame.to_ndarray(format="rgb24", interpolation=EXACT_SCALER)
             video.shown.append(list(image.astype(np.float32).transpose(2, 0, 1)))
         else:

@@ -184,7 +184,7 @@ def survey(container: av.container.InputContainer, video: int) -> tuple[list[int
         if count >= most or size >= MAX_SURVEY_BYTES:
             break
     start = min(starts.values(), default=Fraction(0))
-    if keeps_delays or (start < 0 and not clock_may_jump(container)):
+    if keeps_delays or (start < 0 and (container.format.name == "ogg" or not clock_may_jump(container))):
         start = Fraction(0)
     return listed or sorted(set(times)), start, clear
 

@@ -293,6 +293,8 @@ class OtherStreams:
         elif index in self._converters:
             self._mux(index, kind, self._converters[index].take(packet))
         else:
+            if kind == "audio" and not packet.duration and last is not None:  # without one, mp4 hides the last packet
+                packet.duration = packet.dts - last
             packet.stream = self._targets[index]
             self._mux(index, kind, [packet])
 

@@ -357,6 +357,16 @@ def test_sound_stays_beside_its_pictures(tmp_path, sound_start, video_start, sou
         assert abs(shifts[1] - shifts[0]) <= (Fraction(1, 500) if suffix == ".mkv" else 0)
 
 
+@pytest.mark.parametrize(("name", "sound"), [("in.mkv", "alac"), ("in.ogv", "libopus")])
+def test_sound_is_whole_where_its_container_says_less(tmp_path, name, sound):
+    """The last packet where there are no durations, and what decoders are to skip, which Ogg puts before 0."""
+    clip = write_clip(tmp_path / name, codec="libx264" if name == "in.mkv" else "libvpx", sound=sound)
+    double(clip, tmp_path / "out.mp4")
+    before, after = packets_of(clip, "audio"), packets_of(tmp_path / "out.mp4", "audio")
+    assert [data for _, data in after] == [data for _, data in before]
+    assert abs(after[0][0] - before[0][0]) < Fraction(1, 1000)
+
+
 def test_sound_that_an_edit_list_hides_is_not_heard(tmp_path):
     """In mp4 and mov it stays hidden; Matroska, which hides none, gets what decoders need to begin with."""
     clip = write_sound(tmp_path / "in.mp4", -96000, 0, samples=120_000)
