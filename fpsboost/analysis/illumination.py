@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 import cv2
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from fpsboost.colour import has_alpha, normalised
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image
-from fpsboost.motion.components import contrast_components, small_copy
+from fpsboost.motion.components import Components, contrast_components, small_components, small_copy
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_fused
 
@@ -51,6 +52,9 @@ LOCAL_MIN_GAIN = 0.1
 
 LOCAL_MIN_SHARE = 2 / 3
 """Minimum share of the dissimilarity around a pixel that the change explains: it is the cause, not one more freedom."""
+
+LOCAL_PROMISING_SHARE = 0.25
+"""Minimum share of the increase that motion without light must have for its light to be looked at any further."""
 
 LOCAL_MIN_CHANGE = math.log(1.15)
 """Minimum logarithm of the gain around a pixel, either way: patches match through what is less."""
@@ -97,6 +101,9 @@ class IlluminationModel:
         return levels
 
 
+Estimate = tuple[float, IlluminationModel]
+"""Model, and the mean similarity of the small copies under the illumination of either frame."""
+
 UNCHANGED = IlluminationModel(np.ones(1, np.float32), np.zeros(1, np.float32))
 
 
@@ -113,34 +120,32 @@ def estimate_illumination(image0: FrameCache, image1: FrameCache) -> Illuminatio
     if has_alpha(image0.pixels):
         return None
     everywhere = _estimate_everywhere(image0, image1)
-    in_part = _estimate_in_part(image0, image1, UNCHANGED)
-    if everywhere is None:
-        return in_part
-    small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
-    candidates = [each for each in (in_part, _estimate_in_part(image0, image1, everywhere)) if each is not None]
-    scores = [sum(_measure_similarity(small0, small1, each)) / 2 for each in (everywhere, *candidates)]
-    best = max(scores)
+    in_part = [_estimate_in_part(image0, image1, UNCHANGED)]
+    if everywhere is not None:
+        in_part.append(_estimate_in_part(image0, image1, everywhere[1]))
+    score, model = max((each for each in in_part if each is not None), key=itemgetter(0), default=(0, None))
     # what is simpler needs no proof
-    return everywhere if best < scores[0] + MIN_SCORE_GAIN else candidates[scores.index(best) - 1]
+    return everywhere[1] if everywhere is not None and score < everywhere[0] + MIN_SCORE_GAIN else model
 
 
-def _estimate_in_part(
-    image0: FrameCache, image1: FrameCache, everywhere: IlluminationModel
-) -> IlluminationModel | None:
+def _estimate_in_part(image0: FrameCache, image1: FrameCache, everywhere: IlluminationModel) -> Estimate | None:
     """Estimate the change of light that only part of the picture has, on top of one that it shares; None if none."""
     if max(image0.pixels.shape[:2]) < LOCAL_SIDES[-1]:  # a texture of so few pixels is as smooth as light
         return None
     for side in LOCAL_SIDES:
-        small0, small1 = (image.cached(small_copy, side) for image in (image0, image1))
-        gain = _find_local_gain(small0, everywhere.undo(small1))
+        other = image1
+        if everywhere is not UNCHANGED:
+            other = image1.with_image(everywhere.undo(image1.cached(small_copy, side)))
+        gain = _find_local_gain(image0, other, side)
         if gain is None:
             return None
     model = IlluminationModel(gain * everywhere.gain, gain * everywhere.offset)
     small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
-    return model if min(_measure_similarity(small0, small1, model)) > LOCAL_MIN_SCORE else None
+    in_lights = _measure_similarity(small0, small1, model)
+    return (sum(in_lights) / 2, model) if min(in_lights) > LOCAL_MIN_SCORE else None
 
 
-def _estimate_everywhere(image0: FrameCache, image1: FrameCache) -> IlluminationModel | None:
+def _estimate_everywhere(image0: FrameCache, image1: FrameCache) -> Estimate | None:
     """Estimate the change of light that the whole picture shares; None if there is none."""
     small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
     white = np.float32(max(1.0, float(small0.max()), float(small1.max())))
@@ -155,8 +160,9 @@ def _estimate_everywhere(image0: FrameCache, image1: FrameCache) -> Illumination
         key=lambda candidate: sum(candidate[0]),
     )
     before = _search(small0, small1).similarity.mean()
-    believed = min(in_lights) > max(MIN_SCORE, before - MIN_SCORE_GAIN) and sum(in_lights) / 2 > before + MIN_SCORE_GAIN
-    return IlluminationModel(illumination.gain, illumination.offset * white) if believed else None
+    score = sum(in_lights) / 2
+    believed = min(in_lights) > max(MIN_SCORE, before - MIN_SCORE_GAIN) and score > before + MIN_SCORE_GAIN
+    return (score, IlluminationModel(illumination.gain, illumination.offset * white)) if believed else None
 
 
 def compensate_either(
@@ -177,41 +183,50 @@ def _measure_similarity(small0: Image, small1: Image, illumination: Illumination
     return float(in_light0.similarity.mean()), float(in_light1.similarity.mean())
 
 
-def _find_local_gain(small0: Image, small1: Image) -> NDArray[Any] | None:
+def _find_local_gain(image0: FrameCache, image1: FrameCache, side: int) -> NDArray[Any] | None:
     """Return the gain at each pixel of frame 1 where light changes in a part of the picture, else 1; None if nowhere.
 
-    Motion is found on frames without light first, then under the light that follows from it. A change of light is
+    Motion is found on small copies without light first, then under the light that follows from it. A change of light is
     accepted around pixels where it explains most of what differs, and as far as the frames are more similar by it.
     """
-    reach = max(small0.shape[:2]) / SMALL_COPY_SIDE
-    is_changed = np.abs(np.log(_brightness(small1, reach) / _brightness(small0, reach))) > LOCAL_MIN_CHANGE
+    reach = side / SMALL_COPY_SIDE
+    brightness0, brightness1 = (image.derived(_brightness, side, reach) for image in (image0, image1))
+    is_changed = np.abs(np.log(brightness1 / brightness0)) > LOCAL_MIN_CHANGE
     if not is_changed.any():
         return None
-    before = _smoothed(_search_near(small0, small1)[1].similarity, reach)
+    small0, small1 = (image.cached(small_copy, side) for image in (image0, image1))
+    components0, components1 = (image.derived(small_components, side) for image in (image0, image1))
+    before = _smoothed(_search_near(components0, components1)[1].similarity, reach)
 
-    def explains(gain: NDArray[Any], *fields: tuple[MotionField, MotionField]) -> NDArray[Any]:
-        confirmed = [field10.similarity * _returns(field10, field01) for field01, field10 in fields]
-        gained = _smoothed(np.minimum.reduce(confirmed), reach) - before
-        change = _smoothed(np.abs(np.log(gain)).max(axis=2), reach)
-        least = np.maximum(LOCAL_MIN_SHARE * (1 - before), LOCAL_MIN_GAIN)
-        is_explained: NDArray[Any] = (gained > least) & (change > LOCAL_MIN_CHANGE) & is_changed
+    least = np.maximum(LOCAL_MIN_SHARE * (1 - before), LOCAL_MIN_GAIN)
+
+    def explains(gain: NDArray[Any], similarity: NDArray[Any], share: float = 1) -> NDArray[Any]:
+        gained = _smoothed(similarity, reach) - before
+        change = _smoothed(np.maximum.reduce(cv2.split(np.abs(np.log(gain)))), reach)
+        is_explained: NDArray[Any] = (gained > share * least) & (change > LOCAL_MIN_CHANGE) & is_changed
         return is_explained
 
-    even0, even1 = _without_light(small0), _without_light(small1)
-    gain = _fit_locally(small0, small1, _search_near(even0, even1))
-    fields = _search_near(small0, small1 / gain)
-    if not explains(gain, fields).any():
+    fields = _search_near(*(image.derived(_components_without_light, side) for image in (image0, image1)))
+    gain = _fit_locally(small0, small1, fields)
+    if not explains(gain, fields[1].similarity, LOCAL_PROMISING_SHARE).any():
+        return None
+    fields = _search_near(components0, contrast_components(small1 / gain))
+    if not explains(gain, _confirmed(*fields)).any():
         return None
     gain = _fit_locally(small0, small1, fields)
-    either = _search_near(small0, small1 / gain), _search_near(small0 * gain, small1)
-    is_explained = explains(gain, *either)
+    either = (
+        _search_near(components0, contrast_components(small1 / gain)),
+        _search_near(contrast_components(small0 * gain), components1),
+    )
+    is_explained = explains(gain, np.minimum.reduce([_confirmed(*fields) for fields in either]))
     if not is_explained.any():
         return None
     similarity = np.minimum.reduce([field10.similarity for _, field10 in either])
     more_similar = is_explained | (_smoothed(similarity, reach) > before + LOCAL_MIN_GAIN)
     _, regions = cv2.connectedComponents(more_similar.astype(np.uint8))
     accepted = np.isin(regions, np.unique(regions[is_explained])).astype(np.float32)
-    detail = [even.mean(axis=2)[accepted > 0].var() for even in (even0, even1)]
+    without_light = (image.derived(_without_light, side) for image in (image0, image1))
+    detail = [even.mean(axis=2)[accepted > 0].var() for even in without_light]
     if min(detail) < LOCAL_MIN_DETAIL * max(detail):  # white or black, not lit
         return None
     share = _smoothed(cv2.dilate(accepted, np.ones((5, 5), np.uint8)), reach)
@@ -219,21 +234,28 @@ def _find_local_gain(small0: Image, small1: Image) -> NDArray[Any] | None:
     return local
 
 
-def _search_near(small0: Image, small1: Image) -> tuple[MotionField, MotionField]:
+def _search_near(components0: Components, components1: Components) -> tuple[MotionField, MotionField]:
     """Search small copies for motion that is not fast."""
-    side, components = max(small0.shape[:2]), (contrast_components(small0), contrast_components(small1))
-    return search_fused(*components, math.ceil(LOCAL_SEARCH_RANGE * side), 2, "box", 0.09, LOCAL_MOTION_PENALTY / side)
+    side = max(components0.shape[:2])
+    radius, penalty = math.ceil(LOCAL_SEARCH_RANGE * side), LOCAL_MOTION_PENALTY / side
+    return search_fused(components0, components1, radius, 2, "box", 0.09, penalty)
 
 
-def _without_light(small: Image) -> Image:
-    """Return an image in which all surroundings of a pixel are equally bright."""
-    even: Image = small * (np.float32(0.5) / _brightness(small, max(small.shape[:2]) / 60))[..., np.newaxis]
+def _components_without_light(image: FrameCache, side: int) -> Components:
+    return contrast_components(image.derived(_without_light, side))
+
+
+def _without_light(image: FrameCache, side: int) -> Image:
+    """Return a small copy in which all surroundings of a pixel are equally bright."""
+    brightness = image.derived(_brightness, side, side / 60)
+    even: Image = image.cached(small_copy, side) * (np.float32(0.5) / brightness)[..., np.newaxis]
     return even
 
 
-def _brightness(small: Image, deviation: float) -> NDArray[Any]:
-    """Return the brightness around each pixel, which is above zero also where colours are not, (h, w)."""
-    brightness: NDArray[Any] = np.maximum(_smoothed(small.mean(axis=2), deviation), 0) + np.float32(DARK)
+def _brightness(image: FrameCache, side: int, deviation: float) -> NDArray[Any]:
+    """Return the brightness around each pixel of a small copy, above zero also where colours are not, (h, w)."""
+    mean = np.mean(cv2.split(image.cached(small_copy, side)), axis=0)
+    brightness: NDArray[Any] = np.maximum(_smoothed(mean, deviation), 0) + np.float32(DARK)
     return brightness
 
 
@@ -246,15 +268,20 @@ def _smoothed(values: NDArray[Any], deviation: float) -> NDArray[Any]:
 def _ends(field: MotionField) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the row and the column at the end of each whole-pixel vector."""
     height, width = field.similarity.shape
-    y, x = np.mgrid[:height, :width]
-    moved = field.flow.astype(int)
+    moved, y, x = field.flow.astype(int), np.arange(height)[:, np.newaxis], np.arange(width)
     return (y + moved[..., 1]).clip(0, height - 1), (x + moved[..., 0]).clip(0, width - 1)
 
 
 def _returns(there: MotionField, back: MotionField) -> NDArray[Any]:
     """Return whether the way there and back ends where it began, (h, w) bool."""
-    across = there.flow + back.flow[_ends(there)]
-    return np.asarray((across**2).sum(axis=2) < LOCAL_CONSISTENCY_TOLERANCE**2)
+    x, y = cv2.split(there.flow + back.flow[_ends(there)])
+    return np.asarray(x**2 + y**2 < LOCAL_CONSISTENCY_TOLERANCE**2)
+
+
+def _confirmed(field01: MotionField, field10: MotionField) -> NDArray[Any]:
+    """Return the similarity of frame 1's pixels to those of frame 0 from which motion leads back to them, else 0."""
+    confirmed: NDArray[Any] = field10.similarity * _returns(field10, field01)
+    return confirmed
 
 
 def _fit_locally(small0: Image, small1: Image, fields: tuple[MotionField, MotionField]) -> NDArray[Any]:

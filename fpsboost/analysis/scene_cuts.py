@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OptionError, check_at_least, explained
 from fpsboost.frame_cache import FrameCache, SourcePosition
-from fpsboost.motion.components import Components, contrast_components, small_copy
+from fpsboost.motion.components import Components, small_components
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_fused
 from fpsboost.timing.position import Position, parse_position
@@ -161,17 +161,10 @@ class CutDetector:
 
         A frame with little content can be found in nearly any other, but not the other in it.
         """
-        thumbnail0, thumbnail1 = (
-            image.derived(_thumbnail_components, self.thumbnail_side) for image in (image0, image1)
-        )
+        thumbnail0, thumbnail1 = (image.derived(small_components, self.thumbnail_side) for image in (image0, image1))
         radius = math.ceil(SEARCH_RANGE * self.thumbnail_side)
         there, back = search_fused(thumbnail0, thumbnail1, radius, PATCH_RADIUS, "box", BANDWIDTH, MOTION_PENALTY)
         return min(_measure_consistency(thumbnail0, there, back), _measure_consistency(thumbnail1, back, there))
-
-
-def _thumbnail_components(image: FrameCache, side: int) -> Components:
-    """Return the components of an image's thumbnail."""
-    return contrast_components(image.cached(small_copy, side))
 
 
 def _measure_consistency(thumbnail: Components, there: MotionField, back: MotionField) -> float:

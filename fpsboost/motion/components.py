@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import compress_highlights
+from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, Pixels, view
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.planes import (
@@ -73,6 +74,11 @@ def small_copy(image: Pixels, longer_side: int) -> NDArray[Any]:
     scale = longer_side / max(height, width)
     size = max(1, round(width * scale)), max(1, round(height * scale))
     return view(image).thumbnail(partial(_shrunk, size))
+
+
+def small_components(image: FrameCache, longer_side: int) -> Components:
+    """Return the components of an image's thumbnail, by `FrameCache.derived`."""
+    return contrast_components(image.cached(small_copy, longer_side))
 
 
 def _shrunk(size: tuple[int, int], image: Image) -> NDArray[Any]:

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.kernels.jit import LANES
-from fpsboost.kernels.planes import aligned_empty
 from fpsboost.kernels.search import BestOffsets, exhaustive_kernel, rank_offsets
 from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.motion.components import Components, padded_planes
@@ -57,11 +56,8 @@ def search_fused(
     planes1 = padded_planes(colours1, patch_radius, LANES, 3 * LANES, scale)
     score_type = np.int32 if taps is None else np.float32
     widths = width + LANES, width + 2 * LANES
-    best01, best10 = (aligned_empty((height, each), score_type) for each in widths)
-    winners01, winners10 = (aligned_empty((height, each), np.int32) for each in widths)
-    for best, winners in ((best01, winners01), (best10, winners10)):
-        best.fill(-1)
-        winners.fill(0)
+    best01, best10 = (np.full((height, each), -1, score_type) for each in widths)
+    winners01, winners10 = (np.zeros((height, each), np.int32) for each in widths)
     ranks, offsets = rank_offsets(search_radius)
     search = exhaustive_kernel(patch_radius, taps)
     share = np.float32(1 / UNIT if taps else 1 / (UNIT * (2 * patch_radius + 1) ** 2))
