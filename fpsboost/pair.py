@@ -67,9 +67,11 @@ class Pair:
 
     @property
     def illumination(self) -> IlluminationModel | None:
-        """Illumination change from the first frame to the second; None if there is none."""
-        if not self._compensate_illumination:
-            return None
+        """Illumination change from the first frame to the second; None if there is none, or it is not compensated."""
+        return self._measured_illumination if self._compensate_illumination else None
+
+    @property
+    def _measured_illumination(self) -> IlluminationModel | None:
         return self._results.cached("illumination", lambda: estimate_illumination(self.image0, self.image1))
 
     @property
@@ -99,9 +101,13 @@ class Pair:
 
     def _measured_match_score(self, cuts: CutPolicy) -> float:
         def measure() -> float:
-            if self.illumination is None:
+            if not self._compensate_illumination:
+                score = cuts.match_score(self.image0, self.image1)
+                if not cuts.is_cut(score, 1.0, 1.0):  # whatever its neighbours
+                    return score
+            if self._measured_illumination is None:
                 return cuts.match_score(self.image0, self.image1)
-            either = compensate_either(self.image0, self.image1, self.illumination)
+            either = compensate_either(self.image0, self.image1, self._measured_illumination)
             return min(cuts.match_score(*thumbnails) for thumbnails in either)
 
         return self._results.cached(("match_score", cuts), measure)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 
 import cv2
 import numpy as np
@@ -127,12 +127,11 @@ def test_a_cut_is_no_change_of_light(contrast, mean):
 
 @pytest.mark.parametrize(("gain", "offset"), [(0.5, 0), (0.25, 0), (0.5, 0.5), (0.2, 0.1)])
 def test_a_fade_is_no_cut(gain, offset):
-    """To a fifth of the light, to fog or out of it, while everything moves; with the light left alone it would be."""
-    for seed in range(3):
+    """To a fifth of the light, to fog or out of it, while everything moves, whatever the method."""
+    for seed, name in product(range(3), ("nlm", "blend")):
         at = lit_clip(gain, offset, seed=seed)
-        assert not ends(NLM.pair(*prepared(at(0), at(1))))
-        assert not ends(NLM.pair(*prepared(at(1), at(0))))
-        assert ends(replace(NLM, compensate_illumination=False).pair(*prepared(at(0), at(1))))
+        assert not ends(methods[name].pair(*prepared(at(0), at(1))))
+        assert not ends(methods[name].pair(*prepared(at(1), at(0))))
 
 
 @pytest.mark.parametrize("shift", [(6, -4), (4.5, 2.5)])
@@ -249,14 +248,15 @@ def test_every_type_is_lit_in_one_place(dtype, channels):
 @pytest.mark.parametrize("gain", [1.5, 2, 3])
 @pytest.mark.parametrize("is_hard", [False, True])
 def test_a_lamp_over_a_third_of_the_picture_is_no_cut(gain, is_hard):
-    """Switched on or off while everything moves; with the light left alone it would be."""
+    """Switched on or off while everything moves, whatever the method, also if it leaves the light as it is."""
     lamp = np.zeros((180, 240, 1))
     lamp[:, :80] = 1
     lamp = lamp if is_hard else cv2.GaussianBlur(lamp, (0, 0), 12)[..., np.newaxis]
     at = lamp_clip(gain, lamp)
-    for images in ((at(0), at(1)), (at(1), at(0))):
-        assert not ends(NLM.pair(*prepared(*images)))
-    assert gain < 3 or ends(replace(NLM, compensate_illumination=False).pair(*prepared(at(0), at(1))))
+    for name, images in product(("nlm", "nlm-passes", "blend"), ((at(0), at(1)), (at(1), at(0)))):
+        pair = methods[name].pair(*prepared(*images))
+        assert not ends(pair)
+        assert (pair.illumination is None) == (name != "nlm")
 
 
 def test_a_flash_in_one_place_is_followed_into_and_out_of():
