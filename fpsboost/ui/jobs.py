@@ -24,7 +24,7 @@ from fpsboost.ui.files import Files
 
 State = Literal["waiting", "running", "stopping", "paused", "done", "failed"]
 
-BEGINS_ANEW = "Paused; less than can be kept was finished, so it begins anew."
+BEGINS_ANEW = "Paused; no part of it could be kept, so it begins anew."
 
 FINISHED = r"(\d+)(?: of \d+)? frames are finished"
 """What a run that was stopped says of the frames that another need not make."""

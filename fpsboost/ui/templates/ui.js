@@ -7,7 +7,7 @@ class Notice extends Error {}
 
 /** Ask the server; what is wrong with the question becomes a notice. */
 async function ask(path, data, signal) {
-  let answer;
+  let answer, found;
   try {
     answer = await fetch(path, {
       signal,
@@ -15,10 +15,10 @@ async function ask(path, data, signal) {
       headers: { "X-Fpsboost-Token": token, "Content-Type": "application/json" },
       body: data === undefined ? undefined : JSON.stringify(data),
     });
+    found = await answer.json(); // which a server that is being stopped does not send
   } catch (error) {
     throw new Notice("fpsboost does not answer; start fpsboost ui again, and open the address that it prints.");
   }
-  const found = await answer.json();
   if (!answer.ok) throw new Notice(found.notice ?? `The server answered ${answer.status}.`);
   return found;
 }
