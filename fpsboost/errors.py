@@ -74,6 +74,17 @@ def notes_of(error: BaseException) -> str:
     return " ".join(getattr(error, "__notes__", ()))
 
 
+def rounded(number: float, digits: int) -> str:
+    """Return a number with a number of significant digits.
+
+    Examples
+    --------
+    >>> rounded(0.01234, 2), rounded(12345, 2)
+    ('0.012', '12,000')
+    """
+    return f"{float(f'{number:.{digits}g}'):,.15g}"
+
+
 def check_choice(option: str, value: str, choices: Collection[str]) -> None:
     """Raise `OptionError` unless a value is one of the choices; the message lists them.
 

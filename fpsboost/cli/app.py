@@ -196,7 +196,8 @@ def convert(
     paths = [input, *([] if output is None else [output]), *more]
     inputs = paths if run_options.in_place else paths[:-1]
     if not inputs:
-        raise OptionError(f"OUT is missing: name an output for {input}, or give --in-place for images beside it.")
+        called = "standard input" if input == PIPE else input
+        raise OptionError(f"OUT is missing: name an output for {called}, or give --in-place for images beside it.")
     if len(inputs) == 1:
         run(input, None if run_options.in_place else output)
         return

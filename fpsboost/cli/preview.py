@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -55,11 +54,11 @@ def preview(
     if input in PIPES:
         raise OptionError("Standard input can be read only once, and a preview reads several places; name a file.")
     place = Path(page or f"{_stem(input)}-preview.html")
+    if place.suffix.lower() not in (".html", ".htm"):
+        raise OptionError(f"{place} is no name of a page; say {place}.html.")
     check_writable(place, str(place), [Path(input)], options.overwrite)
     if options.side_by_side is not None:
         check_video(Target.parse(options.side_by_side), [Path(input)], overwrite=options.overwrite)
-        if os.path.realpath(place) == os.path.realpath(options.side_by_side):
-            raise OptionError(f"{place} cannot be the page and the video; name another page.")
     methods = _methods(options, cuts)
     default_output = plan_outputs([input], "converted")[0]
     output = f"{_stem(input)}-converted{'/' if default_output.endswith('/') else Path(default_output).suffix}"

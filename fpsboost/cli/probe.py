@@ -12,6 +12,7 @@ from rich.table import Table
 
 from fpsboost.cli.messages import literal
 from fpsboost.cli.options import PathName, in_flags
+from fpsboost.errors import rounded
 
 if TYPE_CHECKING:
     from fpsboost.probing import Look, Probe, StreamFacts
@@ -97,7 +98,7 @@ def facts(result: Probe) -> dict[str, str]:
     every = "" if result.declared_frames in (None, result.frames) else f" of the {result.declared_frames} declared"
     lines = {"size": f"{result.width}x{result.height}", **(look_lines(result.look) if result.look else {})}
     lines["rate"] = f"{result.rate:.6g} fps ({result.exact_rate}), {'varies' if result.varies else 'constant'}"
-    intervals = " / ".join(f"{1000 * each:.4g}" for each in (result.shortest, result.median, result.longest))
+    intervals = " / ".join(rounded(1000 * each, 4) for each in (result.shortest, result.median, result.longest))
     lines["intervals"] = f"{intervals} ms (shortest / median / longest)"
     lines["duration"] = f"{result.duration:.3f} s" + (f", starts at {result.start:.3f} s" if result.start else "")
     lines["frames"] = f"{result.frames}{every}"

@@ -34,6 +34,7 @@ from fpsboost import (
     open_sink,
 )
 from fpsboost.contracts import SilentObserver
+from fpsboost.errors import rounded
 from fpsboost.evaluation.report.self_contained import PlayerData, as_heat, data_uri, encode, templates_of
 from fpsboost.io.new_output import check_writable, write_whole
 from fpsboost.preparation import prepared
@@ -274,8 +275,9 @@ def _player_data(preview: Preview) -> PlayerData:
 
 def estimate_sentence(estimate: Estimate) -> str:
     """Return what a conversion would take, in one sentence."""
-    speeds = f"{1 / estimate.most:.2g} to {1 / estimate.least:.2g} frames a second"
-    each = f"{speeds} on {available_cores()} cores, {estimate.cpu:.2g} s of CPU time a frame"
+    cores = available_cores()
+    speeds = f"{rounded(1 / estimate.most, 2)} to {rounded(1 / estimate.least, 2)} frames a second"
+    each = f"{speeds} on {cores} core{'s' * (cores > 1)}, {rounded(estimate.cpu, 2)} s of CPU time a frame"
     if estimate.frames is None:
         return f"{each}; the length of the clip is not known beforehand."
     least, most = (_as_duration(estimate.frames * seconds) for seconds in (estimate.least, estimate.most))

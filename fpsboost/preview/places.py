@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from fpsboost import ClipInfo, ConversionJob, Frame, OptionError, Position, RunOptions, Trim
 from fpsboost.colour import as_shown
+from fpsboost.errors import rounded
 from fpsboost.image import view
 from fpsboost.io.video.pictures import turned_upright
 from fpsboost.io.video.traits import VideoTraits
@@ -167,7 +168,9 @@ def find_passages(job: ConversionJob, run: RunOptions, at: Iterable[Position] = 
         passage, places = reader.read(span.begin, read_for, span.count)
         examined.append(passage)
         if span.end is None or span.end - span.begin > longest:
-            remarks.append(f"Of {span.info.name}, the first {float(passage.before.end):.3g} s alone were looked at.")
+            remarks.append(
+                f"Of {span.info.name}, the first {rounded(float(passage.before.end), 3)} s alone were looked at."
+            )
     passages = _with_most_motion(places, span, reader, examined)
     return Selection(sorted(passages or examined[-1:], key=lambda passage: passage.start), examined, remarks)
 

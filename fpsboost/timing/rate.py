@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Literal, get_args
 
-from fpsboost.errors import InputError, OptionError, check_choice
+from fpsboost.errors import InputError, OptionError, check_choice, rounded
 from fpsboost.options import option
 from fpsboost.timing.schedule import (
     DEFAULT_SAMPLES,
@@ -127,8 +127,8 @@ class OutputRate:
         if self.fps is None and info.mean_rate is not None and is_implausible(info.rate, info.mean_rate):
             raise InputError(
                 f"{info.name} plays at {float(info.rate):.6g} frames per second by its clock and holds "
-                f"{float(info.mean_rate):.3g} of them per second; say with `fps` how fast the output plays, such as "
-                "`fps=60`, or multiply the frames of each interval with `keep_timing`."
+                f"{rounded(float(info.mean_rate), 3)} of them per second; say with `fps` how fast the output plays, "
+                "such as `fps=60`, or multiply the frames of each interval with `keep_timing`."
             )
         rate = info.rate * factor if self.fps is None else self.fps * self.stretch
         if rate > MAX_RATE:
@@ -150,10 +150,12 @@ class OutputRate:
             return []
         remarks = []
         if self.fps is None and frame_intervals.varies(info):
-            slowest, fastest = (float(1 / each) for each in (frame_intervals.longest, frame_intervals.shortest))
+            slowest, fastest = (
+                rounded(float(1 / each), 4) for each in (frame_intervals.longest, frame_intervals.shortest)
+            )
             rate = float(schedule.frames_per_second / self.stretch)
             remarks.append(
-                f"{info.name} varies from {slowest:.4g} to {fastest:.4g} frames per second; the output is constant at "
+                f"{info.name} varies from {slowest} to {fastest} frames per second; the output is constant at "
                 f"{rate:.5g}, and `keep_timing` keeps it variable."
             )
         if schedule.is_pause(frame_intervals.longest):

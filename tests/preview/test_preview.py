@@ -144,6 +144,7 @@ def test_estimate_is_said_with_units():
     """Short times in seconds, long ones in hours; one figure where both are alike; none without a length."""
     assert estimate_sentence(Estimate(1000, 0.5, 1, 1)).startswith("8 to 17 min for 1,000 frames: 1 to 2 frames a")
     assert estimate_sentence(Estimate(10, 1, 1, 1)).startswith("about 10 s for 10 frames")
+    assert ": 1 to 120 frames a second on " in estimate_sentence(Estimate(10, 1 / 123, 1, 0.1))
     assert "length of the clip is not known" in estimate_sentence(Estimate(None, 1, 1, 1))
     assert _as_duration(20000) == "5.6 h"
 
@@ -212,8 +213,8 @@ def test_input_is_left_alone_and_nothing_else_is_written(short, fpsboost_, tmp_p
         (["-"], 2, "Standard input can be read only once"),
         (["CLIP", "there.html"], 1, "there.html exists already; choose another name or pass --overwrite."),
         (["CLIP", "missing/page.html"], 1, "missing/page.html cannot be written because its folder does not exist"),
-        (["CLIP", "both.mp4", "--side-by-side", "./both.mp4"], 2, "both.mp4 cannot be the page and the video"),
-        (["CLIP", "CLIP", "-y"], 1, "is the input itself"),
+        (["CLIP", "page"], 2, "page is no name of a page; say page.html."),
+        (["CLIP", "CLIP", "-y"], 2, "is no name of a page; say"),
         (["CLIP", "--at", "99"], 2, "--at 99 lies behind the end of"),
         (["CLIP", "--at", "soon"], 2, "--at 'soon' is no place in a clip"),
         (["CLIP", "-m", "best"], 2, "There is no method 'best'"),
