@@ -22,7 +22,7 @@ from fpsboost.method_table import methods
 from fpsboost.run_options import RunOptions
 
 PER_FRAME = (
-    "fpsboost.analysis.scene_cuts.small_copy",
+    "fpsboost.motion.components.small_copy",
     "fpsboost.analysis.illumination.small_copy",
     "fpsboost.motion.nlm.pyramid",
     "fpsboost.motion.nlm.contrast_components",
