@@ -1,15 +1,13 @@
-"""Files that cannot or may not be read: the sentence says why, and what to do."""
+"""Files that cannot or may not be read: the sentence says why, and what to do; and no damage crashes or hangs."""
 
 from __future__ import annotations
 
 from fractions import Fraction
 from pathlib import Path
-
 import av
 import numpy as np
 import pytest
 from video_truth import add_pictures, copy_packets, pictures_of, write_clip
-
 from fpsboost import convert
 from fpsboost.errors import InputError
 from fpsboost.io.opening import open_source
@@ -18,6 +16,14 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
 from fpsboost.timing.position import Position, Trim
+import json
+import os
+import subprocess
+import sys
+from fuzzing import KINDS
+
+
+
 
 KEYS = {
     "encryption_scheme": "cenc-aes-ctr",
@@ -126,3 +132,30 @@ def test_a_playlist_is_read_only_on_request(tmp_path, name):
     allowed = DecodeOptions(allow_playlists=True)
     convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", decoding=allowed, encoding=FAST)
     assert len(pictures_of(tmp_path / "out.mp4")) == 20
+
+
+TESTS = Path(__file__).parents[2]
+SEED = 20260
+COPIES = 10
+
+
+@pytest.mark.parametrize("part", range(2))
+def test_damaged_copies(tmp_path, part):
+    """In a process of its own: every copy ends in an output that can be read or in a sentence that names a file."""
+    kinds = KINDS[part::2]
+    done = subprocess.run(
+        [sys.executable, str(TESTS / "fuzzing.py"), str(tmp_path), str(SEED), str(COPIES), *kinds],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(TESTS), str(TESTS.parent)])},
+        capture_output=True,
+        timeout=110,
+        check=False,
+    )
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    assert done.returncode == 0, f"{lines[-1:]}\n{done.stderr.decode()[-4000:]}"
+    outcomes = lines[1::2]
+    assert len(outcomes) == COPIES * len(kinds)
+    assert outcomes.count("converted") > len(kinds)
+    refusals = [outcome for outcome in outcomes if outcome.startswith("refused: ")]
+    assert len(refusals) + outcomes.count("converted") == len(outcomes)
+    assert len(refusals) > len(kinds)
+    assert all(outcome.endswith(".") and "\n" not in outcome and str(tmp_path) in outcome for outcome in refusals)

@@ -1,4 +1,4 @@
-"""Packets follow from frames, whatever the number of cores."""
+"""Packets follow from frames, whatever the number of cores; and encoders leave the priority of threads alone."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ import subprocess
 import sys
 from fractions import Fraction
 from pathlib import Path
-
 import numpy as np
 import pytest
-
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoder import VideoEncoder, traits_of_image
 from fpsboost.io.video.encoding import ENCODER_THREADS, choose_encoder, repeatable_parameters
 from fpsboost.timing.schedule import OutputTiming
+
+
+
 
 RATE = Fraction(25)
 PIXELS = 96 * 128
@@ -104,3 +105,33 @@ def test_cores_do_not_matter():
     command = [sys.executable, "-c", program, *names]
     digests = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True, check=True).stdout
     assert digests.split() == [hashlib.sha256(packets_of_noise(Encoding(name))).hexdigest() for name in names]
+
+
+POLICIES = """if True:
+    import os, sys
+    from fpsboost.io.video.encoder import VideoEncoder
+
+    opened, seen = VideoEncoder._open_encoder, set()
+
+    def open_and_look(self, context):
+        opened(self, context)
+        seen.update(os.sched_getscheduler(int(task)) for task in os.listdir("/proc/self/task"))
+
+    VideoEncoder._open_encoder = open_and_look
+    from fpsboost.conversion import convert
+    from fpsboost.io.video.decode_options import DecodeOptions
+    from fpsboost.io.video.encode_options import Encoding
+
+    rate, av1 = DecodeOptions(input_fps=24), Encoding(codec="av1")
+    convert(sys.argv[1], sys.argv[2], method="blend", decoding=rate, encoding=av1)
+    print(sorted(seen), os.sched_getscheduler(0))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads are looked at as Linux shows them")
+def test_av1_is_encoded_at_ordinary_priority(save_images, tmp_path):
+    """SVT-AV1, which takes real-time priority where its user may have it, leaves no thread there."""
+    save_images(tmp_path / "in", count=3)
+    command = [sys.executable, "-c", POLICIES, str(tmp_path / "in"), str(tmp_path / "out.mkv")]
+    told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert told.strip() == f"{[os.SCHED_OTHER]} {os.SCHED_OTHER}"
