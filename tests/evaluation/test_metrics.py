@@ -1,13 +1,19 @@
-"""Scores of constructed differences, which follow by hand, and of the rendered scenes, which no change may lose unseen."""
+"""Scores of constructed differences, which follow by hand, and of the rendered scenes, which nothing may lower."""
 
 from __future__ import annotations
 
+import json
 import math
+from pathlib import Path
+
 import numpy as np
 import pytest
-from truth import noise
+from truth import SCENES, needs_scenes, noise
+
 from fpsboost.colour import composite_on_black
 from fpsboost.errors import InputError
+from fpsboost.evaluation.contestants import InterpolatorContestant
+from fpsboost.evaluation.hidden_frames import Hiding
 from fpsboost.evaluation.results import (
     Scores,
     absolute_error,
@@ -17,15 +23,7 @@ from fpsboost.evaluation.results import (
     means,
     score,
 )
-import json
-from pathlib import Path
-from truth import SCENES, needs_scenes
-from fpsboost.evaluation.contestants import InterpolatorContestant
-from fpsboost.evaluation.hidden_frames import Hiding
-from fpsboost.evaluation.results import mean, score
 from fpsboost.method_table import find_method
-
-
 
 
 def test_equal_images_have_the_best_scores():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import csv
+import itertools
 import json
 import math
 import os
@@ -12,24 +13,20 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
+
 import cv2
 import numpy as np
 import pytest
 from comparison_truth import HEIGHT, NAMES, WIDTH, Nobody, scored
+
+from fpsboost.cli.options import ContestOptions
 from fpsboost.colour import as_shown
 from fpsboost.errors import OutputError
 from fpsboost.evaluation.compare import compare
-from fpsboost.evaluation.contestants import InterpolatedFrame
+from fpsboost.evaluation.contestants import InterpolatedFrame, method_names
 from fpsboost.evaluation.hidden_frames import Hiding, read_samples
 from fpsboost.evaluation.report.page import _view_frames, choose_frames, command, write_report
 from fpsboost.evaluation.report.pictures import choose_exact, choose_passages, find_spots, view_passages
-from fpsboost.evaluation.report.styles import colours_of
-from fpsboost.evaluation.results import ComparedClip, MethodResult
-from fpsboost.evaluation.verdict import judge_all
-from fpsboost.io.video.decode_options import DecodeOptions
-import itertools
-from fpsboost.cli.options import ContestOptions
-from fpsboost.evaluation.contestants import method_names
 from fpsboost.evaluation.report.styles import (
     DASH_DOTTED,
     DASHED,
@@ -40,8 +37,9 @@ from fpsboost.evaluation.report.styles import (
     colours_of,
     styles_of,
 )
-
-
+from fpsboost.evaluation.results import ComparedClip, MethodResult
+from fpsboost.evaluation.verdict import judge_all
+from fpsboost.io.video.decode_options import DecodeOptions
 
 
 @pytest.fixture(scope="module")

@@ -1,12 +1,14 @@
-"""Every estimator through one contract and against constructed truth; repeated patterns; and the report's search radius."""
+"""Every estimator through one contract and against constructed truth; repeated patterns; and the search radius."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from itertools import pairwise
+
 import cv2
 import numpy as np
 import pytest
@@ -25,9 +27,11 @@ from truth import (
     noise,
     prepared,
     translation,
+    waves,
 )
 from twins import shortest_motions
 from vector_truth import save_translation
+
 from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.colour import colour_components
 from fpsboost.errors import OptionError
@@ -36,7 +40,7 @@ from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.planes import PlanePair
 from fpsboost.kernels.shortest import ShortestMotion, find_shortest
 from fpsboost.kernels.similarity import UNIT, colour_scale
-from fpsboost.method_table import find_method
+from fpsboost.method_table import find_method, methods
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.block import BlockMatching, CodecMotion
 from fpsboost.motion.components import contrast_components, padded_planes
@@ -46,12 +50,6 @@ from fpsboost.motion.nlm import CoarseToFine, pyramid
 from fpsboost.motion.opencv import Dis, Farneback, TvL1
 from fpsboost.motion.rendered import RenderedMotion
 from fpsboost.render.folder import VectorFolder
-from dataclasses import replace
-from truth import as_type, waves
-from fpsboost.method_table import methods
-
-
-
 
 estimators: dict[str, MotionEstimator] = {
     "nlm": CoarseToFine(),

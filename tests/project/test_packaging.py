@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import re
-import tomllib
-from pathlib import Path
-import pytest
 import ast
+import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
 from video_truth import write_clip
-
-
-
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]

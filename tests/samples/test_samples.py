@@ -15,15 +15,14 @@ import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+
 import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from truth import SCENES, needs_scenes
+
 from fpsboost.cli.app import app
-
-
-
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 NAMES = ["reflective", "texture", "glass"]

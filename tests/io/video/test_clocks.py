@@ -3,31 +3,36 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from itertools import accumulate
+from itertools import accumulate, cycle, islice, pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+
 import av
 import pytest
+from conversion_options import keeping_duplicates
 from hypothesis import given
 from hypothesis import strategies as st
-from video_truth import bytes_of, copy_packets, mux_in_order, packets_of, pictures_of, scene, tone, write_clip
+from video_truth import (
+    add_pictures,
+    bytes_of,
+    copy_packets,
+    mux_in_order,
+    packets_of,
+    pictures_of,
+    scene,
+    tone,
+    write_clip,
+)
+
 from fpsboost import convert
 from fpsboost.cli.options import in_flags
+from fpsboost.io.video.clock import in_rising_order, measured_cadence, nominal_rate
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pictures import ReorderBuffer
+from fpsboost.io.video.remarks import Damage
 from fpsboost.io.video.source import VideoSource
 from fpsboost.probing import probe
-from itertools import pairwise
-from fpsboost.io.video.clock import in_rising_order
-from fpsboost.io.video.remarks import Damage
-from itertools import accumulate, cycle, islice
-from conversion_options import keeping_duplicates
-from video_truth import add_pictures, write_clip
-from fpsboost.io.video.clock import measured_cadence, nominal_rate
-
-
-
 
 MILLISECOND = Fraction(1, 1000)
 WRAP = Fraction(2**33, 90_000)

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
+import sys
 from fractions import Fraction
 from pathlib import Path
+
 import av
 import numpy as np
 import pytest
+from fuzzing import KINDS
 from video_truth import add_pictures, copy_packets, pictures_of, write_clip
+
 from fpsboost import convert
 from fpsboost.errors import InputError
 from fpsboost.io.opening import open_source
@@ -16,14 +23,6 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
 from fpsboost.timing.position import Position, Trim
-import json
-import os
-import subprocess
-import sys
-from fuzzing import KINDS
-
-
-
 
 KEYS = {
     "encryption_scheme": "cenc-aes-ctr",

@@ -9,17 +9,16 @@ import subprocess
 import sys
 from fractions import Fraction
 from pathlib import Path
+
 import numpy as np
 import pytest
+
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoder import VideoEncoder, traits_of_image
 from fpsboost.io.video.encoding import ENCODER_THREADS, choose_encoder, repeatable_parameters
 from fpsboost.timing.schedule import OutputTiming
-
-
-
 
 RATE = Fraction(25)
 PIXELS = 96 * 128
