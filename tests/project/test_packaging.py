@@ -71,7 +71,7 @@ PACKAGE = Path(__file__).parents[2] / "fpsboost"
 
 PUBLIC = {
     *("numba.njit", "numba.types", "numba.config", "numba.extending.type_callable", "numba.extending.lower_builtin"),
-    *("numba.extending.register_jitable", "numba.core.types", "numba.core.cgutils", "llvmlite.ir"),
+    *("numba.extending.register_jitable", "numba.core.types", "numba.core.cgutils", "numba.core.event", "llvmlite.ir"),
 }
 """What numba's documentation shows of itself and of llvmlite."""
 
