@@ -226,6 +226,7 @@ app.command(
 app.command(
     "fpsboost.cli.compare:compare",
     help="Hide frames, interpolate them and score each method.",
+    usage="Usage: fpsboost compare [OPTIONS] IN...",
     help_epilogue="Exit codes: 0 compared, 1 failed, 2 wrong usage or no method to compare, 3 below --fail-under.",
 )
 app.command(

@@ -106,7 +106,7 @@ def _table(folder: str) -> Table:
 
 @with_flags
 def merge(
-    images: Annotated[PathName, Parameter(name="MADE")],
+    images: Annotated[PathName, Parameter(name="FRAMES")],
     rendered: Annotated[PathName, Parameter(name="RENDERED")],
     output: Annotated[PathName, Parameter(name="OUT")],
     /,

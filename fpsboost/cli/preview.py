@@ -44,7 +44,7 @@ def preview(
     input
         A video, an animation, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
     page
-        The page; else IN-preview.html in the current folder.
+        The page, an .html file; else IN-preview.html here.
     """
     from fpsboost.io.opening import Target  # noqa: PLC0415
     from fpsboost.preparation import ConversionJob  # noqa: PLC0415

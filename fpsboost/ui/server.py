@@ -14,12 +14,12 @@ from asyncio import FIRST_COMPLETED, create_task, wait, wrap_future
 from collections.abc import AsyncIterator, Callable, Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from fractions import Fraction
 from itertools import count
 from pathlib import Path
 from textwrap import shorten
-from threading import Event
+from threading import Event, Lock
 from typing import Any
 from urllib.parse import parse_qs
 
@@ -66,6 +66,8 @@ class Desk:
     start: Path
     token: str
     port: int
+    _one_check: Lock = field(default_factory=Lock)
+    """Held while a conversion is checked, since that may open an encoder."""
 
     def folder(self, data: Json) -> Json:
         return self.files.listing(str(data.get("path") or self.start))
@@ -126,7 +128,8 @@ class Desk:
             try:
                 choices = self._named(choices, outputs) if each.get("is_named") is False else choices
                 job = choices.job(self.files)
-                found, words = choices.check(job), choices.words(job)
+                with self._one_check:
+                    found, words = choices.check(job), choices.words(job)
             except FpsboostError as error:
                 if len(clips) == 1:
                     raise
