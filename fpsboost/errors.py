@@ -75,13 +75,7 @@ def notes_of(error: BaseException) -> str:
 
 
 def rounded(number: float, digits: int) -> str:
-    """Return a number with a number of significant digits.
-
-    Examples
-    --------
-    >>> rounded(0.01234, 2), rounded(12345, 2)
-    ('0.012', '12,000')
-    """
+    """Return a number with so many significant digits, and no power of ten: 0.012, 12,000."""
     return f"{float(f'{number:.{digits}g}'):,.15g}"
 
 

@@ -23,7 +23,7 @@ from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.io import SeekableSource
 from fpsboost.io.animation.source import is_animation
 from fpsboost.io.opening import Target, TargetRequirements, open_source
-from fpsboost.io.output import Output, StreamInfo, VideoFile
+from fpsboost.io.output import Output, VideoFile
 from fpsboost.io.video.decode_options import DecodeOptions, SizeChange
 from fpsboost.io.video.demuxer import is_cover_art, open_video
 from fpsboost.io.video.fitting import first_packets, fits, headers_in, is_text, keeps_data
@@ -69,12 +69,6 @@ class StreamFacts:
     title: str | None
     details: str
     carries_over: bool
-
-    @property
-    def says(self) -> str:
-        """Everything in one line."""
-        facts = (self.codec, self.details, self.language, self.title)
-        return f"{self.kind}: {' '.join(fact for fact in facts if fact and fact != 'und')}"
 
 
 @dataclass(frozen=True)
@@ -213,7 +207,11 @@ def probe(
         look = None if beside.traits is None else _look(beside.traits)
         losses: list[str] = []
         if beside.video is not None and refused is None:
-            refused, losses = _try_sink(source.info, beside, schedule)
+            timing = OutputTiming(schedule.rate(source.info.rate), schedule.time_base(source.info.time_base))
+            try:
+                losses = remarks_before(Output("out.mp4", source.info, timing, beside))
+            except OutputError as error:
+                refused = str(error)
         findings = Findings()
         cuts = findings.cuts(source, methods["nlm"])
         if isinstance(source, SeekableSource):
@@ -273,15 +271,6 @@ def remarks_before(output: Output) -> list[str]:
         except FpsboostError as error:
             raise OutputError(str(error).replace(path, name)) from error
     return [_as_prospect(remark.replace(path, name)) for remark in remarks]
-
-
-def _try_sink(info: ClipInfo, stream: StreamInfo, schedule: Schedule) -> tuple[str | None, list[str]]:
-    """Return why an .mp4 would be refused, and remarks on what it would lose."""
-    timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))
-    try:
-        return None, remarks_before(Output("out.mp4", info, timing, stream))
-    except OutputError as error:
-        return str(error), []
 
 
 def _as_prospect(remark: str) -> str:

@@ -36,9 +36,6 @@ from fpsboost.ui.jobs import start_process
 QUICK_PIXELS = 1_500_000_000
 """Number of pixels in all frames of a clip up to which it is read to its end unasked, which takes seconds."""
 
-KEPT = {"audio": "sound", "subtitle": "subtitles"}
-"""Names in the form of the kinds of streams that are kept."""
-
 DROP_AFTER = 0.25
 """Time after which it is looked whether anybody still waits for a clip that is read, seconds."""
 
@@ -60,11 +57,7 @@ def header(path: str) -> dict[str, Any]:
         "last": None if duration is None else max(0.0, float(duration * unit - unit / info.rate)),
         "is_quick": count is not None and count * info.width * info.height <= QUICK_PIXELS,
         "remarks": [on_page(each, path) for each in remarks],
-        "streams": [
-            {"index": each.index, "kind": KEPT[each.kind], "says": each.says}
-            for each in (list_streams(file) if file is not None else ())
-            if each.kind in KEPT
-        ],
+        "streams": [] if file is None else [asdict(each) for each in list_streams(file)],
         "choices": asdict(first_choices(path)),
     }
 
@@ -84,7 +77,7 @@ def probe(path: str, is_dropped: Event) -> dict[str, Any]:
     result = Probe.from_json(json.loads(text))
     return {
         "facts": {name: value for name, value in facts(result).items() if not name.startswith("--")},
-        "streams": {f"stream {each.index}": each.says for each in result.streams},
+        "streams": [asdict(each) for each in result.streams],
         "remarks": [on_page(each, path) for each in (*result.remarks, *result.conversion.remarks)],
         "last": result.frames - 1 if stands_for_images(path) else max(0.0, result.duration - 1 / result.rate),
     }

@@ -21,9 +21,6 @@ from fpsboost.io.staging import unfinished_places
 MAX_ENTRIES = 2000
 """Maximum number of folders and clips that are listed of a folder."""
 
-MAX_PICKED = 200
-"""Maximum number of inputs that may be picked in a run."""
-
 
 @dataclass
 class Files:
@@ -89,8 +86,6 @@ class Files:
             raise InputError(f"{text} is neither a file nor a folder; name a video or a folder of images.")
         self._check_links(path)
         with self._lock:
-            if len(self._picked | {path}) > MAX_PICKED:
-                raise InputError(f"More than {MAX_PICKED} clips are picked; start fpsboost ui anew for others.")
             self._picked.add(path)
         return str(path)
 

@@ -125,11 +125,10 @@ class Queue:
         with self._changed:
             if len(self._jobs) + len(commands) > MAX_JOBS:
                 raise OptionError(f"The queue takes {MAX_JOBS} jobs and has {len(self._jobs)}; remove some first.")
-            outputs = self.outputs()
-            for _, _, output, *_ in commands:
-                if output.rstrip("/") in outputs:
+            outputs = [*self.outputs(), *(words[2].rstrip("/") for words in commands)]
+            for output in outputs:
+                if outputs.count(output) > 1:
                     raise OptionError(f"Another job in the queue writes {output}; choose another name.")
-                outputs.add(output.rstrip("/"))
             first = max((job.number for job in self._all), default=0) + 1
             jobs = {number: Job(number, words, words[2]) for number, words in enumerate(commands, first)}
             self._jobs |= jobs

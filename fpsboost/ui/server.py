@@ -66,8 +66,7 @@ class Desk:
     start: Path
     token: str
     port: int
-    _one_check: Lock = field(default_factory=Lock)
-    """Held while a conversion is checked, since that may open an encoder."""
+    _one_check: Lock = field(default_factory=Lock)  # at a time, since it may open an encoder
 
     def folder(self, data: Json) -> Json:
         return self.files.listing(str(data.get("path") or self.start))
@@ -120,7 +119,7 @@ class Desk:
         Its name is a free one if the user has not written it. An error names its clip if there are several.
         """
         clips = data.get("clips")
-        if not isinstance(clips, list) or not clips or not all(isinstance(each, dict) for each in clips):
+        if not isinstance(clips, list) or not clips:
             raise OptionError("The page has sent no clips; load it anew.")
         outputs = self.queue.outputs()
         for each in clips:
@@ -133,8 +132,7 @@ class Desk:
             except FpsboostError as error:
                 if len(clips) == 1:
                     raise
-                reason = " ".join(filter(None, (str(error), notes_of(error))))
-                raise OptionError(f"{Path(choices.input).name}: {reason}") from error
+                raise OptionError(f"{Path(choices.input).name}: {error}") from error
             outputs.add(words[2].rstrip("/"))
             yield {**found, "name": choices.name, "command": shlex.join(words)}, words
 

@@ -1,6 +1,8 @@
 const token = new URLSearchParams(location.search).get("token") ?? "";
 const byId = (id) => document.getElementById(id);
 const form = byId("form");
+/** Names in the form of the kinds of streams that are kept. */
+const KEPT = { audio: "sound", subtitle: "subtitles" };
 const state = { clip: null, clips: [], player: null, folder: "", entries: [] };
 
 class Notice extends Error {}
@@ -140,6 +142,9 @@ async function openOrPick(path) {
 async function pick(paths) {
   const clips = [];
   for (const path of paths) clips.push(await ask("/pick", { path }));
+  for (const clip of clips) {
+    clip.streams = clip.streams.filter((each) => each.kind in KEPT).map((each) => ({ ...each, kind: KEPT[each.kind], what: described(each) }));
+  }
   state.clips = clips;
   byId("choose").hidden = true;
   for (const id of ["clip", "how", "look"]) byId(id).hidden = false;
@@ -199,7 +204,8 @@ async function probe() {
     try {
       const found = await ask("/probe", { path: clip.choices.input }, reading.signal);
       if (reading.signal.aborted) return;
-      const rows = Object.entries({ ...found.facts, ...found.streams }).map(([name, value]) =>
+      const streams = found.streams.map((each) => [`stream ${each.index}`, described(each)]);
+      const rows = [...Object.entries(found.facts), ...streams].map(([name, value]) =>
         make("div", {}, make("dt", {}, name), make("dd", {}, value)),
       );
       setLast(found.last);
@@ -236,6 +242,10 @@ function choices(clip = state.clip) {
   };
 }
 
+function described({ kind, codec, details, language, title }) {
+  return `${kind}: ${[codec, details, language === "und" ? "" : language, title].filter(Boolean).join(" ")}`;
+}
+
 /** Which sound and subtitles are kept of a clip. */
 function keptOf({ streams }) {
   const { elements } = form;
@@ -256,7 +266,7 @@ function showStreams() {
   const ticks = clip.streams.map((each) => {
     const tick = make("input", { type: "checkbox", checked: !each.isDropped, disabled: !form.elements[each.kind].checked });
     tick.addEventListener("input", () => (each.isDropped = !tick.checked));
-    return make("label", { className: "check" }, tick, make("span", {}, `${each.index}: ${each.says}`));
+    return make("label", { className: "check" }, tick, make("span", {}, `${each.index}: ${each.what}`));
   });
   byId("streams").lastElementChild.replaceChildren(...ticks);
 }
