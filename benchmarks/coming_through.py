@@ -71,7 +71,7 @@ def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
             end = (stream.start_time + stream.duration) * base
             # mp4 and mov say how long a picture is shown; AVI counts frames, and a capture's last ones may hold nothing
             if file.format.name.startswith("mov"):
-                video.end = end
+                video.end = end if end > max(video.times, default=end) else video.end
             elif file.format.name == "avi":
                 video.end = max(end, video.end)
     video.times.sort()  # pictures come in order, but not always with their own times
