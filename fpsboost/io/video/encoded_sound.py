@@ -208,10 +208,7 @@ class EncodedSound:
             self._output.mux(self._with_padding_marked(self.stream.encode(None)))
 
     def _with_padding_marked(self, packets: list[av.Packet[Any]]) -> list[av.Packet[Any]]:
-        """Return the encoder's last packets with the padding marked, which not all encoders do themselves.
-
-        mp4 and mov keep the duration, and Matroska the number of samples to skip.
-        """
+        """Return the last packets with padding marked, as not all encoders do, by duration or samples to skip."""
         last = next((packet for packet in reversed(packets) if packet.size), None)
         if last is None or last.pts is None or self._next_pts is None:
             return packets

@@ -46,10 +46,7 @@ class UnindexedError(Exception):
 
 
 def read_index(path: Path, video: int, *, playlists: bool = False) -> FrameIndex:
-    """Read all packets of a video stream and return the index of its frames.
-
-    Raises `UnindexedError` if packets lack times or share them, cannot be read, or become no frame of their own.
-    """
+    """Return the index of a video stream by its packets; raise `UnindexedError` if they do not tell its frames."""
     damage = Damage()
     pts: list[int] = []
     dts: list[int | None] = []

@@ -28,10 +28,7 @@ EXCLUDED_FORMATS = re.compile(r"^(pal8|mono|bayer)|f(16|32)(le|be)$|^rgb555|^bgr
 def choose_pixel_format(
     encoder: str, encoding: Encoding, container: str, source: str, info: ClipInfo, name: str, *, of_images: bool
 ) -> tuple[str, list[str]]:
-    """Return FFmpeg's name of the pixel format to encode, and remarks on what it loses of the format `source`.
-
-    `of_images` says that the source is images or an animation.
-    """
+    """Return the pixel format to encode, and remarks on what it loses of the `source`, which may be `of_images`."""
     codec = av.Codec(encoder, "w")
     offered = pixel_formats(codec)
     wanted = encoding.pixel_format or source

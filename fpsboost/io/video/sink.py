@@ -226,10 +226,7 @@ class VideoSink(ChunkSink):
 
 
 class VideoPartSink(ChunkSink):
-    """Sink that encodes the frames of a part into chunks, in a folder that appears when the part is complete.
-
-    The part begins with a chunk; the output's path is that of the whole video.
-    """
+    """Sink that encodes a part of a video, which begins with a chunk, into chunks in a folder of their own."""
 
     def __init__(self, output: Output) -> None:
         self._part = PartFolder(output)
