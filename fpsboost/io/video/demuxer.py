@@ -48,6 +48,9 @@ FIRST_BOXES = {b"ftyp", b"mdat", b"wide", b"free", b"skip"}
 TRANSPORT_PACKET = re.compile(rb"(?=\x47(..)(.)(?:.{184}|.{188}|.{200})\x47)", re.DOTALL)
 """A packet of 188, 192 or 204 bytes before another: its identifier, below flags, and how it is scrambled, above."""
 
+PROGRAM_PACKET = re.compile(rb"\x00\x00\x01([\xe0-\xef])..([\x80-\xbf])", re.DOTALL)
+"""A packet of video in a program stream: its identifier, and how it is scrambled, in the middle."""
+
 PICTURE_TIME = re.compile(rb"\x00\x00\x01[\xe0-\xef]..[\x80-\xbf][\x80-\xff].(.{5})", re.DOTALL)
 """Presentation time, among bits that are always set, in the header of a packet of video (PES)."""
 
@@ -75,8 +78,8 @@ class Demuxer:
         self.clear: Fraction | None = None
         self._first: Fraction | None = None
         self._open()
-        is_broadcast = self.container.format.name == "mpegts"
-        self._scrambled = scrambled_place(path, self.stream.id) if is_broadcast else None
+        may_be_scrambled = self.container.format.name in ("mpegts", "mpeg")
+        self._scrambled = scrambled_place(path, self.stream.id) if may_be_scrambled else None
 
     def _open(self) -> None:
         self.container = open_video(self._path, self._name, playlists=self._playlists)
@@ -229,11 +232,14 @@ def probed(path: Path) -> Iterator[tuple[int, bytes]]:
 
 
 def scrambled_place(path: Path, pid: int) -> int | None:
-    """Return about where, in bytes, packets of a transport stream with this identifier are scrambled, by a sample."""
+    """Return about where, in bytes, packets with this identifier are scrambled, by a sample; of DVDs about half are."""
     for place, block in probed(path):
         packets = TRANSPORT_PACKET.findall(block)
         own = [flags[0] >= 0x40 for head, flags in packets if int.from_bytes(head) & 0x1FFF == pid]
-        if 2 * sum(own) > len(own):
+        own = own or [
+            flags[0] & 0x30 != 0 for number, flags in PROGRAM_PACKET.findall(block) if number[0] == pid & 0xFF
+        ]
+        if 4 * sum(own) > len(own):
             return place
     return None
 

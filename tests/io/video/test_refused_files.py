@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from fractions import Fraction
@@ -107,6 +108,15 @@ def test_scrambled_packets_of_a_transport_stream_are_encrypted(tmp_path, decoder
     clip.write_bytes(packets.tobytes())
     with pytest.raises(InputError, match=sentence):
         convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", decoding=DecodeOptions(decoder=decoder))
+
+
+def test_a_scrambled_dvd_is_encrypted(tmp_path):
+    """Its packets say so, and FFmpeg decodes them all the same."""
+    clip = write_clip(tmp_path / "in.vob", codec="mpeg2video")
+    clear = re.compile(rb"(\x00\x00\x01\xe0..)[\x80-\xbf]", re.DOTALL)
+    clip.write_bytes(clear.sub(lambda match: match[1] + b"\x90", clip.read_bytes()))
+    with pytest.raises(InputError, match=r"is encrypted \(DRM\) and cannot be decoded"):
+        convert(str(clip), str(tmp_path / "out.mp4"), method="nearest")
 
 
 def test_an_unfinished_file_is_refused_as_such(tmp_path):
