@@ -138,10 +138,13 @@ async function openOrPick(path) {
   }
 }
 
-/** Take clips that become something alike; the first one is shown. */
+let picks = 0;
+
+/** Take clips that become something alike; the first one is shown. Of two picks at a time, the last one counts. */
 async function pick(paths) {
-  const clips = [];
+  const [number, clips] = [++picks, []];
   for (const path of paths) clips.push(await ask("/pick", { path }));
+  if (number !== picks) return;
   for (const clip of clips) {
     clip.streams = clip.streams.filter((each) => each.kind in KEPT).map((each) => ({ ...each, kind: KEPT[each.kind], what: described(each) }));
   }
