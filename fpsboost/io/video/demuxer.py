@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import os
 import re
 import statistics
@@ -209,16 +210,24 @@ def choose_video(container: av.container.InputContainer, name: str, wanted: int 
         raise OptionError(f"`stream={wanted}` is no video stream of {name}; choose one of {listed}.")
     moving = [stream for stream in videos.values() if stream.frames != 1] or list(videos.values())
     chosen = max(moving, key=_score) if wanted is None else videos[wanted]
-    if chosen.codec_context is None:
+    is_protected = chosen.codec_context is None and _names_hidden_codec(Path(container.name))
+    if chosen.codec_context is None and not is_protected:
         raise InputError(f"{name} uses a video codec that cannot be decoded here; convert it to H.264 first.")
-    if "ASF_Protection_Type" in container.metadata:
+    if is_protected or "ASF_Protection_Type" in container.metadata:
         raise EncryptedError(encrypted_sentence(name))
     return chosen
 
 
 def is_encrypted(packet: av.Packet[Any]) -> bool:
-    """Return whether a packet is encrypted, by itself as in MP4, or with its whole stream as in Matroska."""
-    return bool(packet.has_sidedata("encryption_info")) or "enc_key_id" in packet.stream.metadata
+    """Return whether a packet is encrypted, by itself (MP4), or with its whole stream (Matroska, FairPlay)."""
+    is_fairplay = getattr(packet.stream.codec_context, "codec_tag", "") == "drms"
+    return bool(packet.has_sidedata("encryption_info")) or is_fairplay or "enc_key_id" in packet.stream.metadata
+
+
+def _names_hidden_codec(path: Path) -> bool:
+    """Return whether MP4 names a format that encryption hides (box ``frma``), as FairPlay does."""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        return data.find(b"\0\0\0\x0cfrma") >= 0
 
 
 def probed(path: Path) -> Iterator[tuple[int, bytes]]:

@@ -110,6 +110,16 @@ def test_scrambled_packets_of_a_transport_stream_are_encrypted(tmp_path, decoder
         convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", decoding=DecodeOptions(decoder=decoder))
 
 
+@pytest.mark.parametrize(("old", "new"), [(b"avc1", b"drmi"), (b"mp4a", b"drms")])
+def test_fairplay_is_encryption(tmp_path, old, new):
+    """Of pictures, whose format FFmpeg does not know then, and of sound."""
+    clip = write_clip(tmp_path / "in.mp4", sound="aac")
+    data = new.join(clip.read_bytes().rsplit(old, 1)).split(b"\0\0\0\x14btrt")
+    clip.write_bytes(b"\0\0\0\x0cfrma".join([data[0], *(old + b"\0\0\0\x08free" + rest[12:] for rest in data[1:])]))
+    with pytest.raises(InputError, match=r"encrypted .*\(DRM\)" if new == b"drms" else r"is encrypted \(DRM\) and"):
+        convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST)
+
+
 def test_a_scrambled_dvd_is_encrypted(tmp_path):
     """Its packets say so, and FFmpeg decodes them all the same."""
     clip = write_clip(tmp_path / "in.vob", codec="mpeg2video")
