@@ -7,6 +7,7 @@ import os
 import re
 import statistics
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
@@ -220,8 +221,10 @@ def choose_video(container: av.container.InputContainer, name: str, wanted: int 
 
 def is_encrypted(packet: av.Packet[Any]) -> bool:
     """Return whether a packet is encrypted, by itself (MP4), or with its whole stream (Matroska, FairPlay)."""
-    is_fairplay = getattr(packet.stream.codec_context, "codec_tag", "") == "drms"
-    return bool(packet.has_sidedata("encryption_info")) or is_fairplay or "enc_key_id" in packet.stream.metadata
+    with suppress(AttributeError, UnicodeDecodeError):  # data has no codec, and some tags are no text
+        if packet.stream.codec_context.codec_tag == "drms":
+            return True
+    return bool(packet.has_sidedata("encryption_info")) or "enc_key_id" in packet.stream.metadata
 
 
 def _names_hidden_codec(path: Path) -> bool:

@@ -97,10 +97,7 @@ def _index_of(
 
 
 def is_presented(codec: str, packet: av.Packet[Any]) -> bool:
-    """Return whether a packet of this codec becomes a picture that is presented.
-
-    VP8 and VP9 have frames that only serve as references, in packets of their own; H.264 and others have none.
-    """
+    """Return whether a packet becomes a picture that is presented; some of VP8 and VP9 are references alone."""
     data = memoryview(packet)
     if codec == "vp8":
         return bool(data[0] & 0x10)

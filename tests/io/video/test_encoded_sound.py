@@ -110,11 +110,7 @@ def test_chapters_that_do_not_go_along_are_said(tmp_path):
 @pytest.mark.parametrize(
     ("codec", "suffix", "ways"),
     [
-        (
-            "wmav2",
-            ".mp4",
-            "encode it anew with `audio_codec='aac'`, write .mkv, or leave the sound out with `audio=False`",
-        ),
+        ("wmav2", ".mp4", "encode it anew with `audio_codec='aac'`, write .mkv, or leave the sound out"),
         ("aac", ".webm", "encode it anew with `audio_codec='opus'`, write .mp4 or .m4v or .mov or .mkv, or leave"),
     ],
 )

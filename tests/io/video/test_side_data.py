@@ -180,12 +180,7 @@ def test_planes_of_a_crop(tmp_path, decode):
     ("codec", "suffix", "lost", "kept"),
     [
         ("h264", ".mp4", "lost the user data of the camera or encoder of its source", {"A53_CC", "STEREO3D"}),
-        (
-            "hevc",
-            ".mp4",
-            "lost the stereo mode and the closed captions and the user data",
-            set(),
-        ),
+        ("hevc", ".mp4", "lost the stereo mode and the closed captions and the user data", set()),
         ("vp9", ".mkv", "lost the closed captions and the user data of the camera or encoder of its", {"STEREO3D"}),
     ],
 )
