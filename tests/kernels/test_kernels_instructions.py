@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -56,26 +55,17 @@ def test_prefetching_changes_nothing_wherever_it_points(place):
     np.testing.assert_array_equal(flat, [0, 1, 2, 3])
 
 
-class Nested(NamedTuple):
-    """Arrays in a tuple, and what is none."""
-
-    arrays: tuple[np.ndarray, np.ndarray]
-    factor: int
-
-
 def test_borrowed_arrays_are_the_same_arrays():
     """They are read and written like those that they were made of, in nested tuples, too."""
 
-    def call(nested, out):
-        (first, second), factor = borrowed(nested)
-        to = borrowed(out)
-        for i in range(to.size):
-            to[i] = first[i, 0] + second[i] * factor
+    def scale(given):
+        ((values, factor), out), (further,) = borrowed(given), borrowed((given[1],))
+        for i in range(out.size):
+            further[i] = values[i, 0] * factor
 
-    for run in forms(call):
-        out = np.zeros(3)
-        run(Nested((np.ones((3, 2)), np.arange(3)), 2), out)
-        np.testing.assert_array_equal(out, [1, 3, 5])
+    for run in forms(scale):
+        run(((np.arange(6.0).reshape(3, 2), 2), out := np.zeros(3)))
+        np.testing.assert_array_equal(out, [0, 4, 8])
 
 
 @njit
