@@ -35,11 +35,6 @@ def fingerprint_options(state_of: Callable[[Iterable[Path]], str] | None = None,
     """Return the options of a job as text: the fields of dataclasses one by one, everything else by `str`.
 
     Options that read files contribute the state of the files, too, by `fingerprint_files` or another function.
-
-    Examples
-    --------
-    >>> fingerprint_options(factor=2, fps=None)
-    {'factor': '2', 'fps': 'None'}
     """
     facts = (_facts(name, value, state_of or fingerprint_files) for name, value in values.items())
     return dict(fact for facts_of_value in facts for fact in facts_of_value)

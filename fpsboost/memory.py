@@ -75,13 +75,7 @@ class MemoryLimit:
             )
 
     def affordable_threads(self, width: int, height: int, most: int, planes: int = 0) -> int:
-        """Return how many pairs of frames of this size can be processed in parallel, from 1 to `most`.
-
-        Examples
-        --------
-        >>> [MemoryLimit(size * 10**9).affordable_threads(3840, 2160, 16) for size in (4, 8)]
-        [1, 6]
-        """
+        """Return how many pairs of frames of this size can be processed in parallel, from 1 to `most`."""
         per_thread = (BYTES_PER_PIXEL_OF_A_THREAD + BYTES_PER_PLANE_OF_A_THREAD * planes) * width * height
         return max(1, min(most, 1 + (self.bytes - _needed(width, height, planes)) // per_thread))
 
@@ -95,13 +89,7 @@ def _needed(width: int, height: int, planes: int) -> int:
 
 
 def parse_memory(text: str, option: str = "`limit`") -> MemoryLimit:
-    """Parse a size of memory as people write it; messages name it by `option`.
-
-    Examples
-    --------
-    >>> parse_memory("8G"), parse_memory("1.5 GB")
-    (MemoryLimit(bytes=8000000000), MemoryLimit(bytes=1500000000))
-    """
+    """Parse a size of memory as people write it; messages name it by `option`."""
     match = re.fullmatch(r"([0-9]{1,18}(?:\.[0-9]{1,9})?) *([KMGT]?)B?", text.strip(), re.IGNORECASE)
     if match is None:
         raise OptionError(f"{option} must be a size such as 8G or 500M, not {text!r}.")

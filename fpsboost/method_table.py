@@ -134,11 +134,6 @@ def read_options(interpolator: Interpolator, method: str, texts: Mapping[str, st
     """Parse options written by a user into values for `configure`; messages name the `method`.
 
     Raises `OptionError` if the method has no such option, or a value is of another type.
-
-    Examples
-    --------
-    >>> read_options(methods["nlm-exhaustive"], "nlm-exhaustive", {"patch-radius": "9", "v": "0.05"})
-    {'patch_radius': 9, 'v': 0.05}
     """
     types = {**_settable(interpolator.synthesizer), **_settable(interpolator.estimator)}
     options = {}

@@ -284,13 +284,7 @@ flag_names = {flag.field: flag.name for cls in option_classes for flag in flags_
 
 
 def in_flags(sentence: str) -> str:
-    """Return a sentence of the library with flags instead of the names of fields.
-
-    Examples
-    --------
-    >>> in_flags("Give `crf=16`, `codec='hevc'` or `audio=False`.")
-    'Give --crf 16, --codec hevc or --no-audio.'
-    """
+    """Return a sentence of the library with flags instead of the names of fields."""
 
     def flag(found: re.Match[str]) -> str:
         field, value = found.groups()

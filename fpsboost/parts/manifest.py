@@ -154,14 +154,7 @@ def job_facts(job: ConversionJob) -> dict[str, str]:
 
 
 def as_json(value: Any) -> Any:
-    """Return a dataclass as JSON knows it: objects for dataclasses, text for fractions.
-
-    Examples
-    --------
-    >>> from fpsboost.timing.rate import OutputRate
-    >>> as_json(OutputRate(Fraction(5, 2)))["factor"]
-    '5/2'
-    """
+    """Return a dataclass as JSON knows it: objects for dataclasses, text for fractions."""
     if is_dataclass(value):
         return {field.name: as_json(getattr(value, field.name)) for field in fields(value) if field.init}
     if isinstance(value, Fraction):
@@ -178,12 +171,6 @@ def from_json(kind: Any, value: Any) -> Any:
 
     The type is a dataclass, Fraction, str, int, float, bool, a list, set, tuple or dict of these, or a union of one
     with None. Raises `KeyError`, `TypeError` or `ValueError` for what was stored by something else.
-
-    Examples
-    --------
-    >>> from fpsboost.timing.rate import OutputRate
-    >>> from_json(OutputRate, as_json(OutputRate(Fraction(5, 2)))).factor
-    Fraction(5, 2)
     """
     kinds = get_args(kind)
     if value is None:
@@ -227,15 +214,6 @@ def self_test(interpolator: Interpolator, image: FrameImage) -> str:
     A texture with coarse and fine structure moves by two and a half pixels per frame, and in front of it an object in
     the other direction. A renderer's motion vectors are not used. `image` is any of the clip to convert; only its type,
     channels and layers matter. The digest is SHA-256 in hexadecimal digits, the same wherever the same frames are made.
-
-    Examples
-    --------
-    >>> from fpsboost.method_table import methods
-    >>> image = np.zeros((90, 160, 3), np.uint8)
-    >>> self_test(methods["blend"], image) == self_test(methods["blend"], image)
-    True
-    >>> self_test(methods["blend"], image) == self_test(methods["nearest"], image)
-    False
     """
     rehearsal = interpolator.without_vectors()
     frames = [FrameCache(view(image).filled(samples)) for samples in _moving_samples()]

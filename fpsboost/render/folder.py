@@ -321,11 +321,6 @@ def find_vector_channels(names: Collection[str], *, of_any_layer: bool = False) 
 
     With `of_any_layer`, two channels are also taken of a layer whose name does not say that it holds motion, if there
     is no other.
-
-    Examples
-    --------
-    >>> find_vector_channels(["R", "G", "B", "velocity.R", "velocity.G", "velocity.B"])
-    (['velocity.R', 'velocity.G'], 'forward-up')
     """
     layer = _find_layer(names)
     if layer is not None:

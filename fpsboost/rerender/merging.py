@@ -117,13 +117,7 @@ def merge_regions(made: str, rendered: str, output: str, options: MergeOptions) 
 
 
 def seam_weights(mask: NDArray[Any], feather: int) -> NDArray[Any]:
-    """Return the share of the rendered image in each pixel, (H, W) float32: 1 in a mask but for its edges.
-
-    Examples
-    --------
-    >>> (3 * seam_weights(np.array([[0, 0, 1, 1, 1, 1]], bool), 2)).round().astype(int).tolist()
-    [[0, 0, 1, 2, 3, 3]]
-    """
+    """Return the share of the rendered image in each pixel, (H, W) float32: 1 in a mask but for its edges."""
     if not feather or mask.all():
         return mask.astype(np.float32)
     # beyond the frame the mask goes on, so that its border is no edge

@@ -63,15 +63,7 @@ def format_time(seconds: Fraction) -> str:
 
 
 def parse_position(text: str, option: str) -> Position:
-    """Parse ``90``, ``90.5``, ``1:30``, ``00:01:30.5`` or ``2700f``; messages name it by `option`.
-
-    Examples
-    --------
-    >>> parse_position("1:30.5", "`start`")
-    Position(value=Fraction(181, 2), is_frame=False)
-    >>> parse_position("120f", "`start`")
-    Position(value=Fraction(120, 1), is_frame=True)
-    """
+    """Parse ``90``, ``90.5``, ``1:30``, ``00:01:30.5`` or ``2700f``; messages name it by `option`."""
     word = text.strip()
     if re.fullmatch(r"[0-9]{1,15}f", word):
         return Position(Fraction(word[:-1]), is_frame=True)

@@ -220,13 +220,7 @@ def representable(*time_bases: Fraction) -> Fraction:
 
 
 def parse_rate(text: str, option: str = "frame rate") -> Fraction:
-    """Parse a frame rate as people write it; 23.976, 29.97, 59.94 and 119.88 mean n x 1000/1001.
-
-    Examples
-    --------
-    >>> parse_rate("59.94")
-    Fraction(60000, 1001)
-    """
+    """Parse a frame rate as people write it; 23.976, 29.97, 59.94 and 119.88 mean n x 1000/1001."""
     value = parse_number(text, option)
     nearest = round(value * 1001 / 1000)
     ntsc = Fraction(nearest * 1000, 1001)
@@ -299,13 +293,6 @@ class ExposureSchedule:
     """Schedule of the samples of another schedule's output frames.
 
     Before the first source frame and across pauses there are no samples but the output frames themselves.
-
-    Examples
-    --------
-    >>> from fpsboost.timing.schedule import ByFactor
-    >>> exposure = ExposureSchedule(ByFactor(Fraction(1)), Shutter(Fraction(180), 3))
-    >>> [(str(step.t), step.frame_number) for step in exposure.steps(0, Fraction(0), Fraction(0), Fraction(1))]
-    [('0', 0), ('1/6', 0), ('5/6', 1)]
     """
 
     schedule: Schedule

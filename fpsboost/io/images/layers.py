@@ -101,13 +101,7 @@ def contents_of(header: ExrHeader) -> ExrContents:
 
 
 def kind_of(name: str, precisions: Sequence[Precision]) -> LayerKind:
-    """Return what a layer is, by its name and by how precise each of its channels is.
-
-    Examples
-    --------
-    >>> kind_of("ViewLayer.CryptoObject00", ["float"] * 4), kind_of("ViewLayer.Mist", ["half"])
-    ('nearest', 'linear')
-    """
+    """Return what a layer is, by its name and by how precise each of its channels is."""
     word = _word_of(name)
     if "uint" in precisions or word.startswith(CRYPTOMATTE):
         return "nearest"

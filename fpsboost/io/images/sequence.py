@@ -41,13 +41,7 @@ class Numbering:
 
     @classmethod
     def parse(cls, pattern: str) -> Self:
-        """Read a pattern, ``shot_%04d.png`` or ``shot_####.png``; `OptionError` without a place for a number.
-
-        Examples
-        --------
-        >>> Numbering.parse("shot_##.png").path(7).name
-        'shot_07.png'
-        """
+        """Read a pattern, ``shot_%04d.png`` or ``shot_####.png``; `OptionError` without a place for a number."""
         folder, name = Path(pattern).parent, Path(pattern).name
         place = find_placeholder(name)
         if place is None:

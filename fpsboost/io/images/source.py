@@ -244,11 +244,6 @@ def is_pattern(path: str) -> bool:
 
     ``%04d`` and two or more ``#`` do, unless the name ends like a video or with a slash. A lone ``%d`` or ``#`` does
     where it ends like an image, so that ``take #2.mp4`` and ``100%done.mkv`` stay file names.
-
-    Examples
-    --------
-    >>> is_pattern("render/shot_%04d.png"), is_pattern("shot_####.png"), is_pattern("shot_####/0001.png")
-    (True, True, False)
     """
     name = Path(path).name
     place = find_placeholder(name)

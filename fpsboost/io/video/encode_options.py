@@ -15,13 +15,7 @@ MIN_BITRATE, MAX_BITRATE = 1000, 2_000_000_000
 
 
 def parse_bitrate(text: str, option: str = "`bitrate`") -> int:
-    """Parse a bit rate in bits per second, with an optional suffix k or M; messages name it by `option`.
-
-    Examples
-    --------
-    >>> parse_bitrate("8M"), parse_bitrate("1.5M"), parse_bitrate("800k")
-    (8000000, 1500000, 800000)
-    """
+    """Parse a bit rate in bits per second, with an optional suffix k or M; messages name it by `option`."""
     match = re.fullmatch(r"([0-9]{1,12}(?:\.[0-9]{1,12})?)([kKmM]?)", text.strip())
     if match is None:
         raise OptionError(f"{option} {text!r} is no number of bits per second; write it like 8M, 1.5M or 800k.")
@@ -29,13 +23,7 @@ def parse_bitrate(text: str, option: str = "`bitrate`") -> int:
 
 
 def parse_encoder_options(texts: Sequence[str], option: str = "`encoder_options`") -> tuple[tuple[str, str], ...]:
-    """Split options of the form ``key=value``; messages name them by `option`.
-
-    Examples
-    --------
-    >>> parse_encoder_options(["tune=film", "x264-params=keyint=48:min-keyint=1"])
-    (('tune', 'film'), ('x264-params', 'keyint=48:min-keyint=1'))
-    """
+    """Split options of the form ``key=value``; messages name them by `option`."""
     pairs = [text.partition("=") for text in texts]
     for text, (name, _, value) in zip(texts, pairs, strict=True):
         if not name.strip() or not value:
