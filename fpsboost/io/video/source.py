@@ -391,10 +391,7 @@ class VideoSource(ClosesOnExit):
             )
 
     def _decode_up_to(self, number: int, point: EntryPoint, index: FrameIndex) -> bool:
-        """Decode from an entry point up to a frame; return whether the pictures are those listed.
-
-        Pictures before the entry point's are left out, since decoding them depends on earlier packets.
-        """
+        """Decode from an entry point up to a frame, and no earlier ones; return whether they are those listed."""
         expected = index.ticks[point.number : number + 1].tolist()
         for time in (point.pts, point.dts):  # indexes of containers count either
             if time is None or not self._demuxer.seek(time):
