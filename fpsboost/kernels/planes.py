@@ -157,7 +157,7 @@ def repeat_edges(height, width, padding, planes):
                 last[x] = below[x]
 
 
-@njit(forceinline=True, **FINITE_JIT)
+@njit(inline="always", **FINITE_JIT)
 def split_row(pixels, channels, normalise, scale, luma, first, third):
     """Split one row for `split_colours`; `pixels` is (W C,)."""
     half, chroma_red, chroma_blue = np.float32(0.5), np.float32(0.713 / 2), np.float32(0.564 / 2)
