@@ -31,8 +31,6 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.options import words_of_options
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from fpsboost.evaluation.contestants import Contestant
     from fpsboost.evaluation.export import Row
     from fpsboost.evaluation.hidden_frames import Hiding, Interval
@@ -137,11 +135,7 @@ def print_comparison(comparison: Comparison, contestants: Mapping[str, Contestan
 
 def write_results(compared: Sequence[ComparedClip], results: ResultOptions, console: Console) -> None:
     """Print what several clips come to, and write the files and the page that are asked for."""
-    from fpsboost.evaluation.export import (  # noqa: PLC0415
-        mean_rows,
-        write_csv,
-        write_json,
-    )
+    from fpsboost.evaluation.export import mean_rows, write_csv, write_json  # noqa: PLC0415
     from fpsboost.evaluation.verdict import judge_all  # noqa: PLC0415
 
     comparisons = [clip.comparison for clip in compared]
@@ -365,23 +359,17 @@ def _make(method: NamedMethod, vectors: VectorFolder | None) -> Contestant:
     if method.name == MINTERPOLATE:
         return Minterpolate.with_options(method.options)
     texts = dict(method.options)
-    # as in conversions, vectors are used where they can be
-    if method.name in methods and not (may_use_vectors(methods[method.name]) and _uses_vectors(method, texts)):
-        vectors = None
+    if method.name in methods:  # as in conversions, vectors are used where they can be
+        answer = texts.pop("vectors", "yes") if may_use_vectors(methods[method.name]) else "no"
+        if answer not in ("yes", "no"):
+            raise OptionError(f"In {method.text}: vectors must be yes or no, not {answer!r}.")
+        vectors = vectors if answer == "yes" else None
     interpolator = find_method(method.name, vectors)
     options = read_options(interpolator, method.name, texts)
     try:
         return InterpolatorContestant(configure(interpolator, method.name, options))
     except OptionError as error:
         raise OptionError(f"In {method.text}: {error}") from None
-
-
-def _uses_vectors(method: NamedMethod, texts: dict[str, str]) -> bool:
-    """Return whether a method is to use rendered vectors; takes the option out of its texts."""
-    answer = texts.pop("vectors", "yes")
-    if answer not in ("yes", "no"):
-        raise OptionError(f"In {method.text}: vectors must be yes or no, not {answer!r}.")
-    return answer == "yes"
 
 
 class Others(NamedTuple):

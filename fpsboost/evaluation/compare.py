@@ -134,14 +134,10 @@ def compare(
 
 def _made_with() -> dict[str, str]:
     """Return the versions of what affects frames, scores or speed, and the machine."""
-    outside = {
-        name: version(package)
-        for name, package in (("NumPy", "numpy"), ("Numba", "numba"), ("scikit-image", "scikit-image"))
-    }
     return {
         "fpsboost": __version__,
         "Python": platform.python_version(),
-        **outside,
+        **{name: version(name.lower()) for name in ("NumPy", "Numba", "scikit-image")},
         "OpenCV": cv2.__version__,
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
     }

@@ -74,16 +74,12 @@ def rows_of(comparison: Comparison) -> Iterator[dict[str, Any]]:
     for method in comparison.methods:
         counted = {frame.number for frame in comparison.counted(method)}
         for frame, t in zip(method.frames, comparison.times, strict=True):
-            scores = frame.scores
             row = {
                 "method": method.name,
                 "frame": frame.number,
                 "t": t,
                 "counted": int(frame.number in counted),
-                "psnr": scores.psnr,
-                "ssim": scores.ssim,
-                "mae": scores.mae,
-                "mse": scores.mse,
+                **{name: getattr(frame.scores, name) for name in ("psnr", "ssim", "mae", "mse")},
                 "seconds": frame.seconds,
                 "cpu_seconds": frame.cpu_seconds,
                 "search_radius": "" if frame.search_radius is None else frame.search_radius,
@@ -186,18 +182,16 @@ def _rows(
 
 
 def _cells(values: Sequence[float], digits: int, high_is_good: bool) -> list[Cell]:
-    """Return the cells; what reads the same as the best is the best too, and a lone value is no best."""
+    """Return the cells; what reads the same as the best is the best too, and a lone value is no best.
+
+    Up to two more digits keep the smallest value from being a row of zeros.
+    """
     finite = [value for value in values if math.isfinite(value)]
-    digits += _more_digits(finite, digits)
+    smallest = min((abs(value) for value in finite if value), default=1)
+    digits += next((more for more in (0, 1) if smallest >= 2 * 10.0 ** -(digits + more)), 2)
     best = f"{max(finite) if high_is_good else min(finite):.{digits}f}" if len(finite) > 1 else None
     texts = [f"{value:.{digits}f}" if math.isfinite(value) else None for value in values]
     return [
         Cell("-", None, False) if text is None else Cell(text, value, text == best)
         for text, value in zip(texts, values, strict=True)
     ]
-
-
-def _more_digits(values: Sequence[float], digits: int) -> int:
-    """Return how many more digits, up to two, keep the smallest value from being a row of zeros."""
-    smallest = min((abs(value) for value in values if value), default=1)
-    return next((more for more in (0, 1) if smallest >= 2 * 10.0 ** -(digits + more)), 2)

@@ -23,7 +23,7 @@ from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count, pairwise
 from pathlib import Path
-from typing import IO, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -190,17 +190,13 @@ def _run(name: str, words: Sequence[str], folder: Path) -> str:
             )
         except OSError as error:
             raise InputError(f"The peer {name} cannot be run ({error.strerror}: {words[0]}); check `peer`.") from None
-        last_line = _last_line(output)
+        output.seek(max(0, output.seek(0, 2) - READ_AT_MOST))
+        lines = [line.strip() for line in output.read().decode(errors="replace").splitlines()]
+        last_line = next((line for line in reversed(lines) if line), "")
     if process.returncode:
         how = f"exit code {process.returncode}" if process.returncode > 0 else f"signal {-process.returncode}"
         raise InputError(f"The peer {name} failed with {how}: {last_line or 'it said nothing'}")
     return last_line
-
-
-def _last_line(file: IO[bytes]) -> str:
-    file.seek(max(0, file.seek(0, 2) - READ_AT_MOST))
-    lines = [line.strip() for line in file.read().decode(errors="replace").splitlines()]
-    return next((line for line in reversed(lines) if line), "")
 
 
 class NumberedImage(NamedTuple):

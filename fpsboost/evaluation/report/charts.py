@@ -124,13 +124,21 @@ def draw_lines(
     values = [np.where(counted, np.asarray(each.values, float), np.nan) for each in series]
     finite = [each for each in values if np.isfinite(each).any()]
     all_values = np.concatenate([each[np.isfinite(each)] for each in finite])
-    logarithmic = may_be_logarithmic and float(all_values.min()) > 0 and _differ_much(finite)
+    medians = [float(np.nanmedian(each)) for each in finite]
+    differ_much = float(all_values.min()) > 0 and max(medians) > MAGNITUDE * min(medians)
+    logarithmic = may_be_logarithmic and differ_much
     charts = []
     for form in FORMS:
         with _styled(form):
             figure, axes = _begin(form, f"{label}, logarithmic" if logarithmic else label)
-            for each, line in zip(series, values, strict=True):
-                _draw_line(axes, each, numbers, line)
+            for (method, _, style), of_method in zip(series, values, strict=True):
+                (line,) = axes.plot(
+                    numbers, of_method, linewidth=1.6, linestyle=style.line, gid=f"series-{method}-line"
+                )
+                line.set(marker=MARKERS[style.mark], markersize=5.5, markeredgewidth=0)
+                if len(numbers) > MARKED_FRAMES:
+                    step = len(numbers) // MARKS_OF_A_LINE
+                    line.set_markevery((method * step // len(MARKERS) % step, step))  # not all at the same frames
             for cut in cuts:
                 axes.axvline(cut, gid=f"cut-{cut}", linewidth=1, linestyle=(0, (2, 3)))
             _set_limits(axes, numbers, all_values, from_zero=from_zero and not logarithmic, logarithmic=logarithmic)
@@ -167,33 +175,15 @@ def _styled(form: Form) -> AbstractContextManager[None]:
     return mpl.rc_context(settings)
 
 
-def _differ_much(values: Sequence[NDArray[Any]]) -> bool:
-    medians = [float(np.nanmedian(each)) for each in values]
-    return max(medians) > MAGNITUDE * min(medians)
-
-
 def _begin(form: Form, label: str) -> tuple[Figure, Axes]:
     figure = Figure(figsize=form.size, layout="constrained")
     figure.patch.set_visible(False)
     axes = figure.add_subplot()
     axes.patch.set_visible(False)
-    axes.set_title(_fitted(label, form), fontsize=form.text)
+    room = 0.86 * 72 * form.size[0] / (TITLE_WIDTH * form.text)  # the title begins where the axes do
+    before, comma, behind = label.rpartition(", ")
+    axes.set_title(f"{before},\n{behind}" if comma and len(label) > room else label, fontsize=form.text)
     return figure, axes
-
-
-def _fitted(title: str, form: Form) -> str:
-    """Break a title into two lines if one would be cut off; it begins where the axes do."""
-    room = 0.86 * 72 * form.size[0] / (TITLE_WIDTH * form.text)
-    before, comma, behind = title.rpartition(", ")
-    return f"{before},\n{behind}" if comma and len(title) > room else title
-
-
-def _draw_line(axes: Axes, series: Series, numbers: Sequence[int], values: NDArray[Any]) -> None:
-    (line,) = axes.plot(numbers, values, linewidth=1.6, linestyle=series.style.line, gid=f"series-{series.method}-line")
-    line.set(marker=MARKERS[series.style.mark], markersize=5.5, markeredgewidth=0)
-    if len(numbers) > MARKED_FRAMES:
-        step = len(numbers) // MARKS_OF_A_LINE
-        line.set_markevery((series.method * step // len(MARKERS) % step, step))  # not all at the same frames
 
 
 def _set_limits(

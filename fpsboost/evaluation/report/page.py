@@ -185,16 +185,12 @@ def choose_frames(comparison: Comparison) -> list[Choice]:
     reasons["the median"] = ranked[(len(ranked) - 1) // 2].number
     reasons["the best"] = ranked[-1].number
     if len(comparison.methods) > 1:
-        reasons[DIFFERENT] = _most_different(comparison)
+        frames = zip(*(comparison.counted(method) for method in comparison.methods), strict=True)
+        errors = {each[0].number: [frame.scores.mae for frame in each] for each in frames}
+        # not from the worst: a method that fails everywhere would decide alone
+        reasons[DIFFERENT] = max(errors, key=lambda number: median(errors[number]) - min(errors[number]))
     numbers = dict.fromkeys(reasons.values())
     return [Choice(number, [why for why, which in reasons.items() if which == number]) for number in numbers]
-
-
-def _most_different(comparison: Comparison) -> int:
-    frames = zip(*(comparison.counted(method) for method in comparison.methods), strict=True)
-    errors: dict[int, list[float]] = {each[0].number: [frame.scores.mae for frame in each] for each in frames}
-    # not from the worst: a method that fails everywhere would decide alone
-    return max(errors, key=lambda number: median(errors[number]) - min(errors[number]))
 
 
 def _title(choice: Choice, first: str) -> str:
@@ -280,9 +276,7 @@ def frame_values(comparison: Comparison) -> dict[str, Any]:
         "methods": [
             {
                 "name": method.name,
-                "mse": [frame.scores.mse for frame in method.frames],
-                "mae": [frame.scores.mae for frame in method.frames],
-                "psnr": [frame.scores.psnr for frame in method.frames],
+                **{name: [getattr(frame.scores, name) for frame in method.frames] for name in ("mse", "mae", "psnr")},
                 "seconds": [frame.seconds if math.isfinite(frame.seconds) else None for frame in method.frames],
                 **{name: [frame.metrics[name] for frame in method.frames] for name in comparison.metrics},
             }
