@@ -179,7 +179,11 @@ class DaskExecutor:
                 self._release(part)
                 self._reports.put(Failed(part, running.worker))
             running.was_missing = is_missing
-        self._call_workers()
+        # while there is none, a task for any worker, so that a cluster that starts them on demand does
+        if not self._workers and self._call is None:
+            self._call = self._client.submit(os.getpid, key=f"{self._topic}-call", pure=False)
+        elif self._workers:
+            self._call = None
         return self._workers
 
     def submit(self, part: Part, worker: str, attempt: int) -> None:
@@ -218,13 +222,6 @@ class DaskExecutor:
         if running is not None:
             with suppress(Exception):  # the scheduler may be gone
                 running.future.release()
-
-    def _call_workers(self) -> None:
-        """Submit a task for any worker while there is none, so that a cluster that starts them on demand does."""
-        if not self._workers and self._call is None:
-            self._call = self._client.submit(os.getpid, key=f"{self._topic}-call", pure=False)
-        elif self._workers:
-            self._call = None
 
     def _handle_event(self, event: tuple[float, Mapping[str, Any]]) -> None:
         """Handle what a worker has logged."""

@@ -263,17 +263,16 @@ class _Reader:
 
     def measure(self, starts: Iterable[Fraction]) -> list[Place]:
         """Measure motion wherever reading can begin next to some times."""
-        places = (self._measure_at(start) for start in starts)
-        return list({place.start: place for place in places if place is not None}.values())
-
-    def _measure_at(self, start: Fraction) -> Place | None:
-        with opened_clip(self.job.of_part(Trim()), self.run) as clip:
-            origin = clip.begin_near(start)
-            if origin is None:
-                return None
-            few = islice(clip.whole, FRAMES_PER_PLACE)
-            motions = list(_motions((frame.time, _thumbnail(frame)) for frame in few))
-        return Place(motions[0].start - origin, _mean(motions)) if motions else None
+        places = dict[Fraction, Place]()
+        for start in starts:
+            with opened_clip(self.job.of_part(Trim()), self.run) as clip:
+                origin = clip.begin_near(start)
+                few = islice(clip.whole, 0 if origin is None else FRAMES_PER_PLACE)
+                motions = list(_motions((frame.time, _thumbnail(frame)) for frame in few))
+            if origin is not None and motions:
+                place = Place(motions[0].start - origin, _mean(motions))
+                places[place.start] = place
+        return list(places.values())
 
 
 def _thumbnail(frame: Frame) -> NDArray[Any]:

@@ -198,7 +198,12 @@ class VectorFolder:
 
     def _read(self, number: int) -> FrameVectors:
         if self.is_flow:
-            backward, forward = _read_flows(self._file_of(self._vectors, number, self.path, "vectors"))
+            files = _partners(self._file_of(self._vectors, number, self.path, "vectors"))
+            backward, forward = map(read_flow, files)
+            if backward.shape != forward.shape:
+                raise InputError(f"{files[0]} and {files[1].name} differ in size; write both for the same frame.")
+            for path, flow in zip(files, (backward, forward), strict=True):
+                _check_numbers(path, flow)
         else:
             channels, usual = self._channels_at(number)
             convention = self.convention or usual
@@ -281,16 +286,6 @@ def _partners(path: Path) -> list[Path]:
     if not path.name.endswith(BACKWARD):
         return [path]
     return [path, path.with_name(path.name.removesuffix(BACKWARD) + FORWARD)]
-
-
-def _read_flows(path: Path) -> tuple[NDArray[Any], NDArray[Any]]:
-    backward, forward = _partners(path)
-    flows = read_flow(backward), read_flow(forward)
-    if flows[0].shape != flows[1].shape:
-        raise InputError(f"{backward} and {forward.name} differ in size; write both for the same frame.")
-    for file, flow in zip((backward, forward), flows, strict=True):
-        _check_numbers(file, flow)
-    return flows
 
 
 def _check_numbers(path: Path, flow: NDArray[Any]) -> None:
@@ -391,9 +386,8 @@ def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], 
         return folder
     pairs, usual = [], None
     for (number0, image0), (number1, image1) in frames:
-        (channels0, usual), (channels1, _) = (
-            folder.channels_for(number, image) for number, image in ((number0, image0), (number1, image1))
-        )
+        channels0, usual = folder.channels_for(number0, image0)
+        channels1, _ = folder.channels_for(number1, image1)
         pairs.append(RenderedPair(image0, image1, channels0, channels1, (number1 - number0) * folder.step))
     if usual is None:
         return folder

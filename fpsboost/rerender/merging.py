@@ -253,9 +253,7 @@ def _find_rendered(folder: Path, planned: Mapping[int, PlannedFrame]) -> tuple[d
             whole[number].append(name)
         else:
             parts[number].setdefault(place, []).append(name)
-    images = {}
-    for number, frame in planned.items():
-        images[number] = _choose(folder, frame, whole[number], parts[number])
+    images = {number: _choose(folder, frame, whole[number], parts[number]) for number, frame in planned.items()}
     remark = f"{extra} image{'s' if extra > 1 else ''} of {folder} belong to no planned region and were left out."
     return images, [remark] * (extra > 0)
 

@@ -235,7 +235,12 @@ def plan_rerender(
         with run_in_parallel(threads) as in_order:
             expected = expect_errors(source, interpolator, factor, grid, in_order)
     pixels = info.height * info.width
-    cost = _cost(options, pixels, len(expected.errors))
+    budget = options.budget or DEFAULT_BUDGET
+    if budget.unit == "share":  # in pixels: starting a frame costs nothing of a budget of these
+        cost = RenderCost(1, 0, budget.amount * pixels * len(expected.errors))
+    else:
+        assert options.cost is not None
+        cost = RenderCost(options.cost / pixels, options.overhead, budget.amount)
     masks = choose_regions(expected.errors, grid, cost, expected.scenes)
     between = [number for place, number in enumerate(numbers) if place % factor]
     frames = []
@@ -267,12 +272,3 @@ def open_images(path: str, folder: str) -> ImageSource:
             "between two others to learn how large errors are."
         )
     return source
-
-
-def _cost(options: PlanOptions, pixels: int, frames: int) -> RenderCost:
-    """Return costs in seconds if they are known, else in pixels."""
-    budget = options.budget or DEFAULT_BUDGET
-    if budget.unit == "share":  # starting a frame costs nothing of a budget of pixels
-        return RenderCost(1, 0, budget.amount * pixels * frames)
-    assert options.cost is not None
-    return RenderCost(options.cost / pixels, options.overhead, budget.amount)

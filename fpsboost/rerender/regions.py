@@ -50,10 +50,8 @@ class Rectangle(NamedTuple):
     def around(self, other: Rectangle) -> Rectangle:
         """Return the smallest rectangle that holds both."""
         x, y = min(self.x, other.x), min(self.y, other.y)
-        right, bottom = (
-            max(self.x + self.width, other.x + other.width),
-            max(self.y + self.height, other.y + other.height),
-        )
+        right = max(self.x + self.width, other.x + other.width)
+        bottom = max(self.y + self.height, other.y + other.height)
         return Rectangle(x, y, right - x, bottom - y)
 
 

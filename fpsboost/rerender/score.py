@@ -127,7 +127,10 @@ def expect_errors(
     if farther:
         expected /= ErrorCurve.fitted(farther).bias(measured)
     follows = ~cut & np.isfinite(nearby).all(axis=(1, 2))
-    expected[follows] = _geometric_mean(expected[follows], nearby[follows])
+    # the geometric mean of both, with the sum of the first; both are taken for equally large in all
+    product = np.sqrt((expected[follows] + MIN_ERROR) * (nearby[follows] + MIN_ERROR))
+    total = product.sum()
+    expected[follows] = product * (expected[follows].sum() / total) if total > 0 else product
     expected[cut] = doubts[cut]
     return ExpectedErrors(expected, scenes.tolist())
 
@@ -196,11 +199,3 @@ def _error_nearby(sides: Sequence[Trial | None], t: float, grid: TileGrid) -> Ti
     if not measured:
         return np.full(grid.shape, np.nan)
     return np.asarray(sum(weight * error for weight, error in measured) / sum(weight for weight, _ in measured))
-
-
-def _geometric_mean(expected: NDArray[Any], nearby: NDArray[Any]) -> NDArray[Any]:
-    """Return the geometric mean of two estimates, both taken for equally large in all, with the sum of the first."""
-    product = np.sqrt((expected + MIN_ERROR) * (nearby + MIN_ERROR))
-    total = product.sum()
-    mean: NDArray[Any] = product * (expected.sum() / total) if total > 0 else product
-    return mean

@@ -90,18 +90,13 @@ def read_image(path: Path, limit: MemoryLimit | None = None, *, upright: bool = 
         image = cv2.cvtColor(image, _orders[channels])
     if photometric == WHITE_IS_0 and image.dtype == np.uint16:  # the library turns 8 bits, but not 16
         image = np.uint16(0xFFFF) - image
-    return _turned(image, orientation)
+    if orientation in (2, 4, 5, 7):  # as EXIF numbers them
+        image = image[:, ::-1]
+    turns = {3: 2, 4: 2, 5: 1, 6: -1, 7: -1, 8: 1}.get(orientation, 0)
+    return np.ascontiguousarray(np.rot90(image, turns))
 
 
 def tiff_tags(spec: Any) -> tuple[int | None, int]:
     """Return a TIFF's number of its colours and its orientation; None and 1 for other types of file."""
     photometric = spec.getattribute("tiff:PhotometricInterpretation")
     return photometric, 1 if photometric is None else spec.get_int_attribute("Orientation", 1)
-
-
-def _turned(image: Image, orientation: int) -> Image:
-    """Turn an image as EXIF's orientation, 1 to 8, says."""
-    if orientation in (2, 4, 5, 7):
-        image = image[:, ::-1]
-    turns = {3: 2, 4: 2, 5: 1, 6: -1, 7: -1, 8: 1}.get(orientation, 0)
-    return np.ascontiguousarray(np.rot90(image, turns))

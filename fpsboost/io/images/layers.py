@@ -97,7 +97,10 @@ def contents_of(header: ExrHeader) -> ExrContents:
         replace(layer, channels={name: kind for name, kind in layer.channels.items() if name not in picture})
         for layer in layers
     ]
-    return ExrContents(picture, pictures, [layer for layer in rest if layer.channels], _views(header))
+    views = {part.attributes["view"] for part in header.parts if "view" in part.attributes}
+    views.update(header.parts[0].attributes.get("multiView", ()))
+    several = frozenset(views) if len(views) > 1 else frozenset[str]()
+    return ExrContents(picture, pictures, [layer for layer in rest if layer.channels], several)
 
 
 def kind_of(name: str, precisions: Sequence[Precision]) -> LayerKind:
@@ -141,13 +144,6 @@ def _find_picture(layers: Sequence[LayerNames], *, has_parts: bool) -> tuple[lis
             return [layer.name for layer in called], [name for name in picture if name is not None]
     channels = [name for layer in layers for name in layer.channels]
     return ([layers[0].name], channels) if len(channels) == 1 else ([], [])
-
-
-def _views(header: ExrHeader) -> frozenset[str]:
-    """Return the names of the views, unless there is only one."""
-    views = {part.attributes["view"] for part in header.parts if "view" in part.attributes}
-    views.update(header.parts[0].attributes.get("multiView", ()))
-    return frozenset(views) if len(views) > 1 else frozenset()
 
 
 def _letter_of(channel: str) -> str:

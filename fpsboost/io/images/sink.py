@@ -208,7 +208,10 @@ class ImageSink(NumberedSink):
                         f"{self._target} would name an image {name} that is called {file.name} in its part; name "
                         "the output as then."
                     )
-                _link_or_copy(file, self._staged / name)
+                try:
+                    os.link(file, self._staged / name)
+                except OSError:  # another disk, or one that knows no links
+                    shutil.copy2(file, self._staged / name)
                 self._frames += 1
                 self._written.append(name)
 
@@ -228,10 +231,7 @@ class ImageSink(NumberedSink):
             moves = [(path, self._replaced / path.name) for path in self._find_old()] + moves
         write_safely(self._moving, json.dumps({"frames": self._frames, "names": self._written}).encode())
         try:
-            if self._in_place:
-                move_all(moves, _move_new)
-            else:
-                move_all(moves)
+            move_all(moves, _move_new if self._in_place else None)
         except BaseException:
             if all((staged / name).exists() for name in self._written):
                 self._moving.unlink()
@@ -332,14 +332,6 @@ def _names_in_place(output: Output) -> ImageNames:
             f"{factor} times the frames of {path} do not fit between its numbers, which `in_place` keeps; {way}."
         )
     return ImageNames(images.numbering, *kept, is_anew=False)
-
-
-def _link_or_copy(here: Path, there: Path) -> None:
-    """Give a file a second name, or copy it where that is another disk or the disk knows no links."""
-    try:
-        os.link(here, there)
-    except OSError:
-        shutil.copy2(here, there)
 
 
 def _move_new(here: Path, there: Path) -> None:

@@ -92,7 +92,11 @@ def nominal_rate(stream: av.VideoStream, cadence: Cadence | None) -> tuple[Fract
     declared = [rate for rate in rates if rate is not None and 0 < rate <= MAX_RATE]
     if cadence is None or cadence.interval * MAX_RATE < 1:
         return (declared[0], True) if declared else (ASSUMED_RATE, False)
-    usual = _usual_rates_near(1 / cadence.interval)
+    # the nearest integer rate and NTSC rate (14.985, 23.976, 29.97 and their multiples), then the nearest half
+    rate = 1 / cadence.interval
+    ntsc = 3 * round(rate * 1001 / 3000) * Fraction(1000, 1001)
+    standard = sorted([Fraction(round(rate)), ntsc], key=lambda usual: abs(usual - rate))
+    usual = [each for each in (*standard, Fraction(round(2 * rate), 2)) if each > 0]
     # A frame duration that is no whole number of ticks was rounded: 19001/317 is 59.94 in Matroska's nanoseconds.
     countable = [rate for rate in declared[:1] if (1 / rate / cadence.tick).denominator == 1]
     preferred = [*countable, *(rate for rate in declared if rate in usual), *usual, *declared[:1]]
@@ -100,7 +104,9 @@ def nominal_rate(stream: av.VideoStream, cadence: Cadence | None) -> tuple[Fract
     near = [rate for rate in declared if cadence.is_nearly(rate)]
     if not cadence.is_constant:
         near += [rate for rate in usual if cadence.is_nearly(rate)]
-    candidates = [*exact, *near, _simplest(cadence), *declared[:1]]
+    measured = [(1 / cadence.interval).limit_denominator(most) for most in MAX_DENOMINATORS]
+    simplest = next((rate for rate in measured if rate > 0 and cadence.is_exactly(rate)), measured[-1])
+    candidates = [*exact, *near, simplest, *declared[:1]]
     return next((rate for rate in candidates if not is_implausible(rate, cadence.mean_rate)), candidates[0]), True
 
 
@@ -129,18 +135,6 @@ def measured_cadence(times: Sequence[int], tick: Fraction) -> Cadence | None:
         mean_rate=len(intervals) / (sum(intervals) * tick),
         tick=tick,
     )
-
-
-def _usual_rates_near(rate: Fraction) -> list[Fraction]:
-    """Return the nearest integer rate and NTSC rate, the nearer one first, then the nearest multiple of 1/2."""
-    ntsc = 3 * round(rate * 1001 / 3000) * Fraction(1000, 1001)  # 14.985, 23.976, 29.97 and their multiples
-    near = sorted([Fraction(round(rate)), ntsc], key=lambda usual: abs(usual - rate))
-    return [usual for usual in (*near, Fraction(round(2 * rate), 2)) if usual > 0]
-
-
-def _simplest(cadence: Cadence) -> Fraction:
-    rates = [(1 / cadence.interval).limit_denominator(most) for most in MAX_DENOMINATORS]
-    return next((rate for rate in rates if rate > 0 and cadence.is_exactly(rate)), rates[-1])
 
 
 def assumed_rate_remark(name: str) -> str:

@@ -211,7 +211,10 @@ def choose_video(container: av.container.InputContainer, name: str, wanted: int 
         raise OptionError(f"`stream={wanted}` is no video stream of {name}; choose one of {listed}.")
     moving = [stream for stream in videos.values() if stream.frames != 1] or list(videos.values())
     chosen = max(moving, key=_score) if wanted is None else videos[wanted]
-    is_protected = chosen.codec_context is None and _names_hidden_codec(Path(container.name))
+    is_protected = False
+    if chosen.codec_context is None:  # MP4 names a format that encryption hides in a box, as FairPlay does
+        with open(container.name, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            is_protected = data.find(b"\0\0\0\x0cfrma") >= 0
     if chosen.codec_context is None and not is_protected:
         raise InputError(f"{name} uses a video codec that cannot be decoded here; convert it to H.264 first.")
     if is_protected or "ASF_Protection_Type" in container.metadata:
@@ -225,12 +228,6 @@ def is_encrypted(packet: av.Packet[Any]) -> bool:
         if packet.stream.codec_context.codec_tag == "drms":
             return True
     return bool(packet.has_sidedata("encryption_info")) or "enc_key_id" in packet.stream.metadata
-
-
-def _names_hidden_codec(path: Path) -> bool:
-    """Return whether MP4 names a format that encryption hides (box ``frma``), as FairPlay does."""
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        return data.find(b"\0\0\0\x0cfrma") >= 0
 
 
 def probed(path: Path) -> Iterator[tuple[int, bytes]]:

@@ -161,8 +161,10 @@ class VideoEncoder:
 
     def _open(self) -> av.VideoStream:
         self._nowhere = av.open(BytesIO(), "w", format=self._format)
+        rate = self._timing.rate  # only a tag here, since times are exact; FFmpeg has two 32-bit numbers for it
+        rate = rate if rate.numerator < 2**31 else rate.limit_denominator(1000)
         stream: av.VideoStream = self._nowhere.add_stream(  # type: ignore[assignment]
-            self._encoder, rate=_bounded(self._timing.rate), width=self._info.width, height=self._info.height
+            self._encoder, rate=rate, width=self._info.width, height=self._info.height
         )
         context = stream.codec_context
         stream.time_base = context.time_base = self._timing.time_base
@@ -219,11 +221,6 @@ def traits_of_image(image: Pixels | None) -> VideoTraits:
 
 def _is_rgb(pixel_format: str) -> bool:
     return av.VideoFormat(pixel_format).is_rgb
-
-
-def _bounded(rate: Fraction) -> Fraction:
-    """Return a rate that fits FFmpeg's two 32-bit numbers; it is only a tag here, since times are exact."""
-    return rate if rate.numerator < 2**31 else rate.limit_denominator(1000)
 
 
 @contextlib.contextmanager

@@ -7,7 +7,7 @@ format, a timecode is converted to the new rate, and audio is re-encoded if it i
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, cast
@@ -81,8 +81,15 @@ class OtherStreams:
         for stream in self._input.streams:
             if stream.index != source.stream_index:
                 self._add(stream)
-        ticks = [Fraction(sound.stream.time_base) for sound in self._sounds.values()]
-        self.clock = _exact_timescale(self._input, source.start, ticks)
+        starts = [
+            stream.start_time * Fraction(stream.time_base) - source.start
+            for stream in self._input.streams
+            if stream.start_time is not None and stream.time_base
+        ]
+        of_sounds = [Fraction(sound.stream.time_base) for sound in self._sounds.values()]
+        ticks = math.lcm(1000, *(time.denominator for time in (*starts, *of_sounds)))
+        self.clock = ticks if ticks < 2**31 else 1000
+        """Ticks per second in which starts, and ends of re-encoded audio, are exact; by default it is 1000."""
         self._packets = self._read()
         self._ahead: av.Packet[av.stream.Stream] | None = None
 
@@ -322,17 +329,6 @@ def _chapters_within(file: av.container.InputContainer, window: Window | None, s
             times = {name: round(output_time(time, window) / tick) for name, time in (("start", begin), ("end", end))}
             kept.append({**chapter, **times, "metadata": printable(chapter["metadata"])})
     return kept
-
-
-def _exact_timescale(file: av.container.InputContainer, start: Fraction, ticks_of_sounds: Sequence[Fraction]) -> int:
-    """Return ticks per second in which starts, and ends of re-encoded audio, are exact; by default it is 1000."""
-    starts = [
-        stream.start_time * Fraction(stream.time_base) - start
-        for stream in file.streams
-        if stream.start_time is not None and stream.time_base
-    ]
-    ticks = math.lcm(1000, *(time.denominator for time in (*starts, *ticks_of_sounds)))
-    return ticks if ticks < 2**31 else 1000
 
 
 def _attached_picture(source: VideoFile, index: int) -> av.Packet[Any] | None:
