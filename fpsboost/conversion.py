@@ -82,15 +82,12 @@ def convert(
     >>> convert("in.mp4", "out.mp4", factor=2)  # doctest: +SKIP
     >>> convert("in.mp4", "out.mp4", rate=OutputRate(fps=60), run=RunOptions(overwrite=True))  # doctest: +SKIP
     """
-    interpolator = find_method(method)
-    job = ConversionJob(
-        input,
-        output,
-        _resolve_rate(factor, rate),
-        interpolator,
-        decoding or DecodeOptions(),
-        encoding or Encoding(),
-    )
+    interpolator, rate = find_method(method), rate or OutputRate()
+    if factor is not None:
+        if rate.factor is not None:
+            raise OptionError("factor and rate.factor say the same thing twice; give one of them.")
+        rate = replace(rate, factor=factor)
+    job = ConversionJob(input, output, rate, interpolator, decoding or DecodeOptions(), encoding or Encoding())
     return convert_job(job, run)
 
 
@@ -245,7 +242,6 @@ def _as_source(
     *,
     needs_rate: bool,
 ) -> FrameSource:
-    """Return a path, capture or arrays as a frame source."""
     if isinstance(source, str):
         return open_source(source, requirements=requirements, decoding=DecodeOptions(input_fps=input_fps))
     if isinstance(source, cv2.VideoCapture):
@@ -255,17 +251,6 @@ def _as_source(
     if rate is None and needs_rate:
         raise OptionError("fps needs the source's own frame rate; say it with input_fps, or give factor instead.")
     return ArraySource(images, rate or ASSUMED_IMAGE_RATE)
-
-
-def _resolve_rate(factor: Fraction | int | None, rate: OutputRate | None) -> OutputRate:
-    """Return the rate with the factor in it; raise `OptionError` if both say one."""
-    if factor is None:
-        return rate or OutputRate()
-    if rate is None:
-        return OutputRate(factor)
-    if rate.factor is not None:
-        raise OptionError("factor and rate.factor say the same thing twice; give one of them.")
-    return replace(rate, factor=factor)
 
 
 def _fraction(value: Fraction | int | None) -> Fraction | None:

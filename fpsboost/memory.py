@@ -75,7 +75,13 @@ class MemoryLimit:
             )
 
     def affordable_threads(self, width: int, height: int, most: int, planes: int = 0) -> int:
-        """Return how many pairs of frames of this size can be processed in parallel, from 1 to `most`."""
+        """Return how many pairs of frames of this size can be processed in parallel, from 1 to `most`.
+
+        Examples
+        --------
+        >>> [MemoryLimit(size * 10**9).affordable_threads(3840, 2160, 16) for size in (4, 8)]
+        [1, 6]
+        """
         per_thread = (BYTES_PER_PIXEL_OF_A_THREAD + BYTES_PER_PLANE_OF_A_THREAD * planes) * width * height
         return max(1, min(most, 1 + (self.bytes - _needed(width, height, planes)) // per_thread))
 

@@ -349,7 +349,6 @@ def _check_layers(images: NumberedImages | None, interpolator: Interpolator, rat
 
 
 def _check_shutter(rate: OutputRate, interpolator: Interpolator, run: RunOptions) -> None:
-    """Raise OptionError if motion blur is asked for where it cannot be made."""
     if rate.shutter is None:
         return
     if run.in_place:
@@ -363,7 +362,6 @@ def _check_shutter(rate: OutputRate, interpolator: Interpolator, run: RunOptions
 
 
 def _resolve_output(input: str, output: str | None, *, in_place: bool, overwrite: bool) -> str:
-    """Return the path of the output."""
     if not in_place:
         if output is None:
             raise OptionError(f"There is no output for {input}; name one, or give `in_place` for images beside it.")

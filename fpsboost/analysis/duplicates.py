@@ -90,7 +90,6 @@ class DuplicateDetector:
         return largest
 
     def _block_sums(self, difference: Components) -> Components:
-        """Return the sums over the blocks around all pixels."""
         whole = cv2.CV_16U if self.block**2 * 255 < 2**16 else cv2.CV_32S
         depth = whole if difference.dtype == np.uint8 else cv2.CV_32F
         return cv2.boxFilter(difference, depth, (self.block, self.block), normalize=False)

@@ -236,7 +236,6 @@ class CutList:
         return False
 
     def _count_cuts_until(self, position: SourcePosition) -> int:
-        """Return the number of cuts at or before a frame."""
         seconds = position.seconds + TIME_TOLERANCE
         return bisect_right(self._frames, position.number) + bisect_right(self._seconds, seconds)
 

@@ -360,7 +360,6 @@ def run_command(texts: LibraryTexts) -> None:
 
 
 def _usage_sentence(error: CycloptsError, command: str) -> str:
-    """Return what is wrong with the words of a command line."""
     if isinstance(error, UnusedCliTokensError):
         return f"{command} does not take {' '.join(error.unused_tokens or ())}."
     name = getattr(error.argument, "name", "-")

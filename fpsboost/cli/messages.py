@@ -86,7 +86,6 @@ def say_traceback() -> None:
 
 
 def _escape_controls(text: str, kept: Collection[str] = ()) -> str:
-    """Return the text with Python escapes for control characters."""
     escaped = {letter for letter in text if unicodedata.category(letter) in CONTROL_CATEGORIES} | BIDI_CONTROLS
     return "".join(ascii(letter)[1:-1] if letter in escaped and letter not in kept else letter for letter in text)
 

@@ -105,7 +105,9 @@ def facts(result: Probe) -> dict[str, str]:
     if result.number_step is not None and result.number_step > 1:
         lines["numbers"] = f"in steps of {result.number_step}"
     lines["duplicates"] = str(result.duplicates) if result.duplicates else "none"
-    lines["scene cuts"] = cut_times(result.cuts)
+    times = ", ".join(f"{cut:.3f}" for cut in result.cuts[:MAX_CUTS])
+    more = f" and {len(result.cuts) - MAX_CUTS} more" if len(result.cuts) > MAX_CUTS else ""
+    lines["scene cuts"] = f"{len(result.cuts)}, at {times}{more} s" if result.cuts else "none"
     flagged = f"{result.interlaced} of {result.frames} frames flagged; --deinterlace makes two of each"
     lines["interlaced"] = flagged if result.interlaced else "no"
     lines["--factor 2"] = conversion.refused or f"{conversion.frames} frames at {conversion.rate:.6g} fps"
@@ -119,12 +121,3 @@ def look_lines(look: Look) -> dict[str, str]:
         "pixels": f"{look.pixel_format}, aspect {look.pixel_aspect}, rotation {look.rotation:g} degrees",
         "colour": ", ".join([*(tags or ["no tags"]), "full range" if look.full_range else "limited range"]),
     }
-
-
-def cut_times(cuts: list[float]) -> str:
-    """Return the number of cuts and their times as text."""
-    if not cuts:
-        return "none"
-    listed = ", ".join(f"{cut:.3f}" for cut in cuts[:MAX_CUTS])
-    more = f" and {len(cuts) - MAX_CUTS} more" if len(cuts) > MAX_CUTS else ""
-    return f"{len(cuts)}, at {listed}{more} s"

@@ -28,15 +28,7 @@ from distributed.security import Security
 
 from fpsboost import ConversionJob, FpsboostError, OptionError, OutputError, Part, RunOptions, Summary, join
 from fpsboost.cluster.scheduler import MAX_LOST_WORKERS, Done, Failed, Progress, Report, run_parts
-from fpsboost.cluster.worker import (
-    LOCK_INTERVAL,
-    Outcome,
-    PartTask,
-    WorkerOrder,
-    job_key,
-    make_on_worker,
-    read_piece,
-)
+from fpsboost.cluster.worker import LOCK_INTERVAL, Outcome, PartTask, WorkerOrder, job_key, make_on_worker, read_piece
 from fpsboost.contracts import SilentObserver
 from fpsboost.errors import ClusterError, CompleteAlreadyError, InUseError, explained
 from fpsboost.io.staging import sync
@@ -224,7 +216,6 @@ class DaskExecutor:
                 running.future.release()
 
     def _handle_event(self, event: tuple[float, Mapping[str, Any]]) -> None:
-        """Handle what a worker has logged."""
         _, message = event
         self._reports.put(Progress(Part(*map(int, message["part"].split("/"))), message["frames"]))
 

@@ -119,7 +119,6 @@ def _ends(flow: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def _is_inside(flow: NDArray[Any]) -> NDArray[Any]:
-    """Return where motion ends within the frame."""
     x, y = _ends(flow)
     height, width = flow.shape[:2]
     inside: NDArray[Any] = (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)

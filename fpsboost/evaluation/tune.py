@@ -74,13 +74,7 @@ class Tuning:
     """Trial of the default method, untuned, on the same frames."""
 
 
-def tune(
-    path: str,
-    method: str,
-    hiding: Hiding,
-    count: int,
-    observer: Observer,
-) -> Tuning:
+def tune(path: str, method: str, hiding: Hiding, count: int, observer: Observer) -> Tuning:
     """Sweep the parameters of a method, whose estimator has a patch radius, on `count` frames of a clip."""
     if count < 1:
         raise OptionError(f"`frames` must be at least 1, not {count}.")

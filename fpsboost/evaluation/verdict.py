@@ -154,7 +154,6 @@ def _advise(
 
 
 def _span(differences: Sequence[Difference]) -> str:
-    """Return the range of some leads, as people say it."""
     low, high = (f"{pick(each.mean for each in differences):.1f}" for pick in (min, max))
     if high == "0.0":
         return "less than 0.1 dB"
@@ -162,7 +161,6 @@ def _span(differences: Sequence[Difference]) -> str:
 
 
 def _share(share: float) -> str:
-    """Return a part of the time that the best takes, as people say it."""
     if share >= 0.95:
         return "about the same time"
     names = {2: "half", 3: "a third of", 4: "a quarter of", 5: "a fifth of", 10: "a tenth of"}

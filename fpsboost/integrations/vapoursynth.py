@@ -133,7 +133,6 @@ def _check_clip(clip: vs.VideoNode) -> None:
 def _factor_of(
     clip: vs.VideoNode, factor_num: int, factor_den: int, fps_num: int | None, fps_den: int | None
 ) -> Fraction:
-    """Return the number of output frames per source frame."""
     if fps_num is None:
         if fps_den is not None:
             raise OptionError("`fps_den` goes with `fps_num`; give that too, or leave it out.")
@@ -338,7 +337,6 @@ class _OutputFrames:
         return t > 0 and index < self._last
 
     def _needed(self, number: int) -> range:
-        """Return the source frames that an output frame needs."""
         index, _ = self._position(number)
         pairs = [index] if self._is_between(number) else []
         if self._finds_cuts:

@@ -97,7 +97,11 @@ class StagingDirectory:
                     f"{self.name} was begun anew, and what an earlier run had finished was thrown away; `resume` goes "
                     "on with it."
                 )
-            self._clear()
+            for path in self.folder.iterdir():
+                if path.is_dir():
+                    shutil.rmtree(path)
+                elif path.name != LOCK:
+                    path.unlink()
             if self._job is not None:
                 write_safely(self.folder / MANIFEST, json.dumps(dict(self._job.facts), indent=1).encode())
         except BaseException:
@@ -186,13 +190,6 @@ class StagingDirectory:
         if self._lock is not None:
             self._lock.close()
             self._lock = None
-
-    def _clear(self) -> None:
-        for path in self.folder.iterdir():
-            if path.is_dir():
-                shutil.rmtree(path)
-            elif path.name != LOCK:
-                path.unlink()
 
     def _read_manifest(self) -> dict[str, str] | None:
         with contextlib.suppress(OSError, ValueError):

@@ -149,7 +149,6 @@ def check_complete(parts: Sequence[PartFiles]) -> list[PartFiles]:
 
 
 def _fits(manifest: Manifest, following: Manifest) -> bool:
-    """Return whether a part begins where another one ends."""
     ends, begins = (each.summary.boundaries.get(following.first) for each in (manifest, following))
     if manifest.first + manifest.summary.frames_out != following.first or ends is None or begins is None:
         return False
@@ -171,7 +170,6 @@ def _check_files(folder: Path, manifest: Manifest) -> None:
 
 
 def _window(parts: Sequence[PartFiles]) -> Window | None:
-    """Return the part of the clip that all parts together show."""
     filled = [manifest for _, manifest in parts if manifest.summary.frames_out]
     if not filled or filled[0].window is None or filled[-1].window is None:
         return None
@@ -179,7 +177,6 @@ def _window(parts: Sequence[PartFiles]) -> Window | None:
 
 
 def _summary(parts: Sequence[PartFiles]) -> Summary:
-    """Return the summary of the whole conversion."""
     summaries = [manifest.summary for _, manifest in parts]
     summary = Summary(
         frames_in=max(each.frames_in for each in summaries),

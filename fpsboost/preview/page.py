@@ -179,7 +179,6 @@ def _try(job: ConversionJob, run: RunOptions, target: Target, passage: Passage, 
 
 
 def _estimate(frames: int | None, trials: list[Trial]) -> Estimate:
-    """Return what every frame takes, over all passages."""
     count = sum(trial.frames for trial in trials)
     most = sum(trial.seconds for trial in trials) / count
     cpu = sum(trial.cpu_seconds for trial in trials) / count
@@ -231,7 +230,6 @@ def make_page(preview: Preview, command: str) -> str:
 
 
 def _least_certain(preview: Preview) -> list[LeastCertain]:
-    """Return the least certain frame of every passage, of the first method."""
     method, trials = next(iter(preview.trials.items()))
     frames = []
     for number, (passage, trial) in enumerate(zip(preview.selection.passages, trials, strict=True)):
@@ -298,7 +296,6 @@ def included_sentence(preview: Preview) -> str:
 
 
 def _as_duration(seconds: float) -> str:
-    """Return a duration as people say it."""
     if seconds < 90:
         return f"{seconds:.2g} s" if seconds < 10 else f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
@@ -329,7 +326,6 @@ def check_video(target: Target, inputs: Collection[Path] = (), *, overwrite: boo
 
 
 def _beside(views: dict[str, View], time: Fraction, label: str) -> NDArray[Any]:
-    """Return what all views show at a time, each under its name."""
     return np.concatenate([_labelled(view.image_at(time), name + label) for name, view in views.items()], axis=1)
 
 

@@ -177,7 +177,6 @@ class _Merger:
     def _rendered_regions(
         self, path: Path, made: FrameImage, frame: PlannedFrame, rendered: _Rendered, passes: Passes | None
     ) -> FrameImage:
-        """Return an image that shows what was rendered inside of the regions."""
         picture: FrameImage = view(made).deep_copy()
         for place, region in enumerate(frame.regions, start=1):
             file = rendered.whole or rendered.regions[place]

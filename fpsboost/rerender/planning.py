@@ -177,11 +177,7 @@ def _frame(data: Mapping[str, Any], width: int, height: int) -> PlannedFrame:
         if not inside or each.width < 1 or each.height < 1:
             raise ValueError("a region outside of the frame")
     return PlannedFrame(
-        int(data["number"]),
-        regions,
-        bool(data["whole"]),
-        float(data["expected_error"]),
-        float(data["remaining_error"]),
+        int(data["number"]), regions, bool(data["whole"]), float(data["expected_error"]), float(data["remaining_error"])
     )
 
 

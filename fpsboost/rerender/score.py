@@ -183,7 +183,6 @@ def _try(
 
 
 def _tiles_of(trials: Sequence[Trial]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return doubts and errors of all tiles."""
     measured = [trial for trial in trials if trial.error is not None]
     doubts = np.concatenate([trial.doubts[0].ravel() for trial in measured])
     return doubts, np.concatenate([trial.error.ravel() for trial in measured if trial.error is not None])

@@ -266,11 +266,6 @@ class Shutter:
 
     At 360 degrees, it is open for the whole interval from one output frame to the next. The number of samples is odd,
     so that the one in the middle has the output frame's own time.
-
-    Examples
-    --------
-    >>> [str(offset) for offset in Shutter(Fraction(180), 3).offsets]
-    ['-1/6', '0', '1/6']
     """
 
     angle: Fraction

@@ -216,12 +216,9 @@ class ApngWriter(AnimationWriter):
 
     def finish(self) -> None:
         super().finish()
-        if self._delays[0] != self._delays[1]:
-            self._set_last_delay(self._delays[1] * self._tick)
-
-    def _set_last_delay(self, delay: Fraction) -> None:
-        """Correct the delay of the last frame, to which the muxer gives that of the one before."""
-        place = 0
+        if self._delays[0] == self._delays[1]:
+            return
+        place, delay = 0, self._delays[1] * self._tick  # of the last frame, to which the muxer gives the one before
         self._file.seek(len(PNG_SIGNATURE))
         while len(head := self._file.read(8)) == 8:
             size, name = struct.unpack(">I4s", head)
@@ -250,12 +247,9 @@ class WebpWriter(AnimationWriter):
 
     def finish(self) -> None:
         super().finish()
-        if self._shape and self._shape[2] == 4:
-            self._set_alpha()
-
-    def _set_alpha(self) -> None:
-        """Set the flag of alpha, and let each frame replace the one before instead of being laid over it."""
-        place = 12
+        if self._shape[2:] != (4,):
+            return
+        place = 12  # the flag of alpha, and that each frame replaces the one before instead of being laid over it
         self._file.seek(place)
         while len(head := self._file.read(8)) == 8:
             name, size = struct.unpack("<4sI", head)

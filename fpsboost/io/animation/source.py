@@ -106,7 +106,11 @@ class AnimationSource(ClosesOnExit):
             image = opened(self._file)
         except Exception as error:  # damage makes Pillow raise nearly anything
             raise InputError(f"{self._name} is damaged or no animation; replace it.") from error
-        self._format, self.plays, (self._width, self._height) = image.format, _plays_of(image), image.size
+        self._format, (self._width, self._height) = image.format, image.size
+        loop = image.info.get("loop")
+        self.plays = loop or 0
+        if self._format == "GIF":  # which counts the repeats
+            self.plays = 1 if loop is None else loop + 1 if loop else 0
         limit.check(self._name, *image.size)
         try:
             for pixels, delay in self._decoded():
@@ -126,10 +130,12 @@ class AnimationSource(ClosesOnExit):
     def __iter__(self) -> Iterator[Frame]:
         time = Fraction(0)
         for image, delay in islice(self._decoded(), len(self._delays)):
+            pixels = image
             if not self._has_alpha:
                 pixels = np.ascontiguousarray(image[..., :3])
-            else:
-                pixels = image if self._keeps_alpha else over_white(image)
+            elif not self._keeps_alpha:  # over white
+                white = np.float32(255)
+                pixels = np.rint(white - (white - image[..., :3]) * (image[..., 3:] / white)).astype(np.uint8)
             yield Frame(pixels, time, delay)
             time += delay
 
@@ -157,18 +163,3 @@ class AnimationSource(ClosesOnExit):
 
     def close(self) -> None:
         self._file.close()
-
-
-def _plays_of(image: PillowImage) -> int:
-    """Return how often an animation is shown; 0 for ever again. GIF counts the repeats."""
-    loop = image.info.get("loop")
-    if image.format == "GIF":
-        return 1 if loop is None else loop + 1 if loop else 0
-    return loop or 0
-
-
-def over_white(image: Image) -> Image:
-    """Composite an image with straight alpha, (H, W, 4) uint8, over white."""
-    white = np.float32(255)
-    opaque: Image = np.rint(white - (white - image[..., :3]) * (image[..., 3:] / white)).astype(np.uint8)
-    return opaque

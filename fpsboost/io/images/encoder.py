@@ -24,13 +24,7 @@ from fpsboost.io.images.exr import ExrHeader, encode_exr, read_exr_header
 from fpsboost.io.images.files import content_of, extension_of, keeps_alpha, types_kept
 from fpsboost.io.images.layers import contents_of, encode_like, losses_like
 from fpsboost.io.images.library import image_library
-from fpsboost.io.images.metadata import (
-    ImageMetadata,
-    into_png,
-    lost_metadata,
-    metadata_of,
-    pillow_options,
-)
+from fpsboost.io.images.metadata import ImageMetadata, into_png, lost_metadata, metadata_of, pillow_options
 from fpsboost.io.images.sequence import NumberedImages
 
 _jpeg = ("JPEG", {"quality": 95})

@@ -132,7 +132,6 @@ def read_exr_header(path: Path) -> ExrHeader:
 
 
 def _types_of(path: Path) -> list[dict[str, Precision]]:
-    """Return the types of the channels of each part, by the stored names."""
     types = list[dict[str, Precision]]()
     with opened(path) as (file, _):
         while file.seek_subimage(len(types), 0):

@@ -114,7 +114,6 @@ def kind_of(name: str, precisions: Sequence[Precision]) -> LayerKind:
 
 
 def _layers_of(header: ExrHeader) -> list[LayerNames]:
-    """Return all layers in the order of the file."""
     groups: dict[str, list[str]] = {}
     for name in header.channels:
         groups.setdefault(name.rpartition(".")[0], []).append(name)

@@ -86,7 +86,13 @@ def traits_for(encoder: str, source: Traits, channels: int) -> Traits:
     codec = av.Codec(encoder, "w")
     rates: Collection[int] = codec.audio_rates or ()
     rate = min((higher for higher in rates if higher >= source[0]), default=max(rates, default=source[0]))
-    target = OPUS_SAMPLE_RATE if codec.canonical_name == "opus" else rate, _format_for(codec, source[1])
+    offered = codec.audio_formats or [av.AudioFormat(source[1])]
+    if codec.lossy:
+        offered = [format for format in offered if format.name.startswith("flt")] or offered
+    size = attrgetter("bytes")
+    enough = [format for format in offered if format.bytes >= av.AudioFormat(source[1]).bytes]
+    format = str((min(enough, key=size) if enough else max(offered, key=size)).name)
+    target = OPUS_SAMPLE_RATE if codec.canonical_name == "opus" else rate, format
     layouts = (source[2], *STANDARD_LAYOUTS[channels - 1 : channels])
     return *target, next((name for name in layouts if _takes(encoder, (*target, name))), "stereo")
 
@@ -101,15 +107,6 @@ def is_lossless(encoder: str) -> bool:
     """Return whether an encoder has no lossy mode."""
     codec = av.Codec(encoder, "w")
     return codec.lossless and not codec.lossy
-
-
-def _format_for(codec: av.Codec, source: str) -> str:
-    offered = codec.audio_formats or [av.AudioFormat(source)]
-    if codec.lossy:
-        offered = [format for format in offered if format.name.startswith("flt")] or offered
-    size = attrgetter("bytes")
-    enough = [format for format in offered if format.bytes >= av.AudioFormat(source).bytes]
-    return str((min(enough, key=size) if enough else max(offered, key=size)).name)
 
 
 def _takes(encoder: str, traits: Traits) -> bool:

@@ -146,13 +146,7 @@ def find_encoder(name: str, kind: str) -> av.Codec | None:
 
 
 def choose_encoder(
-    encoding: Encoding,
-    container: str,
-    name: str,
-    pixel_format: str = "yuv420p",
-    source_codec: str = "",
-    *,
-    pixels: int,
+    encoding: Encoding, container: str, name: str, pixel_format: str = "yuv420p", source_codec: str = "", *, pixels: int
 ) -> tuple[str, dict[str, str]]:
     """Return FFmpeg's encoder and its options for the encoding that was asked for, and pictures of so many pixels.
 

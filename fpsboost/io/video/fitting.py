@@ -94,7 +94,10 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
                 if is_decodable and can_encode(stream, chosen, stretch):
                     encoders[stream.index] = chosen
                 else:
-                    misfits[stream.index] = _undecodable(stream, stretch, source.name)
+                    aim = "stretched" if stretch != 1 else "encoded anew"
+                    option = "`slow_motion_sound='drop'`" if stretch != 1 else "`audio=False`"
+                    cause = f"The {codec_of(stream)} sound of {source.name} cannot be {aim} here"
+                    misfits[stream.index] = cause, [], f"leave it out with {option}"
             elif not is_held:
                 instead = [
                     suffix
@@ -135,11 +138,6 @@ def _check_streams(file: av.container.InputContainer, source: VideoFile, encodin
 
 def _any_of(ways: Sequence[str]) -> str:
     return ", or ".join([", ".join(ways[:-1]), ways[-1]]) if len(ways) > 1 else "".join(ways)
-
-
-def _undecodable(stream: av.stream.Stream, stretch: Fraction, source: str) -> _Misfit:
-    aim, option = ("stretched", "`slow_motion_sound='drop'`") if stretch != 1 else ("encoded anew", "`audio=False`")
-    return f"The {codec_of(stream)} sound of {source} cannot be {aim} here", [], f"leave it out with {option}"
 
 
 def _not_held(

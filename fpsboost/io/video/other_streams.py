@@ -134,7 +134,6 @@ class OtherStreams:
         self.remarks.append(f"{self._name} {sentence}")
 
     def _add(self, stream: av.stream.Stream) -> None:
-        """Add the counterpart of a stream to the output, or a remark that there is none."""
         is_kept = is_wanted(stream, self._encoding)
         if stream.type == "video" and is_cover_art(stream):
             self._add_cover(stream)
