@@ -80,12 +80,7 @@ def rounded(number: float, digits: int) -> str:
 
 
 def check_choice(option: str, value: str, choices: Collection[str]) -> None:
-    """Raise `OptionError` unless a value is one of the choices; the message lists them.
-
-    Examples
-    --------
-    >>> check_choice("`window`", "box", ("box", "gaussian"))
-    """
+    """Raise `OptionError` unless a value is one of the choices; the message lists them."""
     if value not in choices:
         raise OptionError(f"{option} must be one of {', '.join(choices)}, not {value!r}.")
 

@@ -17,7 +17,7 @@ from typing import Any, Self
 from fpsboost.analysis.duplicates import SourceFrame, group_duplicates
 from fpsboost.contracts import FrameSource
 from fpsboost.errors import FpsboostError, OutputError
-from fpsboost.frame import ClipInfo, Frame
+from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.io import SeekableSource
@@ -33,7 +33,7 @@ from fpsboost.method_table import methods
 from fpsboost.pair import Pair
 from fpsboost.streaming import beginning
 from fpsboost.timing.rate import OutputRate
-from fpsboost.timing.schedule import OutputTiming, Schedule, count_frames
+from fpsboost.timing.schedule import OutputTiming, count_frames
 
 
 @dataclass(frozen=True)
@@ -203,7 +203,11 @@ def probe(
     with open_source(path, requirements=TargetRequirements(layers=True), decoding=decoding) as source:
         beside = source.stream_info
         has_clock = beside.images is None
-        schedule, refused = _plan(source.info, has_clock=has_clock)
+        refused: str | None = None
+        try:
+            schedule = OutputRate().schedule(source.info, has_clock=has_clock)
+        except FpsboostError as error:
+            schedule, refused = OutputRate(keep_timing=True).schedule(source.info, has_clock=has_clock), str(error)
         look = None if beside.traits is None else _look(beside.traits)
         losses: list[str] = []
         if beside.video is not None and refused is None:
@@ -244,14 +248,6 @@ def probe(
             remarks=list(map(_as_prospect, source.remarks)),
             conversion=Conversion(frames or 0, float(schedule.rate(info.rate)), refused, losses),
         )
-
-
-def _plan(info: ClipInfo, *, has_clock: bool) -> tuple[Schedule, str | None]:
-    """Return a conversion's schedule, and why it would be refused; the schedule is then that of `keep_timing`."""
-    try:
-        return OutputRate().schedule(info, has_clock=has_clock), None
-    except FpsboostError as error:
-        return OutputRate(keep_timing=True).schedule(info, has_clock=has_clock), str(error)
 
 
 class _AbortSinkError(Exception):

@@ -79,6 +79,7 @@ def compare(
     from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
     from fpsboost.evaluation.further_metrics import choose_metrics  # noqa: PLC0415
     from fpsboost.evaluation.results import ComparedClip  # noqa: PLC0415
+    from fpsboost.evaluation.verdict import means_over_clips  # noqa: PLC0415
     from fpsboost.method_table import find_method  # noqa: PLC0415
 
     console = Console(highlight=False, quiet=results.quiet)
@@ -118,7 +119,13 @@ def compare(
             compared.append(ComparedClip(comparison, contestants))
         write_results(compared, results, console)
     if results.fail_under is not None:
-        check_is_reached([clip.comparison for clip in compared], results.fail_under)
+        first = means_over_clips([clip.comparison for clip in compared])[0]
+        if first.mean < results.fail_under:
+            reached = (
+                f"{first.method} reaches {first.mean:.2f} dB, below the {results.fail_under:g} dB of --fail-under."
+            )
+            messages.console().print(f"[red]fpsboost:[/] {literal(reached)}")
+            sys.exit(EXIT_BELOW_LIMIT)
 
 
 def print_comparison(comparison: Comparison, contestants: Mapping[str, Contestant], console: Console) -> None:
@@ -188,17 +195,6 @@ def check_limit(limit: float, methods: Sequence[str], compared: Sequence[str], s
     first = split_methods(methods)[0].text
     if compared and first in skipped:
         raise OptionError(f"--fail-under asks about {first}, which cannot be run here; name another method first.")
-
-
-def check_is_reached(comparisons: Sequence[Comparison], limit: float) -> None:
-    """Exit with `EXIT_BELOW_LIMIT` if the first method's mean PSNR, over the clips, is lower than a limit."""
-    from fpsboost.evaluation.verdict import means_over_clips  # noqa: PLC0415
-
-    first = means_over_clips(comparisons)[0]
-    if first.mean < limit:
-        sentence = f"{first.method} reaches {first.mean:.2f} dB, below the {limit:g} dB of --fail-under."
-        messages.console().print(f"[red]fpsboost:[/] {literal(sentence)}")
-        sys.exit(EXIT_BELOW_LIMIT)
 
 
 def match_vectors(clip: str, vectors: VectorFolder) -> VectorFolder:

@@ -136,23 +136,17 @@ class _Run:
 
     def _submit_to_free(self, workers: Sequence[str]) -> None:
         busy = set(self.running.values())
-        for worker in workers:
-            planned = None if worker in busy else self._next_for(worker, workers)
+        for worker in [each for each in workers if each not in busy]:
+            # the largest part that has not failed on this worker, or has failed on all of them
+            attempts = ((each, self._attempts[each.part].failed_on) for each in self.waiting)
+            free = (each for each, failed in attempts if worker not in failed or failed.issuperset(workers))
+            planned = next(free, None)
             if planned is None:
                 continue
             self.waiting.remove(planned)
             self.running[planned.part] = worker
-            attempts = self._attempts[planned.part]
-            self.executor.submit(planned.part, worker, attempts.count)
-            attempts.count += 1
-
-    def _next_for(self, worker: str, workers: Sequence[str]) -> PlannedPart | None:
-        """Return the largest part that has not failed on this worker, or has failed on all of them."""
-        for planned in self.waiting:
-            failed_on = self._attempts[planned.part].failed_on
-            if worker not in failed_on or failed_on.issuperset(workers):
-                return planned
-        return None
+            self.executor.submit(planned.part, worker, self._attempts[planned.part].count)
+            self._attempts[planned.part].count += 1
 
     def _handle(self, report: Report) -> None:
         if isinstance(report, Progress):

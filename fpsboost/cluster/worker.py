@@ -97,7 +97,12 @@ def make_on_worker(order: WorkerOrder) -> Outcome:
 
 
 def _carry_out(order: WorkerOrder, worker: Worker, check: Callable[[], None]) -> Outcome:
-    _check_programs(order.facts, worker.address)
+    for name, here in program_facts().items():  # so that both read the same pickles
+        if order.facts.get(name) != here:
+            raise ClusterError(
+                f"The worker at {worker.address} has {here}, and the client {order.facts.get(name)}; install the same "
+                "versions everywhere."
+            )
     task: PartTask = pickle.loads(order.task)
     _check_job_once(order, task, worker.address)
     is_private = not os.path.exists(order.mark)
@@ -152,16 +157,6 @@ def make_part(task: PartTask, observer: WorkerObserver) -> Path:
 def job_key(facts: Mapping[str, str], output: str) -> str:
     """Return the name of a conversion to an output, which is the same in every process."""
     return hashlib.sha256(json.dumps([sorted(facts.items()), output]).encode()).hexdigest()[:16]
-
-
-def _check_programs(facts: Mapping[str, str], place: str) -> None:
-    """Raise `ClusterError` unless this process runs the versions of the client, so that both read the same pickles."""
-    for name, here in program_facts().items():
-        if facts.get(name) != here:
-            raise ClusterError(
-                f"The worker at {place} has {here}, and the client {facts.get(name)}; install the same versions "
-                "everywhere."
-            )
 
 
 def _check_job_once(order: WorkerOrder, task: PartTask, place: str) -> None:

@@ -101,7 +101,12 @@ def merge_regions(made: str, rendered: str, output: str, options: MergeOptions) 
             raise OutputError(f"{output} is also an input; write to another folder.")
     files = dict(zip(images.numbers, images.files, strict=True))
     planned = {frame.number: frame for frame in plan.frames if frame.regions}
-    _check_numbers(made, plan, files)
+    missing = [frame.number for frame in plan.frames if frame.number not in files]
+    if missing:
+        more = f" and {len(missing) - 1} more of its frames" if len(missing) > 1 else ""
+        raise InputError(
+            f"{made} has no frame {missing[0]}{more}, which the plan counts; name the sequence that was planned."
+        )
     places, remarks = _find_rendered(Path(rendered), planned)
     merger = _Merger(plan, options.feather, MemoryLimit())
     with new_folder(Path(output)) as unfinished:
@@ -225,15 +230,6 @@ def _check_alike(path: Path, image: FrameImage, made_path: Path, made: FrameImag
         raise InputError(
             f"{path} ({view(image).describe()}) is unlike {made_path} ({view(made).describe()}); "
             "render regions as the frames were."
-        )
-
-
-def _check_numbers(made: str, plan: RerenderPlan, files: Mapping[int, Path]) -> None:
-    missing = [frame.number for frame in plan.frames if frame.number not in files]
-    if missing:
-        more = f" and {len(missing) - 1} more of its frames" if len(missing) > 1 else ""
-        raise InputError(
-            f"{made} has no frame {missing[0]}{more}, which the plan counts; name the sequence that was planned."
         )
 
 

@@ -182,13 +182,6 @@ def _doubts(
             yield Picture(name, index, encode(doubt)), Picture(name, index, encode(wrong), float(error.mean()))
 
 
-def find_loss(image: NDArray[Any], picture: bytes) -> float:
-    """Return the mean absolute error that encoding has left in a picture of an image, levels of 255."""
-    decoded = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
-    assert decoded is not None
-    return float(cv2.absdiff(decoded, image).mean())
-
-
 def find_spots(errors: Sequence[NDArray[Any]]) -> list[Spot]:
     """Return the square where all methods together err most, and one beside it where the best is farthest ahead."""
     height, width = errors[0].shape
@@ -318,7 +311,11 @@ def view_passages(
     def add(number: int, passage: int, image: Image, note: str) -> None:
         displayed = not_too_wide(as_shown(image))
         picture = as_webp(displayed, LOSSLESS if number in exact else QUALITY)
-        loss = round(find_loss(displayed, picture), 1) if (passage, number) not in frames else None
+        loss = None
+        if (passage, number) not in frames:  # mean absolute error that encoding has left, levels of 255
+            decoded = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
+            assert decoded is not None
+            loss = round(float(cv2.absdiff(decoded, displayed).mean()), 1)
         frame = {"number": number, "passage": passage, "note": note, "images": [], "loss": loss}
         frames.setdefault((passage, number), frame)["images"].append(data.add_picture(data_uri(picture, "webp")))
 

@@ -142,7 +142,12 @@ def order_names(folder: Path, names: Sequence[str]) -> FileSequence:
     groups, plain = _group_names(names)
     plain_types = {f"*{os.path.splitext(name)[1]}" for name in plain}
     if len(groups) + len(plain_types) > 1:
-        raise _several_sequences(folder, groups, plain_types)
+        by_size = sorted(groups, key=lambda key: -len(groups[key]))
+        patterns = [Numbering(folder, key[0], min(map(len, groups[key])), key[1]).pattern for key in by_size]
+        labels = patterns + sorted(plain_types)
+        listed = ", ".join(labels[:3]) + (f" and {len(labels) - 3} more" if len(labels) > 3 else "")
+        advice = f"choose one with a pattern such as {folder / patterns[0]}" if patterns else "keep one type of file"
+        raise InputError(f"{folder} holds several sequences of images ({listed}); {advice}.")
     if plain:
         return FileSequence([folder / name for name in sorted(plain, key=lambda name: (name.casefold(), name))])
     (prefix, suffix), numbers = groups.popitem()
@@ -193,12 +198,3 @@ def _group_names(names: Sequence[str]) -> tuple[dict[tuple[str, str], list[str]]
         for row in rows:
             groups["".join(row[:place]), "".join(row[place + 1 :])].append(row[place])
     return groups, plain
-
-
-def _several_sequences(folder: Path, groups: dict[tuple[str, str], list[str]], plain: set[str]) -> InputError:
-    by_size = sorted(groups, key=lambda key: -len(groups[key]))
-    patterns = [Numbering(folder, key[0], min(map(len, groups[key])), key[1]).pattern for key in by_size]
-    labels = patterns + sorted(plain)
-    listed = ", ".join(labels[:3]) + (f" and {len(labels) - 3} more" if len(labels) > 3 else "")
-    advice = f"choose one with a pattern such as {folder / patterns[0]}" if patterns else "keep one type of file"
-    return InputError(f"{folder} holds several sequences of images ({listed}); {advice}.")

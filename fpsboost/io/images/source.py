@@ -98,7 +98,12 @@ class ImageSource(ClosesOnExit):
         self._first = 0
         if extension_of(first.name) not in IMAGE_SUFFIXES:
             raise InputError(f"{path} is no type of image that can be read; use one of {', '.join(IMAGE_SUFFIXES)}.")
-        self._passes = _passes_of(first, self._reading.passes)
+        is_exr, passes = extension_of(first.name) == ".exr", self._reading.passes
+        if not is_exr and passes not in (ALL, BEAUTY):
+            raise OptionError(
+                f"`passes` names layers of OpenEXR files, and {first} is another type of file; leave it out."
+            )
+        self._passes = Passes.chosen(first, passes) if is_exr else None
         self._is_linear = extension_of(first.name) in SCENE_LINEAR
         if self._reading.view != "none" and not self._is_linear:
             raise OptionError(
@@ -206,15 +211,6 @@ class ImageSource(ClosesOnExit):
 
     def close(self) -> None:
         """Do nothing: no file stays open."""
-
-
-def _passes_of(path: Path, names: str) -> Passes | None:
-    """Return the layers that are read beside the picture of OpenEXR files; None for others."""
-    if extension_of(path.name) == ".exr":
-        return Passes.chosen(path, names)
-    if names not in (ALL, BEAUTY):
-        raise OptionError(f"`passes` names layers of OpenEXR files, and {path} is another type of file; leave it out.")
-    return None
 
 
 def _check_gaps(path: str, sequence: FileSequence) -> None:

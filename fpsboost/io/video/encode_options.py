@@ -32,13 +32,7 @@ def parse_encoder_options(texts: Sequence[str], option: str = "`encoder_options`
 
 
 def parse_streams(text: str, option: str = "`streams`") -> tuple[int, ...]:
-    """Parse numbers of streams with commas between; messages name them by `option`.
-
-    Examples
-    --------
-    >>> parse_streams("1,3")
-    (1, 3)
-    """
+    """Parse numbers of streams with commas between; messages name them by `option`."""
     if re.fullmatch(r"\s*[0-9]{1,9}\s*(,\s*[0-9]{1,9}\s*)*", text) is None:
         raise OptionError(f"{option} {text!r} is no list of numbers; write it like 1,3.")
     return tuple(int(number) for number in text.split(","))
