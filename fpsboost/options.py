@@ -33,17 +33,7 @@ class Option:
 
 
 def option(default: Any, help: str, **properties: Any) -> Any:
-    """Return a dataclass field with a default that is also an `Option`, which has these properties.
-
-    Examples
-    --------
-    >>> from dataclasses import dataclass, fields
-    >>> @dataclass(frozen=True)
-    ... class Quality:
-    ...     crf: int = option(18, "Constant rate factor; lower is better.")
-    >>> Quality(), fields(Quality)[0].metadata["option"].help
-    (Quality(crf=18), 'Constant rate factor; lower is better.')
-    """
+    """Return a dataclass field with a default that is also an `Option`, which has these properties."""
     return field(default=default, metadata={"option": Option(help, **properties)})
 
 

@@ -83,16 +83,14 @@ class DuplicateDetector:
         largest = 0.0
         for first, last in _bands(levels0.shape[0], BAND_BLOCKS * self.block):
             around = slice(max(0, first - self.block // 2), last + self.block // 2)
-            sums = self._block_sums(cv2.absdiff(levels0[around], levels1[around]))
+            difference = cv2.absdiff(levels0[around], levels1[around])
+            whole = cv2.CV_16U if self.block**2 * 255 < 2**16 else cv2.CV_32S
+            depth = whole if difference.dtype == np.uint8 else cv2.CV_32F
+            sums = cv2.boxFilter(difference, depth, (self.block, self.block), normalize=False)
             largest = max(largest, float(sums[first - around.start :][: last - first].max()) / self.block**2 * unit)
             if largest > self.difference_limit:
                 break
         return largest
-
-    def _block_sums(self, difference: Components) -> Components:
-        whole = cv2.CV_16U if self.block**2 * 255 < 2**16 else cv2.CV_32S
-        depth = whole if difference.dtype == np.uint8 else cv2.CV_32F
-        return cv2.boxFilter(difference, depth, (self.block, self.block), normalize=False)
 
     def is_held(self, noise: float, before: float, after: float) -> bool:
         """Return whether frames show one held picture.

@@ -201,10 +201,7 @@ def convert(
     if len(inputs) == 1:
         run(input, None if run_options.in_place else output)
         return
-    of_one_clip = [
-        *["--vectors"] * (motion.rendered.vectors is not None),
-        *["--chunk"] * (run_options.chunk is not None),
-    ]
+    of_one_clip = ["--vectors"] * (motion.rendered.vectors is not None) + ["--chunk"] * (run_options.chunk is not None)
     of_one_clip += run_options.side.given
     if of_one_clip:
         raise OptionError(f"{' and '.join(of_one_clip)} goes with one clip; convert several inputs one by one.")

@@ -135,13 +135,7 @@ def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Pa
 
 
 def split_command(name: str, command: str) -> list[str]:
-    """Split a peer's command into words; raise OptionError if that fails, or it lacks ``{in}`` or ``{out}``.
-
-    Examples
-    --------
-    >>> split_command("rife", "'my rife' -i {in} -o {out}")
-    ['my rife', '-i', '{in}', '-o', '{out}']
-    """
+    """Split a peer's command into words; raise OptionError if that fails, or it lacks ``{in}`` or ``{out}``."""
     try:
         words = shlex.split(command)
     except ValueError as error:

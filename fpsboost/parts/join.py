@@ -71,9 +71,8 @@ def join(
         raise OptionError(f"{output} is of another type than {first.output}; name one of that type.")
     run = RunOptions(overwrite=overwrite)
     # nothing is made here, so a method that takes images of any kind stands for the one that has made the parts
-    job = ConversionJob(
-        input or first.input, output, first.rate, find_method("nearest"), first.decoding, first.encoding
-    )
+    method = find_method("nearest")
+    job = ConversionJob(input or first.input, output, first.rate, method, first.decoding, first.encoding)
     with opened_clip(job, run) as clip:
         if input_identity(clip) != first.facts.get("input"):
             raise InputError(f"{clip.whole.info.name} is not the input of the parts; name that with `input`.")

@@ -285,13 +285,7 @@ def count_outputs(ready: Preparation, times: Sequence[Fraction] | None) -> int |
 
 
 def outputs_of(part: Part, total: int, unit: int) -> OutputRange:
-    """Return the output frames of a part, if `total` are expected, and as many as a `unit` stay together.
-
-    Examples
-    --------
-    >>> outputs_of(Part(2, 3), 1000, 240).first, outputs_of(Part(2, 3), 1000, 240).stop
-    (240, 720)
-    """
+    """Return the output frames of a part, if `total` are expected, and as many as a `unit` stay together."""
     units = -(-total // unit)
     first = units * (part.number - 1) // part.count * unit
     stop = None if part.number == part.count else units * part.number // part.count * unit

@@ -428,9 +428,7 @@ def fit_convention(pairs: Iterable[RenderedPair], usual: VectorConvention) -> Ve
         return sum(value != usual_value for pair in pairs for value, usual_value in zip(*pair, strict=True))
 
     # no two pairs of channels lead to the same frame
-    choices = [
-        chosen for chosen in product(meanings, repeat=count) if len({pair.direction for pair in chosen}) == count
-    ]
+    choices = [each for each in product(meanings, repeat=count) if len({pair.direction for pair in each}) == count]
     best = min(map(error_of, choices))
     # of those that fit about as well as the best one, the most similar to the usual one
     as_good = [chosen for chosen in choices if CLEARLY_BETTER * error_of(chosen) <= best]

@@ -165,7 +165,13 @@ def choose_encoder(
     check_holds(container, encoder, name, f"`codec={asked!r}`", {common: e.name for common, e in encoders.items()})
     _check_pixel_format(codec, encoding.pixel_format)
     options = _options_of_other(codec, encoding) if known is None else _options_of_known(known, asked, encoding)
-    _check_encoder_options(codec, encoding.encoder_options)
+    generic = OptionFlags.ENCODING_PARAM | OptionFlags.VIDEO_PARAM
+    common = {o.name for o in codec.create("video").supported_options.generic if o.flags & generic == generic}
+    for option, _ in encoding.encoder_options:
+        if option not in private_options(codec) | common:
+            raise OptionError(
+                f"`encoder_options={option}` is unknown to {encoder}; look it up with ffmpeg -h encoder={encoder}."
+            )
     given = {*options, *dict(encoding.encoder_options)}
     return encoder, _merged_options(options, (*repeatable_options(encoder, given, pixels), *encoding.encoder_options))
 
@@ -246,17 +252,6 @@ def _merged_options(options: dict[str, str], more: Sequence[tuple[str, str]]) ->
 def private_options(codec: av.Codec) -> set[str]:
     """Return the names of the private options of an encoder."""
     return {option.name for option in codec.create("video").supported_options.private}
-
-
-def _check_encoder_options(codec: av.Codec, options: Sequence[tuple[str, str]]) -> None:
-    generic = OptionFlags.ENCODING_PARAM | OptionFlags.VIDEO_PARAM
-    common = {o.name for o in codec.create("video").supported_options.generic if o.flags & generic == generic}
-    known = private_options(codec) | common
-    for name, _ in options:
-        if name not in known:
-            raise OptionError(
-                f"`encoder_options={name}` is unknown to {codec.name}; look it up with ffmpeg -h encoder={codec.name}."
-            )
 
 
 def pixel_formats(codec: av.Codec) -> list[str]:
