@@ -144,15 +144,13 @@ class Hiding:
 
     def as_json(self) -> dict[str, Any]:
         """Return plain data by the names of the options; a range as its two ends."""
-        start, end = (
-            None if each is None else each.as_option() for each in (self.decoding.trim.start, self.decoding.trim.end)
-        )
+        start, end = self.decoding.trim.start, self.decoding.trim.end
         return {
             "skip": self.skip,
             "first": self.first,
             "last": self.last,
-            "start": start,
-            "end": end,
+            "start": start and start.as_option(),
+            "end": end and end.as_option(),
             "stream": self.decoding.stream,
             "deinterlace": self.decoding.deinterlace,
             "size_change": self.decoding.size_change,

@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
-from matplotlib.transforms import Bbox, BboxBase
+from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
 from fpsboost.evaluation.report.styles import MARKERS, Style, break_name
@@ -223,7 +223,9 @@ def _label(axes: Axes, dots: Sequence[Dot], text: float) -> bool:
         places = [(aside, 0.0), (aside, above), (aside, -above), (0.0, above), (0.0, -above), (-aside, 0.0)]
         places += [(aside, 2 * above), (aside, -2 * above), (-aside, above), (-aside, -above)]
         boxes = {place: _box(x + place[0], y + place[1], width, height) for place in places}
-        free = [place for place, box in boxes.items() if _fits(box, axes.figure.bbox) and not box.count_overlaps(taken)]
+        contains = axes.figure.bbox.contains
+        inside = {place: box for place, box in boxes.items() if contains(*box.min) and contains(*box.max)}
+        free = [place for place, box in inside.items() if not box.count_overlaps(taken)]
         if not free:
             is_labelled = False
             continue
@@ -244,10 +246,6 @@ def _label(axes: Axes, dots: Sequence[Dot], text: float) -> bool:
 
 def _box(x: float, y: float, width: float, height: float) -> Bbox:
     return Bbox.from_bounds(x - width / 2, y - height / 2, width, height)
-
-
-def _fits(box: Bbox, around: BboxBase) -> bool:
-    return all(around.contains(*corner) for corner in (box.min, box.max))
 
 
 def _finish(figure: Figure, axes: Axes, name: str, form: Form) -> Chart:

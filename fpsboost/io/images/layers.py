@@ -209,13 +209,8 @@ class Passes:
                 "as a file of its own, or give `passes='beauty'`."
             )
         taken = {*contents.picture, *(name for layer in layers for name in layer.channels)}
-        return cls(
-            path,
-            layers,
-            names == ALL,
-            tuple(contents.pictures),
-            tuple(name for name in header.channels if name not in taken),
-        )
+        left_out = tuple(name for name in header.channels if name not in taken)
+        return cls(path, layers, names == ALL, tuple(contents.pictures), left_out)
 
     def read(self, path: Path, limit: MemoryLimit | None) -> LayeredImage:
         """Read the picture of a file and these layers; `InputError` if it has other layers than the first file."""

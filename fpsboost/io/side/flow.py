@@ -55,14 +55,6 @@ def encode_flow(flow: NDArray[Any]) -> bytes:
     return MAGIC + struct.pack("<2i", width, height) + vectors.tobytes()
 
 
-def _colour_wheel() -> NDArray[Any]:
-    """Return the colours of the wheel, (55, 3) float32 RGB, one row per hue, clockwise from red, to the right."""
-    corners = np.array([[1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1], [1, 0, 1], [1, 0, 0]])
-    places = np.concatenate([[0], np.cumsum(STEPS)])
-    hues = np.arange(places[-1])
-    return np.stack([np.interp(hues, places, corners[:, c]) for c in range(3)], axis=-1).astype(np.float32)
-
-
 def flow_picture(flow: NDArray[Any]) -> NDArray[Any]:
     """Return a motion field, (H, W, 2) float32 pixels, as a picture, (H, W, 3) uint8 BGR; black where it is no number.
 
@@ -72,7 +64,11 @@ def flow_picture(flow: NDArray[Any]) -> NDArray[Any]:
     vectors = np.where(is_finite[..., np.newaxis], flow, np.float32(0))
     lengths = np.hypot(vectors[..., 0], vectors[..., 1])
     largest = max(float(np.percentile(lengths[is_finite], LARGEST_PERCENTILE)), 1.0) if is_finite.any() else 1.0
-    wheel = _colour_wheel()
+    # colours of the wheel, RGB, one row per hue, clockwise from red, to the right
+    corners = np.array([[1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1], [1, 0, 1], [1, 0, 0]])
+    places = np.concatenate([[0], np.cumsum(STEPS)])
+    hues = np.arange(places[-1])
+    wheel = np.stack([np.interp(hues, places, corners[:, c]) for c in range(3)], axis=-1).astype(np.float32)
     place = np.mod(np.arctan2(vectors[..., 1], vectors[..., 0]) / (2 * np.pi), 1) * len(wheel)
     first = place.astype(np.intp) % len(wheel)
     share = (place - np.floor(place))[..., np.newaxis]

@@ -103,7 +103,14 @@ class VideoSource(ClosesOnExit):
         self._first = self._dropped = 0
         self._pictures = self._pictures_from_here()
         if for_images:
-            self._prepare_for_images()
+            traits = self.traits
+            if is_on_its_side(traits.display_matrix):
+                self.info = replace(self.info, width=self.info.height, height=self.info.width)
+            lost = [*self.file.companions, *dict.fromkeys(traits.side_data.values())]
+            if lost:
+                self.remarks.append(lost_companions_remark(self._name, lost, "images"))
+            if traits.sample_aspect_ratio not in (None, 1):
+                self.remarks.append(lost_shape_remark(self._name, traits.sample_aspect_ratio))
 
     def _read_header(self) -> ClipInfo:
         streams, stream = self._demuxer.container.streams, self._demuxer.stream
@@ -150,16 +157,6 @@ class VideoSource(ClosesOnExit):
         for _ in self._demuxer.packets(Damage()):
             pass
         self._check_clear(self._demuxer.clear)
-
-    def _prepare_for_images(self) -> None:
-        traits = self.traits
-        if is_on_its_side(traits.display_matrix):
-            self.info = replace(self.info, width=self.info.height, height=self.info.width)
-        lost = [*self.file.companions, *dict.fromkeys(traits.side_data.values())]
-        if lost:
-            self.remarks.append(lost_companions_remark(self._name, lost, "images"))
-        if traits.sample_aspect_ratio not in (None, 1):
-            self.remarks.append(lost_shape_remark(self._name, traits.sample_aspect_ratio))
 
     @property
     def stream_info(self) -> StreamInfo:
