@@ -91,7 +91,11 @@ def compare(
     ours, skipped = choose(contest.methods, folder)
     ours = with_cuts(ours, at_cuts)
     if results.fail_under is not None:
-        check_limit(results.fail_under, contest.methods, list(ours), skipped)
+        if not math.isfinite(results.fail_under):
+            raise OptionError(f"--fail-under must be a number of decibels, not {results.fail_under}.")
+        asked = split_methods(contest.methods)[0].text
+        if ours and asked in skipped:
+            raise OptionError(f"--fail-under asks about {asked}, which cannot be run here; name another method first.")
     metrics = choose_metrics(results.metrics)
     check_results(results)
     for clip in more:  # the first one says so soon enough
@@ -186,15 +190,6 @@ def with_cuts(contestants: Mapping[str, Contestant], at_cuts: CutOptions) -> dic
         else contestant
         for name, contestant in contestants.items()
     }
-
-
-def check_limit(limit: float, methods: Sequence[str], compared: Sequence[str], skipped: Mapping[str, str]) -> None:
-    """Raise `OptionError` if ``--fail-under`` is not a finite number, or its method cannot be run."""
-    if not math.isfinite(limit):
-        raise OptionError(f"--fail-under must be a number of decibels, not {limit}.")
-    first = split_methods(methods)[0].text
-    if compared and first in skipped:
-        raise OptionError(f"--fail-under asks about {first}, which cannot be run here; name another method first.")
 
 
 def match_vectors(clip: str, vectors: VectorFolder) -> VectorFolder:

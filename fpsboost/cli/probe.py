@@ -15,7 +15,7 @@ from fpsboost.cli.options import PathName, in_flags
 from fpsboost.errors import rounded
 
 if TYPE_CHECKING:
-    from fpsboost.probing import Look, Probe, StreamFacts
+    from fpsboost.probing import Probe, StreamFacts
 
 MAX_WIDTH = 80
 MAX_CUTS = 24
@@ -96,7 +96,11 @@ def facts(result: Probe) -> dict[str, str]:
     """Return the names and values of everything but streams as readable text."""
     conversion = result.conversion
     every = "" if result.declared_frames in (None, result.frames) else f" of the {result.declared_frames} declared"
-    lines = {"size": f"{result.width}x{result.height}", **(look_lines(result.look) if result.look else {})}
+    lines = {"size": f"{result.width}x{result.height}"}
+    if look := result.look:
+        tags = [f"{name} {tag}" for name in ("matrix", "primaries", "transfer") if (tag := getattr(look, name))]
+        lines["pixels"] = f"{look.pixel_format}, aspect {look.pixel_aspect}, rotation {look.rotation:g} degrees"
+        lines["colour"] = ", ".join([*(tags or ["no tags"]), "full range" if look.full_range else "limited range"])
     lines["rate"] = f"{result.rate:.6g} fps ({result.exact_rate}), {'varies' if result.varies else 'constant'}"
     intervals = " / ".join(rounded(1000 * each, 4) for each in (result.shortest, result.median, result.longest))
     lines["intervals"] = f"{intervals} ms (shortest / median / longest)"
@@ -112,12 +116,3 @@ def facts(result: Probe) -> dict[str, str]:
     lines["interlaced"] = flagged if result.interlaced else "no"
     lines["--factor 2"] = conversion.refused or f"{conversion.frames} frames at {conversion.rate:.6g} fps"
     return lines
-
-
-def look_lines(look: Look) -> dict[str, str]:
-    """Return how the frames are stored and to be displayed, as names and values."""
-    tags = [f"{name} {tag}" for name in ("matrix", "primaries", "transfer") if (tag := getattr(look, name))]
-    return {
-        "pixels": f"{look.pixel_format}, aspect {look.pixel_aspect}, rotation {look.rotation:g} degrees",
-        "colour": ", ".join([*(tags or ["no tags"]), "full range" if look.full_range else "limited range"]),
-    }

@@ -213,6 +213,12 @@ def write_page(path: Path, preview: Preview, command: str, *, overwrite: bool = 
 
 def make_page(preview: Preview, command: str) -> str:
     """Return a page as text; see `write_page`."""
+    frames = sum(trial.frames for trial in next(iter(preview.trials.values())))
+    work = "encoding, but not the copying of sound" if preview.is_video else "writing the images"
+    included = (
+        f"Measured on {frames} frames of these passages, which have more motion than most; it includes reading and "
+        f"{work}. The shorter time is that of cores that are always busy, the longer one as measured."
+    )
     environment = templates_of("fpsboost.preview")
     environment.filters["as_time"] = format_time
     return environment.get_template("preview.html.j2").render(
@@ -223,7 +229,7 @@ def make_page(preview: Preview, command: str) -> str:
         passages=preview.selection.passages,
         least_certain=_least_certain(preview),
         estimates={name: estimate_sentence(estimate) for name, estimate in preview.estimates.items()},
-        included=included_sentence(preview),
+        included=included,
         command=command,
         played=_player_data(preview),
     )
@@ -283,16 +289,6 @@ def estimate_sentence(estimate: Estimate) -> str:
         least = least.split()[0]
     span = f"about {most}" if least in most.split() else f"{least} to {most}"
     return f"{span} for {estimate.frames:,} frames: {each}."
-
-
-def included_sentence(preview: Preview) -> str:
-    """Return what the estimate contains, and how it was measured."""
-    frames = sum(trial.frames for trial in next(iter(preview.trials.values())))
-    work = "encoding, but not the copying of sound" if preview.is_video else "writing the images"
-    return (
-        f"Measured on {frames} frames of these passages, which have more motion than most; it includes reading and "
-        f"{work}. The shorter time is that of cores that are always busy, the longer one as measured."
-    )
 
 
 def _as_duration(seconds: float) -> str:

@@ -265,20 +265,15 @@ def _find_files(path: Path, what: str, *suffixes: str) -> FileSequence:
     if len({kinds[name] for name in names}) > 1:
         raise InputError(f"{path} holds both .exr and .flo files; keep one kind of motion vectors in it.")
     if kinds[names[0]] == ".flo":
-        _check_pairs(path, names)
+        for name in names:
+            if not name.endswith((BACKWARD, FORWARD)):
+                raise InputError(f"{path / name} is neither a *{BACKWARD} nor a *{FORWARD}; rename it or take it away.")
+            ending, other = (BACKWARD, FORWARD) if name.endswith(BACKWARD) else (FORWARD, BACKWARD)
+            partner = name.removesuffix(ending) + other
+            if partner not in names:
+                raise InputError(f"{path / name} has no partner {partner}; write both directions for every frame.")
         names = [name for name in names if name.endswith(BACKWARD)]
     return order_names(path, names)
-
-
-def _check_pairs(folder: Path, names: Collection[str]) -> None:
-    """Raise `InputError` unless each file of one direction has a partner of the other."""
-    for name in names:
-        if not name.endswith((BACKWARD, FORWARD)):
-            raise InputError(f"{folder / name} is neither a *{BACKWARD} nor a *{FORWARD}; rename it or take it away.")
-        ending, other = (BACKWARD, FORWARD) if name.endswith(BACKWARD) else (FORWARD, BACKWARD)
-        partner = name.removesuffix(ending) + other
-        if partner not in names:
-            raise InputError(f"{folder / name} has no partner {partner}; write both directions for every frame.")
 
 
 def _partners(path: Path) -> list[Path]:

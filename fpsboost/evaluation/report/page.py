@@ -121,6 +121,9 @@ def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
     exact = choose_exact(comparison, [*dict.fromkeys([opening, choices[0].number])], MAX_EXACT_PIXELS // clips)
     played = view_passages(comparison, contestants, passages, exact)
     played.opening = opening
+    times = list[Chart]()
+    if has_times(comparison):
+        times = _frame_charts(comparison, "seconds", "Time, seconds a frame", at, may_be_logarithmic=True)
     return {
         "at": at,
         "comparison": comparison,
@@ -136,7 +139,7 @@ def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
         "further": further_rows(comparison),
         "meanings": [metrics[name].meaning for name in comparison.metrics],
         "plots": frame_plots(comparison, at),
-        "timing": time_plot(comparison, at),
+        "timing": Plot("seconds", "Time", "s", times) if times else None,
         "quality": quality_charts(comparison, at),
         "values": frame_values(comparison),
         "shared_out": shared_out(comparison),
@@ -229,14 +232,6 @@ def frame_plots(comparison: Comparison, at: str = "") -> list[Plot]:
 def has_times(comparison: Comparison) -> bool:
     """Return whether the time of any method is known."""
     return any(math.isfinite(comparison.mean_seconds(method)[0]) for method in comparison.methods)
-
-
-def time_plot(comparison: Comparison, at: str = "") -> Plot | None:
-    """Return the time that every frame took; None if unknown."""
-    if not has_times(comparison):
-        return None
-    charts = _frame_charts(comparison, "seconds", "Time, seconds a frame", at, may_be_logarithmic=True)
-    return Plot("seconds", "Time", "s", charts)
 
 
 def _frame_charts(comparison: Comparison, key: str, label: str, at: str, **how: bool) -> list[Chart]:
