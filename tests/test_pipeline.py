@@ -25,7 +25,6 @@ from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
-from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import methods
 from fpsboost.motion.field import ZeroMotion
@@ -39,7 +38,6 @@ pytestmark = pytest.mark.usefixtures("no_thread_left")
 BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None, compensate_illumination=False)
 FAST = Encoding(preset="ultrafast")
 LOSSLESS = Encoding(crf=0, preset="ultrafast")
-ORBIT = Path(__file__).parents[1] / "samples" / "orbit.mp4"
 SIZE = (8, 12)
 
 
@@ -170,19 +168,6 @@ def test_made_frames_lie_where_their_times_say(schedule):
     for frame in frames:
         position = min(frame.time * 25, 5)
         assert np.abs(frame.image.astype(float) - float(10 * position)).max() <= 0.5 + 1e-9
-
-
-@pytest.mark.parametrize("factor", [Fraction(2), Fraction(5, 2)])
-def test_variable_intervals_keep_their_rhythm(factor):
-    """With a factor, each interval is divided evenly, so the originals that are hit keep their times."""
-    times = [Fraction(t, 100) for t in (0, 3, 4, 9, 10, 30, 31)]
-    source = make_frames(times, Fraction(38, 100))
-    frames, _ = run(source, ByFactor(factor))
-    ends = [*times, Fraction(38, 100)]
-    positions = [k / factor for k in range(len(frames))]
-    expected = [ends[int(p)] + (p - int(p)) * (ends[int(p) + 1] - ends[int(p)]) for p in positions]
-    assert [frame.time for frame in frames] == expected
-    assert sum(frame.duration for frame in frames) == Fraction(38, 100)
 
 
 @pytest.mark.parametrize("count", [0, 1])
@@ -487,48 +472,6 @@ def test_video_to_folder(tmp_path):
     mixed = [(a.astype(float) + b) / 2 for a, b in pairwise(originals)]
     for name, image in zip(names[1::2], mixed, strict=True):
         assert np.abs(read(tmp_path / "out" / name) - image).max() <= 0.5
-
-
-@pytest.mark.parametrize("input_fps", [Fraction(24), Fraction(24000, 1001)])
-def test_folder_to_video(tmp_path, save_images, input_fps):
-    """Images get their rate from `input_fps`; the video shows the last one too."""
-    save_images(tmp_path / "in", count=5)
-    observer = Watching()
-    convert(
-        str(tmp_path / "in"),
-        str(tmp_path / "out.mp4"),
-        method=BLEND,
-        encoding=FAST,
-        decoding=DecodeOptions(input_fps=input_fps),
-        run=RunOptions(observer=observer),
-    )
-    assert observer.events[0] == ("opened", str(tmp_path / "in"), 10)
-    assert times_of(tmp_path / "out.mp4") == [k / (2 * input_fps) for k in range(10)]
-    assert length_of(tmp_path / "out.mp4") == 5 / input_fps
-
-
-def test_folder_to_folder(tmp_path, save_images, snapshot):
-    """16-bit originals are pixel-identical under new numbers, names sort by time, the input stays as it is."""
-    images = save_images(tmp_path / "in", count=5, dtype=np.uint16)
-    before = snapshot(tmp_path / "in")
-    observer = Watching()
-    convert(str(tmp_path / "in"), str(tmp_path / "out"), factor=3, method=BLEND, run=RunOptions(observer=observer))
-    assert observer.events[0] == ("opened", str(tmp_path / "in"), 13)
-    names = sorted(os.listdir(tmp_path / "out"))
-    assert names == [f"shot_{number:04d}.png" for number in range(1, 14)]
-    for name, image in zip(names[::3], images, strict=True):
-        assert np.array_equal(read(tmp_path / "out" / name), image)
-        assert read(tmp_path / "out" / name).dtype == np.uint16
-    assert snapshot(tmp_path / "in") == before
-
-
-def test_sample_with_a_cut(tmp_path):
-    """The repository's own clip: 72 frames, one cut, sound in step."""
-    summary = convert(str(ORBIT), str(tmp_path / "out.mp4"), method="blend", encoding=FAST)
-    assert (summary.frames_in, summary.frames_out, summary.scene_cuts, summary.remarks) == (72, 144, 1, [])
-    assert length_of(tmp_path / "out.mp4") == length_of(ORBIT)
-    assert times_of(tmp_path / "out.mp4") == [Fraction(k, 48) for k in range(144)]
-    assert packets_of(tmp_path / "out.mp4", "audio") == packets_of(ORBIT, "audio")
 
 
 @pytest.mark.parametrize("method", list(methods))

@@ -41,63 +41,6 @@ def assert_one_sentence(result: Result, *words: str) -> None:
         assert word in result.err
 
 
-KILLED = """
-import os, signal, sys
-
-import fpsboost.conversion
-from fpsboost.__main__ import main
-from fpsboost.cli.messages import Reporter
-from fpsboost.io.images import sink as numbered
-from fpsboost.io.staging import StagingDirectory
-
-
-def die(*_):
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
-def when_written(frames):
-    def wrote(_, summary):
-        if summary.frames_out == frames:
-            die()
-
-    Reporter.wrote = wrote
-
-
-def when_whole():
-    StagingDirectory.publish = numbered.move_all = die
-
-
-first, within, second_chunk = (lambda: when_written(1)), (lambda: when_written(130)), (lambda: when_written(270))
-moments = {
-    "out.mp4": [first, within, second_chunk, when_whole],
-    "out.mkv": [second_chunk, when_whole],
-    "new/": [first, when_whole],
-    "out_####.png": [within, when_whole],
-}
-for output, wait in ((output, wait) for output, waits in moments.items() for wait in waits):
-    process = os.fork()  # before anything has started a thread
-    if not process:
-        wait()
-        sys.argv = ["fpsboost", "in.mp4", output, "--overwrite", "--factor", "40", *sys.argv[1:]]
-        main()
-    ended = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
-    assert ended == -signal.SIGKILL, (output, ended)
-"""
-
-
-@on_unix
-def test_a_killed_run_changes_nothing(tmp_path, snapshot):
-    """SIGKILL at some moments, the last before the output gets its name: old files stay, and there are no new ones."""
-    write_clip(tmp_path / "in.mp4", times=range(8))
-    for name in ("out.mp4", "out.mkv", "out_0001.png"):
-        (tmp_path / name).write_bytes(b"precious")
-    before = snapshot(tmp_path)
-    command = [sys.executable, "-c", KILLED, *CHEAP, "--duplicates", "keep"]
-    done = subprocess.run(command, cwd=tmp_path, env=environment(), stderr=subprocess.PIPE, timeout=100, check=False)
-    assert done.returncode == 0, done.stderr.decode()
-    assert {name: data for name, data in snapshot(tmp_path).items() if not name.startswith(".")} == before
-
-
 @contextlib.contextmanager
 def files_end_at(size: int) -> Iterator[None]:
     """No file of this process may grow larger; writing beyond fails as on a full disk."""

@@ -97,18 +97,6 @@ def test_one_bad_file_does_not_stop_the_rest(fpsboost_, tmp_path):
 
 
 @pytest.mark.usefixtures("two_clips")
-def test_existing_outputs_fail_by_themselves(fpsboost_, tmp_path):
-    """What was converted before is refused and kept, what is new is made; --overwrite makes both."""
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "a.mp4").write_bytes(b"precious")
-    assert fpsboost_("a.mp4", "b.mp4", "out", *CHEAP).code == 1
-    assert (tmp_path / "out" / "a.mp4").read_bytes() == b"precious"
-    assert (tmp_path / "out" / "b.mp4").exists()
-    assert fpsboost_("a.mp4", "b.mp4", "out", "--overwrite", *CHEAP).code == 0
-    assert len(packets_of(tmp_path / "out" / "a.mp4", "video")) == 6
-
-
-@pytest.mark.usefixtures("two_clips")
 def test_a_batch_that_is_started_again_does_the_rest(fpsboost_, tmp_path):
     """With --resume, what is complete counts as converted."""
     assert fpsboost_("a.mp4", "none.mp4", "out/", *CHEAP).code == 1

@@ -244,23 +244,6 @@ def test_without_arguments_there_is_the_help(fpsboost_):
     assert "Usage: fpsboost" in alone.out
 
 
-@pytest.mark.parametrize(
-    ("arguments", "frames"),
-    [
-        (["--factor", "3"], 18),
-        (["-f", "5/2"], 15),
-        (["--factor", "1.5"], 9),
-        (["--fps", "60000/1001"], 15),
-        (["--fps", "59.94"], 15),
-        (["--fps=50"], 12),
-    ],
-)
-def test_rates_as_people_write_them(fpsboost_, clip, tmp_path, arguments, frames):
-    """Whole numbers, decimals and fractions, in all ways to give an option."""
-    assert fpsboost_("in.mp4", "out.mp4", *CHEAP, *arguments).code == 0
-    assert len(packets_of(tmp_path / "out.mp4", "video")) == frames
-
-
 def test_options_may_stand_anywhere(fpsboost_, clip, tmp_path):
     """Before, between and behind the two names."""
     assert fpsboost_("-m", "nearest", "in.mp4", "--factor", "3", "out.mp4", "-q") == Result(0, "", "")
@@ -291,66 +274,33 @@ def test_video_options_reach_the_encoder(fpsboost_, tmp_path):
     assert [k for k, picture in enumerate(pictures) if picture.key_frame] == [0, 4, 8]
 
 
-def test_overwriting(fpsboost_, clip, tmp_path):
-    """An existing file is replaced when that is asked for, with the long and the short option."""
-    for option in ("--overwrite", "-y"):
-        (tmp_path / "out.mp4").write_bytes(b"old")
-        assert fpsboost_("in.mp4", "out.mp4", option, *CHEAP).code == 0
-        assert len(packets_of(tmp_path / "out.mp4", "video")) == 12
-
-
 # Everything below is done in a folder that `material` fills.
 FAILURES: dict[str, tuple[str, str]] = {
     "missing file": ("none.mp4 out.mp4", "none.mp4"),
     "missing folder": ("none/ out", "none"),
-    "missing sequence": ("none_####.png out", "none_####.png"),
     "not a video": ("text.mp4 out.mp4", "text.mp4"),
     "zero bytes": ("zero.mp4 out.mp4", "zero.mp4"),
     "a video cut before its index": ("cut.mp4 out.mp4", "cut.mp4"),
     "one frame": ("one.mp4 out.mp4", "one.mp4"),
     "one image": ("single out.mp4 --input-fps 24", "single"),
-    "one image by name": ("single/shot_0001.png out.mp4", "shot_0001.png"),
-    "empty folder": ("empty out", "empty"),
-    "different sizes": ("mixed out", "mixed/shot_0003.png"),
     "output exists": ("in.mp4 there.mp4", "there.mp4"),
-    "output exists as a folder": ("in.mp4 single", "single"),
-    "output exists as a pattern": ("in.mp4 single/shot_####.png", "shot_0001.png"),
     "output folder missing": ("in.mp4 none/out.mp4", "none/out.mp4"),
     "output is input": ("in.mp4 in.mp4", "in.mp4"),
-    "output is input by another name": ("in.mp4 ./empty/../in.mp4 --overwrite", "in.mp4"),
-    "output is input folder": ("single single/ --overwrite", "single"),
     "sound that does not fit": ("sound.mp4 out.webm --audio-codec copy", "--no-audio"),
 }
 
 MISTAKES: dict[str, tuple[str, str]] = {
     "codec for images": ("in.mp4 frames/ --codec h264", "--codec"),
-    "crf for images": ("in.mp4 frames/ --crf 20", "--crf"),
     "encoder option for images": ("in.mp4 frames/ --encoder-option g=3", "--encoder-option"),
     "unknown ending": ("in.mp4 out.xyz", "out.xyz"),
-    "a single image as output": ("in.mp4 out.png", "out.png"),
     "unknown method": ("in.mp4 out.mp4 --method magic", "magic"),
-    "factor=-1": ("in.mp4 out.mp4 --factor=-1", "--factor"),
     "factor 1e5000": ("in.mp4 out.mp4 --factor 1e5000", "--factor"),
-    "factor empty": ("in.mp4 out.mp4 --factor ''", "--factor"),
-    "fps 0": ("in.mp4 out.mp4 --fps 0", "--fps"),
     "fps fast": ("in.mp4 out.mp4 --fps fast", "--fps"),
-    "factor and fps": ("in.mp4 out.mp4 --factor 2 --fps 50", "--fps"),
     "images without a rate": ("single out.mp4", "--input-fps"),
-    "input-fps 0": ("single out.mp4 --input-fps 0", "--input-fps"),
-    "input-fps of a video": ("in.mp4 out.mp4 --input-fps 24", "--input-fps"),
     "option of another method": ("in.mp4 out.mp4 --method dis --search-radius 8", "--search-radius"),
     "search radius 0": ("in.mp4 out.mp4 --method nlm-exhaustive --search-radius 0", "--search-radius"),
-    "bad crf": ("in.mp4 out.mp4 --crf 99", "--crf"),
-    "bad preset": ("in.mp4 out.mp4 --preset turbo", "--preset"),
-    "bad codec": ("in.mp4 out.mp4 --codec magic", "--codec"),
-    "bad bitrate": ("in.mp4 out.mp4 --bitrate fast", "--bitrate"),
-    "bitrate and crf": ("in.mp4 out.mp4 --bitrate 8M --crf 20", "--bitrate"),
-    "lossless and crf": ("in.mp4 out.mp4 --lossless --crf 20", "--lossless"),
     "bad pixel format": ("in.mp4 out.mp4 --pix-fmt magic", "--pix-fmt"),
-    "unknown encoder option": ("in.mp4 out.mp4 --encoder-option magic=1", "magic"),
-    "encoder option without a value": ("in.mp4 out.mp4 --encoder-option tune", "tune"),
     "codec in the wrong place": ("in.mp4 out.webm --codec h264", "--codec"),
-    "cut options": ("in.mp4 out.mp4 --no-cuts --cut-threshold 0.4", "--no-cuts"),
     "cut threshold": ("in.mp4 out.mp4 --method blend --cut-threshold 3", "--cut-threshold"),
     # the parser's own
     "crf is no number": ("in.mp4 out.mp4 --crf low", "--crf"),
@@ -373,12 +323,8 @@ def material(tmp_path, save_images) -> None:
     (tmp_path / "zero.mp4").touch()
     (tmp_path / "cut.mp4").write_bytes((tmp_path / "in.mp4").read_bytes()[:1500])
     (tmp_path / "there.mp4").write_bytes(b"precious")
-    (tmp_path / "empty").mkdir()
     save_images(tmp_path / "single", count=1)
     save_images(tmp_path / "other", count=2)
-    save_images(tmp_path / "mixed", count=3)
-    low = cv2.imencode(".png", np.zeros((32, 64, 3), np.uint8))[1]
-    (tmp_path / "mixed" / "shot_0003.png").write_bytes(low.tobytes())
 
 
 @pytest.mark.usefixtures("material")
@@ -488,21 +434,6 @@ def test_a_stopped_run_says_what_it_leaves(tmp_path, number, output):
     finished = rb"240 of 320" if output.startswith("out") else rb"2[0-9]{2} of 281"
     assert re.fullmatch(rb"Stopped; " + finished + rb" frames are finished, and --resume goes on from there\.\n", err)
     assert {path.name for path in tmp_path.iterdir()} == {"in.mp4", f".{output.strip('/')}.unfinished"}
-
-
-def test_ctrl_c_keeps_what_was_there(fpsboost_, clip, tmp_path, snapshot, monkeypatch):
-    """Stopping a run that would overwrite leaves the old file, and says that nothing was written."""
-    (tmp_path / "out.mp4").write_bytes(b"precious")
-    before = snapshot(tmp_path)
-
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(messages.Reporter, "wrote", interrupt)
-    result = fpsboost_("in.mp4", "out.mp4", "--overwrite", *CHEAP)
-    assert (result.code, result.out) == (130, "")
-    assert snapshot(tmp_path) == before
-    assert result.err == "Stopped; nothing was written.\n"
 
 
 STAGES = {

@@ -100,17 +100,6 @@ def test_a_part_whose_worker_dies_is_made_again_and_counted_once():
     assert counts == [7, 8, 10, 13, 18]
 
 
-def test_a_part_that_fails_goes_to_another_worker():
-    """A full disk may be one worker's own."""
-
-    def answer(part: Part, worker: str, attempt: int) -> list[Report]:
-        return [Failed(part, worker, OutputError("full"))] if worker == "a" else [Done(part)]
-
-    script = Script(answer)
-    run_parts(planned(4, 4, 4), script, ignore)
-    assert len(script.submitted) == 3 + sum(worker == "a" for _, worker, _ in script.submitted)
-
-
 @pytest.mark.parametrize(
     ("error", "attempts", "message"),
     [

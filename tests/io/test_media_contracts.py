@@ -19,6 +19,8 @@ from video_truth import packets_of, scene, write_clip, write_stream
 from fpsboost.contracts import FrameSink, FrameSource
 from fpsboost.errors import FpsboostError, OutputError
 from fpsboost.frame import Frame
+from fpsboost.io import staging
+from fpsboost.io.images import sink as numbered
 from fpsboost.io.opening import open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
@@ -189,6 +191,10 @@ def open_pair(source_path: Path, target: tuple[str, Path], overwrite: bool = Fal
     return source, sink
 
 
+def after(act: Callable[[], None], function: Callable[..., None]) -> Callable[..., None]:
+    return lambda *arguments: (act(), function(*arguments))[1]
+
+
 def copy(
     source_path: Path,
     target: tuple[str, Path],
@@ -198,9 +204,11 @@ def copy(
     kind: type[BaseException] = RuntimeError,
     while_writing: Callable[[], None] = lambda: None,
 ) -> FrameSink:
-    """Write all frames of a clip unchanged; raise after `fail_at` of them."""
+    """Write all frames of a clip unchanged; raise after `fail_at`; act after each and before names are given."""
     source, sink = open_pair(source_path, target, overwrite)
-    with source, sink:
+    with pytest.MonkeyPatch.context() as patch, source, sink:
+        for module, name in ((staging.StagingDirectory, "publish"), (numbered, "move_all")):
+            patch.setattr(module, name, after(while_writing, getattr(module, name)))
         for index, frame in enumerate(source):
             if index == fail_at:
                 raise kind

@@ -161,14 +161,6 @@ def test_layers_are_chosen_by_name(names, expected):
     assert {layer.name.removeprefix("ViewLayer.") for layer in chosen.layers} == expected
 
 
-def test_a_layer_that_is_not_there_is_named():
-    """With those that are."""
-    with pytest.raises(
-        InputError, match=r"a\.exr has no layer 'Gloss' .*: ViewLayer\.CryptoObject00, ViewLayer\.Depth"
-    ):
-        Passes.chosen(save(("", blender())), "Depth,Gloss")
-
-
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
