@@ -272,14 +272,18 @@ class Interpolator:
             image0, image1 = (as_bgr(pair.image0), as_bgr(pair.image1)) if onward else (pair.image0, pair.image1)
             frame_pair = FramePair(image0, image1, *fields)
             return _generate(CUT_SYNTHESIZERS[self.at_cuts], frame_pair, pair.layered, times)
+        frame_pair = self.frame_pair(pair, before, after)
+        images = _generate(self.synthesizer, frame_pair, pair.layered, times, with_confidence=with_confidence)
+        # layers are mixed as the frames are, so that sums of layers stay sums
+        return images if pair.layered is not None else self._finish(images, times, pair, before, after)
+
+    def frame_pair(self, pair: Pair, before: Pair | None, after: Pair | None) -> FramePair:
+        """Return what the synthesizer takes of two frames that motion connects, and of the pairs before and after."""
         # the next pair's motion first: the thread that makes its frames waits for it
         following = _neighbour(after, pair) if self.curved else None
         fields = pair.fields
         neighbours = (_neighbour(before, pair), following) if self.curved else ()
-        frame_pair = FramePair(*pair.compensated, *fields, *neighbours)
-        images = _generate(self.synthesizer, frame_pair, pair.layered, times, with_confidence=with_confidence)
-        # layers are mixed as the frames are, so that sums of layers stay sums
-        return images if pair.layered is not None else self._finish(images, times, pair, before, after)
+        return FramePair(*pair.compensated, *fields, *neighbours)
 
     def _finish(
         self, images: Iterator[Interpolated], times: list[float], pair: Pair, before: Pair | None, after: Pair | None
@@ -418,4 +422,7 @@ def _extrapolate(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[M
 def _neighbour(neighbour: Pair | None, pair: Pair) -> Neighbour | None:
     if neighbour is None:
         return None
-    return Neighbour(*neighbour.fields, float(neighbour.duration / pair.duration))
+    beyond = neighbour.image0 if neighbour.image1 is pair.image0 else neighbour.image1
+    same_light = neighbour.illumination is None and pair.illumination is None
+    ratio = float(neighbour.duration / pair.duration)
+    return Neighbour(*neighbour.fields, ratio, beyond if same_light else None)

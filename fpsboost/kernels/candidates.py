@@ -97,6 +97,8 @@ def collect_candidates(points, sign, t, step, support, tolerance, height, width,
     for i in range(vectors.shape[0]):
         y = np.float32(min(i * step + step // 2, height - 1)) + half  # relative to the frame corner
         for j in range(vectors.shape[1]):
+            if trust[i, j] <= 0:
+                continue
             x = np.float32(min(j * step + step // 2, width - 1)) + half
             certainty, ax, ay = accelerations[i, j, 0], accelerations[i, j, 1], accelerations[i, j, 2]
             landing_x = x + t * vectors[i, j, 0] - curve * ax

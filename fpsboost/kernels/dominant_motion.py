@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.kernels.candidates import Candidates
+from fpsboost.kernels.fusion_features import SQUARES_PER_WINDOW
 from fpsboost.kernels.jit import FINITE_JIT, borrowed, njit
 from fpsboost.kernels.pixel_weights import (
-    SQUARES_PER_WINDOW,
     Weighting,
     make_sums,
     make_work,
     pool_pixels,
     start_node,
     upsample_squares,
-    weigh_candidate,
+    weigh_plainly,
 )
 from fpsboost.kernels.window_samples import WINDOW, Samples, is_rigid, locate_window, make_layer, sample_layer
 
@@ -72,7 +72,7 @@ def compare_candidates(layer, t, candidates, weighting, work, sums, weights, pla
                 sample_layer(layer, place, motion, work.room)
                 squared = work.squared
                 pool_pixels(layer.distance, squared)
-                least_weight, least_similar = weigh_candidate(prior, weighting, work, sums)
+                least_weight, least_similar = weigh_plainly(prior, weighting, work, sums)
                 for i in range(SQUARES_PER_WINDOW):  # not in place: numba loses writes to an element of an attribute
                     squared[i] = work.weight[i] * weighting.window_shape[i]
                 upsample_squares(squared, layer.across, layer.down, work.upsampled)

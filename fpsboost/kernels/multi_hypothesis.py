@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.kernels.candidates import Candidates
+from fpsboost.kernels.fusion_features import SQUARES_PER_WINDOW, Surroundings, describe_candidate
 from fpsboost.kernels.instruction import SIXTEEN, Index, fma
 from fpsboost.kernels.jit import FINITE_JIT, LANES, borrowed, njit
 from fpsboost.kernels.pixel_weights import (
-    SQUARES_PER_WINDOW,
     Weighting,
     make_sums,
     make_work,
@@ -26,7 +26,8 @@ from fpsboost.kernels.pixel_weights import (
     pool_pixels,
     start_node,
     upsample_squares,
-    weigh_candidate,
+    weigh_features,
+    weigh_plainly,
 )
 from fpsboost.kernels.window_rows import SQUARES_PER_ROW, add_row
 from fpsboost.kernels.window_samples import WINDOW, Samples, locate_further, locate_window, make_layer, sample_layer
@@ -88,10 +89,11 @@ def blend_hypotheses(
     t: np.float32,
     candidates: Candidates,
     weighting: Weighting,
+    surroundings: Surroundings | None,
     value_range: ValueRange,
     blended: Blended,
 ) -> None:
-    """Write the in-between frame.
+    """Write the in-between frame; without `surroundings`, by plain weights.
 
     `subsampling` tells how many rows and columns of pixels there are per sample of the further planes: (1, 1) for
     layers, (1 or 2, 2) for chroma.
@@ -100,14 +102,15 @@ def blend_hypotheses(
     full = make_layer(frame0.full, frame1.full, (1, 1), channels + 1 + has_confidence, width)
     further_channels, _, further_width = blended.further.shape
     further = make_layer(frame0.further, frame1.further, subsampling, further_channels + 1, further_width)
-    blend_nodes(full, further, t, candidates, weighting, value_range, make_work(), make_sums(), blended)
+    work, sums = make_work(), make_sums()
+    blend_nodes(full, further, t, candidates, weighting, surroundings, value_range, work, sums, blended)
 
 
 @njit(cache=True, **FINITE_JIT)
-def blend_nodes(full, further, t, candidates, weighting, value_range, work, sums, blended):
+def blend_nodes(full, further, t, candidates, weighting, around, value_range, work, sums, blended):
     """Write the in-between frame, one row of nodes at a time; see `blend_hypotheses`."""
-    full, further, candidates, weighting, work, sums, blended = borrowed(
-        (full, further, candidates, weighting, work, sums, blended)
+    full, further, candidates, weighting, around, work, sums, blended = borrowed(
+        (full, further, candidates, weighting, around, work, sums, blended)
     )
     (channels, height, width), (rows, columns) = blended.image.shape, candidates.listed.shape
     has_confidence, further_planes = blended.confidence.shape[1] > 0, blended.further.shape[0]
@@ -118,7 +121,8 @@ def blend_nodes(full, further, t, candidates, weighting, value_range, work, sums
             window = Window(top, column * spacing - before, height, width)
             count = candidates.listed[row, column]
             motions, priors = candidates.motions[row, column, :count], candidates.weights[row, column, :count]
-            sum_candidates(full, further, window, t, motions, priors, weighting, work, sums)
+            node = row, column
+            sum_candidates(full, further, window, t, motions, priors, node, weighting, around, work, sums)
             weigh_window(weighting.window_shape, sums.weights, work.weight)
             add_node(full, window, work.weight, sums, work.upsampled, work.values)
             add_node(further, window, work.weight, sums, work.upsampled, work.values)
@@ -132,7 +136,7 @@ def blend_nodes(full, further, t, candidates, weighting, value_range, work, sums
 
 
 @njit(inline="always", **FINITE_JIT)
-def sum_candidates(full, further, window, t, motions, priors, weighting, work, sums):
+def sum_candidates(full, further, window, t, motions, priors, node, weighting, around, work, sums):
     """Sum the samples of a window over the candidates of its node, whose prior weights are those by their votes."""
     room, further_motion, has_further = work.room, work.further_motion, further.mixed.shape[0] > 0
     total, further_total = full.total, further.total
@@ -155,20 +159,35 @@ def sum_candidates(full, further, window, t, motions, priors, weighting, work, s
             sample_layer(further, there, further_motion, room)
             if further.across > 1:
                 pool_chroma(further.distance, further.down, work.squared)
-        least_weight, least_similar = weigh_candidate(prior, weighting, work, sums)
-        add_samples(full, work.weight, work.upsampled)
+        least_weight, least_similar = weigh_candidate(prior, window, node, k, motion, t, weighting, around, work, sums)
+        add_samples(full, around, work)
         if has_further:
-            add_samples(further, work.weight, work.upsampled)
+            add_samples(further, around, work)
 
 
 @njit(**FINITE_JIT)
-def add_samples(layer, weight, upsampled):
+def weigh_candidate(prior, window, node, k, motion, t, weighting, around, work, sums):
+    """Compute the weights of candidate k of a node; plain ones, and only these are compiled, if `around` is None."""
+    if around is None:
+        return weigh_plainly(prior, weighting, work, sums)
+    support = around.support[node[0], node[1], k]
+    describe_candidate(work.squared, weighting.scale, window, motion, prior, support, t, around, work.features)
+    return weigh_features(prior, t, weighting, work, sums)
+
+
+@njit(**FINITE_JIT)
+def add_samples(layer, around, work):
     """Add the samples of a candidate, times their weights, to the sums of the node."""
-    mixed, total = layer.mixed, layer.total
-    upsample_squares(weight, layer.across, layer.down, upsampled)
+    mixed, change, total, upsampled, leaning = layer.mixed, layer.change, layer.total, work.upsampled, work.leaning
+    upsample_squares(work.weight, layer.across, layer.down, upsampled)
     for c in range(Index(mixed.shape[0])):
         for i in range(Index(mixed.shape[1])):
             total[c, i] = fma(upsampled[i], mixed[c, i], total[c, i])
+    if around is not None:
+        upsample_squares(work.lean, layer.across, layer.down, leaning)
+        for c in range(Index(mixed.shape[0])):
+            for i in range(Index(mixed.shape[1])):
+                total[c, i] = fma(leaning[i], change[c, i], total[c, i])
 
 
 @njit(**FINITE_JIT)

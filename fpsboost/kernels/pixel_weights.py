@@ -7,29 +7,34 @@ squares of two by two pixels, and interpolated.
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.kernels.candidates import VALUES_PER_MOTION
+from fpsboost.kernels.fusion_features import (
+    CELL_FEATURES,
+    CELLS,
+    SCALAR_FEATURES,
+    SQUARE_FEATURES,
+    SQUARES_PER_WINDOW,
+    FeatureWork,
+    average_patches,
+    make_feature_work,
+    spread_cells,
+    write_decay,
+)
 from fpsboost.kernels.instruction import Index, fma
 from fpsboost.kernels.jit import FINITE_JIT, LANES, njit
-from fpsboost.kernels.window_rows import END_WEIGHT, SQUARES_PER_ROW, blend_rows, pool_row, sum_five, upsample_rows
+from fpsboost.kernels.window_rows import SQUARES_PER_ROW, blend_rows, pool_row, scale_row, upsample_rows
 from fpsboost.kernels.window_samples import AREA, WINDOW, Room
-
-SQUARES_PER_WINDOW = SQUARES_PER_ROW * SQUARES_PER_ROW
-"""Number of squares of two by two pixels in a window; each square has one weight."""
-
-PATCH_RADIUS = 2
-"""Radius of the patches that are compared at time t, squares; patches are truncated at the border of their window."""
-
-PADDED = SQUARES_PER_ROW + 2 * PATCH_RADIUS
-"""Squares in a row of a window with zero padding on both sides, for sums over patches."""
 
 MIN_WEIGHT_SUM = np.float32(1e-30)
 """Initial value of sums of weights, which keeps them above zero."""
+
+HIGHEST_LOGIT = np.float32(20)
+"""Logarithms of weights are limited to this."""
 
 
 class Weighting(NamedTuple):
@@ -45,8 +50,10 @@ class Weighting(NamedTuple):
     """Remaining candidates are also skipped once the votes of the next one are below this share of the least
     accumulated weight of any pixel."""
     window_shape: NDArray[Any]
-    """Of `fpsboost.kernels.multi_hypothesis`; (SQUARES_PER_WINDOW,) float32, as `patch_shares`."""
-    patch_shares: NDArray[Any]
+    """Of `fpsboost.kernels.multi_hypothesis`; (SQUARES_PER_WINDOW,) float32."""
+    table: NDArray[Any]
+    """Of the logarithm of the weight of both frames along a candidate, of frame 0 alone and of frame 1 alone, the
+    coefficients of the features, (3, FEATURES) float32; plain weights do not need it."""
 
 
 class NodeSums(NamedTuple):
@@ -57,6 +64,8 @@ class NodeSums(NamedTuple):
     """Weighted sum."""
     most_similar: NDArray[Any]
     """Largest similarity of any candidate."""
+    reached: NDArray[Any]
+    """Plain weights, by which further candidates are skipped."""
 
 
 class Work(NamedTuple):
@@ -65,42 +74,31 @@ class Work(NamedTuple):
     room: Room
     squared: NDArray[Any]
     """Squared difference of each square along a candidate."""
-    padded: NDArray[Any]
-    half_way: NDArray[Any]
-    """Both for `sum_patches`."""
+    features: FeatureWork
     similarity: NDArray[Any]
     """Sum of the similarities in the patch around each square."""
     weight: NDArray[Any]
     """Weight of a candidate, or of the window."""
+    lean: NDArray[Any]
+    """Weight of the difference of frame 1 from frame 0, as one of them alone weighs more than its share by time."""
+    options: NDArray[Any]
+    """Weights of both frames and of either alone, (3 * SQUARES_PER_WINDOW,) float32."""
     upsampled: NDArray[Any]
     """Weight and sums of each sample of a window, (AREA,) float32."""
     values: NDArray[Any]
+    leaning: NDArray[Any]
     further_motion: NDArray[Any]
     """(VALUES_PER_MOTION,) float32."""
 
 
 @njit(**FINITE_JIT)
-def decay(x):
-    """Return exp(-x) for x >= 0, accurate to a millionth: a polynomial of x / 64, squared six times."""
-    x = min(x, np.float32(60)) * np.float32(1 / 64)
-    half, sixth, one = np.float32(0.5), np.float32(1 / 6), np.float32(1)
-    p = fma(x, np.float32(-1 / 120), np.float32(1 / 24))
-    p = fma(fma(fma(fma(p, x, -sixth), x, half), x, -one), x, one)
-    p *= p
-    p *= p
-    p *= p
-    p *= p
-    p *= p
-    return p * p
-
-
-@njit(**FINITE_JIT)
 def start_node(sums):
     """Clear the sums over the candidates of a node."""
-    weights, similarities, most_similar = sums
+    weights, similarities, most_similar, reached = sums
     weights[:] = MIN_WEIGHT_SUM
     similarities[:] = 0
     most_similar[:] = 0
+    reached[:] = 0
 
 
 @njit(**FINITE_JIT)
@@ -124,46 +122,65 @@ def pool_chroma(values, down, pooled):
                 pooled[to + i] += np.float32(0.5) * (values[begin + i] + values[begin + Index(SQUARES_PER_ROW) + i])
 
 
-@njit(inline="always", **FINITE_JIT)
-def weigh_candidate(prior, weighting, work, sums):
-    """Compute the weights of a candidate from the squared differences in the work arrays, which are overwritten.
+@njit(**FINITE_JIT)
+def weigh_plainly(prior, weighting, work, sums):
+    """Compute the plain weights of a candidate from the squared differences in the work arrays, which are overwritten.
 
     Return the least weight of any square so far, and the least of the largest similarities.
     """
-    squared, similarity = work.squared, work.similarity
-    weights, _, most_similar = sums
-    for i in range(SQUARES_PER_WINDOW):
-        squared[i] = decay(squared[i] * weighting.scale)
-    sum_patches(squared, work.padded, work.half_way, similarity)
-    weigh_squares(prior, weighting.sharpness, similarity, weighting.patch_shares, work.weight, sums)
+    squared, similarity, weight = work.squared, work.similarity, work.weight
+    weights, similarities, most_similar, _ = sums
+    sharpness, exponentials = weighting.sharpness, work.lean
+    write_decay(squared, 0, np.float32(0), weighting.scale, np.float32(1), exponentials, 0)
+    average_patches(exponentials, 0, work.features, similarity, 0)
+    write_decay(similarity, 0, sharpness, -sharpness, prior, weight, 0)
+    for i in range(Index(SQUARES_PER_WINDOW)):
+        weights[i] += weight[i]
+        similarities[i] = fma(weight[i], similarity[i], similarities[i])
+        most_similar[i] = max(most_similar[i], similarity[i])
     return smallest(weights, squared), smallest(most_similar, squared)
 
 
 @njit(**FINITE_JIT)
-def sum_patches(values, padded, half_way, sums):
-    """Sum the values over the patch around each square of a window, vertically, then horizontally.
-
-    `padded` and `half_way` have zeros around the window.
-    """
-    for i in range(Index(SQUARES_PER_WINDOW)):
-        padded[Index(PATCH_RADIUS * SQUARES_PER_ROW) + i] = values[i]
-    for j in range(SQUARES_PER_ROW):
-        sum_five(padded, j * SQUARES_PER_ROW, SQUARES_PER_ROW, half_way, j * PADDED + PATCH_RADIUS)
-    for j in range(SQUARES_PER_ROW):
-        sum_five(half_way, j * PADDED, 1, sums, j * SQUARES_PER_ROW)
+def weigh_features(prior, t, weighting, work, sums):
+    """Compute the learnt weights of a candidate from its features; see `weigh_plainly`."""
+    features, weight, lean, options, room = work.features, work.weight, work.lean, work.options, work.squared
+    weights, similarities, most_similar, reached = sums
+    one, count, similar = np.float32(1), Index(SQUARES_PER_WINDOW), features.squares
+    sharpness, share1 = weighting.sharpness, np.float32(2) * t
+    for option in range(3):
+        add_features(weighting.table[option], features, features.sums)
+        share = one if option == 0 else np.float32(2) - share1 if option == 1 else share1
+        write_decay(features.sums, 0, HIGHEST_LOGIT, -one, share * prior, options, option * SQUARES_PER_WINDOW)
+    second, third = Index(SQUARES_PER_WINDOW), Index(2 * SQUARES_PER_WINDOW)
+    for i in range(count):
+        lean[i] = (one - t) * options[third + i] - t * options[second + i]
+        weight[i] = options[i] + options[second + i] + options[third + i]
+    for i in range(count):
+        weights[i] += weight[i]
+        similarities[i] = fma(weight[i], similar[i], similarities[i])
+        most_similar[i] = max(most_similar[i], similar[i])
+    write_decay(similar, 0, sharpness, -sharpness, prior, room, 0)
+    for i in range(count):
+        reached[i] += room[i]
+    return smallest(reached, room), smallest(most_similar, room)
 
 
 @njit(**FINITE_JIT)
-def weigh_squares(prior, sharpness, similarity, patch_shares, weight, sums):
-    """Compute the weights of a candidate from the similarities in its patches, and add them to the sums of the node."""
-    weights, similarities, most_similar = sums
-    for i in range(SQUARES_PER_WINDOW):
-        mean = similarity[i] * patch_shares[i]
-        w = prior * decay(sharpness * (np.float32(1) - mean))
-        weight[i] = w
-        weights[i] += w
-        similarities[i] = fma(w, mean, similarities[i])
-        most_similar[i] = max(most_similar[i], mean)
+def add_features(coefficients, features, total):
+    """Write the sum of the features of a candidate times their coefficients."""
+    squares, cells, scalars, cell_sums = features.squares, features.cells, features.scalars, features.flatness
+    constant = np.float32(0)
+    for n in range(SCALAR_FEATURES):
+        constant += coefficients[SQUARE_FEATURES + CELL_FEATURES + n] * scalars[n]
+    for k in range(CELLS):
+        cell_sums[k] = constant
+        for n in range(CELL_FEATURES):
+            cell_sums[k] += coefficients[SQUARE_FEATURES + n] * cells[n, k]
+    spread_cells(cell_sums, features.between, total, 0)
+    for n in range(SQUARE_FEATURES):
+        for j in range(0, SQUARES_PER_WINDOW, SQUARES_PER_ROW):
+            scale_row(coefficients[n], squares, n * SQUARES_PER_WINDOW + j, total, j)
 
 
 @njit(**FINITE_JIT)
@@ -205,26 +222,14 @@ def upsample_squares(squares, across, down, upsampled):
 def make_work() -> Work:
     """Return the work arrays for a node."""
     room = Room(*(np.empty(size, np.float32) for size in ((WINDOW + 3) * WINDOW, AREA, AREA, 16, (4, WINDOW))))
-    return Work(
-        room,
-        np.empty(SQUARES_PER_WINDOW, np.float32),
-        np.zeros(PADDED * SQUARES_PER_ROW, np.float32),
-        np.zeros(PADDED * SQUARES_PER_ROW, np.float32),
-        np.empty(SQUARES_PER_WINDOW, np.float32),
-        np.empty(SQUARES_PER_WINDOW, np.float32),
-        np.empty(AREA, np.float32),
-        np.empty(AREA, np.float32),
-        np.empty(VALUES_PER_MOTION, np.float32),
+    squares, areas = (
+        [np.empty(size, np.float32) for _ in range(count)] for size, count in ((SQUARES_PER_WINDOW, 4), (AREA, 3))
     )
+    squared, *others = squares
+    options, motion = np.empty(3 * SQUARES_PER_WINDOW, np.float32), np.empty(VALUES_PER_MOTION, np.float32)
+    return Work(room, squared, make_feature_work(), *others, options, *areas, motion)
 
 
 def make_sums() -> NodeSums:
     """Return the sums over the candidates of a node."""
-    return NodeSums(*(np.empty(SQUARES_PER_WINDOW, np.float32) for _ in range(3)))
-
-
-@cache
-def patch_shares() -> np.ndarray:
-    """Return 1 over the weight of the squares of each patch within its window, (SQUARES_PER_WINDOW,) float32."""
-    length = np.convolve(np.ones(SQUARES_PER_ROW), [END_WEIGHT, 1, 1, 1, END_WEIGHT], mode="same")
-    return (1 / np.outer(length, length)).ravel().astype(np.float32)
+    return NodeSums(*(np.empty(SQUARES_PER_WINDOW, np.float32) for _ in range(4)))

@@ -26,6 +26,9 @@ END_WEIGHT = 0.75
 """Weight of the first and the last of five squares: equivalent to sums over patches of nine pixels around each
 pixel."""
 
+EXPONENTIAL = -1 / 120, 1 / 24, -1 / 6, 1 / 2, -1, 1
+"""Coefficients of the polynomial that approximates exp(-x) for small x, of the highest power first."""
+
 _SQUARES, _PIXELS = vector(REAL, SQUARES_PER_ROW), vector(REAL, PIXELS_PER_ROW)
 
 
@@ -69,6 +72,64 @@ def add_row(weights, begin, values, here, sums, there):
 @instruction(add_row, AS_GIVEN, INDEX, AS_GIVEN, INDEX, AS_GIVEN, INDEX)
 def _build_add_row(code, weights, begin, values, here, sums, there):
     sums.store(code.fma(weights.load(begin, _SQUARES), values.load(here, _SQUARES), sums.load(there, _SQUARES)), there)
+
+
+def scale_row(coefficient, values, begin, sums, there):
+    """Add a coefficient times sixteen values to the sums."""
+    sums[there : there + SQUARES_PER_ROW] += coefficient * values[begin : begin + SQUARES_PER_ROW]
+
+
+@instruction(scale_row, FLOAT, AS_GIVEN, INDEX, AS_GIVEN, INDEX)
+def _build_scale_row(code, coefficient, values, begin, sums, there):
+    factor = code.broadcast(coefficient, _SQUARES)
+    sums.store(code.fma(factor, values.load(begin, _SQUARES), sums.load(there, _SQUARES)), there)
+
+
+def multiply_row(first, begin, second, here, out, target):
+    """Write the products of sixteen values and sixteen others."""
+    out[target : target + SQUARES_PER_ROW] = first[begin:][:SQUARES_PER_ROW] * second[here:][:SQUARES_PER_ROW]
+
+
+@instruction(multiply_row, AS_GIVEN, INDEX, AS_GIVEN, INDEX, AS_GIVEN, INDEX)
+def _build_multiply_row(code, first, begin, second, here, out, target):
+    out.store(code.builder.fmul(first.load(begin, _SQUARES), second.load(here, _SQUARES)), target)
+
+
+def distance_row(first, begin, second, here, out, target):
+    """Write how far sixteen values and sixteen others are apart."""
+    out[target : target + SQUARES_PER_ROW] = abs(first[begin:][:SQUARES_PER_ROW] - second[here:][:SQUARES_PER_ROW])
+
+
+@instruction(distance_row, AS_GIVEN, INDEX, AS_GIVEN, INDEX, AS_GIVEN, INDEX)
+def _build_distance_row(code, first, begin, second, here, out, target):
+    out.store(code.call("fabs", code.builder.fsub(first.load(begin, _SQUARES), second.load(here, _SQUARES))), target)
+
+
+def decay_row(values, begin, offset, factor, part, out, target):
+    """Write ``part * exp(-x)``, accurate to a millionth, of sixteen values; x = offset + factor * value, from 0 to 60.
+
+    It is a polynomial of x / 64, squared six times.
+    """
+    x = offset + factor * values[begin : begin + SQUARES_PER_ROW]
+    x = x.clip(np.float32(0), np.float32(60)) * np.float32(1 / 64)
+    power = np.float32(EXPONENTIAL[0])
+    for coefficient in EXPONENTIAL[1:]:
+        power = power * x + np.float32(coefficient)
+    out[target : target + SQUARES_PER_ROW] = part * power**64
+
+
+@instruction(decay_row, AS_GIVEN, INDEX, FLOAT, FLOAT, FLOAT, AS_GIVEN, INDEX)
+def _build_decay_row(code, values, begin, offset, factor, part, out, target):
+    multiply, fill = code.builder.fmul, lambda number: code.fill(number, _SQUARES)
+    offset, factor, part = (code.broadcast(value, _SQUARES) for value in (offset, factor, part))
+    x = code.fma(factor, values.load(begin, _SQUARES), offset)
+    x = multiply(code.call("minnum", code.call("maxnum", x, fill(0)), fill(60)), fill(1 / 64))
+    power = fill(EXPONENTIAL[0])
+    for coefficient in EXPONENTIAL[1:]:
+        power = code.fma(power, x, fill(coefficient))
+    for _ in range(6):
+        power = multiply(power, power)
+    out.store(multiply(part, power), target)
 
 
 def blend_rows(squares, near, far, out, target):
@@ -120,8 +181,8 @@ def columns_mixer(columns: int) -> Callable[..., None]:
     """Return a function that samples this many columns of two windows, blends them and sums squared differences."""
     lanes = vector(REAL, columns)
 
-    def mix_columns(pair, begin0, begin1, tall, t, wide, mixed, distance, target):
-        """Sample some columns of two windows, blend them and add up their squared differences.
+    def mix_columns(pair, begin0, begin1, tall, t, wide, mixed, changes, distance, target):
+        """Sample some columns of two windows, blend them, write their differences and add up the squares of these.
 
         The first of the sixteen coefficients of the first sample are at `begin0` and `begin1`; `t` is the weight of the
         second frame. The window has `tall` rows, `wide` apart in the output.
@@ -136,10 +197,10 @@ def columns_mixer(columns: int) -> Callable[..., None]:
         for j in range(tall):
             place = slice(target + j * wide, target + j * wide + columns)
             distance[place] += change[j] * change[j]
-            mixed[place] = samples[0][j] + t * change[j]
+            mixed[place], changes[place] = samples[0][j] + t * change[j], change[j]
 
-    @instruction(mix_columns, AS_GIVEN, INDEX, INDEX, INDEX, FLOAT, INDEX, AS_GIVEN, AS_GIVEN, INDEX)
-    def build(code, pair, begin0, begin1, tall, t, wide, mixed, distance, target):
+    @instruction(mix_columns, AS_GIVEN, INDEX, INDEX, INDEX, FLOAT, INDEX, AS_GIVEN, AS_GIVEN, AS_GIVEN, INDEX)
+    def build(code, pair, begin0, begin1, tall, t, wide, mixed, changes, distance, target):
         (first, second, stride, taps), builder = pair, code.builder
         share = code.broadcast(t, lanes)
         weights = [code.broadcast(taps.load(PLACE(number), REAL), lanes) for number in range(16)]
@@ -169,6 +230,7 @@ def columns_mixer(columns: int) -> Callable[..., None]:
             change = builder.fsub(samples[1], samples[0])
             distance.store(code.fma(change, change, distance.load(at, lanes)), at)
             mixed.store(code.fma(share, change, samples[0]), at)
+            changes.store(change, at)
 
     return mix_columns
 

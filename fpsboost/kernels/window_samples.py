@@ -102,6 +102,8 @@ class Layer(NamedTuple):
     """Squared differences of a candidate, summed over the planes, (tall * wide,) float32."""
     mixed: NDArray[Any]
     """Samples of a candidate, blended by time, (C, tall * wide) float32."""
+    change: NDArray[Any]
+    """Samples of frame 1 minus those of frame 0, likewise; 0 where either lies outside of its frame."""
     total: NDArray[Any]
     """Weighted sums of the samples over the candidates of a node, (C, tall * wide) float32."""
     band: NDArray[Any]
@@ -203,7 +205,7 @@ def mix_rigid(layer, place, taps):
     for c in range(mixed.shape[0]):
         to = mixed[c]
         for i in range(0, wide, SIXTEEN):
-            mix_sixteen(pair, place0 + i, place1 + i, tall, t, wide, to, distance, i)
+            mix_sixteen(pair, place0 + i, place1 + i, tall, t, wide, to, layer.change[c], distance, i)
         place0 += layer.planes0.rows * stride
         place1 += layer.planes0.rows * stride
 
@@ -225,7 +227,7 @@ def mix_blocks(layer, place, motion, taps):
                 place0 = begin + set_taps(stride, v0, u0, 0, taps)
                 place1 = begin + set_taps(stride, v1, u1, 1, taps)
                 target = down * wide + across
-                mix_eight(pair, place0, place1, BLOCK, t, wide, to, distance, target)
+                mix_eight(pair, place0, place1, BLOCK, t, wide, to, layer.change[c], distance, target)
 
 
 @njit(**FINITE_JIT)
@@ -245,19 +247,20 @@ def mix_fetched(layer, place, motion, room):
     wide, tall, distance, mixed, t = layer.wide, layer.tall, layer.distance, layer.mixed, place.t
     filtered, first, second = room.rows, room.first, room.second
     for c in range(mixed.shape[0]):
-        to = mixed[c]
+        to, change = mixed[c], layer.change[c]
         fetch_window(layer.planes0, c, place.y0, place.x0, -t, motion, wide, tall, filtered, first)
         fetch_window(layer.planes1, c, place.y1, place.x1, np.float32(1) - t, motion, wide, tall, filtered, second)
         for i in range(Index(to.size)):
             difference = second[i] - first[i]
             distance[i] = fma(difference, difference, distance[i])
             to[i] = fma(t, difference, first[i])
+            change[i] = difference
         if not place.within:
-            mix_inside(t, room.marks, WINDOW // wide, WINDOW // tall, first, second, to)
+            mix_inside(t, room.marks, WINDOW // wide, WINDOW // tall, first, second, to, change)
 
 
 @njit(**FINITE_JIT)
-def mix_inside(t, marks, across, down, first, second, mixed):
+def mix_inside(t, marks, across, down, first, second, mixed, change):
     """Blend two windows that are partly outside; samples outside have no weight unless both are.
 
     Each sample stands for `across` columns and `down` rows of pixels.
@@ -271,6 +274,8 @@ def mix_inside(t, marks, across, down, first, second, mixed):
             if both > 0:
                 place = j * wide + i
                 mixed[place] = (weight0 * first[place] + weight1 * second[place]) / both
+                if weight0 * weight1 == 0:
+                    change[place] = 0
 
 
 @njit(**FINITE_JIT)
@@ -280,17 +285,25 @@ def fetch_window(planes, number, y, x, share, motion, wide, tall, rows, out):
     The position is at least 1, and at least a window and 2 pixels from the ends; `share` is that of the motion from
     time t to this frame, negative against its direction. `rows` is a work array, ((tall + 3) * wide,) float32.
     """
-    if is_rigid(motion):
-        fetch_rigid(planes, number, y, x, wide, tall, rows, out)
-        return
     coefficients, plane_rows, stride = planes.coefficients, planes.rows, planes.stride
     begin = number * plane_rows * stride
+    if not is_rigid(motion):
+        filter_blocks(coefficients, begin, plane_rows, stride, y, x, share, motion, wide, tall, rows, out, 0)
+    elif y == int(y) and x == int(x):
+        copy_window(planes, number, int(y) - MARGIN, int(x) - MARGIN, wide, tall, out)
+    else:
+        filter_rigid(coefficients, begin, stride, y, x, wide, tall, rows, out, 0)
+
+
+@njit(**FINITE_JIT)
+def filter_blocks(coefficients, begin, plane_rows, stride, y, x, share, motion, wide, tall, rows, out, first):
+    """Sample a window whose blocks move as their centres do; the plane begins at `begin`, the samples at `first`."""
     for down in range(0, tall, BLOCK):
         for across in range(0, wide, BLOCK):
             block = down, across, wide, tall
             place_y, place_x = locate_block(y, x, share, motion, block, plane_rows, stride)
             top, left = int(place_y), int(place_x)
-            place, to = begin + (top - 1) * stride + left - 1, down * wide + across
+            place, to = begin + (top - 1) * stride + left - 1, first + down * wide + across
             w0, w1, w2, w3 = spline_weights(place_x - np.float32(left))
             for j in range(BLOCK + 3):
                 filter_eight(coefficients, place + j * stride, 1, w0, w1, w2, w3, rows, j * BLOCK)
@@ -300,15 +313,10 @@ def fetch_window(planes, number, y, x, share, motion, wide, tall, rows, out):
 
 
 @njit(**FINITE_JIT)
-def fetch_rigid(planes, number, y, x, wide, tall, rows, out):
-    """Sample a window that moves as a whole; integer positions are copied. See `fetch_window`."""
+def filter_rigid(coefficients, begin, stride, y, x, wide, tall, rows, out, first):
+    """Sample a window that moves as a whole; the plane begins at `begin`, the samples at `first`."""
     top, left = int(y), int(x)  # never below 1
     fraction_y, fraction_x = y - np.float32(top), x - np.float32(left)
-    if fraction_y == 0 and fraction_x == 0:
-        copy_window(planes, number, top - MARGIN, left - MARGIN, wide, tall, out)
-        return
-    coefficients, stride = planes.coefficients, planes.stride
-    begin = number * planes.rows * stride
     w0, w1, w2, w3 = spline_weights(fraction_x)
     for j in range(tall + 3):
         place, to = begin + (top - 1 + j) * stride + left - 1, j * wide
@@ -316,7 +324,7 @@ def fetch_rigid(planes, number, y, x, wide, tall, rows, out):
             filter_sixteen(coefficients, place + i, 1, w0, w1, w2, w3, rows, to + i)
     w0, w1, w2, w3 = spline_weights(fraction_y)
     for i in range(0, tall * wide, SIXTEEN):
-        filter_sixteen(rows, i, wide, w0, w1, w2, w3, out, i)
+        filter_sixteen(rows, i, wide, w0, w1, w2, w3, out, first + i)
 
 
 @njit(**FINITE_JIT)
@@ -348,6 +356,7 @@ def make_layer(
         wide,
         tall,
         np.empty(tall * wide, np.float32),
+        np.empty((channels, tall * wide), np.float32),
         np.empty((channels, tall * wide), np.float32),
         np.empty((channels, tall * wide), np.float32),
         np.zeros((band_planes, tall, width), np.float32),

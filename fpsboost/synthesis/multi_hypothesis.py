@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha, normalised, premultiplied
-from fpsboost.errors import OptionError, check_at_least
+from fpsboost.errors import OptionError, check_at_least, check_choice
 from fpsboost.image import Image, Pixels, as_image, colour_unseen, rounding_offset, view
 from fpsboost.kernels.candidates import (
     VALUES_PER_MOTION,
@@ -26,6 +26,7 @@ from fpsboost.kernels.candidates import (
     no_votes,
 )
 from fpsboost.kernels.dominant_motion import find_dominant_motion
+from fpsboost.kernels.fusion_features import Surroundings
 from fpsboost.kernels.multi_hypothesis import (
     CONFIDENCE_POWER,
     SPARE,
@@ -35,7 +36,7 @@ from fpsboost.kernels.multi_hypothesis import (
     blend_hypotheses,
     window_shape,
 )
-from fpsboost.kernels.pixel_weights import Weighting, patch_shares
+from fpsboost.kernels.pixel_weights import Weighting
 from fpsboost.kernels.planes import aligned_empty
 from fpsboost.kernels.spline import MARGIN, filter_weights, find_coefficients
 from fpsboost.kernels.window_samples import Samples
@@ -51,8 +52,12 @@ from fpsboost.motion.field import (
 )
 from fpsboost.motion.rendered import RenderedVectors
 from fpsboost.synthesis import FramePair, InterpolatedImage
+from fpsboost.synthesis.fusion_table import fusion_table
 from fpsboost.synthesis.layers import Mixed, Planes, Sources, find_sources, mix_layers
 from fpsboost.synthesis.rendered_hypothesis import SurfaceMotion, find_surface_motion
+from fpsboost.synthesis.surroundings import at_time, find_surroundings
+
+Fusion = Literal["learnt", "plain"]
 
 CANDIDATE_CAPACITY = 48
 """Maximum number of distinct motions collected per node."""
@@ -68,6 +73,18 @@ MIN_SHARE = np.float32(0.01)
 
 CONSISTENCY_TOLERANCE = 16
 """Forward-backward error at which the vote of a motion is halved, pixels."""
+
+
+MIN_DOUBT = np.float32(0.02)
+"""Doubt in a vector, by its forward-backward error, from which on the motion found at a fraction of the size votes."""
+
+
+class _Listed(NamedTuple):
+    """Candidates at a time, and what is known of them."""
+
+    candidates: Candidates
+    surroundings: Surroundings | None
+    t: float
 
 
 class _Surfaces(NamedTuple):
@@ -110,6 +127,8 @@ class MultiHypothesis:
         Similarity from which on a node needs no further candidates.
     min_vote_share : float
         A candidate is skipped if its votes are below this share of the least accumulated weight of any pixel.
+    fusion : {'learnt', 'plain'}
+        Weigh candidates by votes and similarity alone, or by features with coefficients learnt from drawn scenes.
     vectors : RenderedVectors or None
         A renderer's motion vectors; if given, the motion of the surfaces is one more hypothesis of every pixel, see
         `fpsboost.synthesis.rendered_hypothesis`.
@@ -125,9 +144,11 @@ class MultiHypothesis:
     sharpness: float = 18
     sufficient_similarity: float = 0.98
     min_vote_share: float = 0.2
+    fusion: Fusion = "plain"
     vectors: RenderedVectors | None = None
 
     def __post_init__(self) -> None:
+        check_choice("fusion", self.fusion, get_args(Fusion))
         check_at_least(1, " pixel", step=self.step)
         check_at_least(1, max_candidates=self.max_candidates)
         check_at_least(0, " pixels", merge_distance=self.merge_distance)
@@ -165,15 +186,15 @@ class MultiHypothesis:
             yield from (view(output.image).array() for output in self.fuse(frame_pair, times))
             return
         nobody_asks = np.empty((0, 0), np.float32)
-        for candidates, t in self._listed(frame_pair, times):
-            yield self._fused(frame_pair, candidates, t, nobody_asks)
+        for listed in self._listed(frame_pair, times):
+            yield self._fused(frame_pair, listed, nobody_asks)
 
     def fuse(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[InterpolatedImage]:
         """Generate the images of `synthesize` with the confidence of every pixel."""
-        for candidates, t in self._listed(frame_pair, times):
+        for listed in self._listed(frame_pair, times):
             confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
-            output = InterpolatedImage(self._fused(frame_pair, candidates, t, confidence), confidence)
-            yield output if self.vectors is None else self._with_surfaces(output, frame_pair, t, self.vectors)
+            output = InterpolatedImage(self._fused(frame_pair, listed, confidence), confidence)
+            yield output if self.vectors is None else self._with_surfaces(output, frame_pair, listed.t, self.vectors)
 
     def _with_surfaces(
         self, output: InterpolatedImage, frame_pair: FramePair, t: float, vectors: RenderedVectors
@@ -204,20 +225,19 @@ class MultiHypothesis:
         self, frame_pair: FramePair, layered: tuple[LayeredImage, LayeredImage], times: Sequence[float]
     ) -> Iterator[LayeredImage]:
         """Generate images with all layers; see `fpsboost.synthesis.layers.MixesLayers`."""
-        for candidates, t in self._listed(frame_pair, times):
+        for listed in self._listed(frame_pair, times):
             surfaces = None
             if self.vectors is not None:
                 confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
-                self._fused(frame_pair, candidates, t, confidence)
-                surfaces = self._find_surfaces(confidence, frame_pair, t, self.vectors)
-            mix = partial(self._mix_planes, frame_pair, candidates, t, surfaces)
-            yield mix_layers(layered, mix, partial(self._find_sources, frame_pair, candidates, t, surfaces))
+                self._fused(frame_pair, listed, confidence)
+                surfaces = self._find_surfaces(confidence, frame_pair, listed.t, self.vectors)
+            mix = partial(self._mix_planes, frame_pair, listed, surfaces)
+            yield mix_layers(layered, mix, partial(self._find_sources, frame_pair, listed, surfaces))
 
     def _mix_planes(
         self,
         frame_pair: FramePair,
-        candidates: Candidates,
-        t: float,
+        listed: _Listed,
         surfaces: _Surfaces | None,
         planes0: Planes,
         planes1: Planes,
@@ -235,9 +255,10 @@ class MultiHypothesis:
                 SampledImage(picture0, sampled0),
                 SampledImage(picture1, sampled1),
                 (1, 1),
-                np.float32(t),
-                candidates,
+                np.float32(listed.t),
+                listed.candidates,
                 self._weighting(frame_pair.image0.pixels),
+                listed.surroundings,
                 ValueRange(np.float32(1), np.float32(0), numbers.min, numbers.max, False),
                 Blended(pixels, output, nobody_asks),
             )
@@ -247,17 +268,16 @@ class MultiHypothesis:
             mixed.append(output)
         return Mixed(*mixed)
 
-    def _find_sources(
-        self, frame_pair: FramePair, candidates: Candidates, t: float, surfaces: _Surfaces | None
-    ) -> Sources:
+    def _find_sources(self, frame_pair: FramePair, listed: _Listed, surfaces: _Surfaces | None) -> Sources:
         """Find the frame that has each pixel along the motion with the largest weight."""
+        t = listed.t
         height, width = frame_pair.image0.pixels.shape[:2]
         places = np.empty((4, height, width), np.float32)
         places[::2], places[1::2] = np.arange(width), np.arange(height)[:, np.newaxis]
         find_dominant_motion(
             *_full_samples(frame_pair),
             np.float32(t),
-            candidates,
+            listed.candidates,
             self._weighting(frame_pair.image0.pixels),
             np.zeros((height, width), np.float32),
             places,
@@ -278,16 +298,18 @@ class MultiHypothesis:
             np.float32(self.sufficient_similarity),
             np.float32(self.min_vote_share),
             window_shape(self.node_spacing),
-            patch_shares(),
+            fusion_table(),
         )
 
-    def _listed(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[tuple[Candidates, float]]:
-        """Yield the candidates at each time, and the time."""
+    def _listed(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[_Listed]:
+        """Yield the candidates at each time, and what is known of them."""
         votes_of_both = self._collect_votes(frame_pair)
+        known = find_surroundings(frame_pair, self.step) if self.fusion == "learnt" else None
         for t in times:
-            yield self._candidates(votes_of_both, frame_pair.image0.pixels.shape[:2], t), t
+            candidates = self._candidates(votes_of_both, frame_pair.image0.pixels.shape[:2], t)
+            yield _Listed(candidates, None if known is None else at_time(known, t, candidates), t)
 
-    def _fused(self, frame_pair: FramePair, candidates: Candidates, t: float, confidence: NDArray[Any]) -> Pixels:
+    def _fused(self, frame_pair: FramePair, listed: _Listed, confidence: NDArray[Any]) -> Pixels:
         image0, image1 = frame_pair.image0.pixels, frame_pair.image1.pixels
         sampled0, sampled1 = (image.cached(_samples) for image in (frame_pair.image0, frame_pair.image1))
         output, pixels, chroma = view(image0).blank()
@@ -296,23 +318,25 @@ class MultiHypothesis:
             sampled0,
             sampled1,
             view(image0).subsampling,
-            np.float32(t),
-            candidates,
+            np.float32(listed.t),
+            listed.candidates,
             self._weighting(image0),
+            listed.surroundings,
             ValueRange(view(image0).white, rounding_offset(image0), *_value_range(frame_pair), straight_alpha),
             Blended(pixels, chroma, confidence),
         )
         if straight_alpha:
-            colour_unseen(view(output).array(), view(image0).array(), view(image1).array(), t)
+            colour_unseen(view(output).array(), view(image0).array(), view(image1).array(), listed.t)
         return output
 
-    def _candidates(self, votes_of_both: tuple[Votes, Votes], size: tuple[int, int], t: float) -> Candidates:
-        """Return the candidates around each node at time t."""
+    def _candidates(self, votes_of_both: Sequence[Votes], size: tuple[int, int], t: float) -> Candidates:
+        """Return the candidates around each node at time t; every second one of the votes is from frame 1."""
         height, width = size
         nodes = -(-height // self.node_spacing), -(-width // self.node_spacing)
         collected = no_votes(nodes, CANDIDATE_CAPACITY, self.node_spacing)
         support, tolerance = np.float32(self.support_radius), np.float32(self.merge_distance)
-        for votes, sign, time in zip(votes_of_both, (1, -1), (t, 1 - t), strict=True):
+        for number, votes in enumerate(votes_of_both):
+            sign, time = (-1, 1 - t) if number % 2 else (1, t)
             collect_candidates(
                 votes, np.float32(sign), np.float32(time), self.step, support, tolerance, height, width, collected
             )
@@ -327,7 +351,7 @@ class MultiHypothesis:
         list_candidates(collected, ZERO_MOTION_PRIOR, ACCELERATION_TOLERANCE, MIN_SHARE, least, candidates)
         return candidates
 
-    def _collect_votes(self, frame_pair: FramePair) -> tuple[Votes, Votes]:
+    def _collect_votes(self, frame_pair: FramePair) -> list[Votes]:
         """Return the votes of the points of each frame: motion to the other frame, its gradients and acceleration."""
         field01, field10 = frame_pair.field01, frame_pair.field10
         before, after = frame_pair.before, frame_pair.after
@@ -338,7 +362,17 @@ class MultiHypothesis:
         changes1 = accelerations_at_points((field10, field01), away1, after.ratio if after else 1, self.step)
         for changes in (changes0, changes1):
             changes[..., 1:] *= share
-        return self._votes(field01, field10, changes0), self._votes(field10, field01, changes1)
+        votes = [self._votes(field01, field10, changes0), self._votes(field10, field01, changes1)]
+        if self.fusion == "learnt" and field01.coarse is not None and field10.coarse is not None:
+            nothing = np.zeros_like(changes0)
+            coarse01 = self._votes(field01.coarse, field10.coarse, nothing)
+            coarse10 = self._votes(field10.coarse, field01.coarse, nothing)
+            further = []
+            for coarse, fields in ((coarse01, (field01, field10)), (coarse10, (field10, field01))):
+                doubt = np.maximum(1 - self._consistency(*fields) - MIN_DOUBT, 0)
+                further.append(coarse._replace(trust=coarse.trust * doubt))
+            votes = [*further, *votes]  # first, as where there is doubt, nodes list as many motions as they can
+        return votes
 
     def _votes(self, field: MotionField, other: MotionField, changes: NDArray[Any]) -> Votes:
         """Return the votes of a frame's points with their weights.
@@ -347,11 +381,14 @@ class MultiHypothesis:
         forward-backward error: what is occluded in the other frame is matched by chance only, at another position.
         """
         vectors, similarities = field.at_points(self.step)
-        inconsistency = forward_backward_error(vectors, *point_places(field.shape, self.step), other) / np.float32(
-            CONSISTENCY_TOLERANCE
-        )
-        trust = similarities / (1 + inconsistency * inconsistency)
+        trust = similarities * self._consistency(field, other)
         return Votes(vectors, motion_gradients(vectors, self.step), changes, trust)
+
+    def _consistency(self, field: MotionField, other: MotionField) -> NDArray[Any]:
+        """Return 1 for points whose motion leads back to them, less the larger the forward-backward error is."""
+        vectors, _ = field.at_points(self.step)
+        error = forward_backward_error(vectors, *point_places(field.shape, self.step), other)
+        return 1 / (1 + (error / np.float32(CONSISTENCY_TOLERANCE)) ** 2)
 
 
 def _full_samples(frame_pair: FramePair) -> tuple[Samples, Samples]:

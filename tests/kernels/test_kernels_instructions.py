@@ -15,6 +15,10 @@ from fpsboost.kernels.instruction import EIGHT, fma, prefetch
 from fpsboost.kernels.jit import borrowed
 from fpsboost.kernels.refine import PRODUCT_COUNT, WINDOW_SIDE, window_products
 from fpsboost.kernels.tiles import NOTHING, NOWHERE, VALUES_PER_ENTRY, insert_eight
+from fpsboost.kernels.window_rows import decay_row, distance_row, multiply_row, scale_row
+
+ROW = np.random.default_rng(3).uniform(-0.5, 2, 32).astype(np.float32)
+"""Values of some squares, and more."""
 
 
 def forms(call):
@@ -122,3 +126,27 @@ def test_products_are_summed_over_a_window(largest):
         sums = np.empty(PRODUCT_COUNT, np.float32)
         run(*(frame.ravel() for frame in frames), sums)
         np.testing.assert_allclose(sums, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    ("call", "arguments"),
+    [
+        (decay_row, (ROW, 3, np.float32(2), np.float32(40), np.float32(0.5), None, 5)),
+        (scale_row, (np.float32(-1.5), ROW, 2, None, 4)),
+        (multiply_row, (ROW, 1, ROW, 7, None, 6)),
+        (distance_row, (ROW, 1, ROW, 7, None, 6)),
+    ],
+)
+def test_rows_of_squares_equal_their_twins(call, arguments):
+    """Sixteen values from some place on, and none beside them; exponentials of numbers below 0 and above 60, too."""
+    found = []
+    compiled = njit(lambda *given: call(*given))  # noqa: PLW0108 - numba compiles calls of instructions alone
+    for form in (compiled, call):
+        out = np.arange(32, dtype=np.float32)
+        form(*(out if each is None else each for each in arguments))
+        found.append(out)
+    np.testing.assert_allclose(*found, rtol=1e-4)
+    assert (found[0] != np.arange(32)).sum() == 16
+    if call is decay_row:
+        exact = 0.5 * np.exp(-(2 + 40 * ROW[3:19].astype(float)).clip(0, 60))
+        np.testing.assert_allclose(found[0][5:21], exact, atol=1e-6)

@@ -21,7 +21,7 @@ from fpsboost.kernels.multi_hypothesis import (
     finish_rows,
     window_shape,
 )
-from fpsboost.kernels.pixel_weights import Weighting, patch_shares
+from fpsboost.kernels.pixel_weights import Weighting
 from fpsboost.kernels.spline import MARGIN
 from fpsboost.kernels.window_rows import SQUARES_PER_ROW
 from fpsboost.kernels.window_samples import (
@@ -36,6 +36,7 @@ from fpsboost.kernels.window_samples import (
     make_layer,
     sample_layer,
 )
+from fpsboost.synthesis.fusion_table import fusion_table
 
 
 def samples(image):
@@ -83,7 +84,8 @@ def blend(image0, image1, t, candidates, *, scale, sharpness, enough, negligible
         else tuple(-(-a // b) for a, b in zip(image0.shape[:2], chroma[0].shape[:2], strict=True)),
         np.float32(t),
         listed(candidates, spacing),
-        Weighting(*numbers, window_shape(spacing), patch_shares()),
+        Weighting(*numbers, window_shape(spacing), fusion_table()),
+        None,
         ValueRange(*bounds, False),
         Blended(image.transpose(2, 0, 1), further.transpose(2, 0, 1), confidence),
     )
@@ -219,7 +221,7 @@ def test_the_dominant_motion_equals_its_slow_twin(size, channels, t, largest, sp
         samples(image1),
         np.float32(t),
         listed(candidates, spacing),
-        Weighting(*numbers, window_shape(spacing), patch_shares()),
+        Weighting(*numbers, window_shape(spacing), fusion_table()),
         weights,
         places,
     )
@@ -339,7 +341,7 @@ def test_windows_inside_are_mixed_as_they_are_fetched(motion, wide):
         )
         layer = make_layer(*frames, (WINDOW // wide, WINDOW // wide), 0, 0)
         uncompiled(sample_layer)(layer, WindowPlace(*places, t, within), motion, room)
-        found.append(np.stack([layer.distance, layer.mixed[0]]))
+        found.append(np.stack([layer.distance, layer.mixed[0], layer.change[0]]))
     np.testing.assert_allclose(found[0], found[1], atol=1e-5)
 
 

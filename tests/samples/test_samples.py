@@ -17,12 +17,14 @@ from types import ModuleType
 from typing import Any
 
 import cv2
+import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from truth import SCENES, needs_scenes
 
 from fpsboost.cli.app import app
+from fpsboost.synthesis.fusion_table import as_table, fusion_table
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 NAMES = ["reflective", "texture", "glass"]
@@ -230,3 +232,23 @@ def test_samples_show_the_place_that_the_matrix_takes_there(raster: ModuleType) 
     seen = view.look_up(texture, x + 3.25, y - 1.5)
     np.testing.assert_allclose(seen[..., 0], x + 3.25, atol=0.1)
     np.testing.assert_allclose(seen[..., 1], y - 1.5, atol=0.1)
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="uncompiled, the fit takes minutes")
+def test_the_table_of_weights_is_what_the_fit_makes(program: ModuleType, tmp_path: Path) -> None:
+    """A short fit to small scenes improves on plain weights, its gradient is right, and the table improves on them."""
+    fit = importlib.import_module("fit_fusion")
+    for name in ("titles", "tiles", "growing"):
+        (tmp_path / name).mkdir()
+        for number, picture in enumerate(program.construct(name, (192, 128), range(5), seed=7)):
+            cv2.imwrite(str(tmp_path / name / f"{number:04d}.png"), picture)
+    frames = [frame for clip in sorted(tmp_path.iterdir()) for frame in fit.draw_clip(clip, 40, 1)]
+    objective = fit.Objective(frames)
+    start = np.random.default_rng(1).normal(size=len(fit.NUMBERS)) * 0.1 + fit.start(objective)
+    _, gradient = objective(start, start)
+    step = 1e-2 * gradient / np.linalg.norm(gradient)
+    rise = objective(start + step, start)[0] - objective(start - step, start)[0]
+    assert rise == pytest.approx(2 * gradient @ step, rel=0.1)
+    fitted = fit.fit(frames, 15, lambda *_: None)
+    for table in (as_table(fitted), fusion_table()):
+        assert objective.gain(table).mean() > 0.05

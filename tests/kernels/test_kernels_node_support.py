@@ -1,0 +1,51 @@
+"""What the motion fields say around the nodes: landings, and agreement between neighbours."""
+
+from __future__ import annotations
+
+import numpy as np
+from truth import waves
+
+from fpsboost.frame_cache import FrameCache
+from fpsboost.kernels.candidates import VALUES_PER_MOTION, Candidates
+from fpsboost.kernels.node_support import count_landings
+from fpsboost.motion.field import MotionField
+from fpsboost.synthesis import FramePair
+from fpsboost.synthesis.surroundings import at_time, find_surroundings
+
+
+def landings_of(points, t):
+    """Count the landings of points 8 pixels apart that move by (dx, dy)."""
+    rows, columns = points.shape[:2]
+    counts = np.empty((rows, columns), np.float32)
+    count_landings(np.dstack([points, np.zeros((rows, columns, 3))]).astype(np.float32), np.float32(t), 8, counts)
+    return counts
+
+
+def test_every_point_is_met_once_where_all_move_alike():
+    """Also by fractions of the distance of points; what comes in at the border is met by none."""
+    counts = landings_of(np.full((5, 7, 2), [12.0, 0]), 0.5)
+    np.testing.assert_allclose(counts[:, 1:], 1, atol=1e-6)
+    np.testing.assert_allclose(counts[:, 0], 0.25, atol=1e-6)
+
+
+def test_what_is_covered_is_met_twice_and_what_is_uncovered_never():
+    """A block moves by two points before what rests."""
+    points = np.zeros((1, 9, 2))
+    points[0, 2:4, 0] = 16
+    np.testing.assert_allclose(landings_of(points, 1)[0], [1, 1, 0, 0, 2, 2, 1, 1, 1])
+
+
+def test_neighbours_support_the_motion_that_they_believe_in():
+    """In a texture that moves by 3 pixels, a node whose two candidates have equal votes is told which one is right."""
+    y, x = np.mgrid[0:96, 0:96].astype(float)
+    frames = [FrameCache((255 * waves(x - k, y, 1, seed=2)).clip(0, 255).astype(np.uint8)) for k in (0, 3)]
+    fields = [
+        MotionField(np.full((12, 12, 2), [sign * 3, 0], np.float32), np.ones((12, 12), np.float32), None, 8, (96, 96))
+        for sign in (1, -1)
+    ]
+    motions = np.zeros((6, 6, 2, VALUES_PER_MOTION), np.float32)
+    motions[..., 0, 0], motions[..., 1, 0] = 3, -11
+    candidates = Candidates(np.full((6, 6), 2, np.int32), motions, np.full((6, 6, 2), 0.5, np.float32), 16)
+    support = at_time(find_surroundings(FramePair(*frames, *fields), 8), 0.5, candidates).support
+    assert (support[1:-1, 1:-1, 0] > 0.9).all()
+    assert (support[1:-1, 1:-1, 1] < 0.2).all()
