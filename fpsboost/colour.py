@@ -25,17 +25,10 @@ a middle gray."""
 MAX_VALUE = np.float32(1e6)
 """Maximum magnitude of a value in motion estimation, in units of white."""
 
-MIDDLE_GRAY = np.float32(0.18)
-"""Value that the log-average of a frame is scaled to."""
-
-STEEPNESS = np.float32(51)
-"""Curvature of the scale: the slope at black is then 12.9, that of sRGB."""
-
-MAX_RATIO = np.float32(1e6)
-"""Maximum of the scaled values; damaged files hold the largest numbers of their type."""
-
-SRGB_TOE = np.float32(0.0031308)
-"""Largest value of the straight part of sRGB's curve."""
+MIDDLE_GRAY = np.float32(0.18)  # value that the log-average of a frame is scaled to
+STEEPNESS = np.float32(51)  # curvature of the scale: the slope at black is then 12.9, that of sRGB
+MAX_RATIO = np.float32(1e6)  # maximum of the scaled values; damaged files hold the largest numbers of their type
+SRGB_TOE = np.float32(0.0031308)  # largest value of the straight part of sRGB's curve
 
 
 def has_alpha(image: Any) -> bool:

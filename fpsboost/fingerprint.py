@@ -10,8 +10,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
-IDENTIFYING_BYTES = 1 << 16
-"""Bytes at the beginning and at the end of a file that identify it together with its size."""
+IDENTIFYING_BYTES = 1 << 16  # bytes at the beginning and at the end of a file that identify it together with its size
 
 
 @dataclass(frozen=True)

@@ -41,8 +41,7 @@ from fpsboost.threads import available_cores, nothing, read_ahead, run_in_parall
 from fpsboost.timing.rate import stretched
 from fpsboost.timing.schedule import Schedule, Step, rising_time
 
-FRAMES_PER_TASK = 4
-"""Maximum number of output frames that one task makes."""
+FRAMES_PER_TASK = 4  # maximum number of output frames that one task makes
 
 
 def run_conversion(

@@ -19,11 +19,8 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.image import view
 from fpsboost.motion.components import Components, gray
 
-ROUNDING = 0.01
-"""Maximum error of differences by the rounding of sums, 8-bit levels."""
-
-BAND_BLOCKS = 8
-"""Height of the bands that are compared one after the other, blocks."""
+ROUNDING = 0.01  # maximum error of differences by the rounding of sums, 8-bit levels
+BAND_BLOCKS = 8  # height of the bands that are compared one after the other, blocks
 
 
 @dataclass(frozen=True)

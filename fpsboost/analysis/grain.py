@@ -33,8 +33,7 @@ from fpsboost.motion.field import MotionField
 BLOCK_SIZE = 16
 """Side of the blocks in which noise is measured, samples of a plane."""
 
-BLOCK_SPACING = 8
-"""Distance between blocks, samples."""
+BLOCK_SPACING = 8  # distance between blocks, samples
 
 MAX_BLOCKS, MAX_FLAT_BLOCKS = 1024, 256
 """Number of blocks, and of flat blocks, of a plane above which only every second, third... is measured."""
@@ -46,14 +45,9 @@ FLATTEST_SHARE, MAX_CONTRAST_RATIO = 0.05, 2.0
 """Share of an intensity's blocks that are its flattest, and how many times their variance a flat block may have: the
 noise of one intensity has one variance, and textures have many."""
 
-MAX_CORRELATION = 0.35
-"""Correlation of two frames along the motion above which a block shows texture rather than noise."""
-
-MAX_COHERENCE = 0.35
-"""Coherence of gradients above which a block shows an edge, 0 to 1."""
-
-MIN_FLAT_BLOCKS = 12
-"""Minimum number of flat blocks of an intensity at which its noise counts as known."""
+MAX_CORRELATION = 0.35  # correlation of two frames along the motion above which a block shows texture rather than noise
+MAX_COHERENCE = 0.35  # coherence of gradients above which a block shows an edge, 0 to 1
+MIN_FLAT_BLOCKS = 12  # minimum number of flat blocks of an intensity at which its noise counts as known
 
 MAX_VARIANCE_RATIO = 4.0
 """Ratio of an intensity's noise variance to the lowest of the plane's, and to that of the other frame, above which it

@@ -23,11 +23,8 @@ from fpsboost.motion.field import MotionField
 BLOCK_SIZE = 32
 """Side of the blocks that share the motion of their surroundings, pixels."""
 
-MEDIAN_SIZE = 5
-"""Side of the median filter that gives the motion of the surroundings, blocks."""
-
-MIN_MOTION = np.float32(1)
-"""Motion below which surroundings count as still, pixels."""
+MEDIAN_SIZE = 5  # side of the median filter that gives the motion of the surroundings, blocks
+MIN_MOTION = np.float32(1)  # motion below which surroundings count as still, pixels
 
 STATIC_THRESHOLD, CHANGE_THRESHOLD = 8, 25
 """Levels of 255: a pixel whose luma changes by at most the first is static, one that changes by more than the second

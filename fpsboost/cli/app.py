@@ -99,8 +99,7 @@ fi
 
 group_of_join = Group("Options", sort_key=1)
 
-STANDARD_OUTPUT = "Standard output or a temporary file"
-"""What an error of the system is about that names no file."""
+STANDARD_OUTPUT = "Standard output or a temporary file"  # what an error of the system is about that names no file
 
 MAX_REASON = 200
 """Characters of an error that nobody foresaw."""

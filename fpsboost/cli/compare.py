@@ -38,8 +38,7 @@ if TYPE_CHECKING:
     from fpsboost.render.folder import VectorFolder
 
 
-EXIT_BELOW_LIMIT = 3
-"""Exit code of a comparison that ends below ``--fail-under``."""
+EXIT_BELOW_LIMIT = 3  # exit code of a comparison that ends below ``--fail-under``
 
 
 frames_group = Group("Which frames", sort_key=1)

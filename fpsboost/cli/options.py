@@ -297,8 +297,7 @@ def in_flags(sentence: str) -> str:
 
 """A text that a shell completes to a file: the parser tries the types in order, and a text it always is."""
 
-PATH_METAVARS = ("DIR", "FILE", "IN")
-"""Placeholders of options that are names of files and folders."""
+PATH_METAVARS = ("DIR", "FILE", "IN")  # placeholders of options that are names of files and folders
 
 GROUPS = {
     name: Group(name, sort_key=place)

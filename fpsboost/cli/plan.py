@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from fpsboost.rerender.frame_choice import FrameChoice
     from fpsboost.rerender.planning import RerenderPlan
 
-MAX_LIST = 60
-"""Maximum length of a list of frames on the terminal; frames.txt has all."""
+MAX_LIST = 60  # maximum length of a list of frames on the terminal; frames.txt has all
 
 budget, frames, method = Group("Regions", sort_key=1), Group("Frames", sort_key=2), Group("Method", sort_key=3)
 merge_options = Group("Options", sort_key=1)

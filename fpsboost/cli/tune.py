@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 
 results = Group("Results", sort_key=3)
 
-MAX_BAR_LENGTH = 24
-"""Length of the longest bar, characters."""
+MAX_BAR_LENGTH = 24  # length of the longest bar, characters
 
 
 @with_flags

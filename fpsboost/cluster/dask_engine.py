@@ -41,8 +41,7 @@ PARTS_PER_WORKER = 8
 GROWN_CLUSTER = 32
 """Number of workers for which parts are cut at least: nodes of a batch system come one by one."""
 
-WAIT_SECONDS = 0.5
-"""Longest time that `DaskExecutor.wait` waits for a report."""
+WAIT_SECONDS = 0.5  # longest time that `DaskExecutor.wait` waits for a report
 
 WORKERS_INTERVAL = 1.0
 """Seconds between questions to the scheduler which workers are there."""

@@ -27,8 +27,7 @@ from fpsboost.errors import ClusterError, CompleteAlreadyError, InUseError
 from fpsboost.parts.manifest import first_difference, job_facts, program_facts
 from fpsboost.threads import one_opencv_thread
 
-REPORT_INTERVAL = 0.5
-"""Seconds between reports of a part's progress."""
+REPORT_INTERVAL = 0.5  # seconds between reports of a part's progress
 
 LOCK_INTERVAL = 1.0
 """Seconds between attempts to lock a part that another run makes at this moment."""

@@ -37,8 +37,7 @@ from fpsboost.io.images.sequence import list_files
 
 UNKNOWN = float("nan")
 
-READ_AT_MOST = 4096
-"""Number of bytes at the end of a command's output in which its last line is looked for."""
+READ_AT_MOST = 4096  # number of bytes at the end of a command's output in which its last line is looked for
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,7 @@ from fpsboost.motion.opencv import Dis
 from fpsboost.motion.rendered import frame_number
 from fpsboost.render.folder import VectorFolder
 
-MOVES = 1.0
-"""Shortest motion from one shown frame to the next that counts as moving, pixels."""
+MOVES = 1.0  # shortest motion from one shown frame to the next that counts as moving, pixels
 
 CONSISTENT = 1.5
 """Largest distance between a pixel and where the motion there and back leads, pixels; beyond it the pixel is hidden."""

@@ -22,13 +22,11 @@ from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
 from fpsboost.image import Image
 
 LEVELS = 255
-MIN_MSE = 1e-12
-"""Smallest MSE: equal images have a PSNR of 120 dB and not of infinity, which has no mean."""
+MIN_MSE = 1e-12  # smallest MSE: equal images have a PSNR of 120 dB and not of infinity, which has no mean
 
 SSIM_WINDOW = 7
 
-LOW_PERCENT = 5
-"""Percentile of PSNR over frames that is reported: the worst frames say more about a clip than the mean."""
+LOW_PERCENT = 5  # percentile of PSNR over frames that is reported: the worst frames say more about a clip than the mean
 
 
 @dataclass(frozen=True)
@@ -95,8 +93,7 @@ def means(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
 MIN_SHARE = 0.02
 """Smallest share of the picture of an area that is shown: a few pixels say more about chance than about a method."""
 
-MAX_NAMED = 8
-"""Maximum number of frames that a note names; the data have all of them."""
+MAX_NAMED = 8  # maximum number of frames that a note names; the data have all of them
 
 
 @dataclass(frozen=True)

@@ -37,8 +37,7 @@ WIDTHS = (0.05, 0.09, 0.15, 0.25, 0.4)
 STEP = math.sqrt(2)
 """Factor from one search radius to the next, which doubles the cost."""
 
-IN_VAIN = 2
-"""Number of search radii in a row, none better than those before, after which no farther one is tried."""
+IN_VAIN = 2  # number of search radii in a row, none better than those before, after which no farther one is tried
 
 AS_GOOD = 1.005
 """Ratio of an error to the least up to which it is as good; the smaller value, which costs less, is then taken."""

@@ -15,8 +15,7 @@ import numpy as np
 
 from fpsboost.evaluation.results import Comparison
 
-MAX_STANDARD_ERRORS = 2.0
-"""Mean difference in standard errors up to which two methods are level: about 95 %."""
+MAX_STANDARD_ERRORS = 2.0  # mean difference in standard errors up to which two methods are level: about 95 %
 
 NEGLIGIBLE_DIFFERENCE = 0.3
 """Difference that is hardly seen, dB; the cheapest method within it is recommended too."""

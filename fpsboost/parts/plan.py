@@ -39,14 +39,9 @@ from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, exposed
 from fpsboost.run_options import MAX_PARTS, Part, RunOptions
 from fpsboost.timing.schedule import MAX_FILLED, ByFactor, Schedule, count_frames, rising_time
 
-LEAD_IN = 24
-"""Number of frames that are searched first, before those that are needed, for one where reading may begin."""
-
-GROWTH = 4
-"""Factor by which that number grows until there is one."""
-
-NO_TIME = np.iinfo(np.int64).min
-"""Number in a list of frames for a time that is not known."""
+LEAD_IN = 24  # number of frames that are searched first, before those that are needed, for one where reading may begin
+GROWTH = 4  # factor by which that number grows until there is one
+NO_TIME = np.iinfo(np.int64).min  # number in a list of frames for a time that is not known
 
 
 @dataclass

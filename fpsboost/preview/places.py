@@ -26,8 +26,7 @@ from fpsboost.io.video.traits import VideoTraits
 from fpsboost.preparation import opened_clip
 from fpsboost.probing import Findings
 
-LONGEST_SIDE = 960
-"""Longer side of a picture on the page, pixels."""
+LONGEST_SIDE = 960  # longer side of a picture on the page, pixels
 
 QUALITY = 85
 """JPEG quality, of 100."""
@@ -72,14 +71,12 @@ class View:
         return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8)
 
 
-PASSAGES = 3
-"""Maximum number of passages that are chosen."""
+PASSAGES = 3  # maximum number of passages that are chosen
 
 PLACES, FRAMES_PER_PLACE = 12, 4
 """Number of places at which motion is measured, and of frames that are decoded at each."""
 
-ENOUGH_PLACES = 4
-"""Number of different places below which the clip is read from its beginning instead."""
+ENOUGH_PLACES = 4  # number of different places below which the clip is read from its beginning instead
 
 MAX_READ = 480
 """Maximum number of frames that are read from the beginning instead."""
@@ -90,11 +87,8 @@ MIN_FRAMES, MAX_FRAMES = 8, 30
 MAX_PIXELS = 33_000_000
 """Number of pixels in the frames of a passage above which it is shorter, so that large frames do not take minutes."""
 
-THUMBNAIL_SIDE = 160
-"""Longer side of the images on which motion is measured, pixels."""
-
-SHORTEST_SIDE = 32
-"""Shortest side of an image that DIS takes, pixels."""
+THUMBNAIL_SIDE = 160  # longer side of the images on which motion is measured, pixels
+SHORTEST_SIDE = 32  # shortest side of an image that DIS takes, pixels
 
 
 class Place(NamedTuple):

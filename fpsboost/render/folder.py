@@ -42,8 +42,7 @@ from fpsboost.io.side.flow import BACKWARD, FORWARD, read_flow
 from fpsboost.motion.rendered import FrameVectors
 from fpsboost.render.convention import ConventionName, Direction, StoredVectors, VectorConvention, conventions
 
-CACHED_FRAMES = 4
-"""Number of frames whose vectors are cached: a pair's two frames, and two between them."""
+CACHED_FRAMES = 4  # number of frames whose vectors are cached: a pair's two frames, and two between them
 
 layer_names = ("vector", "motionvector", "motionvectors", "motion", "velocity", "vrayvelocity", "speed")
 """Last word of the names of layers with two channels of motion, in small letters."""
@@ -339,14 +338,9 @@ def _find_layer(names: Collection[str]) -> str | None:
     return choices[0] if len(choices) == 1 else None
 
 
-CLEARLY_BETTER = 0.8
-"""Ratio of the errors of two conventions below which one is clearly better."""
-
-MIN_SHARE_INSIDE = 0.5
-"""Minimum share of the pixels whose motion ends within the frame."""
-
-LARGEST_COLOUR = 4
-"""Colours are clipped at this multiple of their mean, so that highlights do not decide alone."""
+CLEARLY_BETTER = 0.8  # ratio of the errors of two conventions below which one is clearly better
+MIN_SHARE_INSIDE = 0.5  # minimum share of the pixels whose motion ends within the frame
+LARGEST_COLOUR = 4  # colours are clipped at this multiple of their mean, so that highlights do not decide alone
 
 
 class RenderedPair(NamedTuple):

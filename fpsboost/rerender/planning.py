@@ -34,8 +34,7 @@ from fpsboost.threads import available_cores, run_in_parallel
 
 PLAN_FILE = "plan.json"
 VERSION = 1
-RENDERED = 255
-"""Value of mask pixels that are to be rendered."""
+RENDERED = 255  # value of mask pixels that are to be rendered
 
 MASK_DIGITS = 4
 
@@ -182,8 +181,7 @@ def _frame(data: Mapping[str, Any], width: int, height: int) -> PlannedFrame:
 
 
 DEFAULT_BUDGET = RenderBudget(0.1)
-MIN_IMAGES = 3
-"""Smallest number of images: one is hidden between two others to learn how large errors are."""
+MIN_IMAGES = 3  # smallest number of images: one is hidden between two others to learn how large errors are
 
 LEVELS = 255**2
 

@@ -26,8 +26,7 @@ from fpsboost.rerender.regions import TileGrid
 MIN_ERROR = 1e-7
 """Value added to squared errors that are multiplied, for white = 1: a tenth of the error of rounding to 8 bits."""
 
-BINS = 256
-"""Number of bins of equally many tiles that a curve is fitted to."""
+BINS = 256  # number of bins of equally many tiles that a curve is fitted to
 
 Tiles = NDArray[Any]
 """A number for every tile of a frame, (rows, columns) float64."""

@@ -36,8 +36,7 @@ from fpsboost.ui.jobs import start_process
 QUICK_PIXELS = 1_500_000_000
 """Number of pixels in all frames of a clip up to which it is read to its end unasked, which takes seconds."""
 
-DROP_AFTER = 0.25
-"""Time after which it is looked whether anybody still waits for a clip that is read, seconds."""
+DROP_AFTER = 0.25  # time after which it is looked whether anybody still waits for a clip that is read, seconds
 
 
 def header(path: str) -> dict[str, Any]:

@@ -43,8 +43,7 @@ from fpsboost.ui.jobs import Queue
 MAX_BODY = 1024 * 1024
 """Largest body of a request, bytes; the page sends a few hundred for each clip."""
 
-READERS = 4
-"""Number of clips that are read to their ends at a time."""
+READERS = 4  # number of clips that are read to their ends at a time
 
 HEADERS = {
     "Cache-Control": "no-store",

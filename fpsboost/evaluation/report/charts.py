@@ -23,20 +23,14 @@ from numpy.typing import NDArray
 
 from fpsboost.evaluation.report.styles import MARKERS, Style, break_name
 
-MARKED_FRAMES = 80
-"""Number of frames up to which each point of a line is marked."""
-
-MARKS_OF_A_LINE = 12
-"""Number of marks of a longer line, so that no figure hangs on colour alone."""
-
-TITLE_WIDTH = 0.56
-"""Width of a letter that is not bold, in sizes of the text."""
+MARKED_FRAMES = 80  # number of frames up to which each point of a line is marked
+MARKS_OF_A_LINE = 12  # number of marks of a longer line, so that no figure hangs on colour alone
+TITLE_WIDTH = 0.56  # width of a letter that is not bold, in sizes of the text
 
 WIDTH, LINE = 0.64, 1.3
 """Width of a letter and height of a line, in sizes of the text: not less than in any font that a page may find."""
 
-MAGNITUDE = 8
-"""Ratio of the largest to the smallest value above which a logarithmic scale shows more."""
+MAGNITUDE = 8  # ratio of the largest to the smallest value above which a logarithmic scale shows more
 
 WIDEST = 1e5
 """Ratio of the largest to the smallest value that a logarithmic scale shows: equal frames have next to no error."""
@@ -68,8 +62,7 @@ class Form(NamedTuple):
     text: float
 
 
-FORMS = (Form("wide", (11.6, 3.9), 9.4), Form("narrow", (4.7, 3.7), 10.6))
-"""For a screen and for a phone."""
+FORMS = (Form("wide", (11.6, 3.9), 9.4), Form("narrow", (4.7, 3.7), 10.6))  # for a screen and for a phone
 
 
 class Series(NamedTuple):

@@ -30,8 +30,7 @@ from fpsboost.io.staging import StagedSink
 from fpsboost.io.video.pyav import missing_codecs
 from fpsboost.io.video.ycc import straight_16_bit
 
-OPAQUE = 128
-"""Alpha from which on a pixel of a GIF is visible."""
+OPAQUE = 128  # alpha from which on a pixel of a GIF is visible
 
 WEBP_ALPHA, WEBP_REPLACES = 0x10, 0x02
 
@@ -269,8 +268,7 @@ types: dict[str, type[AnimationWriter]] = {".gif": GifWriter, ".apng": ApngWrite
 ANIMATION_SUFFIXES = tuple(types)
 """Suffixes of the animations that can be written."""
 
-BROWSERS_SLOW_DOWN = Fraction(1, 100)
-"""Browsers show frames of this length and shorter ones for a tenth of a second."""
+BROWSERS_SLOW_DOWN = Fraction(1, 100)  # browsers show frames of this length and shorter ones for a tenth of a second
 
 
 class AnimationSink(StagedSink):

@@ -29,8 +29,7 @@ PICTURES = ("combined", "beauty", "rgba", "rgb", "composite")
 """Last words, in small letters, of the layer that is the picture where several have colours."""
 
 _vectors = "vector vectors motion motionvector motionvectors velocity vrayvelocity motvec forward backward"
-VECTORS = _vectors.split()
-"""Words of layers with motion vectors."""
+VECTORS = _vectors.split()  # words of layers with motion vectors
 
 _words: Mapping[LayerKind, str] = {
     "depth": "depth z zdepth vrayzdepth zbuffer denoisingdepth",
@@ -46,8 +45,7 @@ KINDS_BY_WORD: Mapping[str, LayerKind] = {
 """What a layer is by the last word of its name, in small letters and without spaces, underscores and digits at its end:
 names of Blender, Arnold, V-Ray, Redshift, RenderMan and Mitsuba. Any other is linear."""
 
-CRYPTOMATTE = "crypto"
-"""Beginning of the last word of Cryptomatte's layers."""
+CRYPTOMATTE = "crypto"  # beginning of the last word of Cryptomatte's layers
 
 
 @dataclass(frozen=True)

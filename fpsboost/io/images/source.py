@@ -46,8 +46,7 @@ MAX_GAP = 1000
 MOVING = "moving.json"
 """Says, in the hidden folder, which images are getting their names, and how many frames there are."""
 
-SCENE_LINEAR = (".exr", ".hdr")
-"""Types of files whose numbers are light."""
+SCENE_LINEAR = (".exr", ".hdr")  # types of files whose numbers are light
 
 
 @dataclass(frozen=True)

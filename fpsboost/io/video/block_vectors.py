@@ -16,8 +16,7 @@ from fpsboost.io.video.encoding import repeatable_parameters
 
 ENCODER = "libx264"
 
-FRAME_RATE = 25
-"""Frame rate of the stream, frames per second; any value will do."""
+FRAME_RATE = 25  # frame rate of the stream, frames per second; any value will do
 
 VECTOR_DTYPE = [(name, np.int32) for name in ("w", "h", "dst_x", "dst_y", "motion_x", "motion_y", "motion_scale")]
 

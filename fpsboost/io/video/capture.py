@@ -19,8 +19,7 @@ from fpsboost.image import Image, check_pair
 from fpsboost.io.output import StreamInfo
 from fpsboost.memory import MemoryLimit
 
-MAX_DENOMINATOR = 1001
-"""Maximum denominator of a frame rate that OpenCV gives as a float: 29.97 becomes 30000/1001."""
+MAX_DENOMINATOR = 1001  # maximum denominator of a frame rate that OpenCV gives as a float: 29.97 becomes 30000/1001
 
 
 class ArraySource(ClosesOnExit):

@@ -28,16 +28,14 @@ T = TypeVar("T")
 DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
 """Containers whose header says how long they are; elsewhere the duration is FFmpeg's estimate."""
 
-DURATION_FROM_BEGIN = ("mov", "flv")
-"""Those that count it from the beginning, wherever on the clock that is."""
+DURATION_FROM_BEGIN = ("mov", "flv")  # those that count it from the beginning, wherever on the clock that is
 
 MAX_WAITING = 8
 """Number of consecutive frames no later than the last good one that ends the wait; if they rise, the clock jumped."""
 
 MAX_RATE = 1000
 ASSUMED_RATE = Fraction(25)
-MAX_DRIFT = Fraction(1, 8)
-"""Maximum deviation of the end of a clip from its time at the declared rate, frames."""
+MAX_DRIFT = Fraction(1, 8)  # maximum deviation of the end of a clip from its time at the declared rate, frames
 JITTER_DIVISOR = 8
 """Intervals within 1/8 (the reciprocal of this) of the median count as usual ones, since cameras have jitter."""
 MIN_USUAL_SHARE = Fraction(3, 4)

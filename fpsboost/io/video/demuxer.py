@@ -26,8 +26,7 @@ from fpsboost.threads import available_cores
 
 STILL_CODECS = ("png", "mjpeg", "bmp", "gif", "tiff", "webp")
 
-DEFAULT_STREAM_SCORE = 5_000_000
-"""Score of the default stream's flag, pixels, as in FFmpeg."""
+DEFAULT_STREAM_SCORE = 5_000_000  # score of the default stream's flag, pixels, as in FFmpeg
 
 MAX_FAILURES = 10
 """Number of consecutive read errors without a packet after which the rest of a file counts as unreadable."""
@@ -44,8 +43,7 @@ MAX_STEP_BACK = Fraction(1, 10)
 MAX_GAP = Fraction(10)
 """Maximum gap between packets that is no new recording, seconds; both values are those of FFmpeg's programs."""
 
-FIRST_BOXES = {b"ftyp", b"mdat", b"wide", b"free", b"skip"}
-"""Types of the boxes that files of MP4 and MOV begin with."""
+FIRST_BOXES = {b"ftyp", b"mdat", b"wide", b"free", b"skip"}  # types of the boxes that files of MP4 and MOV begin with
 
 TRANSPORT_PACKET = re.compile(rb"(?=\x47(..)(.)(?:.{184}|.{188}|.{200})\x47)", re.DOTALL)
 """A packet of 188, 192 or 204 bytes before another: its identifier, below flags, and how it is scrambled, above."""

@@ -28,8 +28,7 @@ from fpsboost.io.output import Window
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoding import check_holds, find_encoder
 
-COPY = "copy"
-"""Value of ``--audio-codec`` that copies audio without re-encoding it."""
+COPY = "copy"  # value of ``--audio-codec`` that copies audio without re-encoding it
 
 sound_encoders = {
     **{"aac": "aac", "opus": "libopus", "mp3": "libmp3lame", "ac3": "ac3", "eac3": "eac3"},
@@ -42,21 +41,18 @@ defaults = {"mp4": "aac", "mov": "aac", "matroska": "libopus", "webm": "libopus"
 
 BITRATE_PER_CHANNEL = 96_000
 """Bit rate per channel, bits per second, at which AAC and Opus are hard to distinguish from the source."""
-OPUS_SAMPLE_RATE = 48_000
-"""Output sample rate of Opus decoders, which does not depend on the encoded rate, Hz."""
+OPUS_SAMPLE_RATE = 48_000  # output sample rate of Opus decoders, which does not depend on the encoded rate, Hz
 STANDARD_LAYOUTS = ("mono", "stereo", "3.0", "quad", "5.0", "5.1", "6.1", "7.1")
 """Standard channel layouts for one channel, two, ..."""
 MIN_GAP = Fraction(1, 50)
 """Minimum distance of audio from the end of its run that is a gap, seconds: above jitter, and a lost packet."""
-PREROLL = Fraction(1, 2)
-"""Duration that is decoded before the start of the window, since decoders need it, seconds."""
+PREROLL = Fraction(1, 2)  # duration that is decoded before the start of the window, since decoders need it, seconds
 FLUSH_SILENCE = Fraction(1, 4)
 """Duration in the output of the silence appended to a run to flush the filters, at least, seconds."""
 SKIP_SAMPLES_STRUCT = struct.Struct("<IIBB")
 """Layout of FFmpeg's AV_PKT_DATA_SKIP_SAMPLES: samples to skip at the start and at the end, and a reason for each."""
 SKIP_SAMPLES_TYPE = get_args(PktSideDataT).index("skip_samples")
-MIN_TIME = Fraction(-(2**40))
-"""Time before the start of any file, seconds."""
+MIN_TIME = Fraction(-(2**40))  # time before the start of any file, seconds
 
 Traits = tuple[int, str, str]
 """Sample rate, sample format and channel layout of audio."""

@@ -26,14 +26,9 @@ from fpsboost.io.video.encoding import containers, holds
 from fpsboost.io.video.pyav import open_input, trial_file
 from fpsboost.io.video.remarks import encrypted_stream_sentence
 
-MAX_PROBED_PACKETS = 200
-"""Maximum number of packets that are read to find the first packet of each stream."""
-
-INCOMPLETE_LIST_CONTAINERS = ("matroska",)
-"""Containers that hold more codecs than their list names."""
-
-TEE_SPECIAL_CHARACTERS = re.compile(r"([\\'|\s])")
-"""Characters with a special meaning to the tee muxer in a path."""
+MAX_PROBED_PACKETS = 200  # maximum number of packets that are read to find the first packet of each stream
+INCOMPLETE_LIST_CONTAINERS = ("matroska",)  # containers that hold more codecs than their list names
+TEE_SPECIAL_CHARACTERS = re.compile(r"([\\'|\s])")  # characters with a special meaning to the tee muxer in a path
 
 
 _Misfit = tuple[str, list[str], str]

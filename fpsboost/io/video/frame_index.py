@@ -20,8 +20,7 @@ from fpsboost.io.video.demuxer import is_encrypted, read_packets
 from fpsboost.io.video.pyav import open_input
 from fpsboost.io.video.remarks import Damage
 
-INDEXED = ("matroska", "mov")
-"""Containers that store a presentation time with every packet, and an index of key frames."""
+INDEXED = ("matroska", "mov")  # containers that store a presentation time with every packet, and an index of key frames
 
 
 @dataclass(frozen=True)

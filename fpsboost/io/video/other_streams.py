@@ -27,11 +27,8 @@ from fpsboost.io.video.pyav import open_input, printable
 from fpsboost.io.video.remarks import Damage, counted, encrypted_stream_sentence, not_held_remark
 from fpsboost.io.video.tags import Labels, at_rate, copy_labels, find_timecode, frames_later, lost_labels, tags_for
 
-MAX_INTERLEAVING = 10
-"""Maximum time by which packets of different streams in one file may be out of order, seconds."""
-
-MAX_PRIMING = Fraction(1, 10)
-"""Hidden sound before the beginning that decoders need to have decoded, at most, seconds."""
+MAX_INTERLEAVING = 10  # maximum time by which packets of different streams in one file may be out of order, seconds
+MAX_PRIMING = Fraction(1, 10)  # hidden sound before the beginning that decoders need to have decoded, at most, seconds
 
 MIN_TEXT_TICK = Fraction(1, 90_000)
 """Shortest tick of subtitles in mp4 and mov, whose muxer takes no two that are 2**31 ticks apart, seconds."""

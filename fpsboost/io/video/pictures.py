@@ -49,8 +49,7 @@ MAX_SQUEEZE = Fraction(1, 50)
 WIDE_COLOURS = {8, 9, 10, 11, 12, 16, 17, 18, 22}
 """FFmpeg's numbers of transfers and primaries that look wrong where BT.709's are expected: HDR, BT.2020, cinema."""
 
-FIELD_STEP = 8
-"""Of how many columns one is compared in search of repeated fields."""
+FIELD_STEP = 8  # of how many columns one is compared in search of repeated fields
 
 decoders_of_hidden_alpha = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 

@@ -18,8 +18,7 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoding import depth_of, encoders, encodes_alpha, pixel_formats
 from fpsboost.io.video.ycc import has_alpha, is_gray
 
-YCBCR_EXTRA_BITS = 2
-"""Additional bits that YCbCr needs for a lossless round trip of integer RGB values."""
+YCBCR_EXTRA_BITS = 2  # additional bits that YCbCr needs for a lossless round trip of integer RGB values
 
 EXCLUDED_FORMATS = re.compile(r"^(pal8|mono|bayer)|f(16|32)(le|be)$|^rgb555|^bgr555|^rgb565")
 """Pixel formats excluded as targets: palette, monochrome 1-bit, Bayer, float, and unequal channel depths."""

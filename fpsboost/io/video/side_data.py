@@ -19,8 +19,7 @@ from fpsboost.io.video.ycc import graph_of
 unnamed_types = {28: "LCEVC", 29: "VIEW_ID", 30: "THREE_D_REFERENCE_DISPLAYS", 31: "EXIF"}
 """Names of FFmpeg's types, by their numbers, that PyAV 18 has no name for; PyAV 19 has these."""
 
-LAST_TYPE = 40
-"""Number of the last type that is looked for; FFmpeg 8 has 33."""
+LAST_TYPE = 40  # number of the last type that is looked for; FFmpeg 8 has 33
 
 DYNAMIC_HDR, MASTERING = "dynamic HDR metadata", "HDR mastering data"
 words = {

@@ -51,8 +51,7 @@ from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
 from fpsboost.io.video.ycc import has_alpha, in_planes, to_bgr
 from fpsboost.memory import MemoryLimit
 
-STEPS_BACK = (0, 1, 10)
-"""Seconds, or key frames, before the wanted one that are tried in turn."""
+STEPS_BACK = (0, 1, 10)  # seconds, or key frames, before the wanted one that are tried in turn
 
 CHECKED_PICTURES = 2 * MAX_REORDERED
 """Number of pictures, from the first, that an index is compared with before it is believed."""

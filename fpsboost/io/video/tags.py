@@ -36,8 +36,7 @@ UNSET_CREATION_TIMES = ("1904-01-01T00:00:00", "1970-01-01T00:00:00")
 CAMERA_TAG_PREFIXES = ("make", "model", "software", "location", "com.", "creationdate")
 """Prefixes of tags that phones and cameras write, which mp4 and mov store in a list of free keys."""
 
-MAX_TIMECODE_RATE = 255
-"""Maximum frames per second of a timecode track, which stores them in one byte."""
+MAX_TIMECODE_RATE = 255  # maximum frames per second of a timecode track, which stores them in one byte
 
 TIMECODE_PATTERN = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})([:;.])(\d{1,3})")
 
