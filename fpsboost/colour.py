@@ -134,14 +134,10 @@ luma_weights = MappingProxyType(
 class Levels(NamedTuple):
     """Reference code values of luma and chroma."""
 
-    black: float
-    """Luma of black."""
-    luma_span: float
-    """Range of luma, from black to white."""
-    neutral: float
-    """Chroma of gray."""
-    chroma_span: float
-    """Range of chroma, from the lowest of a colour to the highest."""
+    black: float  # luma of black
+    luma_span: float  # range of luma, from black to white
+    neutral: float  # chroma of gray
+    chroma_span: float  # range of chroma, from the lowest of a colour to the highest
 
 
 def code_levels(full_range: bool, bits: int) -> Levels:

@@ -207,8 +207,7 @@ class _Run(NamedTuple):
     frames: int
     is_still: bool
     step: float
-    repeats: bool
-    """Whether the frames repeat the first one, rather than differ slightly from it, as in slow motion."""
+    repeats: bool  # whether the frames repeat the first one, rather than differ slightly from it, as in slow motion
 
 
 def _find_run(

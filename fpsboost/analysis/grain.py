@@ -67,25 +67,18 @@ LEVELS = 256
 class FlatBlocks(NamedTuple):
     """Flat blocks of one plane of a frame."""
 
-    corners: NDArray[Any]
-    """(n, 2) int: row and column of the first sample."""
-    motion: NDArray[Any]
-    """(n, 2) float32: rows and columns to the other frame."""
-    residuals: NDArray[Any]
-    """(n, size, size) float32: samples without their linear trend."""
-    intensities: NDArray[Any]
-    """(n,) float32: mean intensity."""
-    level: NDArray[Any]
-    """(n,) int: number of the intensity that the block belongs to, from 0."""
+    corners: NDArray[Any]  # (n, 2) int: row and column of the first sample
+    motion: NDArray[Any]  # (n, 2) float32: rows and columns to the other frame
+    residuals: NDArray[Any]  # (n, size, size) float32: samples without their linear trend
+    intensities: NDArray[Any]  # (n,) float32: mean intensity
+    level: NDArray[Any]  # (n,) int: number of the intensity that the block belongs to, from 0
 
 
 class Plane(NamedTuple):
     """One plane of an image."""
 
-    values: NDArray[Any]
-    """(rows, columns) float32: as the image has them."""
-    samples: NDArray[Any]
-    """(rows, columns) float32: on a scale on which noise depends little on the intensity."""
+    values: NDArray[Any]  # (rows, columns) float32: as the image has them
+    samples: NDArray[Any]  # (rows, columns) float32: on a scale on which noise depends little on the intensity
     intensity: NDArray[Any]
     """(rows, columns) float32: what the noise depends on, luma for chroma and else the samples."""
 
@@ -94,8 +87,7 @@ class Plane(NamedTuple):
 class PairGrain:
     """Grain of two frames."""
 
-    blocks: list[tuple[FlatBlocks, FlatBlocks]]
-    """Flat blocks of each plane in frame 0 and in frame 1."""
+    blocks: list[tuple[FlatBlocks, FlatBlocks]]  # flat blocks of each plane in frame 0 and in frame 1
     mixing: NDArray[Any]
     """(planes, planes) float32: factors that make correlated noise of independent noise; see `_mixing`."""
 
@@ -264,12 +256,9 @@ def _mixing(planes: list[Plane], blocks: list[tuple[FlatBlocks, FlatBlocks]]) ->
 class MissingNoise(NamedTuple):
     """Noise that an in-between frame lacks."""
 
-    intensities: NDArray[Any]
-    """(LEVELS,) float32, rising by equal steps."""
-    deviations: NDArray[Any]
-    """(LEVELS,) float32: standard deviation at each intensity."""
-    kernel: NDArray[Any]
-    """(size, size) float32: filter that makes it of white noise, of norm 1."""
+    intensities: NDArray[Any]  # (LEVELS,) float32, rising by equal steps
+    deviations: NDArray[Any]  # (LEVELS,) float32: standard deviation at each intensity
+    kernel: NDArray[Any]  # (size, size) float32: filter that makes it of white noise, of norm 1
 
     def at(self, intensity: NDArray[Any]) -> NDArray[Any]:
         """Return the standard deviation at each sample, float32."""
@@ -282,14 +271,10 @@ class MissingNoise(NamedTuple):
 class Comparison(NamedTuple):
     """Noise in the flat blocks of a frame, and on the same surfaces of an in-between frame."""
 
-    residuals: NDArray[Any]
-    """(n, size, size) float32: of the frame."""
-    left: NDArray[Any]
-    """(n, size, size) float32: of the in-between frame."""
-    missing: list[tuple[float, float]]
-    """Rising intensities, and the variance that is missing at each."""
-    lowest: float
-    """The lowest of these variances where the frame is not constant; infinite if it is everywhere."""
+    residuals: NDArray[Any]  # (n, size, size) float32: of the frame
+    left: NDArray[Any]  # (n, size, size) float32: of the in-between frame
+    missing: list[tuple[float, float]]  # rising intensities, and the variance that is missing at each
+    lowest: float  # the lowest of these variances where the frame is not constant; infinite if it is everywhere
 
 
 def _compare(plane: Plane, flat: FlatBlocks, distance: float) -> Comparison:

@@ -117,8 +117,7 @@ class _Running:
 
     worker: str
     future: Future[Outcome]
-    was_missing: bool = False
-    """Whether no worker had its task when the scheduler was asked for the last time."""
+    was_missing: bool = False  # whether no worker had its task when the scheduler was asked for the last time
 
 
 class DaskExecutor:

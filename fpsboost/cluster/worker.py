@@ -52,29 +52,21 @@ class PartTask:
 class WorkerOrder:
     """Order to a worker to make a part."""
 
-    task: bytes
-    """Pickled `PartTask`: read only after the facts agree, since another version may not be able to."""
-    facts: Mapping[str, str]
-    """Versions, input and options of the client, which the worker must share."""
-    mark: str
-    """Path of a file in the folder of the parts, which a worker can see if storage is shared."""
-    topic: str
-    """Topic of Dask under which progress is logged."""
+    task: bytes  # Pickled `PartTask`: read only after the facts agree, since another version may not be able to
+    facts: Mapping[str, str]  # versions, input and options of the client, which the worker must share
+    mark: str  # path of a file in the folder of the parts, which a worker can see if storage is shared
+    topic: str  # topic of Dask under which progress is logged
 
 
 @dataclass(frozen=True)
 class Outcome:
     """Result of an order; it has a folder unless there is an error or it was stopped."""
 
-    folder: str = ""
-    """Path of the part, on the worker."""
-    is_private: bool = False
-    """Whether it lies in the worker's own folder, since storage is not shared."""
-    sizes: Mapping[str, int] | None = None
-    """Sizes of the part's files by their names, bytes."""
+    folder: str = ""  # path of the part, on the worker
+    is_private: bool = False  # whether it lies in the worker's own folder, since storage is not shared
+    sizes: Mapping[str, int] | None = None  # sizes of the part's files by their names, bytes
     error: Exception | None = None
-    is_stopped: bool = False
-    """Whether the worker was closed meanwhile, or nobody wanted the part any more."""
+    is_stopped: bool = False  # whether the worker was closed meanwhile, or nobody wanted the part any more
 
 
 class _CancelledPartError(Exception):

@@ -178,8 +178,7 @@ class _Facts:
     hidden: list[int] = field(default_factory=list)
     times: list[float] = field(default_factory=list)
     shares: list[list[float]] = field(default_factory=list)
-    unknown: list[int] = field(default_factory=list)
-    """Hidden frames of intervals whose pictures are not known."""
+    unknown: list[int] = field(default_factory=list)  # hidden frames of intervals whose pictures are not known
     repeats: list[int] = field(default_factory=list)
     kind: str = ""
     clip_frames: int = 1

@@ -41,8 +41,7 @@ class Hidden(NamedTuple):
     """A frame that methods do not see."""
 
     number: int
-    t: Fraction
-    """Place in time between the shown frames, 0 to 1."""
+    t: Fraction  # place in time between the shown frames, 0 to 1
     truth: Image
     source_position: SourcePosition
 
@@ -89,10 +88,8 @@ class _Truth(NamedTuple):
 
     frame: Frame
     source_position: SourcePosition
-    repeats: tuple[int, ...]
-    """Numbers of the frames after it that show the same and are grouped with it."""
-    is_repeat: bool
-    """Whether it repeats the one before, in a still."""
+    repeats: tuple[int, ...]  # numbers of the frames after it that show the same and are grouped with it
+    is_repeat: bool  # whether it repeats the one before, in a still
 
 
 @dataclass(frozen=True)
@@ -261,8 +258,7 @@ class Sample(NamedTuple):
     """A hidden frame with as much of the clip around it as methods look at."""
 
     hidden: Hidden
-    window: list[Interval]
-    """Its interval, the one before and the one after."""
+    window: list[Interval]  # its interval, the one before and the one after
 
     @property
     def interval(self) -> Interval:

@@ -42,12 +42,9 @@ AREAS, COMPLEMENTS = ("moving", "occluded", "uncertain"), ("still", "visible", "
 class Regions(NamedTuple):
     """Areas of one hidden frame, each (H, W) bool."""
 
-    moving: NDArray[Any]
-    """Pixels that move by more than `MOVES` from one shown frame to the other."""
-    occluded: NDArray[Any]
-    """Pixels that only one of the shown frames has."""
-    uncertain: NDArray[Any]
-    """Pixels that neither has as they are: blur, glare, reflections, other light."""
+    moving: NDArray[Any]  # pixels that move by more than `MOVES` from one shown frame to the other
+    occluded: NDArray[Any]  # pixels that only one of the shown frames has
+    uncertain: NDArray[Any]  # pixels that neither has as they are: blur, glare, reflections, other light
 
 
 def find_regions(interval: Interval, vectors: VectorFolder | None = None) -> Iterator[Regions]:

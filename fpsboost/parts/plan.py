@@ -326,15 +326,7 @@ def manifest_of(plan: PartPlan, ready: Preparation, folder: Path) -> Manifest:
 
 
 class OutputNumbers:
-    """Numbers of the output frames of a clip whose frames are at `times`, increasing seconds; counted from 0.
-
-    Examples
-    --------
-    >>> from fpsboost.timing.schedule import ByFactor
-    >>> numbers = OutputNumbers([Fraction(0), Fraction(1), Fraction(2)], ByFactor(Fraction(2)))
-    >>> numbers.before(1), numbers.source_frame(3)
-    (2, 1)
-    """
+    """Numbers of the output frames of a clip whose frames are at `times`, increasing seconds; counted from 0."""
 
     def __init__(self, times: Sequence[Fraction], schedule: Schedule) -> None:
         self._times, self._schedule = times, schedule

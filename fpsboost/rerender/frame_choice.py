@@ -148,8 +148,7 @@ class _Trials:
 
     images: NumberedImages
     interpolator: Interpolator
-    bound: float
-    """Largest mean squared error, for white = 1."""
+    bound: float  # largest mean squared error, for white = 1
 
     def error_between(self, first: int, last: int) -> float:
         """Return the largest error of the images between two, or the first one above the bound."""

@@ -54,10 +54,8 @@ class MergeSummary:
 class _Rendered(NamedTuple):
     """Files with the rendered regions of one frame."""
 
-    whole: Path | None
-    """File with the full frame, or the only region of it."""
-    regions: Mapping[int, Path]
-    """Files of single regions, counted from 1."""
+    whole: Path | None  # file with the full frame, or the only region of it
+    regions: Mapping[int, Path]  # files of single regions, counted from 1
 
 
 def merge_regions(made: str, rendered: str, output: str, options: MergeOptions) -> MergeSummary:

@@ -157,11 +157,9 @@ class RenderCost:
 class _Choice(NamedTuple):
     """Masks of all frames, their costs and their gains."""
 
-    masks: NDArray[Any]
-    """Tiles to render, (F, rows, columns) bool."""
+    masks: NDArray[Any]  # tiles to render, (F, rows, columns) bool
     costs: NDArray[Any]
-    gains: NDArray[Any]
-    """Squared error that is taken away from each frame, (F,)."""
+    gains: NDArray[Any]  # squared error that is taken away from each frame, (F,)
 
 
 def choose_regions(

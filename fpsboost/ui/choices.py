@@ -51,13 +51,7 @@ CRF_STEPS = {"usual": 0, "smaller": 6, "higher": -4, "lossless": 0}
 
 
 def on_page(sentence: str, *paths: str) -> str:
-    """Return a sentence of the library or of the command line in the words of the page, with the names of some paths.
-
-    Examples
-    --------
-    >>> on_page("a.mp4 exists already; pass `overwrite=True` to replace it.")
-    'a.mp4 exists already; tick “Replace it if it exists” to replace it.'
-    """
+    """Return a sentence of the library or the command line in the words of the page, with the names of some paths."""
     for path in paths:
         sentence = sentence.replace(path, Path(path).name)
     text = in_flags(sentence)

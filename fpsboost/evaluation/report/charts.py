@@ -57,8 +57,7 @@ class Form(NamedTuple):
     """Size at which a figure is drawn: it is scaled to the page's width, so this decides how large its text looks."""
 
     name: str
-    size: tuple[float, float]
-    """Width and height, inches."""
+    size: tuple[float, float]  # width and height, inches
     text: float
 
 
@@ -68,8 +67,7 @@ FORMS = (Form("wide", (11.6, 3.9), 9.4), Form("narrow", (4.7, 3.7), 10.6))  # fo
 class Series(NamedTuple):
     """Values of one method at every frame, NaN where there is none."""
 
-    method: int
-    """Place among the methods, by which the page colours it."""
+    method: int  # place among the methods, by which the page colours it
     values: Sequence[float]
     style: Style
 
@@ -89,13 +87,11 @@ class Chart(NamedTuple):
 
     form: str
     svg: str
-    box: tuple[float, float, float, float]
-    """Left, top, width and height of the axes, shares of the figure."""
+    box: tuple[float, float, float, float]  # left, top, width and height of the axes, shares of the figure
     x_range: tuple[float, float]
     y_range: tuple[float, float]
     logarithmic: bool
-    is_labelled: bool = True
-    """Whether every name that belongs into the figure had room there."""
+    is_labelled: bool = True  # whether every name that belongs into the figure had room there
 
 
 def draw_lines(
