@@ -12,7 +12,6 @@ from fpsboost.contracts import Observer, SilentObserver, Summary
 from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.opening import Target
-from fpsboost.io.output import Window
 from fpsboost.io.staging import part_files
 from fpsboost.io.video.chunks import complete_chunk
 from fpsboost.io.video.encoder import traits_of_image
@@ -77,7 +76,11 @@ def join(
         if input_identity(clip) != first.facts.get("input"):
             raise InputError(f"{clip.whole.info.name} is not the input of the parts; name that with `input`.")
         ready = prepare(job, run, clip)
-        ready.output = replace(ready.output, window=_window(ordered))
+        filled = [manifest for _, manifest in ordered if manifest.summary.frames_out]
+        window = None
+        if filled and filled[0].window is not None and filled[-1].window is not None:
+            window = replace(filled[0].window, end=filled[-1].window.end)
+        ready.output = replace(ready.output, window=window)
         summary = _summary(ordered)
         sink = ready.target.open(ready.output)
         (observer or SilentObserver()).opened(clip.source.info, summary.frames_out)
@@ -166,13 +169,6 @@ def _check_files(folder: Path, manifest: Manifest) -> None:
         for file in manifest.files:
             if (folder / file.name).stat().st_size != file.size or stored(folder / file.name) != file:
                 raise InputError(f"{folder / file.name} is damaged; make part {manifest.part} again.")
-
-
-def _window(parts: Sequence[PartFiles]) -> Window | None:
-    filled = [manifest for _, manifest in parts if manifest.summary.frames_out]
-    if not filled or filled[0].window is None or filled[-1].window is None:
-        return None
-    return replace(filled[0].window, end=filled[-1].window.end)
 
 
 def _summary(parts: Sequence[PartFiles]) -> Summary:

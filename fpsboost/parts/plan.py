@@ -189,7 +189,9 @@ def planned_job(job: ConversionJob, run: RunOptions, count: int) -> Iterator[tup
     with prepared(job, run) as ready:
         folder = Part(1, 1).folder(ready.target.path).parent
         _refuse_others(folder, facts_of(ready), overwrite=run.overwrite)
-        planned = _plan_parts(ready, _count_of_earlier_run(folder) or count)
+        names = [path.name for path in folder.iterdir()] if folder.is_dir() else []
+        cut = {int(match[1]) for name in names if (match := re.search(r"\d{4}-of-(\d{4})\b", name))}
+        planned = _plan_parts(ready, max(cut, default=0) or count)
         fingerprint = JobFingerprint({}, resume=run.resume)
         ready.target.open(replace(ready.output, job=fingerprint))  # checks the place
         with explained(OutputError, "write to", folder, "check the path and the permissions"):
@@ -211,13 +213,6 @@ def _refuse_others(folder: Path, facts: Mapping[str, str], *, overwrite: bool) -
             raise OutputError(f"{folder} holds parts with another {difference}; remove it, or give `overwrite=True`.")
         shutil.rmtree(folder)
         return
-
-
-def _count_of_earlier_run(folder: Path) -> int | None:
-    """Return in how many parts an earlier run has cut the job; None if there was none."""
-    names = [path.name for path in folder.iterdir()] if folder.is_dir() else []
-    counts = {int(match[1]) for name in names if (match := re.search(r"\d{4}-of-(\d{4})\b", name))}
-    return max(counts, default=None)
 
 
 def _plan_parts(ready: Preparation, count: int) -> list[PlannedPart]:

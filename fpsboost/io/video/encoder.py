@@ -118,7 +118,13 @@ class VideoEncoder:
         color_space, location = self._traits.color_space, self._traits.chroma_location
         coding = Coding(depth_of(self.pixel_format), color_space, self._full_range, location, self.pixel_format)
         picture = as_picture(frame, coding, self._reformatter, keeps_original=self._keeps_original)
-        self._follow_captions(frame)
+        if frame.original is not None:
+            self._last_original = frame.original
+        elif self._has_captions and frame.preceding is not self._last_original:  # said once
+            self._has_captions = False
+            self.remarks.append(
+                f"{self._name} lost closed captions where pictures of its source gave way to interpolated ones."
+            )
         if picture is not frame.original:  # the ProRes encoder reads these and not its context
             context = stream.codec_context
             picture.colorspace, picture.color_range = context.colorspace, context.color_range
@@ -134,16 +140,6 @@ class VideoEncoder:
             return stream.encode(picture)
         finally:
             picture.pts, picture.duration, picture.time_base, picture.pict_type = before
-
-    def _follow_captions(self, frame: Frame) -> None:
-        """Remark, once, that closed captions have gaps where a picture of the source is not written itself."""
-        if frame.original is not None:
-            self._last_original = frame.original
-        elif self._has_captions and frame.preceding is not self._last_original:
-            self._has_captions = False
-            self.remarks.append(
-                f"{self._name} lost closed captions where pictures of its source gave way to interpolated ones."
-            )
 
     def finish(self) -> list[av.Packet[Any]]:
         """Flush the encoder and return the remaining packets; the next frame begins a new chunk."""
