@@ -280,9 +280,9 @@ class Interpolator:
     def frame_pair(self, pair: Pair, before: Pair | None, after: Pair | None) -> FramePair:
         """Return what the synthesizer takes of two frames that motion connects, and of the pairs before and after."""
         # the next pair's motion first: the thread that makes its frames waits for it
-        following = _neighbour(after, pair) if self.curved else None
+        following = _neighbour(after, pair, after.image1 if after else None) if self.curved else None
         fields = pair.fields
-        neighbours = (_neighbour(before, pair), following) if self.curved else ()
+        neighbours = (_neighbour(before, pair, before.image0 if before else None), following) if self.curved else ()
         return FramePair(*pair.compensated, *fields, *neighbours)
 
     def _finish(
@@ -331,7 +331,7 @@ class Interpolator:
         before, pair = rehearsal.pair(first, second), rehearsal.pair(second, third)
         with compiled_aside(partial(_rehearse_synthesis, rehearsal, noise)) if available_cores() > 1 else nullcontext():
             # all but what is aside
-            _rehearse(replace(rehearsal, synthesizer=Nearest(), overlays=False), before, pair)
+            _rehearse(replace(rehearsal, synthesizer=Nearest()), before, pair)
         _rehearse(rehearsal, before, pair)
 
     def without_vectors(self) -> Interpolator:
@@ -347,8 +347,9 @@ def _rehearse(interpolator: Interpolator, before: Pair, pair: Pair) -> None:
 
 
 def _rehearse_synthesis(interpolator: Interpolator, image: FrameImage) -> None:
-    """Make an image between equal ones, with overlays, and nothing else: half of all that is to compile."""
-    still = replace(interpolator, estimator=ZeroMotion(), cuts=None, compensate_illumination=False, match_grain=False)
+    """Make an image between equal ones, and nothing else: half of all that is to compile."""
+    still = replace(interpolator, estimator=ZeroMotion(), cuts=None, compensate_illumination=False)
+    still = replace(still, match_grain=False, overlays=False)
     first, second, third = (FrameCache(image) for _ in range(3))
     _rehearse(still, still.pair(first, second), still.pair(second, third))
 
@@ -419,10 +420,9 @@ def _extrapolate(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[M
     )
 
 
-def _neighbour(neighbour: Pair | None, pair: Pair) -> Neighbour | None:
+def _neighbour(neighbour: Pair | None, pair: Pair, beyond: FrameCache | None) -> Neighbour | None:
+    """Return what is known of a neighbouring pair, `beyond` being the frame that it does not share."""
     if neighbour is None:
         return None
-    beyond = neighbour.image0 if neighbour.image1 is pair.image0 else neighbour.image1
     same_light = neighbour.illumination is None and pair.illumination is None
-    ratio = float(neighbour.duration / pair.duration)
-    return Neighbour(*neighbour.fields, ratio, beyond if same_light else None)
+    return Neighbour(*neighbour.fields, float(neighbour.duration / pair.duration), beyond if same_light else None)

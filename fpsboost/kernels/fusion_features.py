@@ -162,7 +162,7 @@ def describe_candidate(squared, scale, window, motion, prior, support, t, around
     scalars[1] = prior
     scalars[2] = min((abs(motion[2]) + abs(motion[3])) * np.float32(0.125), one)
     scalars[3] = min(abs(motion[4]) + abs(motion[5]) + abs(motion[6]) + abs(motion[7]), np.float32(0.5))
-    scalars[4] = math.log(support + LEAST_SUPPORT)
+    scalars[4] = math.log(np.float64(support + LEAST_SUPPORT))  # the same float32 by any library
 
 
 @njit(**FINITE_JIT)

@@ -97,7 +97,7 @@ def believe_node(row, column, candidates, around, t, rows, luma, beliefs):
                 decay_row(luma, i, np.float32(0), LUMA_SCALE, np.float32(1 / AREA), luma, i)
             for i in range(AREA):
                 alike += luma[i]
-            belief *= math.exp(SHARPNESS * (alike - one))
+            belief *= np.float32(math.exp(np.float64(SHARPNESS * (alike - one))))
         beliefs[row, column, k] = belief
         total += belief
     for k in range(count):

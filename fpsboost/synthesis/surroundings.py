@@ -40,7 +40,8 @@ def flatness(image: FrameCache, step: int) -> NDArray[Any]:
     detail = luma - cv2.blur(luma, (5, 5))
     variance = cv2.blur(detail * detail, (5, 5))
     y, x = (places // 2 for places in point_places(image.pixels.shape, step))
-    flat: NDArray[Any] = np.exp(variance[np.ix_(y, x)] * np.float32(-0.5 / FLAT**2))
+    exponents = variance[np.ix_(y, x)].astype(np.float64) * (-0.5 / FLAT**2)
+    flat: NDArray[Any] = np.exp(exponents).astype(np.float32)
     return flat
 
 

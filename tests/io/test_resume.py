@@ -498,7 +498,7 @@ def test_moving_goes_on(tmp_path, images, snapshot, monkeypatch, moved):
 
     class Killed(BaseException): ...
 
-    def move_some(moves: list[tuple[Path, Path]]) -> None:
+    def move_some(moves: list[tuple[Path, Path]], _: object) -> None:
         for here, there in moves[:moved]:
             here.rename(there)
         monkeypatch.setattr("fpsboost.io.images.sink.ImageSink._leave", lambda sink, _: sink._unfinished._release())
