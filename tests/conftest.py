@@ -28,8 +28,10 @@ collect_ignore = ["blender_round_trip.py"]  # runs in Blender
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # the threads of FLIP would spin while they wait
 cv2.setNumThreads(1)  # so would OpenCV's, for images of a few pixels; in the processes that tests start they may
 
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as nohup has it; processes that tests start would inherit it
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+# as in the background of a shell, and after nohup; processes that tests start would inherit it
+for name, handler in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):
+    if hasattr(signal, name) and signal.getsignal(getattr(signal, name)) is signal.SIG_IGN:
+        signal.signal(getattr(signal, name), handler)
 
 settings.register_profile("fpsboost", deadline=None)  # the first case may compile, and no test asserts a time
 settings.load_profile("fpsboost")
