@@ -362,27 +362,26 @@ class MultiHypothesis:
         changes1 = accelerations_at_points((field10, field01), away1, after.ratio if after else 1, self.step)
         for changes in (changes0, changes1):
             changes[..., 1:] *= share
-        votes = [self._votes(field01, field10, changes0), self._votes(field10, field01, changes1)]
-        if self.fusion == "learnt" and field01.coarse is not None and field10.coarse is not None:
-            nothing = np.zeros_like(changes0)
-            coarse01 = self._votes(field01.coarse, field10.coarse, nothing)
-            coarse10 = self._votes(field10.coarse, field01.coarse, nothing)
+        certain01, certain10 = self._consistency(field01, field10), self._consistency(field10, field01)
+        votes = [self._votes(field01, certain01, changes0), self._votes(field10, certain10, changes1)]
+        coarse01, coarse10 = field01.coarse, field10.coarse
+        if self.fusion == "learnt" and coarse01 is not None and coarse10 is not None:
             further = []
-            for coarse, fields in ((coarse01, (field01, field10)), (coarse10, (field10, field01))):
-                doubt = np.maximum(1 - self._consistency(*fields) - MIN_DOUBT, 0)
-                further.append(coarse._replace(trust=coarse.trust * doubt))
+            for coarse, back, certain in ((coarse01, coarse10, certain01), (coarse10, coarse01, certain10)):
+                voted = self._votes(coarse, self._consistency(coarse, back), np.zeros_like(changes0))
+                doubt = np.maximum(1 - certain - MIN_DOUBT, 0)
+                further.append(voted._replace(trust=voted.trust * doubt))
             votes = [*further, *votes]  # first, as where there is doubt, nodes list as many motions as they can
         return votes
 
-    def _votes(self, field: MotionField, other: MotionField, changes: NDArray[Any]) -> Votes:
+    def _votes(self, field: MotionField, consistency: NDArray[Any], changes: NDArray[Any]) -> Votes:
         """Return the votes of a frame's points with their weights.
 
         A weight is proportional to the similarity of the patches, if it is known, and decreases with the
         forward-backward error: what is occluded in the other frame is matched by chance only, at another position.
         """
         vectors, similarities = field.at_points(self.step)
-        trust = similarities * self._consistency(field, other)
-        return Votes(vectors, motion_gradients(vectors, self.step), changes, trust)
+        return Votes(vectors, motion_gradients(vectors, self.step), changes, similarities * consistency)
 
     def _consistency(self, field: MotionField, other: MotionField) -> NDArray[Any]:
         """Return 1 for points whose motion leads back to them, less the larger the forward-backward error is."""
