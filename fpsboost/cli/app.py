@@ -260,7 +260,6 @@ def join(
     reporter.say_summary(summary)
 
 
-app.command("fpsboost.cli.tune:tune", help="Find the options of nlm-exhaustive that suit a clip.", help_epilogue="")
 app.command(
     "fpsboost.ui.command:ui",
     help="Convert clips on a page in the browser.",

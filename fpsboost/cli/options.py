@@ -238,16 +238,6 @@ class PlannedMethodOptions:
 
 
 @dataclass(frozen=True)
-class SweepOptions:
-    """Method and frames of a sweep."""
-
-    method: str = option(
-        "nlm-exhaustive", "nlm-exhaustive, or nlm, which has no window and no search radius.", short="m"
-    )
-    frames: int = option(3, "Number of frames to try on, chosen by their motion.")
-
-
-@dataclass(frozen=True)
 class PreviewOptions:
     """Passages, methods and files of a preview."""
 
@@ -273,7 +263,7 @@ class PreviewOptions:
 
 option_classes = (
     *(DecodeOptions, OutputRate, MethodOptions, CutOptions, Encoding, RunOptions, TuningOptions, ClusterOptions),
-    *(MessageOptions, HidingOptions, ContestOptions, ResultOptions, SweepOptions),
+    *(MessageOptions, HidingOptions, ContestOptions, ResultOptions),
     *(PlanOptions, FrameChoiceOptions, PlannedMethodOptions, MergeOptions, JoinOptions, PreviewOptions),
 )
 

@@ -1,4 +1,4 @@
 """How good a method is on anybody's own material: true frames are hidden, interpolated, and compared.
 
-`compare` scores methods, `tune` sweeps the parameters of the report's, `report` has the page of a comparison.
+`compare` scores methods, `report` has the page of a comparison.
 """

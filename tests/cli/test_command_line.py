@@ -466,7 +466,7 @@ def test_what_nobody_foresaw_is_one_sentence(fpsboost_, clip, tmp_path, snapshot
         assert "Traceback" in verbose.err
 
 
-@pytest.mark.parametrize("command", ["probe", "compare", "preview", "tune"])
+@pytest.mark.parametrize("command", ["probe", "compare", "preview"])
 def test_no_command_ends_in_a_traceback(fpsboost_, clip, tmp_path, snapshot, monkeypatch, command):
     """Those without details to say take --verbose all the same."""
     before = snapshot(tmp_path)

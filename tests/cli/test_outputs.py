@@ -22,7 +22,6 @@ COMMANDS = {
     "compared page": "compare in.mp4 -m blend --report PLACE",
     "compared json": "compare in.mp4 -m blend --json PLACE.json",
     "compared csv": "compare in.mp4 -m blend --csv PLACE.csv",
-    "curves": "tune in.mp4 --figure PLACE.svg",
     "preview": "preview in.mp4 PLACE.html -m blend",
     "preview video": "preview in.mp4 p.html -m blend --side-by-side PLACE.mp4",
     "plan": "plan images PLACE",
@@ -41,7 +40,7 @@ def test_what_cannot_be_written_is_refused_before_any_frame_is_read(
         pytest.skip("the folder is Linux's")
     write_clip(tmp_path / "in.mp4", times=range(6))
     save_images(tmp_path / "images", count=3)
-    for suffix in ("", ".mp4", ".gif", ".json", ".csv", ".svg", ".html"):
+    for suffix in ("", ".mp4", ".gif", ".json", ".csv", ".html"):
         (tmp_path / f"loop{suffix}").symlink_to(f"loop{suffix}")
 
     def read(source: object) -> None:
