@@ -1,24 +1,26 @@
 """Conversion by the workers of a Dask cluster: parts are planned and joined here, and are tasks that return paths.
 
 A task is bound to the worker that it is meant for, so that a worker makes one part at a time with all its threads, and
-nothing but this part is made again if it dies. Keys follow from the job: two clients that convert the same thing on one
-scheduler wait for the same tasks.
+nothing but this part is made again if it dies. Largest parts go first, so that the last ones to finish are small. A
+part whose worker dies, or that fails for a reason that may lie with the worker, is made again, elsewhere if possible.
+Keys follow from the job: two clients that convert the same thing on one scheduler wait for the same tasks.
 """
 
 from __future__ import annotations
 
+import concurrent.futures
 import logging
 import os
 import pickle
 import shutil
 import time
 from asyncio import CancelledError
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from queue import Empty, SimpleQueue
+from threading import Event
 from typing import Any, Self
 from uuid import uuid4
 
@@ -26,14 +28,23 @@ import dask
 from distributed import Client, Future, KilledWorker, LocalCluster
 from distributed.security import Security
 
-from fpsboost import ConversionJob, FpsboostError, OptionError, OutputError, Part, RunOptions, Summary, join
-from fpsboost.cluster.scheduler import MAX_LOST_WORKERS, Done, Failed, Progress, Report, run_parts
+from fpsboost import (
+    ConversionJob,
+    FpsboostError,
+    InputError,
+    OptionError,
+    OutputError,
+    Part,
+    RunOptions,
+    Summary,
+    join,
+)
 from fpsboost.cluster.worker import LOCK_INTERVAL, Outcome, PartTask, WorkerOrder, job_key, make_on_worker, read_piece
 from fpsboost.contracts import SilentObserver
 from fpsboost.errors import ClusterError, CompleteAlreadyError, InUseError, explained
 from fpsboost.io.staging import sync
 from fpsboost.parts.manifest import job_facts
-from fpsboost.parts.plan import planned_job
+from fpsboost.parts.plan import PlannedPart, planned_job
 
 PARTS_PER_WORKER = 8
 """Parts of a conversion for each worker; at the end, a worker idles for half of one on average."""
@@ -41,7 +52,13 @@ PARTS_PER_WORKER = 8
 GROWN_CLUSTER = 32
 """Number of workers for which parts are cut at least: nodes of a batch system come one by one."""
 
-WAIT_SECONDS = 0.5  # longest time that `DaskExecutor.wait` waits for a report
+MAX_FAILURES = 3
+"""Number of times that a part may fail with an error; the last error is raised then."""
+
+MAX_LOST_WORKERS = 10
+"""Number of workers that may die with the same part; nodes that are taken away at any time need more than a few."""
+
+WAIT_SECONDS = 0.5  # longest time that is waited for an end or a progress before workers are looked for
 
 WORKERS_INTERVAL = 1.0
 """Seconds between questions to the scheduler which workers are there."""
@@ -83,11 +100,10 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
             progress.seconds = time.perf_counter() - begin
             observer.wrote(progress)
 
-        with DaskExecutor(client, job, run) as executor:
-            utilisation = run_parts(missing, executor, wrote)
+        with _Parts(client, job, run, missing) as parts:
+            parts.make(wrote)
     summary = _join(job.output, list(folders.values()), overwrite=run.overwrite)
     summary.completed_frames, summary.seconds = progress.completed_frames, time.perf_counter() - begin
-    summary.utilisation = utilisation.sentence()
     return summary
 
 
@@ -111,28 +127,63 @@ def _join(output: str, parts: Sequence[Path], *, overwrite: bool) -> Summary:
     return summary
 
 
+class _WorkerLostError(Exception):
+    """Raised where a worker has died, or does not answer."""
+
+
+@dataclass
+class _Attempts:
+    """Attempts to make one part so far."""
+
+    count: int = 0
+    failures: int = 0
+    lost_workers: int = 0
+    failed_on: set[str] = field(default_factory=set)
+
+    def fail(self, part: Part, worker: str, error: Exception) -> None:
+        """Count a failure; raise its error if another attempt is of no use."""
+        if isinstance(error, _WorkerLostError):
+            self.lost_workers += 1
+            if self.lost_workers >= MAX_LOST_WORKERS:
+                raise ClusterError(
+                    f"{self.lost_workers} workers died while they made part {part}, the last one at {worker}; see what "
+                    "the system and its log say, such as too little memory."
+                )
+            return
+        self.failures += 1
+        self.failed_on.add(worker)
+        if isinstance(error, InputError | OptionError | ClusterError) or self.failures >= MAX_FAILURES:
+            raise error
+
+
 @dataclass
 class _Running:
-    """Part that a worker makes."""
+    """Part that a worker makes, whose files are then copied if the worker has them on a disk of its own."""
 
+    planned: PlannedPart
     worker: str
     future: Future[Outcome]
-    was_missing: bool = False  # whether no worker had its task when the scheduler was asked for the last time
+    copy: concurrent.futures.Future[None] | None = None
 
 
-class DaskExecutor:
-    """Executor whose workers are those of a Dask client, which stays open; paths of the parts are absolute."""
+class _Parts:
+    """Parts of a conversion, made by the workers of a Dask client, which stays open; their paths are absolute."""
 
-    def __init__(self, client: Client, job: ConversionJob, run: RunOptions) -> None:
+    def __init__(self, client: Client, job: ConversionJob, run: RunOptions, planned: Sequence[PlannedPart]) -> None:
         assert job.output is not None
         self._client, self._job, self._run, self._output, self._facts = client, job, run, job.output, job_facts(job)
         self._topic = f"fpsboost-{job_key(self._facts, job.output)}"
         self._mark = Part(1, 1).folder(job.output).with_name(f".{self._topic}.{uuid4().hex[:8]}")
-        self._reports: SimpleQueue[Report | Exception] = SimpleQueue()
-        self._running: dict[Part, _Running] = {}
-        self._workers: list[str] = []
+        self._planned, self._waiting = planned, largest_first(planned)
+        self._attempts = {each.part: _Attempts() for each in planned}
+        self._complete = set[Part]()
+        self._reported = {each.part: 0 for each in planned}
+        """Output frames that each part has had; one that is made again counts only what it has more than before."""
+        self._running: list[_Running] = []
+        self._news = Event()  # set, in threads of Dask, when a task has ended or reported frames
+        self._workers: Collection[str] = ()
         self._asked = float("-inf")
-        self._fetching = ThreadPoolExecutor(1, "fpsboost-fetch")
+        self._copying = ThreadPoolExecutor(1, "fpsboost-copy")
         self._call: Future[Any] | None = None
 
     def __enter__(self) -> Self:
@@ -143,109 +194,133 @@ class DaskExecutor:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self.cancel()
-        self._fetching.shutdown()
+        for running in self._running:
+            self._release(running)  # another client that waits for a task keeps it running
+        self._copying.shutdown(cancel_futures=True)
         with suppress(Exception):  # the scheduler may be gone
             self._client.unsubscribe_topic(self._topic)
         self._mark.unlink(missing_ok=True)
 
-    def workers(self) -> Sequence[str]:
-        """Return the names of the workers; the scheduler is asked for them now and then."""
+    def make(self, wrote: Callable[[int], None]) -> None:
+        """Make all parts; `wrote` gets the number of output frames that all have together, whenever there are more.
+
+        If an error ends this, a note says how to go on.
+        """
+        known = 0
+        try:
+            while self._waiting or self._running:
+                self._ask_for_workers()
+                self._submit_to_free()
+                self._news.wait(WAIT_SECONDS)
+                self._news.clear()
+                for running in list(self._running):
+                    self._look_at(running)
+                frames = sum(
+                    each.frames if each.part in self._complete else self._reported[each.part] for each in self._planned
+                )
+                if frames > known:
+                    known = frames
+                    wrote(frames)
+        except BaseException as error:
+            if isinstance(error, KeyboardInterrupt | FpsboostError) and not isinstance(error, InputError | OptionError):
+                note = f"{len(self._complete)} of {len(self._planned)} parts are complete; `resume` goes on with them."
+                error.__notes__ = [note]
+            raise
+
+    def _ask_for_workers(self) -> None:
+        """Ask the scheduler for the workers, now and then."""
         now = time.monotonic()
         if now - self._asked < WORKERS_INTERVAL:
-            return self._workers
+            return
         self._asked = now
         try:
             assert self._client.scheduler is not None
-            processing = self._client.sync(self._client.scheduler.processing, callback_timeout=REPLY_SECONDS)
+            self._workers = self._client.sync(self._client.scheduler.ncores, callback_timeout=REPLY_SECONDS)
         except (OSError, TimeoutError) as error:
             raise self._scheduler_gone() from error
-        self._workers = list(processing)
-        on_workers = {key for keys in processing.values() for key in keys}
-        for part, running in list(self._running.items()):
-            # a result may be on its way, so only what was missing the last time, too, is lost
-            is_missing = running.future.key not in on_workers and not running.future.done()
-            if is_missing and running.was_missing:
-                self._release(part)
-                self._reports.put(Failed(part, running.worker))
-            running.was_missing = is_missing
         # while there is none, a task for any worker, so that a cluster that starts them on demand does
         if not self._workers and self._call is None:
             self._call = self._client.submit(os.getpid, key=f"{self._topic}-call", pure=False)
         elif self._workers:
             self._call = None
-        return self._workers
 
-    def submit(self, part: Part, worker: str, attempt: int) -> None:
+    def _submit_to_free(self) -> None:
+        busy = {running.worker for running in self._running}
+        for worker in [each for each in self._workers if each not in busy]:
+            # the largest part that has not failed on this worker, or has failed on all of them
+            attempts = ((each, self._attempts[each.part].failed_on) for each in self._waiting)
+            free = (each for each, failed in attempts if worker not in failed or failed.issuperset(self._workers))
+            planned = next(free, None)
+            if planned is not None:
+                self._waiting.remove(planned)
+                self._submit(planned, worker)
+
+    def _submit(self, planned: PlannedPart, worker: str) -> None:
+        part, attempts = planned.part, self._attempts[planned.part]
         task = PartTask(self._job, part, self._run.threads, self._run.limit)
         order = WorkerOrder(pickle.dumps(task), self._facts, str(self._mark), self._topic)
-        key = f"{self._topic}-{part.number}-of-{part.count}-{attempt}"
+        key = f"{self._topic}-{part.number}-of-{part.count}-{attempts.count}"
+        attempts.count += 1
         future = self._client.submit(make_on_worker, order, key=key, workers=[worker], pure=False)
-        self._running[part] = _Running(worker, future)
-        future.add_done_callback(lambda done: self._handle_end(part, worker, done))
+        self._running.append(_Running(planned, worker, future))
+        future.add_done_callback(lambda _: self._news.set())
 
-    def wait(self) -> list[Report]:
-        """Return the reports that have come; raises `ClusterError` if the scheduler is gone."""
-        received: list[Report | Exception] = []
-        with suppress(Empty):
-            received.append(self._reports.get(timeout=WAIT_SECONDS))
-            while True:
-                received.append(self._reports.get_nowait())
-        reports: list[Report] = []
-        for report in received:
-            if isinstance(report, Exception):
-                raise report
-            if not isinstance(report, Progress):
-                self._release(report.part)
-            reports.append(report)
-        return reports
-
-    def cancel(self) -> None:
-        """Release all tasks; another client that waits for one keeps it running."""
-        for part in list(self._running):
-            self._release(part)
-        self._fetching.shutdown(cancel_futures=True)
-
-    def _release(self, part: Part) -> None:
-        """Tell Dask that the result of a part's task is not wanted any more."""
-        running = self._running.pop(part, None)
-        if running is not None:
-            with suppress(Exception):  # the scheduler may be gone
-                running.future.release()
+    def _release(self, running: _Running) -> None:
+        """Tell Dask that the result of a task is not wanted any more."""
+        with suppress(Exception):  # the scheduler may be gone
+            running.future.release()
 
     def _handle_event(self, event: tuple[float, Mapping[str, Any]]) -> None:
         _, message = event
-        self._reports.put(Progress(Part(*map(int, message["part"].split("/"))), message["frames"]))
+        part = Part(*map(int, message["part"].split("/")))
+        if part in self._reported:
+            self._reported[part] = max(self._reported[part], message["frames"])
+            self._news.set()
 
-    def _handle_end(self, part: Part, worker: str, future: Future[Outcome]) -> None:
-        """Handle the end of a task; called in a thread of Dask."""
-        running = self._running.get(part)
-        if running is None or running.future is not future:
-            return
-        if future.status == "cancelled":
-            self._reports.put(self._scheduler_gone())
-            return
+    def _look_at(self, running: _Running) -> None:
+        """Take note of a part that is complete, or have it made again if it has failed."""
+        part = running.planned.part
+        try:
+            if not self._is_complete(running):
+                return
+            self._complete.add(part)
+        except Exception as error:
+            self._attempts[part].fail(part, running.worker, error)
+            self._waiting = largest_first([*self._waiting, running.planned])
+        self._running.remove(running)
+        self._release(running)
+
+    def _is_complete(self, running: _Running) -> bool:
+        """Return whether a part is complete, whose copying begins here; raise its error, or that its worker is lost."""
+        part, future = running.planned.part, running.future
+        if running.copy is not None:
+            return running.copy.done() and running.copy.result() is None
+        if not future.done():
+            if running.worker not in self._workers:
+                raise _WorkerLostError
+            return False
+        if future.cancelled():
+            raise self._scheduler_gone()
         try:
             outcome = future.result(timeout=REPLY_SECONDS)
-        except (OSError, TimeoutError, KilledWorker, CancelledError):  # a worker that has died with its result
-            self._reports.put(Failed(part, worker))
-            return
+        except (OSError, TimeoutError, KilledWorker, CancelledError) as error:  # a worker that has died with its result
+            raise _WorkerLostError from error
         except Exception as error:  # it cannot even read its task
-            reason = f"{type(error).__name__}: {error}"
-            sentence = f"The worker at {worker} cannot run fpsboost ({reason}); install the same version there."
-            self._reports.put(Failed(part, worker, ClusterError(sentence)))
-            return
+            raise ClusterError(
+                f"The worker at {running.worker} cannot run fpsboost ({type(error).__name__}: {error}); install the "
+                "same version there."
+            ) from error
         if outcome.is_stopped:
-            self._reports.put(Failed(part, worker))
-        elif outcome.error is not None:
-            self._reports.put(Failed(part, worker, outcome.error))
-        elif not outcome.is_private and (part.folder(self._output).is_dir() or not self._mark.exists()):
-            self._reports.put(Done(part))  # another client of this job may have joined and removed it
-        else:
-            with suppress(RuntimeError):  # cancelled meanwhile
-                self._fetching.submit(self._fetch, part, worker, outcome)
+            raise _WorkerLostError
+        if outcome.error is not None:
+            raise outcome.error
+        if not outcome.is_private and (part.folder(self._output).is_dir() or not self._mark.exists()):
+            return True  # another client of this job may have joined and removed it
+        running.copy = self._copying.submit(self._copy_part, part, running.worker, outcome)
+        running.copy.add_done_callback(lambda _: self._news.set())
+        return False
 
-    def _fetch(self, part: Part, worker: str, outcome: Outcome) -> None:
+    def _copy_part(self, part: Part, worker: str, outcome: Outcome) -> None:
         """Copy the files of a part from a worker's own disk, and remove them there."""
         folder = part.folder(self._output)
         place = folder.with_name(f".{folder.name}.{uuid4().hex[:8]}")
@@ -260,11 +335,6 @@ class DaskExecutor:
                     copy.rename(folder)
             if outcome.is_private:
                 self._client.run(shutil.rmtree, outcome.folder, ignore_errors=True, workers=[worker], on_error="ignore")
-            self._reports.put(Done(part))
-        except _WorkerLostError:
-            self._reports.put(Failed(part, worker))
-        except Exception as error:
-            self._reports.put(Failed(part, worker, error))
         finally:
             shutil.rmtree(place, ignore_errors=True)
 
@@ -284,8 +354,9 @@ class DaskExecutor:
         return ClusterError(f"The scheduler at {address} is gone; start it again, or leave `cluster` out.")
 
 
-class _WorkerLostError(Exception):
-    """Raised where a worker does not answer."""
+def largest_first(planned: Sequence[PlannedPart]) -> list[PlannedPart]:
+    """Return parts in the order in which they are made, those of one size by their numbers."""
+    return sorted(planned, key=lambda each: (-each.cost, each.part.number))
 
 
 @contextmanager
