@@ -320,7 +320,7 @@ def _with_option(method: NamedMethod, text: str, part: str) -> NamedMethod:
 
 def choose(texts: Sequence[str], vectors: VectorFolder | None) -> tuple[dict[str, Contestant], dict[str, str]]:
     """Return the methods of ``--methods``, and those that cannot be run with the reason."""
-    from fpsboost.evaluation.contestants import MINTERPOLATE, Minterpolate, method_names  # noqa: PLC0415
+    from fpsboost.evaluation.contestants import method_names  # noqa: PLC0415
     from fpsboost.method_table import vector_methods  # noqa: PLC0415
 
     names = method_names()
@@ -333,12 +333,7 @@ def choose(texts: Sequence[str], vectors: VectorFolder | None) -> tuple[dict[str
             if candidate.name in vector_methods and vectors is None:
                 skipped[candidate.text] = "it needs the renderer's motion vectors (--vectors)"
                 continue
-            contestant = _make(candidate, vectors)  # first, because a wrong option is one wherever FFmpeg is missing
-            reason = Minterpolate.missing() if candidate.name == MINTERPOLATE else None
-            if reason is None:
-                contestants[candidate.text] = contestant
-            else:
-                skipped[candidate.text] = reason
+            contestants[candidate.text] = _make(candidate, vectors)
     return contestants, skipped
 
 

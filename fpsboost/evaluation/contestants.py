@@ -5,27 +5,27 @@ Frames of other tools are in `fpsboost.evaluation.peers`.
 
 from __future__ import annotations
 
-import contextlib
-import os
 import re
-import shutil
-import subprocess
-import tempfile
 import time
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
-from typing import IO, ClassVar, NamedTuple, Protocol, Self
+from fractions import Fraction
+from typing import ClassVar, NamedTuple, Protocol, Self
 
+import av
+import av.error
+import av.filter
 import cv2
 import numpy as np
 
 from fpsboost.colour import has_alpha, normalised
-from fpsboost.errors import InputError, OptionError
+from fpsboost.errors import OptionError
 from fpsboost.evaluation.hidden_frames import Hidden, Interval
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, view
 from fpsboost.interpolator import Interpolator, with_neighbours
+from fpsboost.io.video.pictures import pulled
+from fpsboost.io.video.ycc import graph_of
 from fpsboost.method_table import methods, vector_methods
 from fpsboost.pair import Pair
 
@@ -110,7 +110,7 @@ class InterpolatorContestant:
 
 @dataclass(frozen=True)
 class Minterpolate:
-    """FFmpeg's motion-compensated filter in a process of its own, with 8 bits a colour, which is all it takes."""
+    """FFmpeg's motion-compensated filter, in the FFmpeg of PyAV, with 8 bits a colour, which is all it takes."""
 
     options: str = "mi_mode=mci:mc_mode=aobmc:me_mode=bidir:vsbmc=1:scd=none"
 
@@ -128,64 +128,59 @@ class Minterpolate:
     looks_far: ClassVar[bool] = True  # its search begins where the search for the frame before ended
     any_time: ClassVar[bool] = False  # it is fed frames without times
 
-    @staticmethod
-    def missing() -> str | None:
-        """Return why it cannot be used, or None."""
-        return None if shutil.which("ffmpeg") else "there is no ffmpeg on the PATH"
-
     def describe(self) -> str:
-        return f"ffmpeg -vf minterpolate={self.options}, 4:4:4, 8 bit"
+        return f"FFmpeg's minterpolate={self.options}, 4:4:4, 8 bit"
 
     def interpolate(
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
-        """See `Contestant.interpolate`; the time is that of the whole command, divided evenly."""
-        arriving = iter(intervals)
-        first = next(arriving, None)
-        if first is None:
-            return
-        shown, factor = first.shown0.array, len(first.hidden) + 1
-        places: list[tuple[int, int]] = []
-        begin, begin_cpu = time.perf_counter(), seconds_of_children()
-        with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as complaints:
-            # ends its input and waits, whatever happens
-            with self._start(shown, factor, output, complaints) as process:
-                _feed(process, shown)
-                for index, interval in enumerate(chain([first], arriving)):
-                    places += [(hidden.number, index * factor + k) for k, hidden in enumerate(interval.hidden, start=1)]
-                    _feed(process, interval.shown1.array)
-                process.communicate()
-            seconds, cpu_seconds = time.perf_counter() - begin, seconds_of_children() - begin_cpu
-            if process.returncode:
-                complaints.seek(0)
-                reason = complaints.read().decode(errors="replace").strip().splitlines()
-                raise InputError(f"ffmpeg's minterpolate failed: {reason[-1] if reason else process.returncode}.")
-            size = shown.shape[0] * shown.shape[1] * 3
-            for number, place in places:
-                if wanted is not None and number not in wanted:
-                    continue
-                output.seek(place * size)
-                data = output.read(size)
-                if len(data) < size:
-                    raise InputError(f"ffmpeg's minterpolate made no frame {number}; leave it out with `methods`.")
-                image = as_type_of(np.frombuffer(data, np.uint8).reshape(*shown.shape[:2], 3), shown)
-                yield InterpolatedFrame(number, image, seconds / len(places), cpu_seconds / len(places))
+        """See `Contestant.interpolate`; frames that the filter makes at once share its time evenly."""
+        graph: av.filter.Graph | None = None
+        hidden: dict[int, Hidden] = {}  # by the place in the filter's output
+        place, last = 0, None
+        for interval in intervals:
+            factor = len(interval.hidden) + 1
+            if graph is None:
+                graph = self._graph(interval.shown0.array, factor)
+                graph.vpush(_as_picture(interval.shown0.array, 0))
+            hidden |= {place * factor + k: each for k, each in enumerate(interval.hidden, start=1)}
+            place, last = place + 1, interval.shown1.array
+            yield from _passed(graph, _as_picture(last, place), hidden, wanted)
+        if graph is not None and last is not None:
+            # the filter holds two frames back and never makes the last interval: the last frame is repeated at the end
+            for more in (1, 2):
+                yield from _passed(graph, _as_picture(last, place + more), hidden, wanted)
 
-    def _start(self, shown: Image, factor: int, output: IO[bytes], complaints: IO[bytes]) -> subprocess.Popen[bytes]:
-        height, width = shown.shape[:2]
-        # the filter holds two frames back and never makes the last interval: the last frame is repeated behind the end
-        chain = f"format=yuv444p,tpad=stop=2:stop_mode=clone,minterpolate=fps={factor}:{self.options},format=bgr24"
-        raw = ["-f", "rawvideo", "-pix_fmt", "bgr24"]
-        command = ["ffmpeg", "-loglevel", "error", *raw, "-s", f"{width}x{height}", "-r", "1", "-i", "-", "-vf", chain]
-        return subprocess.Popen([*command, *raw, "-"], stdin=subprocess.PIPE, stdout=output, stderr=complaints)
+    def _graph(self, shown: Image, factor: int) -> av.filter.Graph:
+        filters = ("format", "yuv444p"), ("minterpolate", f"fps={factor}:{self.options}"), ("format", "bgr24")
+        try:
+            return graph_of(_as_picture(shown, 0), *filters)
+        except (av.error.FFmpegError, ValueError) as error:
+            raise OptionError(f"minterpolate does not take {self.options} ({error}).") from error
 
 
-def _feed(process: subprocess.Popen[bytes], image: Image) -> None:
-    assert process.stdin is not None
+def _as_picture(image: Image, place: int) -> av.VideoFrame:
+    """Return an image in 8 bits as a picture of a clip with one frame per second."""
     colours = image[..., :3] if image.shape[2] >= 3 else image[..., :1].repeat(3, axis=2)
     levels = np.rint(normalised(colours).clip(0, 1) * 255).astype(np.uint8)
-    with contextlib.suppress(BrokenPipeError):  # what went wrong is read from its messages
-        process.stdin.write(np.ascontiguousarray(levels).tobytes())
+    picture = av.VideoFrame.from_ndarray(levels, format="bgr24")
+    picture.pts, picture.time_base = place, Fraction(1)
+    return picture
+
+
+def _passed(
+    graph: av.filter.Graph, picture: av.VideoFrame, hidden: dict[int, Hidden], wanted: Container[int] | None
+) -> Iterator[InterpolatedFrame]:
+    """Push a picture, and yield the hidden frames that come out, which are taken from `hidden`."""
+    begin, begin_cpu = time.perf_counter(), time.process_time()
+    graph.vpush(picture)
+    pictures = [each for each in pulled(graph) if each.pts in hidden]
+    seconds, cpu_seconds = time.perf_counter() - begin, time.process_time() - begin_cpu
+    for each in pictures:
+        frame = hidden.pop(each.pts or 0)
+        if wanted is None or frame.number in wanted:
+            image = as_type_of(each.to_ndarray(), frame.truth)
+            yield InterpolatedFrame(frame.number, image, seconds / len(pictures), cpu_seconds / len(pictures))
 
 
 def as_type_of(image: Image, like: Image) -> Image:
@@ -209,9 +204,3 @@ def as_type_of(image: Image, like: Image) -> Image:
         return np.ascontiguousarray(colours, np.float32)
     white = np.iinfo(like.dtype).max
     return np.ascontiguousarray(np.rint(colours.clip(0, 1) * white), like.dtype)
-
-
-def seconds_of_children() -> float:
-    """Return the CPU seconds of all finished child processes."""
-    times = os.times()
-    return times.children_user + times.children_system

@@ -14,6 +14,7 @@ images with numbers
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 import subprocess
@@ -23,17 +24,17 @@ from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count, pairwise
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
 from fpsboost.errors import InputError, OptionError, explained
-from fpsboost.evaluation.contestants import InterpolatedFrame, as_type_of, seconds_of_children
+from fpsboost.evaluation.contestants import InterpolatedFrame, as_type_of
 from fpsboost.evaluation.hidden_frames import Interval
 from fpsboost.image import Image
 from fpsboost.io.images.encoder import encode_image
-from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, read_image
-from fpsboost.io.images.sequence import list_files
+from fpsboost.io.images.files import read_image
+from fpsboost.io.images.source import find_images
 
 UNKNOWN = float("nan")
 
@@ -67,9 +68,9 @@ class PeerFrames:
 
 def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerFrames:
     """Match the images of a folder to all hidden frames of a clip, as the docstring of this module says."""
-    images = list_images(folder)
-    if not images:
-        raise InputError(f"{folder} holds no images ({', '.join(IMAGE_SUFFIXES)}); name the folder of {name}'s frames.")
+    with explained(InputError, "read", folder, "name a folder of images"):
+        images = find_images(str(folder))
+    count_of_images, own = len(images.files), list(images.numbers)
     hidden, first, last, most = [], None, 0, 0
     for interval in intervals:
         first = interval.number if first is None else first
@@ -77,31 +78,29 @@ def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerF
         most = max(most, len(interval.hidden))
         last = interval.last
     assert first is not None
-    steps = _steps([image.number for image in images])
-    numbers: Iterable[int | None]
-    if 0 <= len(images) - (last - first + 1) <= most and len(set(steps)) <= 1:
+    steps = _steps(own)
+    numbers: Iterable[int]
+    if 0 <= count_of_images - (last - first + 1) <= most and len(set(steps)) <= 1:
         numbers = count(first)
-    elif images[0].number in (0, 1) and set(steps) == {1} and len(images) > last:
+    elif own[:1] in ([0], [1]) and set(steps) == {1} and count_of_images > last:
         numbers = count()
-    elif len(images) == len(hidden) and (len(set(steps)) <= 1 or steps == _steps(hidden)):
+    elif count_of_images == len(hidden) and (len(set(steps)) <= 1 or steps == _steps(hidden)):
         numbers = hidden
     else:
-        numbers = [image.number for image in images]
-    paths = {number: image.path for number, image in zip(numbers, images, strict=False)}
+        numbers = own
+    paths = dict(zip(numbers, images.files, strict=False))
     missing = [number for number in hidden if number not in paths]
     if missing:
         raise InputError(
-            f"{folder} has {len(images)} images, but none for frame {missing[0]}; {name} must give the whole "
+            f"{folder} has {count_of_images} images, but none for frame {missing[0]}; {name} must give the whole "
             f"sequence ({last - first + 1} images), the hidden frames alone ({len(hidden)}), or images numbered "
             "like the frames of the clip, counted from 0."
         )
     return PeerFrames({number: paths[number] for number in hidden}, f"images of {folder}")
 
 
-def _steps(numbers: Sequence[int | None]) -> list[int]:
-    """Return the steps from each number to the next; none where images have no numbers."""
-    existing = [number for number in numbers if number is not None]
-    return [after - before for before, after in pairwise(existing)]
+def _steps(numbers: Sequence[int]) -> list[int]:
+    return [after - before for before, after in pairwise(numbers)]
 
 
 def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Path) -> PeerFrames:
@@ -118,18 +117,18 @@ def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Pa
         folder.mkdir()
     places, count, factor, rate = _write_shown(intervals, folders[0])
     values = {"in": str(folders[0]), "out": str(folders[1]), "factor": str(factor), "fps": f"{rate:.10g}"}
-    begin, begin_cpu = time.perf_counter(), seconds_of_children()
+    begin, begin_cpu = time.perf_counter(), _seconds_of_children()
     words = [re.sub(r"\{(\w+)\}", lambda match: values.get(match[1], match[0]), word) for word in words]
     last_line = _run(name, words, scratch)
-    seconds, cpu_seconds = time.perf_counter() - begin, seconds_of_children() - begin_cpu
-    images = list_images(folders[1])
+    seconds, cpu_seconds = time.perf_counter() - begin, _seconds_of_children() - begin_cpu
+    images = find_images(str(folders[1])).files if any(folders[1].iterdir()) else []
     least = (count - 1) * factor + 1
     if not least <= len(images) <= count * factor:
         raise InputError(
             f"The peer {name} made {len(images)} images of {count}, not {least} to {count * factor}; its command must "
             f"write all frames, the shown ones too, as images into {{out}}{last_line and f' (it said: {last_line})'}."
         )
-    files = {number: images[place].path for number, place in places}
+    files = {number: images[place] for number, place in places}
     return PeerFrames(files, command, seconds / len(files), cpu_seconds / len(files))
 
 
@@ -192,25 +191,10 @@ def _run(name: str, words: Sequence[str], folder: Path) -> str:
     return last_line
 
 
-class NumberedImage(NamedTuple):
-    """A file, and the number in its name; None if there is none."""
-
-    number: int | None
-    path: Path
-
-
-def list_images(folder: Path) -> list[NumberedImage]:
-    """List the images of a folder in the order of their names, numbers in them by their value."""
-    with explained(InputError, "read", folder, "name a folder of images"):
-        names = [each for each in list_files(folder) if extension_of(each) in IMAGE_SUFFIXES and each[0] != "."]
-    parts = {name: re.split(r"(\d+)", Path(name).stem) for name in names}
-    values = {name: [int(each) for each in split[1::2]] for name, split in parts.items()}
-    # of several numbers the frame's is the one that changes, else the last
-    alike = len({len(each) for each in values.values()}) == 1
-    changing = [place for place, column in enumerate(zip(*values.values(), strict=False)) if len(set(column)) > 1]
-    place = changing[0] if alike and len(changing) == 1 else -1
-    names.sort(key=lambda name: (parts[name][::2], values[name]))
-    return [NumberedImage(values[name][place] if values[name] else None, folder / name) for name in names]
+def _seconds_of_children() -> float:
+    """Return the CPU seconds of all finished child processes."""
+    times = os.times()
+    return times.children_user + times.children_system
 
 
 def read_like(path: Path, like: Image) -> Image:

@@ -90,7 +90,7 @@ def test_a_folder_that_does_not_fit_is_one_sentence(tmp_path, clip):
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="empty holds no images"):
         find_frames("tool", tmp_path / "empty", Hiding().intervals(clip))
-    with pytest.raises(InputError, match="Cannot read"):
+    with pytest.raises(InputError, match="nowhere does not exist"):
         find_frames("tool", tmp_path / "nowhere", Hiding().intervals(clip))
 
 

@@ -270,9 +270,9 @@ def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction, nam
         count = 0
         for count, picture in enumerate(chain([first], alike), 1):  # noqa: B007 (used after the loop)
             graph.vpush(picture)
-            yield from _pulled(graph)
+            yield from pulled(graph)
         graph.vpush(None)
-        rest = list(_pulled(graph))
+        rest = list(pulled(graph))
         if count == 1 and len(rest) == 2 and rest[0].pts is not None:
             rest[1].pts = rest[0].pts + rest[0].duration  # without a neighbour, bwdif gives both the same time
         yield from rest
@@ -293,7 +293,8 @@ class _Graphs:
         return self._graphs[key].vpull()
 
 
-def _pulled(graph: av.filter.Graph) -> Iterator[av.VideoFrame]:
+def pulled(graph: av.filter.Graph) -> Iterator[av.VideoFrame]:
+    """Yield the pictures that are ready."""
     with suppress(av.error.BlockingIOError, av.error.EOFError):
         while True:
             yield graph.vpull()
