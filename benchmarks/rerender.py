@@ -20,7 +20,7 @@ from fpsboost.io.images.files import read_image
 from fpsboost.io.images.source import find_images
 from fpsboost.method_table import find_method
 from fpsboost.rerender.frame_choice import choose_frames
-from fpsboost.rerender.regions import RenderCost, TileGrid, choose_regions, partition
+from fpsboost.rerender.regions import TileGrid, choose_regions, partition
 from fpsboost.rerender.score import comparable, expect_errors, squared_error
 from fpsboost.timing.rate import OutputRate
 
@@ -43,7 +43,7 @@ def judge(images: list[NDArray[Any]], method: str, tile: int) -> list[dict[str, 
     sums, pixels = true * areas, areas.sum()
     rows = []
     for share in SHARES:
-        masks = choose_regions(expected.errors, grid, RenderCost(1, 0, share * pixels), expected.scenes)
+        masks = choose_regions(expected.errors, grid, share * pixels, expected.scenes)
         oracle = best_tiles(true, areas, share * pixels)
         plain = best_tiles(expected.errors, areas, share * pixels)
         changes = (masks[1:] != masks[:-1]).sum() / max(masks.sum(), 1) / 2
@@ -126,10 +126,9 @@ def regions(
 def frames(
     *clips: str,
     quality: Annotated[list[float], Parameter(consume_multiple=True)] = [28, 32, 36],  # noqa: B006
-    step: int = 1,
     method: str = "nlm",
 ) -> None:
-    """Choose the frames to render of every frame or of every so many, make the others, and measure them.
+    """Choose the frames to render, make the others, and measure them.
 
     Parameters
     ----------
@@ -137,8 +136,6 @@ def frames(
         Folders of numbered images, every frame rendered.
     quality
         PSNR that the frames between are to have, dB.
-    step
-        Frames from one image of the preview to the next.
     method
         Makes the frames.
     """
@@ -149,19 +146,16 @@ def frames(
     for name, path in find_clips(clips).items():
         for bound in quality:
             with tempfile.TemporaryDirectory() as place:
-                table.add_row(name, f"{bound:g}", *choose_and_measure(path, bound, step, method, Path(place)))
+                table.add_row(name, f"{bound:g}", *choose_and_measure(path, bound, method, Path(place)))
     wide_console().print(table)
 
 
-def choose_and_measure(path: str, quality: float, step: int, method: str, place: Path) -> list[str]:
+def choose_and_measure(path: str, quality: float, method: str, place: Path) -> list[str]:
     """Convert the frames that are chosen of a preview, and return cells: how many, and how good the others are."""
     found = find_images(path)
     files = dict(zip(found.numbers, found.files, strict=True))
-    for folder, numbers in (("preview", found.numbers[::step]), ("rendered", [])):
-        (place / folder).mkdir()
-        for number in numbers:
-            shutil.copy(files[number], place / folder)
-    choice = choose_frames(str(place / "preview"), str(place / "list"), quality, method=method)
+    (place / "rendered").mkdir()
+    choice = choose_frames(path, str(place / "list"), quality, method=method)
     for number in choice.numbers:
         shutil.copy(files[number], place / "rendered")
     others = [number for number in range(choice.numbers[0], choice.numbers[-1]) if number not in choice.numbers]

@@ -54,7 +54,6 @@ from .rerender.merging import MergeSummary as MergeSummary
 from .rerender.merging import merge_regions as merge_regions
 from .rerender.options import MergeOptions as MergeOptions
 from .rerender.options import PlanOptions as PlanOptions
-from .rerender.options import RenderBudget as RenderBudget
 from .rerender.planning import PlannedFrame as PlannedFrame
 from .rerender.planning import RerenderPlan as RerenderPlan
 from .rerender.planning import plan_rerender as plan_rerender

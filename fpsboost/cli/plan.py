@@ -39,7 +39,7 @@ def plan(
     ----------
     input
         Rendered images: a folder, shot_%04d.png or shot_####.png;
-        with --quality a preview: all frames or every N-th.
+        with --quality a quick preview of all frames.
     folder
         A new folder for plan.json and a mask for every frame,
         or frames.json and Blender's frame list, frames.txt.
@@ -68,8 +68,6 @@ def plan_table(plan: RerenderPlan, folder: str) -> Table:
     table.add_row("frames", f"{len(started)} of {len(plan.frames)} that are made" + f", {whole} whole" * (whole > 0))
     table.add_row("regions", f"{regions} rectangles")
     table.add_row("pixels", f"{plan.rendered_share:.1%} of those frames")
-    if plan.seconds is not None:
-        table.add_row("rendering", f"{plan.seconds:.0f} s")
     before, after = plan.expected_error, plan.remaining_error
     less = f", {1 - after / before:.0%} less" if before > 0 else ""
     table.add_row("squared error", f"{before:.1f} -> {after:.1f} expected{less}")
@@ -83,8 +81,6 @@ def choice_table(choice: FrameChoice, folder: str) -> Table:
     table.add_row("render", f"{count} of {choice.total} frames, {count / choice.total:.0%}")
     if choice.lowest is not None:
         table.add_row("others", f"{choice.lowest:.1f} dB or more on the preview")
-    if choice.extrapolated:
-        table.add_row("", "between images of the preview: estimated from larger distances")
     table.add_row("numbers", shorten(choice.as_json()["ranges"], MAX_LIST))
     return table
 

@@ -1,10 +1,7 @@
 """Which frames to render at all, so that those between can be interpolated well enough.
 
 A preview is taken for the truth. Two of its images some way apart give those between; where one of these misses the
-bound, the interval is divided in the middle, and its halves are tried. Where a preview shows only every so many frames,
-what lies between two of its images is not known: the error there is that of the images themselves when they are
-interpolated from their neighbours, at twice the distance, carried on to smaller distances by the power of the distance
-that the errors of this clip follow.
+bound, the interval is divided in the middle, and its halves are tried.
 """
 
 from __future__ import annotations
@@ -18,8 +15,6 @@ from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from fpsboost import FrameCache, Interpolator, MemoryLimit, OptionError, find_method
 from fpsboost.image import Image, view
@@ -50,8 +45,6 @@ class FrameChoice:
     """PSNR that every frame between must reach, dB."""
     lowest: float | None
     """Lowest PSNR of a frame between on the preview, dB; None if none was interpolated."""
-    extrapolated: bool
-    """Whether the preview leaves out frames, so that some errors are carried on from larger distances."""
 
     @property
     def total(self) -> int:
@@ -67,7 +60,6 @@ class FrameChoice:
             "total": self.total,
             "quality": self.quality,
             "lowest": None if self.lowest is None else round(self.lowest, 2),
-            "extrapolated": self.extrapolated,
         }
 
     def write(self, folder: Path) -> None:
@@ -93,7 +85,7 @@ def choose_frames(preview: str, folder: str, quality: float, *, method: str | In
     Parameters
     ----------
     preview : str
-        Folder or pattern of numbered images: all frames, rendered quickly, or every N-th of them.
+        Folder or pattern of numbered images: all frames, rendered quickly.
     folder : str
         New folder for ``frames.json`` and ``frames.txt``.
     quality : float
@@ -104,7 +96,8 @@ def choose_frames(preview: str, folder: str, quality: float, *, method: str | In
     Raises
     ------
     OptionError
-        The quality is out of range, the images have no numbers, or the method goes by a renderer's vectors.
+        The quality is out of range, the images have no numbers or leave some out, or the method goes by a renderer's
+        vectors.
     InputError
         The images cannot be read, differ, or are fewer than three.
     OutputError
@@ -128,15 +121,17 @@ def choose_frames(preview: str, folder: str, quality: float, *, method: str | In
         raise OptionError(
             f"The images of {preview} have no numbers in their names, of which some are chosen; number them."
         )
+    if images.step > 1:
+        raise OptionError(
+            f"The numbers of {preview} rise by {images.step}, and what lies between two frames is not known; render a "
+            "quick preview of all frames."
+        )
     threads = MemoryLimit().affordable_threads(info.width, info.height, available_cores())
     trials = _Trials(images, replace(interpolator, duplicates=None), 10 ** (-quality / 10))
     with run_in_parallel(threads) as in_order:
         indices, largest = _divide(trials, in_order)
-        numbers = {images.numbers[index] for index in indices}
-        if images.step > 1:
-            numbers |= _between_images(trials, indices, in_order)
     lowest = None if largest is None else -10 * math.log10(max(largest, 1e-10))
-    choice = FrameChoice(tuple(sorted(numbers)), quality, lowest, images.step > 1)
+    choice = FrameChoice(tuple(images.numbers[index] for index in indices), quality, lowest)
     with new_folder(Path(folder)) as unfinished:
         choice.write(unfinished)
     return choice
@@ -164,14 +159,6 @@ class _Trials:
                 break
         return largest
 
-    def error_of(self, index: int, distance: int) -> float:
-        """Return the error of an image interpolated from those at a distance on either side; NaN where a scene ends."""
-        image0, image1 = (FrameCache(self._read(each)) for each in (index - distance, index + distance))
-        images, scene_cut = self.interpolator.between(self.interpolator.pair(image0, image1), [0.5])
-        if scene_cut:
-            return math.nan
-        return float(squared_error(view(next(images)).array(), self._read(index)).mean())
-
     def _read(self, index: int) -> Image:
         return comparable(read_image(self.images.files[index]))
 
@@ -179,8 +166,7 @@ class _Trials:
 def _divide(trials: _Trials, in_order: InOrder) -> tuple[list[int], float | None]:
     """Return which images of a preview to render, and the largest error of the others."""
     last = len(trials.images.files) - 1
-    longest = max(LONGEST // trials.images.step, 1)
-    indices = sorted({*range(0, last, longest), last})
+    indices = sorted({*range(0, last, LONGEST), last})
     errors: dict[tuple[int, int], float] = {}
     intervals = list(pairwise(indices))
     while intervals:
@@ -193,52 +179,17 @@ def _divide(trials: _Trials, in_order: InOrder) -> tuple[list[int], float | None
                 middle = (first + end) // 2
                 indices.append(middle)
                 intervals += [(first, middle), (middle, end)]
-    needed = _without_needless(trials, sorted(indices), longest, errors)
+    needed = _without_needless(trials, sorted(indices), errors)
     return needed, max((errors[each] for each in pairwise(needed) if each in errors), default=None)
 
 
-def _without_needless(
-    trials: _Trials, indices: Sequence[int], longest: int, errors: dict[tuple[int, int], float]
-) -> list[int]:
+def _without_needless(trials: _Trials, indices: Sequence[int], errors: dict[tuple[int, int], float]) -> list[int]:
     """Leave out images without which those around them suffice: halving divides more often than it must."""
     needed = [indices[0]]
     for index, following in pairwise(indices[1:]):
         joined = needed[-1], following
-        if following - needed[-1] <= longest and joined not in errors:
+        if following - needed[-1] <= LONGEST and joined not in errors:
             errors[joined] = trials.error_between(*joined)
         if errors.get(joined, math.inf) > trials.bound:
             needed.append(index)
     return [*needed, indices[-1]]
-
-
-def _between_images(trials: _Trials, indices: Sequence[int], in_order: InOrder) -> set[int]:
-    """Return the numbers to render between images of a preview that are neighbours and both chosen."""
-    count, step = len(trials.images.files), trials.images.step
-    near, far = (
-        dict(zip(inner, in_order(partial(trials.error_of, index, distance) for index in inner), strict=True))
-        for distance, inner in ((1, range(1, count - 1)), (2, range(2, count - 2)))
-    )
-    ratios = [far[i] / near[i] for i in far if near[i] > 0 and math.isfinite(far[i] / near[i])]
-    power = math.log2(max(float(np.median(ratios)), 1.0)) if ratios else 1.0
-    added = set[int]()
-    for first, last in pairwise(indices):
-        if last - first > 1:
-            continue
-        errors = [near[i] for i in (first, last) if i in near]
-        distance = _largest_distance(max(errors), power, step, trials.bound) if errors else step
-        parts = math.ceil(step / distance)
-        begin = trials.images.numbers[first]
-        added |= {begin + round(part * step / parts) for part in range(1, parts)}
-    return added
-
-
-def _largest_distance(error: float, power: float, step: int, bound: float) -> int:
-    """Return the largest distance of two images, up to `step`, at which an error is expected to keep a bound.
-
-    The error is that at a distance of 2 * `step`, NaN where a scene ends, and grows like the distance to a power.
-    """
-    if math.isnan(error):
-        return 1
-    if error <= bound * 2**power:
-        return step
-    return max(1, min(step, int(2 * step * (bound / error) ** (1 / power)))) if power > 0 else 1

@@ -2,60 +2,29 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass
-from typing import Literal
 
 from fpsboost import OptionError
 from fpsboost.options import option
 
 
-@dataclass(frozen=True)
-class RenderBudget:
-    """How much may be rendered.
-
-    Parameters
-    ----------
-    amount : float
-        A share of all pixels of the frames to be made, 0 to 1; or seconds.
-    unit : {'share', 'seconds'}
-
-    Raises
-    ------
-    OptionError
-        The amount is not above 0, or a share is above 1.
-    """
-
-    amount: float
-    unit: Literal["share", "seconds"] = "share"
-
-    def __post_init__(self) -> None:
-        if not (0 < self.amount < math.inf and (self.unit == "seconds" or self.amount <= 1)):
-            raise OptionError("`budget` must be above 0 and at most 100%, as in 10%, or a time in seconds, as in 300s.")
-
-
-def parse_budget(text: str, name: str) -> RenderBudget:
-    """Read a budget, ``10%`` of the pixels or ``300s``; raise OptionError, with `name`, if it is neither."""
-    match = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*(%|s)\s*", text)
+def parse_budget(text: str, name: str) -> float:
+    """Read a budget, ``10%`` of the pixels, as a share; raise OptionError, with `name`, if it is none."""
+    match = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*%\s*", text)
     if match is None:
-        raise OptionError(f"{name} must be a share as in 10%, or seconds as in 300s, not {text!r}.")
-    amount, unit = float(match[1]), match[2]
-    return RenderBudget(amount / 100) if unit == "%" else RenderBudget(amount, "seconds")
+        raise OptionError(f"{name} must be a share of the pixels, as in 10%, not {text!r}.")
+    return float(match[1]) / 100
 
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """Budget, tiles and costs of rendering, by which regions of interpolated frames are chosen.
+    """Budget and tiles, by which regions of interpolated frames are chosen.
 
     Parameters
     ----------
-    budget : RenderBudget, optional
-        How much may be rendered; a tenth of the pixels by default.
-    cost : float, optional
-        Seconds that a renderer takes for a full frame; needed where the budget is a time.
-    overhead : float
-        Seconds that every frame with a region costs beside its pixels, such as for loading the scene.
+    budget : float
+        Share of all pixels of the interpolated frames that may be rendered, above 0 and at most 1.
     factor : int, optional
         Output frames per image; by default the step of the images' numbers if that is above 1, else 2.
     tile : int
@@ -64,28 +33,20 @@ class PlanOptions:
     Raises
     ------
     OptionError
-        A value is out of range, or the budget is a time and `cost` is missing.
+        A value is out of range.
     """
 
-    budget: RenderBudget | None = option(
-        None, "Share of the interpolated pixels, or 300s; else 10%.", metavar="SHARE", parse=parse_budget
-    )
-    cost: float | None = option(None, "Seconds to render a full frame; for a budget in seconds.", metavar="SECONDS")
-    overhead: float = option(0.0, "Seconds in addition for each frame that is rendered.", metavar="SECONDS")
+    budget: float = option(0.1, "Share of the interpolated pixels; else 10%.", metavar="SHARE", parse=parse_budget)
     factor: int | None = option(None, "Output frames per image; else the step of the numbers.")
     tile: int = option(16, "The renderer's tile size, pixels.")
 
     def __post_init__(self) -> None:
+        if not 0 < self.budget <= 1:
+            raise OptionError(f"`budget` must be above 0 and at most 100%, as in 10%, not {self.budget:.6g}.")
         if self.factor is not None and self.factor < 2:
             raise OptionError(f"`factor` must be a whole number from 2 on for a plan, not {self.factor}.")
         if not 1 <= self.tile <= 4096:
             raise OptionError(f"`tile` must be 1 to 4096 pixels, not {self.tile}.")
-        if self.cost is not None and not 0 < self.cost < math.inf:
-            raise OptionError(f"`cost` must be above 0 seconds, not {self.cost}.")
-        if not 0 <= self.overhead < math.inf:
-            raise OptionError(f"`overhead` must be at least 0 seconds, not {self.overhead}.")
-        if self.cost is None and (self.overhead or (self.budget is not None and self.budget.unit == "seconds")):
-            raise OptionError("Seconds of rendering need to know those of a full frame; say them with `cost=60`.")
 
 
 def parse_quality(text: str, name: str) -> float:

@@ -27,8 +27,8 @@ from fpsboost.io.images.source import ImageSource
 from fpsboost.io.new_output import check_new_folder, new_folder
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, stands_for_images
 from fpsboost.io.staging import write_safely
-from fpsboost.rerender.options import PlanOptions, RenderBudget
-from fpsboost.rerender.regions import Rectangle, RenderCost, TileGrid, choose_regions, partition
+from fpsboost.rerender.options import PlanOptions
+from fpsboost.rerender.regions import Rectangle, TileGrid, choose_regions, partition
 from fpsboost.rerender.score import expect_errors
 from fpsboost.threads import available_cores, run_in_parallel
 
@@ -74,8 +74,6 @@ class RerenderPlan:
     """Side of the tiles that regions consist of, pixels."""
     frames: tuple[PlannedFrame, ...]
     """All interpolated frames, in order."""
-    seconds: float | None = None
-    """Expected time of rendering; None if unknown."""
 
     @property
     def rendered_share(self) -> float:
@@ -107,7 +105,6 @@ class RerenderPlan:
                 "whole_frames": sum(frame.whole for frame in self.frames),
                 "regions": sum(len(frame.regions) for frame in self.frames),
                 "rendered_share": round(self.rendered_share, 6),
-                "seconds": self.seconds,
                 **_errors_of(self),
             },
         }
@@ -137,7 +134,7 @@ class RerenderPlan:
             if values["version"] != VERSION:
                 raise InputError(f"{path} is of version {values['version']}, and {VERSION} can be read; plan again.")
             frames = tuple(_frame(each, values["width"], values["height"]) for each in values["frames"])
-            plan = cls(values["width"], values["height"], values["tile"], frames, values["totals"]["seconds"])
+            plan = cls(values["width"], values["height"], values["tile"], frames)
         except (ValueError, KeyError, TypeError) as error:
             raise InputError(f"{path} is damaged or no plan; plan again.") from error
         plan._check_masks(folder)
@@ -180,7 +177,6 @@ def _frame(data: Mapping[str, Any], width: int, height: int) -> PlannedFrame:
     )
 
 
-DEFAULT_BUDGET = RenderBudget(0.1)
 MIN_IMAGES = 3  # smallest number of images: one is hidden between two others to learn how large errors are
 
 LEVELS = 255**2
@@ -198,7 +194,7 @@ def plan_rerender(
     folder : str
         A new folder for ``plan.json`` and a mask for every interpolated frame.
     options : PlanOptions, optional
-        Budget, costs and tiles.
+        Budget and tiles.
     method : str or Interpolator
         Method that interpolates the frames.
 
@@ -229,24 +225,15 @@ def plan_rerender(
         with run_in_parallel(threads) as in_order:
             expected = expect_errors(source, interpolator, factor, grid, in_order)
     pixels = info.height * info.width
-    budget = options.budget or DEFAULT_BUDGET
-    if budget.unit == "share":  # in pixels: starting a frame costs nothing of a budget of these
-        cost = RenderCost(1, 0, budget.amount * pixels * len(expected.errors))
-    else:
-        assert options.cost is not None
-        cost = RenderCost(options.cost / pixels, options.overhead, budget.amount)
-    masks = choose_regions(expected.errors, grid, cost, expected.scenes)
+    budget = options.budget * pixels * len(expected.errors)
+    masks = choose_regions(expected.errors, grid, budget, expected.scenes)
     between = [number for place, number in enumerate(numbers) if place % factor]
     frames = []
     for number, errors, mask in zip(between, expected.errors * grid.areas * LEVELS / pixels, masks, strict=True):
         regions = tuple(map(grid.in_pixels, partition(mask)))
         whole = regions == (Rectangle(0, 0, info.width, info.height),)
         frames.append(PlannedFrame(number, regions, whole, float(errors.sum()), float(errors[~mask].sum())))
-    seconds = None
-    if options.cost is not None:
-        areas = np.array([sum(region.area for region in frame.regions) for frame in frames])
-        seconds = round(float(RenderCost(options.cost / pixels, options.overhead, 0).of(areas).sum()), 3)
-    plan = RerenderPlan(info.width, info.height, options.tile, tuple(frames), seconds)
+    plan = RerenderPlan(info.width, info.height, options.tile, tuple(frames))
     with new_folder(Path(folder)) as unfinished:
         plan.write(unfinished)
     return plan

@@ -1,8 +1,8 @@
 """Tiles of a frame, and which tiles of interpolated frames are to be rendered within a budget.
 
-Tiles are taken by the squared error that they are expected to have, the largest first: a tile costs its pixels. What is
+Tiles are taken by the squared error that they are expected to have, the largest first, as many as fit. What is
 taken is then made clean: holes in time and in space are filled, single tiles dropped, and tiles joined to few
-rectangles. As that changes what a number of tiles costs, the number is found by bisection.
+rectangles. As that changes how many pixels a number of tiles is, the number is found by bisection.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 WHOLE_SHARE = 0.8  # share of a frame from which on all of it is rendered: one plain render without seams
 SMALLEST_GRID = 16  # number of tiles of a frame below which single tiles are kept
 
-LARGER = (1.25, 1.5, 2, 3, 4, 8, 16, 32, 64)
-"""Multiples of the number of tiles that fits, of which some frames are tried where starting a frame costs something."""
+LARGER = (1.25, 1.5)
+"""Multiples of the number of tiles that fits, of which some frames are taken where there is room left."""
 
 MAX_ADDED_SHARE = 0.25  # maximum share of a rectangle that was not in the two that it replaces
 
@@ -140,32 +140,18 @@ def _joined(rectangles: Iterable[Rectangle]) -> list[Rectangle]:
     return left
 
 
-@dataclass(frozen=True)
-class RenderCost:
-    """Cost of rendering a pixel and of starting a frame, and the largest cost of all, in any unit."""
-
-    pixel: float
-    frame: float
-    """Cost of every frame of which anything is rendered, beside its pixels."""
-    budget: float
-
-    def of(self, areas: NDArray[Any]) -> NDArray[Any]:
-        """Return the cost of frames of which so many pixels are rendered, (F,) float64."""
-        return np.where(areas > 0, self.frame + self.pixel * areas, 0.0)
-
-
 class _Choice(NamedTuple):
-    """Masks of all frames, their costs and their gains."""
+    """Masks of all frames, their pixels and their gains."""
 
     masks: NDArray[Any]  # tiles to render, (F, rows, columns) bool
-    costs: NDArray[Any]
+    areas: NDArray[Any]  # pixels to render of each frame, (F,)
     gains: NDArray[Any]  # squared error that is taken away from each frame, (F,)
 
 
 def choose_regions(
-    errors: NDArray[Any], grid: TileGrid, cost: RenderCost, scenes: Sequence[int] | None = None
+    errors: NDArray[Any], grid: TileGrid, budget: float, scenes: Sequence[int] | None = None
 ) -> NDArray[Any]:
-    """Choose the tiles to render within the budget of `cost`, (F, rows, columns) bool, by the error that they may have.
+    """Choose the tiles to render within a budget of pixels, (F, rows, columns) bool, by the error that they may have.
 
     `scenes` are the numbers of the frames' scenes, between which nothing is smoothed; one scene without them.
     """
@@ -178,38 +164,33 @@ def choose_regions(
         masks[order[:count]] = True
         masks = clean(masks.reshape(steady.shape), belongs)
         areas = (masks * grid.areas).sum(axis=(1, 2))
-        return _Choice(masks, cost.of(areas), (masks * steady * grid.areas).sum(axis=(1, 2)))
+        return _Choice(masks, areas, (masks * steady * grid.areas).sum(axis=(1, 2)))
 
     fits, too_many = 0, int((steady > 0).sum()) + 1
     while too_many - fits > 1:
         middle = (fits + too_many) // 2
-        if choose(middle).costs.sum() <= cost.budget:
+        if choose(middle).areas.sum() <= budget:
             fits = middle
         else:
             too_many = middle
     best = choose(fits)
     largest = int((steady > 0).sum())
-    counts = {min(largest, int((fits + 1) * factor)) for factor in LARGER[: None if cost.frame else 2]}
-    options = [choose(count) for count in sorted(counts)]
-    candidates = [_filled_up(best, options, cost.budget)]
-    if cost.frame:
-        nothing = _Choice(np.zeros_like(best.masks), np.zeros_like(best.costs), np.zeros_like(best.gains))
-        candidates += [_filled_up(nothing, [each, *options], cost.budget) for each in (best, *options)]
-    return max(candidates, key=lambda each: float(each.gains.sum())).masks
+    counts = {min(largest, int((fits + 1) * factor)) for factor in LARGER}
+    return _filled_up(best, [choose(count) for count in sorted(counts)], budget)
 
 
-def _filled_up(base: _Choice, options: Sequence[_Choice], budget: float) -> _Choice:
-    """Take frames of other choices instead, those first that gain most for what they cost, as long as they fit."""
-    masks, costs, gains = (each.copy() for each in base)
+def _filled_up(base: _Choice, options: Sequence[_Choice], budget: float) -> NDArray[Any]:
+    """Take frames of other choices instead, those first that gain most for their pixels, as long as they fit."""
+    masks, areas, gains = (each.copy() for each in base)
     for option in options:
-        more_cost, more_gain = option.costs - costs, option.gains - gains
+        more_area, more_gain = option.areas - areas, option.gains - gains
         useful = np.flatnonzero(more_gain > 0)
-        ratios = more_gain[useful] / np.maximum(more_cost[useful], 1e-12)
+        ratios = more_gain[useful] / np.maximum(more_area[useful], 1e-12)
         for frame in useful[np.argsort(-ratios, kind="stable")]:
-            others = costs.sum() - costs[frame]
-            if others + option.costs[frame] <= budget:
-                masks[frame], costs[frame], gains[frame] = (each[frame] for each in option)
-    return _Choice(masks, costs, gains)
+            others = areas.sum() - areas[frame]
+            if others + option.areas[frame] <= budget:
+                masks[frame], areas[frame], gains[frame] = (each[frame] for each in option)
+    return masks
 
 
 def smooth_over_time(errors: NDArray[Any], scenes: NDArray[Any]) -> NDArray[Any]:
