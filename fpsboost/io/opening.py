@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Literal, Self
 
 from fpsboost.contracts import FrameSink
-from fpsboost.errors import EncryptedError, InputError, OptionError, OutputError, explained
+from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.frame import ClipInfo
 from fpsboost.io import DescribedSource
 from fpsboost.io.animation.sink import ANIMATION_SUFFIXES, AnimationSink
@@ -110,21 +110,8 @@ def open_source(
                 check_is_no_playlist(Path(path), path)
             if {*decoding.given} - {"`allow_playlists`"} != {"`decoder`"}:
                 raise OptionError(f"{' and '.join(decoding.given)} do not go together; OpenCV reads a video as it is.")
-            if Path(path).is_file():
-                _check_is_clear(path, decoding)
             return CaptureSource(path, limit=limit)
         return _open_file(path, requirements, decoding, limit)
-
-
-def _check_is_clear(path: str, decoding: DecodeOptions) -> None:
-    """Raise `EncryptedError` for what OpenCV would show as noise; other files it may open although FFmpeg cannot."""
-    try:
-        with VideoSource(path, decoding=replace(decoding, decoder="ffmpeg")) as video:
-            video.check_is_clear()
-    except EncryptedError:
-        raise
-    except InputError:
-        return
 
 
 def _check_light_and_layers(path: str, decoding: DecodeOptions, requirements: TargetRequirements) -> None:

@@ -257,13 +257,7 @@ def left_out_remarks(container: av.container.InputContainer, chosen: av.VideoStr
     if not videos:
         return []
     others = ", ".join(f"stream {_described(stream)}" for stream in videos)
-    # AVIF has alpha as a gray track of its own, which FFmpeg does not tell from others
-    alphas = [stream for stream in videos if _extent(stream) == _extent(chosen) and _is_gray(stream)]
-    alphas = alphas if chosen.frames and not _is_gray(chosen) else []
-    return [
-        f"{name} has more than one video stream; stream {_described(chosen)} was taken, left out: {others}.",
-        *(f"Stream {stream.index} of {name} may be its alpha, which was left out, too." for stream in alphas),
-    ]
+    return [f"{name} has more than one video stream; stream {_described(chosen)} was taken, left out: {others}."]
 
 
 def is_cover_art(stream: av.stream.Stream) -> bool:
@@ -290,11 +284,6 @@ def _score(stream: av.VideoStream) -> tuple[int, bool]:
         return -1, False
     is_default = bool(stream.disposition & av.stream.Disposition.default)
     return context.width * context.height + DEFAULT_STREAM_SCORE * is_default, not _is_gray(stream)
-
-
-def _extent(stream: av.VideoStream) -> tuple[int, int, int]:
-    context = stream.codec_context
-    return (stream.frames, 0, 0) if context is None else (stream.frames, context.width, context.height)
 
 
 def _is_gray(stream: av.VideoStream) -> bool:

@@ -16,7 +16,7 @@ from contextlib import suppress
 from fractions import Fraction
 from threading import Event
 from types import TracebackType
-from typing import Any, BinaryIO, Self, TypeVar
+from typing import Any, BinaryIO, Self, TextIO, TypeVar
 
 import av
 import av.error
@@ -26,7 +26,7 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.colour import Coding
 from fpsboost.contracts import ClosesOnExit
-from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
+from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError, ReaderGoneError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Pixels
 from fpsboost.io.output import Output, StreamInfo, check_frame_size
@@ -363,16 +363,16 @@ class Descriptor:
 
 
 def _standard_input() -> Descriptor:
-    if sys.stdin is None or sys.stdin.closed:
-        raise InputError(f"{INPUT_NAME} is closed; pipe a YUV4MPEG2 stream into it.")
-    if sys.stdin.isatty():
-        raise InputError(f"{INPUT_NAME} is a terminal; pipe a YUV4MPEG2 stream into it, or name a file.")
-    return Descriptor(sys.stdin.fileno())
+    return _descriptor(sys.stdin, InputError, INPUT_NAME, "pipe a YUV4MPEG2 stream into it")
 
 
 def _standard_output() -> Descriptor:
-    if sys.__stdout__ is None or sys.__stdout__.closed:
-        raise OutputError(f"{OUTPUT_NAME} is closed; pipe it into a program, or name a file.")
-    if sys.__stdout__.isatty():
-        raise OutputError(f"{OUTPUT_NAME} is a terminal, which cannot show it; pipe it into a program, or name a file.")
-    return Descriptor(sys.__stdout__.fileno())
+    return _descriptor(sys.__stdout__, OutputError, OUTPUT_NAME, "pipe it into a program")
+
+
+def _descriptor(stream: TextIO | None, kind: type[FpsboostError], name: str, advice: str) -> Descriptor:
+    if stream is None or stream.closed:
+        raise kind(f"{name} is closed; {advice}, or name a file.")
+    if stream.isatty():
+        raise kind(f"{name} is a terminal; {advice}, or name a file.")
+    return Descriptor(stream.fileno())

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from itertools import dropwhile, islice
@@ -33,7 +32,7 @@ from fpsboost.io.video.clock import (
     survey,
 )
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.demuxer import Demuxer, is_cover_art, left_out_remarks, open_video, read_packets
+from fpsboost.io.video.demuxer import Demuxer, left_out_remarks, open_video, read_packets
 from fpsboost.io.video.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
 from fpsboost.io.video.pictures import MAX_REORDERED, FormatUnifier, Pictures, is_on_its_side, turned_upright
 from fpsboost.io.video.pyav import as_fraction
@@ -46,7 +45,7 @@ from fpsboost.io.video.remarks import (
     lost_companions_remark,
     lost_shape_remark,
 )
-from fpsboost.io.video.side_data import described, read_header, side_data_of
+from fpsboost.io.video.side_data import read_header
 from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
 from fpsboost.io.video.ycc import has_alpha, in_planes, to_bgr
 from fpsboost.memory import MemoryLimit
@@ -151,12 +150,6 @@ class VideoSource(ClosesOnExit):
         if clear is not None and (end is None or end.seconds(self._clock.rate) > clear):
             raise EncryptedError(encrypted_sentence(self._name, clear))
 
-    def check_is_clear(self) -> None:
-        """Raise `EncryptedError` if something encrypted is to be read, for which all packets are read."""
-        for _ in self._demuxer.packets(Damage()):
-            pass
-        self._check_clear(self._demuxer.clear)
-
     @property
     def stream_info(self) -> StreamInfo:
         """See `fpsboost.io.DescribedSource.stream_info`; decodes the first frame."""
@@ -185,7 +178,6 @@ class VideoSource(ClosesOnExit):
                 self.remarks.append(lost_alpha_remark(self._name))
             dolby_vision = self._header.dolby_vision
             traits = read_traits(picture, self._demuxer.stream, self._reformatter, self._name, dolby_vision)
-            traits = replace(traits, side_data={**self._side_data_of_stills(), **traits.side_data})
             if traits.dolby_vision_only:
                 self._refused = dolby_vision_sentence(self._name)
                 if not self._decoding.force_colours:
@@ -194,17 +186,6 @@ class VideoSource(ClosesOnExit):
             stops, aspect = self._decoding.size_change == "stop", self._pictures.aspect_of(picture)
             self._unifier = FormatUnifier(self._name, picture, traits, stops, aspect)
         return self._unifier
-
-    def _side_data_of_stills(self) -> dict[str, str]:
-        """Return what the still picture beside the sequence of an AVIF brings along: EXIF."""
-        container, said = self._demuxer.container, dict[str, str]()
-        videos = container.streams.video if container.format.name.startswith("mov") else []
-        for number, video in enumerate(videos if self._demuxer.stream.frames > 1 else []):
-            if video.frames == 1 and not is_cover_art(video):
-                with open_video(self.path, self._name) as file, suppress(av.error.FFmpegError):
-                    for picture in islice(file.decode(video=number), 1):
-                        said |= described(side_data_of(picture), picture.width)
-        return said
 
     def __iter__(self) -> Iterator[Frame]:
         if self._started:

@@ -246,7 +246,7 @@ def test_a_sequence_is_read_and_not_the_still_picture_beside_it(tmp_path, alpha_
     with VideoSource(clip) as source:
         assert (source.file.stream_index, len(list(source))) == (colours, 4)
         assert "left out: stream 0 (hevc 96x48, one frame)" in source.remarks[0]
-        assert f"Stream {3 - colours} of {clip} may be its alpha" in source.remarks[1]
+        assert f"stream {3 - colours} (hevc" in source.remarks[0]
 
 
 def test_a_stream_can_be_chosen(tmp_path):

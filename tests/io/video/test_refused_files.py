@@ -59,9 +59,8 @@ def test_an_encrypted_file_is_refused_before_work(tmp_path, kind):
         write_encrypted_matroska(clip)
     else:
         copy_packets(write_clip(tmp_path / "clear.mkv", sound="aac"), clip, **KEYS)
-    for decoder in ("ffmpeg", "opencv"):
-        with pytest.raises(InputError, match=r"in\.\w+ is encrypted \(DRM\) and cannot be decoded; name a copy"):
-            open_source(str(clip), decoding=DecodeOptions(decoder=decoder))
+    with pytest.raises(InputError, match=r"in\.\w+ is encrypted \(DRM\) and cannot be decoded; name a copy"):
+        open_source(str(clip))
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".mkv"])  # with an index, and surveyed
@@ -89,16 +88,15 @@ def test_encrypted_sound_is_refused_and_can_be_left_out(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("decoder", "pid", "first", "sentence"),
+    ("pid", "first", "sentence"),
     [
-        ("ffmpeg", 256, 0, r"is encrypted \(DRM\) and cannot be decoded"),
-        ("ffmpeg", 256, 0.5, r"is encrypted \(DRM\) from \d(\.\d+)? s on"),
-        ("ffmpeg", 257, 0, r"has encrypted audio \(DRM\) in stream 1"),
-        ("opencv", 256, 0.5, r"is encrypted \(DRM\) from \d(\.\d+)? s on"),
+        (256, 0, r"is encrypted \(DRM\) and cannot be decoded"),
+        (256, 0.5, r"is encrypted \(DRM\) from \d(\.\d+)? s on"),
+        (257, 0, r"has encrypted audio \(DRM\) in stream 1"),
     ],
 )
-def test_scrambled_packets_of_a_transport_stream_are_encrypted(tmp_path, decoder, pid, first, sentence):
-    """FFmpeg and OpenCV pass over them without a word, wholly or from somewhere on."""
+def test_scrambled_packets_of_a_transport_stream_are_encrypted(tmp_path, pid, first, sentence):
+    """FFmpeg passes over them without a word, wholly or from somewhere on."""
     clip = write_clip(tmp_path / "in.ts", times=range(200), codec="mpeg2video", sound="mp2")
     packets = np.frombuffer(clip.read_bytes(), np.uint8).reshape(-1, 188).copy()
     wanted = packets[int(first * len(packets)) :]
@@ -107,7 +105,7 @@ def test_scrambled_packets_of_a_transport_stream_are_encrypted(tmp_path, decoder
     wanted[hidden, 12:] ^= 0x5A
     clip.write_bytes(packets.tobytes())
     with pytest.raises(InputError, match=sentence):
-        convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", decoding=DecodeOptions(decoder=decoder))
+        convert(str(clip), str(tmp_path / "out.mp4"), method="nearest")
 
 
 @pytest.mark.parametrize(("old", "new"), [(b"avc1", b"drmi"), (b"mp4a", b"drms")])

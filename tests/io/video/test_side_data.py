@@ -11,8 +11,6 @@ from typing import Any
 import av
 import numpy as np
 import pytest
-from PIL import Image as Pillow
-from PIL import features
 from video_truth import pictures_of, scene, write_clip
 
 from fpsboost.conversion import convert
@@ -280,15 +278,3 @@ def test_a_stream_without_its_profile(full_range, is_refused):
     data = struct.pack("=6Q", 48, 72, 0, 0, 0, 0) + header.ljust(24, b"\0")
     assert is_ordinary({"DOVI_METADATA": data}, None) != is_refused
     assert is_ordinary({}, None)
-
-
-@pytest.mark.skipif(not features.check("avif"), reason="this Pillow writes no AVIF")
-def test_exif_of_an_animated_avif_is_said_to_be_lost(tmp_path):
-    """It belongs to the still picture beside the sequence that is converted."""
-    clip, exif = tmp_path / "in.avif", Pillow.Exif()
-    exif[0x010E] = "a description"
-    pictures = [Pillow.fromarray(scene(number, 64, 64)) for number in range(3)]
-    pictures[0].save(clip, save_all=True, append_images=pictures[1:], duration=100, exif=exif.tobytes(), max_threads=1)
-    summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=Encoding(preset="ultrafast"))
-    assert summary.frames_in == 3
-    assert f"{tmp_path / 'out.mp4'} lost the EXIF metadata of its source." in summary.remarks
