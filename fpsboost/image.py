@@ -60,7 +60,6 @@ class ImageView:
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """Type of the samples."""
         return self.array().dtype
 
     @property
@@ -127,7 +126,6 @@ class ImageView:
         return self.map(lambda first, second: cv2.addWeighted(first, 1 - t, second, t, 0), other)
 
     def copy(self) -> Any:
-        """Return a copy with pixels of its own."""
         return self.array().copy()
 
     def deep_copy(self) -> Any:

@@ -166,7 +166,6 @@ class TrimmedSource(ClosesOnExit):
         yield replace(last, time=last.time - self.window.begin)
 
     def _trimmed_frames(self) -> Iterator[Frame]:
-        """Yield the frames of the part at their times in the clip."""
         start, end, window = self._trim.start, self._trim.end, self.window
         if self._may_skip and self._seekable is not None and not self._begun:
             self._seekable.skip_to(window.begin - self._rounding)
@@ -326,7 +325,6 @@ def exposed(schedule: Schedule, rate: OutputRate) -> Schedule:
 
 
 def _check_layers(images: NumberedImages | None, interpolator: Interpolator, rate: OutputRate) -> None:
-    """Raise `OptionError` if images have layers that a method does not make."""
     if images is None or not images.layers or (interpolator.takes_layers and rate.shutter is None):
         return
     first = images.files[0].name

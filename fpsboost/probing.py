@@ -123,12 +123,10 @@ class Probe:
     conversion: Conversion
 
     def as_json(self) -> dict[str, Any]:
-        """Return everything as plain numbers, texts, lists and dictionaries."""
         return asdict(self)
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> Self:
-        """Return what `as_json` has made plain data of."""
         look = data["look"] and Look(**data["look"])
         streams, conversion = [StreamFacts(**each) for each in data["streams"]], Conversion(**data["conversion"])
         return cls(**{**data, "look": look, "streams": streams, "conversion": conversion})
@@ -165,7 +163,6 @@ class Findings:
         ]
 
     def shown(self, frames: FrameSource) -> Iterator[SourceFrame]:
-        """Yield the frames and record their facts."""
         for frame in frames:
             self.times.append(frame.time)
             self.end = frame.time + (frame.duration or 1 / frames.info.rate)

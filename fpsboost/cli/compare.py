@@ -364,7 +364,6 @@ class Others(NamedTuple):
     commands: dict[str, str]
 
     def words(self) -> tuple[str, ...]:
-        """Return the options as words of a command line."""
         return tuple(
             word
             for option, given in (("--frames", self.folders), ("--peer", self.commands))

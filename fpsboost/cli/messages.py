@@ -239,7 +239,6 @@ class Reporter(ExitStack):
                 self._say(f"  {part}")
 
     def say_summary(self, summary: Summary) -> None:
-        """Print what was done, and every remark."""
         assert self._info is not None, "a summary comes after opening"
         frames = f"{summary.frames_in} -> {summary.frames_out} frames"
         if summary.duplicates:
@@ -296,7 +295,6 @@ class JsonReporter(ExitStack):
         """Do nothing: the program knows what it has asked for."""
 
     def say_summary(self, summary: Summary) -> None:
-        """Print what was done, and every remark."""
         self._frames = summary.frames_out
         counts = {
             "frames_in": summary.frames_in,
@@ -338,7 +336,6 @@ def _least_certain(summary: Summary) -> dict[str, float] | None:
 
 
 def _speed(summary: Summary) -> float:
-    """Return the frames per second of this run."""
     return round((summary.frames_out - summary.completed_frames) / max(summary.seconds, 1e-9), 2)
 
 

@@ -59,7 +59,6 @@ class RenderedOptions:
 
     @property
     def folder(self) -> VectorFolder | None:
-        """The renderer's vectors, if there are any."""
         from fpsboost.render.folder import VectorFolder  # noqa: PLC0415
 
         return None if self.vectors is None else VectorFolder(self.vectors, self.depth, self.vector_convention)
@@ -114,7 +113,6 @@ class TuningOptions:
 
     @property
     def given(self) -> dict[str, Any]:
-        """Options that were given, by the field names of estimators and synthesizers."""
         return {name: value for name, value in asdict(self).items() if value is not None}
 
 
@@ -128,7 +126,6 @@ class CutOptions:
     cuts: str | None = option(None, "Cut list: a time or frame per line, or PySceneDetect's.", metavar="FILE")
 
     def applied_to(self, interpolator: Interpolator) -> Interpolator:
-        """Return the interpolator with these options applied."""
         from fpsboost.analysis.scene_cuts import CutDetector, read_cuts  # noqa: PLC0415
 
         names = [name for name, _ in given_in(self) if name != "--at-cuts"]

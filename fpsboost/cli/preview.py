@@ -112,7 +112,6 @@ def _methods(options: PreviewOptions, cuts: CutOptions) -> dict[str, Interpolato
 
 
 def _method_words(options: PreviewOptions) -> list[str]:
-    """Return the first method as options of a conversion."""
     first = split_methods(options.methods)[0]
     chosen = {"--method": first.name, **{f"--{name}": value for name, value in first.options.items()}}
     if first.text == "nlm":

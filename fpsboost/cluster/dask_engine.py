@@ -228,7 +228,6 @@ class _Parts:
             raise
 
     def _ask_for_workers(self) -> None:
-        """Ask the scheduler for the workers, now and then."""
         now = time.monotonic()
         if now - self._asked < WORKERS_INTERVAL:
             return

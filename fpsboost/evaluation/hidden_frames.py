@@ -75,7 +75,6 @@ class Interval(NamedTuple):
         return _prepared(first, self.begin), _prepared(second, self.end)
 
     def prepared_truths(self) -> list[FrameCache]:
-        """Return the hidden frames in the same way."""
         return [_prepared(hidden.truth, hidden.source_position) for hidden in self.hidden]
 
 
@@ -197,7 +196,6 @@ class Hiding:
                 yield SourceFrame(replace(frame, time=time), _prepared(frame.image, position))
 
     def _truths(self, frames: Iterator[SourceFrame]) -> Iterator[_Truth]:
-        """Yield the frames, duplicates grouped."""
         if self.duplicates == "keep":
             pictures: Iterator[Picture] = (Picture((each,), is_still=False, repeats=0) for each in frames)
         else:
@@ -262,7 +260,6 @@ class Sample(NamedTuple):
 
     @property
     def interval(self) -> Interval:
-        """Interval of the hidden frame."""
         return next(each for each in self.window if each.number < self.hidden.number < each.last)
 
     def interpolate(self, contestant: Contestant) -> Image:

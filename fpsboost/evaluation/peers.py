@@ -192,7 +192,6 @@ def _run(name: str, words: Sequence[str], folder: Path) -> str:
 
 
 def _seconds_of_children() -> float:
-    """Return the CPU seconds of all finished child processes."""
     times = os.times()
     return times.children_user + times.children_system
 

@@ -184,7 +184,6 @@ class _Rgb:
     bits: int
 
     def image(self, frame: vs.VideoFrame) -> Image:
-        """Return a frame of the host as an image."""
         image: Image = np.stack([np.asarray(frame[plane]) for plane in (2, 1, 0)], axis=-1)
         return image if self.bits in (8, 16, 32) else _scaled(image, (1 << self.bits) - 1, 65535)
 
@@ -218,7 +217,6 @@ class _Ycc:
         return in_planes(from_bgr(view(image).array(), *numbers, chroma_location=coding.chroma_location), coding).planes
 
     def _coding(self, frame: vs.VideoFrame) -> Coding:
-        """Return what the code values of a frame mean."""
         props = frame.props
         matrix = int(props.get("_Matrix", vs.MATRIX_UNSPECIFIED))
         if matrix in (0, 2, 3):  # they name no matrix of luma and chroma
@@ -332,7 +330,6 @@ class _OutputFrames:
         return int(index), t
 
     def _is_between(self, number: int) -> bool:
-        """Return whether an output frame lies between two frames; after the last one, that is held."""
         index, t = self._position(number)
         return t > 0 and index < self._last
 
@@ -376,7 +373,6 @@ class _OutputFrames:
         return {each: min(Fraction(each + 1), end) - max(Fraction(each), begin) for each in frames}
 
     def _set_times(self, number: int, output_frame: vs.VideoFrame, frames: Frames) -> None:
-        """Set when an output frame is shown, and for how long."""
         index, t = self._position(number)
         if self._clip.fps:
             lasts = 1 / self._clip.fps

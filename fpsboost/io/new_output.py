@@ -124,11 +124,9 @@ class StagedFiles:
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences about what was not written."""
         return [*self._staging.remarks, *self._remarks]
 
     def check(self) -> None:
-        """Raise `OutputError` if files exist and may not be replaced."""
         if not self._overwrite and self._folder.is_dir():
             reason = reason_to_refuse(self._folder, self._find_old(), alone=self._alone)
             if reason:
@@ -145,7 +143,6 @@ class StagedFiles:
         return self
 
     def write(self, name: str, data: bytes) -> None:
-        """Write a file of the hidden folder."""
         with explained(OutputError, "write", self._folder / name, ADVICE):
             write_safely(self._staging.staged / name, data)
         self._names.append(name)
@@ -170,5 +167,4 @@ class StagedFiles:
             sync(self._folder)
 
     def close(self) -> None:
-        """Remove the hidden folder with everything that has not got its name."""
         self._staging.close(keep=False)

@@ -39,7 +39,6 @@ class Window:
     """Duration in the output as a multiple of that in the clip."""
 
     def frames_before(self, rate: Fraction) -> int:
-        """Return how many frames of this rate lie before the part."""
         return max(0, math.ceil((self.begin - self.origin - TIME_TOLERANCE) * rate))
 
 

@@ -344,7 +344,6 @@ class PartFolder(StagingDirectory):
             raise
 
     def publish_part(self) -> None:
-        """Give the complete files their final place."""
         self._part.complete(self.staged)
         sync(self.staged)
         if self._part.folder.exists():
@@ -352,7 +351,6 @@ class PartFolder(StagingDirectory):
         self.publish(self._part.folder)
 
     def leave(self, error: BaseException | None, frames: int, expected: int | None, *, stays: bool = False) -> None:
-        """Release the hidden folder as any other, and remove the folder of all parts if it holds none."""
         super().leave(error, frames, expected, stays=stays)
         remove_if_empty(self._part.folder.parent)
 

@@ -74,7 +74,6 @@ class Manifest:
     files: list[StoredFile]
 
     def write(self, folder: Path) -> None:
-        """Write the manifest into the folder of its part."""
         text = json.dumps({"format": FORMAT, **as_json(self)}, indent=1)
         write_safely(folder / MANIFEST_NAME, text.encode())
 
@@ -185,7 +184,6 @@ def from_json(kind: Any, value: Any) -> Any:
 
 
 def _collection(kind: Any, kinds: Any, value: Any) -> Any:
-    """Return a dict, list, set or tuple of values of these kinds; anything else as it is."""
     if kind is dict:
         return {kinds[0](key): from_json(kinds[1], item) for key, item in value.items()}
     if kind in (list, set):

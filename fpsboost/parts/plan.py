@@ -339,7 +339,6 @@ class OutputNumbers:
         return self._schedule.presentation_time(start, time) > max(nominal, before)
 
     def certain_at_most(self, number: int) -> int:
-        """Return the last frame up to a number whose presentation time does not depend on earlier frames."""
         return next(each for each in range(number, -1, -1) if self.is_certain(each))
 
     def presented(self, number: int) -> Fraction:
@@ -352,7 +351,6 @@ class OutputNumbers:
         return last
 
     def before(self, number: int) -> int:
-        """Return the number of output frames before a frame of the source."""
         return self._position(number) - sum(lost for pause, lost in self._pauses if pause < number)
 
     def source_frame(self, output: int) -> int:

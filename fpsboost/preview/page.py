@@ -143,11 +143,9 @@ class _Recorder(SilentObserver):
     start: tuple[float, float] = (0.0, 0.0)
 
     def ready(self) -> None:
-        """See `fpsboost.contracts.Observer.ready`."""
         self.start = time.perf_counter(), time.process_time()
 
     def watch(self, frame: Frame) -> None:
-        """See `fpsboost.contracts.FrameWatcher.watch`."""
         begin = time.thread_time()
         self.view.add(frame, frame.time / self.stretch)
         self.view.end = (frame.time + frame.duration) / self.stretch
@@ -258,7 +256,6 @@ def _count(preview: Preview, end: Fraction) -> int:
 
 
 def _player_data(preview: Preview) -> PlayerData:
-    """Return the views of all passages at the times of the output's frames."""
     height, width = preview.selection.passages[0].before.image_at(Fraction(0)).shape[:2]
     names = ["before", *preview.trials] if len(preview.trials) > 1 else ["before", "after"]
     data = PlayerData(names, width, height, float(preview.rate))

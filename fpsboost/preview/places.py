@@ -44,7 +44,6 @@ class View:
     """End of the last frame, seconds."""
 
     def add(self, frame: Frame, time: Fraction) -> None:
-        """Add the next frame."""
         image = self.displayed(view(frame.image).to_bgr())
         data = cv2.imencode(".jpg", as_shown(image), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
         self.times.append(time)
@@ -62,7 +61,6 @@ class View:
         return turned_upright(image, self.traits.display_matrix if self.traits else None)
 
     def place_at(self, time: Fraction) -> int:
-        """Return the place of the frame that is shown at a time."""
         return max(0, bisect_right(self.times, time) - 1)
 
     def image_at(self, time: Fraction) -> NDArray[np.uint8]:
@@ -270,7 +268,6 @@ class _Reader:
 
 
 def _thumbnail(frame: Frame) -> NDArray[Any]:
-    """Return a frame in gray, (h, w) uint8."""
     height, width = frame.pixels.shape[:2]
     scale = THUMBNAIL_SIDE / max(height, width)
     size = max(1, round(width * scale)), max(1, round(height * scale))

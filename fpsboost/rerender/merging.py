@@ -156,7 +156,6 @@ class _Merger:
     limit: MemoryLimit
 
     def merged(self, path: Path, frame: PlannedFrame, rendered: _Rendered) -> bytes:
-        """Return the content of a file of a conversion with its regions put back."""
         passes = Passes.chosen(path, ALL) if extension_of(path.name) == ".exr" else None
         made = self._read(path, passes)
         if made.shape[:2] != (self.plan.height, self.plan.width):
@@ -190,7 +189,6 @@ class _Merger:
         return picture
 
     def _read(self, path: Path, passes: Passes | None) -> FrameImage:
-        """Return an image, with the layers of the conversion's files if these have any."""
         if passes is None or extension_of(path.name) != ".exr":
             return read_image(path, self.limit)
         return passes.read(path, self.limit)

@@ -62,7 +62,6 @@ class TileGrid:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns of tiles."""
         return -(-self.height // self.tile), -(-self.width // self.tile)
 
     @cached_property
@@ -232,7 +231,6 @@ def _without_holes(mask: NDArray[Any]) -> NDArray[Any]:
 
 
 def _without_crumbs(mask: NDArray[Any]) -> NDArray[Any]:
-    """Drop single tiles."""
     if mask.size < SMALLEST_GRID:
         return mask
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)

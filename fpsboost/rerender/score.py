@@ -80,7 +80,6 @@ class ErrorCurve:
         )
 
     def at(self, doubts: NDArray[Any]) -> NDArray[Any]:
-        """Return the errors that are expected for doubts of any shape."""
         expected: NDArray[Any] = np.interp(doubts, self.doubts, self.errors)
         return expected
 

@@ -87,7 +87,6 @@ class Choices:
 
     @classmethod
     def of(cls, data: object) -> Self:
-        """Return the choices in a request."""
         kinds = {field.name: bool if isinstance(field.default, bool) else str for field in fields(cls)}
         given = data if isinstance(data, dict) else {}
         wrong = [name for name in kinds if type(given.get(name)) is not kinds[name]]

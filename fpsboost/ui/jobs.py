@@ -106,7 +106,6 @@ class Queue:
         self._lock.close()
 
     def listing(self) -> list[dict[str, Any]]:
-        """Return all jobs as plain data."""
         with self._changed:
             return [asdict(job) for job in self._jobs.values()]
 

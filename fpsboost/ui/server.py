@@ -90,7 +90,6 @@ class Desk:
         return probe(path, is_dropped)
 
     def check(self, data: Json) -> Json:
-        """Return what the conversions of some clips would give, and the command lines for them."""
         return {"clips": [found for found, _ in self._conversions(data)]}
 
     def look(self, data: Json, is_dropped: Event) -> Json:
@@ -146,7 +145,6 @@ class Desk:
         return replace(choices, name=name)
 
     def change(self, data: Json) -> Json:
-        """Pause a job, let it go on, or remove it."""
         actions = {"pause": self.queue.pause, "resume": self.queue.resume, "remove": self.queue.remove}
         actions["show"] = lambda number: show_in_folder(self.result(str(number), "place"))
         number, action = data.get("number"), data.get("action")
@@ -228,7 +226,6 @@ class Guard:
 
 
 def _limited(receive: Receive) -> Receive:
-    """Return a function that receives a body up to the limit."""
     size = 0
 
     async def limited() -> Message:
@@ -326,7 +323,6 @@ async def _data_of(request: Request) -> Json:
 
 
 async def _left(request: Request) -> None:
-    """Wait until the client is gone."""
     while (await request.receive())["type"] != "http.disconnect":
         pass
 

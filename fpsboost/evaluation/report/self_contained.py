@@ -39,7 +39,6 @@ class PlayerData:
 
     @property
     def uris(self) -> list[str]:
-        """Encoded pictures, each once."""
         return list(self._places)
 
     def add_picture(self, uri: str) -> int:

@@ -91,7 +91,6 @@ class AnimationWriter:
         self._container.mux(packet)
 
     def finish(self) -> None:
-        """Write what follows the last frame."""
         if self._stream is not None:
             for packet in self._stream.encode(None):
                 self._container.mux(packet)

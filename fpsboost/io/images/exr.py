@@ -45,7 +45,6 @@ class Window(NamedTuple):
 
     @property
     def size(self) -> tuple[int, int]:
-        """Rows and columns."""
         return self.bottom - self.top + 1, self.right - self.left + 1
 
 
@@ -86,7 +85,6 @@ class ExrHeader:
 
     @property
     def display(self) -> Window:
-        """What is to be shown, of all parts."""
         return self.parts[0].display
 
     @property

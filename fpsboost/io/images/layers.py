@@ -61,11 +61,9 @@ class LayerNames:
 
     @property
     def has_vectors(self) -> bool:
-        """Whether these are motion vectors."""
         return _word_of(self.name) in VECTORS
 
     def channel(self, letter: str) -> str | None:
-        """Return the channel whose name ends in a letter."""
         return next((name for name in self.channels if _letter_of(name) == letter), None)
 
 
@@ -258,7 +256,6 @@ def losses_like(header: ExrHeader) -> list[str]:
 
 
 def _named(path: Path, contents: ExrContents, names: str) -> list[LayerNames]:
-    """Return the layers that are named, without the picture."""
     if names in (ALL, BEAUTY):
         return contents.layers if names == ALL else []
     wanted = set[str]()

@@ -67,7 +67,6 @@ class ImageMetadata:
     has_more: bool = False
 
     def profile_for(self, channels: int) -> bytes:
-        """Return the profile if it is one for images of so many channels."""
         return self.profile if self.profile[16:20] == (b"GRAY" if channels <= 2 else b"RGB ") else b""
 
 

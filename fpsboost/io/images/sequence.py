@@ -55,7 +55,6 @@ class Numbering:
         return f"{self.prefix}{'#' * self.digits}{self.suffix}"
 
     def path(self, number: int) -> Path:
-        """Name the image of this number."""
         return self.folder / f"{self.prefix}{number:0{self.digits}d}{self.suffix}"
 
     def number_in(self, name: str, *, any_padding: bool = False) -> int | None:
@@ -66,7 +65,6 @@ class Numbering:
         return int(match[1])
 
     def find(self, *, any_padding: bool = False) -> list[tuple[int, Path]]:
-        """List the existing images of this naming with their numbers, in the order of the numbers."""
         numbers = ((self.number_in(name, any_padding=any_padding), name) for name in list_files(self.folder))
         return sorted((number, self.folder / name) for number, name in numbers if number is not None)
 
@@ -119,7 +117,6 @@ class NumberedImages:
 
     @property
     def planes(self) -> int:
-        """Planes of the layers that are read beside the picture."""
         return sum(len(layer.channels) for layer in self.layers)
 
     def numbers_for(self, factor: Fraction) -> tuple[int, int] | None:

@@ -49,7 +49,6 @@ class ImageNames:
     remarks: tuple[str, ...] = ()
 
     def path(self, place: int) -> Path:
-        """Return the image of a frame by its place in the output, counted from 0."""
         return self.numbering.path(self.first + place * self.step)
 
 
@@ -68,7 +67,6 @@ class NumberedSink(StagedSink):
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences about what the files could not hold."""
         return [*self._unfinished.remarks, *self.names.remarks, *self._encoder.remarks]
 
     def _count_finished(self) -> int:
@@ -78,7 +76,6 @@ class NumberedSink(StagedSink):
         return count
 
     def write(self, frame: Frame) -> None:
-        """Write the next image; its time does not matter."""
         path = self.names.path(self._frames)
         self._frames += 1
         if path.name in self._originals:  # in place: stays as it is
@@ -288,7 +285,6 @@ def _is_folder(path: str) -> bool:
 
 
 def _names_of(output: Output) -> ImageNames:
-    """Return how the images of an output are named, which are not written in place."""
     path, images, factor, count = output.path, output.stream.images, output.factor, output.expected_frames
     kept = None if images is None or factor is None else images.numbers_for(factor)
     first, step = kept or (1 if images is None else images.first_number, 1)

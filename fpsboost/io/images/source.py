@@ -125,7 +125,6 @@ class ImageSource(ClosesOnExit):
         self.info = ClipInfo(path, height, width, rate, 1 / rate, len(sequence.files), self._duration(rate))
 
     def _duration(self, rate: Fraction) -> Fraction | None:
-        """Return the duration in seconds, where the number of images does not say it."""
         return (self._places[-1] - self._places[0] + 1) / rate if self.images.fills_gaps else None
 
     @property
@@ -134,7 +133,6 @@ class ImageSource(ClosesOnExit):
 
     @property
     def beginning(self) -> SourcePosition:
-        """Position of the first of these images in the whole sequence."""
         return SourcePosition(self.images.skipped, self._begins)
 
     @property
@@ -213,7 +211,6 @@ class ImageSource(ClosesOnExit):
 
 
 def _check_gaps(path: str, sequence: FileSequence) -> None:
-    """Raise an error unless the images have numbers, between which not too many are missing."""
     if not sequence.numbers:
         raise OptionError(f"`fill_gaps` goes by numbers, and the images of {path} have none; leave it out.")
     for (file, number), (next_file, following) in pairwise(zip(sequence.files, sequence.numbers, strict=True)):

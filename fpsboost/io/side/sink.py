@@ -255,7 +255,6 @@ class FileNames:
         return cls(path, suffix, replace(naming, suffix=naming.suffix.rpartition(".")[0]), numbers)
 
     def stem(self, place: int) -> str:
-        """Return a frame's part of the names of its files."""
         return self.numbering.path(self.numbers[place]).name
 
     def check_alone(self, option: str, taken: Sequence[Path]) -> None:

@@ -203,7 +203,6 @@ class VideoClock:
         return Fraction(0) if end is None else round(end / self.time_base) * self.time_base
 
     def duration_of(self, picture: av.VideoFrame) -> Fraction:
-        """Return how long a picture is presented, by itself or else by the nominal rate."""
         time_base = as_fraction(picture.time_base) or self.time_base
         return picture.duration * time_base if picture.duration > 0 else 1 / self.rate
 

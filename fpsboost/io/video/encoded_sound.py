@@ -166,11 +166,9 @@ class EncodedSound:
 
     @property
     def is_empty(self) -> bool:
-        """Whether no samples have been encoded so far."""
         return self._next_pts is None
 
     def take(self, packet: av.Packet[Any]) -> None:
-        """Decode a packet of the source, and mux what is ready."""
         assert packet.dts is not None
         self._tick = tick = Fraction(packet.time_base)
         pts = packet.dts if packet.pts is None else packet.pts
@@ -188,7 +186,6 @@ class EncodedSound:
             self._wait(frame, begin)
 
     def finish(self) -> None:
-        """Mux what remains after the end of the source."""
         try:
             frames: list[Any] = self._source.decode(None)
         except av.error.FFmpegError:

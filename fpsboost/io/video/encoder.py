@@ -106,7 +106,6 @@ class VideoEncoder:
 
     @property
     def stream(self) -> av.VideoStream:
-        """Stream with an open encoder, in a container that is discarded."""
         if self._stream is None:
             self._stream = self._open()
         return self._stream
@@ -148,7 +147,6 @@ class VideoEncoder:
         return packets
 
     def close(self) -> None:
-        """Close the encoder and discard the packets that it still holds."""
         self._stream = None
         if self._nowhere is not None:
             nowhere, self._nowhere = self._nowhere, None

@@ -213,12 +213,10 @@ class ReorderBuffer:
         """Latest time that was given out."""
 
     def expect(self, pts: int | None) -> None:
-        """Record that a packet with this time is sent to the decoder."""
         if pts is not None:
             self._owed[pts] += 1
 
     def drop(self, pts: int | None) -> None:
-        """Record that the packet with this time produced no picture."""
         if pts is not None:
             self._owed -= Counter([pts])  # which forgets what is no longer owed
 
@@ -384,7 +382,6 @@ class FormatUnifier:
         return unified
 
     def _described(self, picture: av.VideoFrame, aspect: Fraction) -> tuple[str, str]:
-        """Describe the first picture and another one by size and pixel format, and by pixel shapes that differ."""
         before = f"{self._width}x{self._height} {self.traits.pixel_format}"
         now = f"{picture.width}x{picture.height} {picture.format.name}"
         if aspect == self._aspect:
@@ -420,7 +417,6 @@ class FormatUnifier:
         return alike
 
     def remarks(self) -> list[str]:
-        """Return the remarks on pictures that were converted."""
         reshaped, recoded = (
             f"{counted(count, 'frame')} {'was' if count == 1 else 'were'}" for count in (self._reshaped, self._recoded)
         )
@@ -435,7 +431,6 @@ class FormatUnifier:
 
 
 def _colours(transfer: int, primary: int) -> str:
-    """Describe colour tags: ``transfer pq, primaries bt2020``."""
     names = tag_name(transfers, transfer), tag_name(primaries, primary)
     return ", ".join(
         f"{kind} {name or 'untagged'}" for kind, name in zip(("transfer", "primaries"), names, strict=True)

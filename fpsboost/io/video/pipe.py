@@ -231,7 +231,6 @@ class PipeSink:
 
     @property
     def details(self) -> str:
-        """The stream's first line, which says what was chosen."""
         return f"{OUTPUT_NAME}: {self._header}" if self._header else ""
 
     def __enter__(self) -> Self:
@@ -248,7 +247,6 @@ class PipeSink:
             self._waiting.cancel()
 
     def write(self, frame: Frame) -> None:
-        """Write one frame, after the line about the stream if it is the first."""
         check_frame_size(frame, self._info, OUTPUT_NAME)
         if not self._header:
             self._header = self._choose_header(frame.pixels)
@@ -310,7 +308,6 @@ class PipeSink:
             )
 
     def _remark_on(self, frame: Frame) -> None:
-        """Say what a frame has that the stream cannot hold, once."""
         due = self._start + self._count / self._timing.rate
         lost = {
             f"{OUTPUT_NAME} cannot hold an alpha channel, which was left out.": frame.image.shape[2] in (2, 4),

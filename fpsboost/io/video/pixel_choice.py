@@ -132,7 +132,6 @@ def _chroma_of(format: av.VideoFormat) -> float:
 
 
 def _divides(pixel_format: str, width: int, height: int) -> bool:
-    """Return whether width and height are multiples of the chroma subsampling factors."""
     layout = av.VideoFormat(pixel_format, 16, 16)
     across, down = 16 // max(1, layout.chroma_width()), 16 // max(1, layout.chroma_height())
     return width % across == 0 and height % down == 0

@@ -152,7 +152,6 @@ class VideoSource(ClosesOnExit):
 
     @property
     def stream_info(self) -> StreamInfo:
-        """See `fpsboost.io.DescribedSource.stream_info`; decodes the first frame."""
         return StreamInfo(traits=self.traits, video=self.file, files=[self.path])
 
     @property
@@ -229,7 +228,6 @@ class VideoSource(ClosesOnExit):
             self.remarks += clock.early_end_remarks(self._name, end, count, self.info.frame_count)
 
     def _timed(self, unifier: FormatUnifier) -> Iterator[tuple[av.VideoFrame, Fraction]]:
-        """Yield the pictures, all alike, with the times that the file gives them."""
         end: Fraction | None = None
         for number, decoded in enumerate(self._pictures, self._first):
             picture = unifier.unified(decoded, number, self._pictures.aspect_of(decoded))
@@ -287,11 +285,9 @@ class VideoSource(ClosesOnExit):
         return [ticks * self._clock.tick - self._clock.start for ticks in self.frame_index.ticks.tolist()]
 
     def take_index(self, index: FrameIndex) -> None:
-        """See `fpsboost.io.SeekableSource.take_index`."""
         self.frame_index = index
 
     def begin_at(self, number: int) -> None:
-        """See `fpsboost.contracts.RandomAccess.begin_at`; decodes from the key frame before."""
         times = self.frame_times()
         if times is not None and number >= len(times):
             raise InputError(f"{self._name} has {counted(len(times), 'frame')}, and none has the number {number}.")
