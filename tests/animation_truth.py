@@ -1,7 +1,5 @@
 """Animation files written and read by Pillow, which shares no code with the package."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple

@@ -3,8 +3,6 @@
 PYTHON is one that has Blender's module bpy. Prints what came out as JSON. Run as a command by tests.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import sys

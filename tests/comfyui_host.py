@@ -1,7 +1,5 @@
 """A host that stands for ComfyUI: it loads folders of nodes, checks a workflow, and runs it, the way ComfyUI does."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from pathlib import Path
@@ -22,19 +20,19 @@ class ArrayTensor:
         self.array = array
         self.shape = array.shape
 
-    def __getitem__(self, index: int) -> ArrayTensor:
+    def __getitem__(self, index: int) -> "ArrayTensor":
         return ArrayTensor(self.array[index])
 
-    def cpu(self) -> ArrayTensor:
+    def cpu(self) -> "ArrayTensor":
         return self
 
-    def float(self) -> ArrayTensor:
+    def float(self) -> "ArrayTensor":
         return ArrayTensor(self.array.astype(np.float32, copy=False))
 
     def numpy(self) -> NDArray[Any]:
         return self.array
 
-    def new_empty(self, size: tuple[int, ...]) -> ArrayTensor:
+    def new_empty(self, size: tuple[int, ...]) -> "ArrayTensor":
         return ArrayTensor(np.full(size, np.nan, self.array.dtype))  # what is not written shows
 
 

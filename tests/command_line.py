@@ -1,7 +1,5 @@
 """Runs of the command line: their results, the environment of a child process, and what every refusal has."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable

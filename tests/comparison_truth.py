@@ -1,7 +1,5 @@
 """What tests of comparisons share: clips written as images, an observer, and results with given scores."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What several test files need: small sequences of images, the contents of a folder, and a little less patience."""
 
-from __future__ import annotations
-
 import gc
 import os
 import signal

@@ -1,7 +1,5 @@
 """Options of conversions by the names of their fields, for tests that vary one or two of them."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any

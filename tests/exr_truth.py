@@ -1,7 +1,5 @@
 """OpenEXR files of any kind that the library can write, to test what reads them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

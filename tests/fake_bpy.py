@@ -1,7 +1,5 @@
 """A module that stands for Blender's bpy: as much of it as the extension touches."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace

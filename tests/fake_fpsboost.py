@@ -1,7 +1,5 @@
 """A program that answers like fpsboost and copies files instead of making frames; run as a command by tests."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

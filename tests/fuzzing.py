@@ -3,8 +3,6 @@
 ``python fuzzing.py FOLDER SEED COUNT KIND...`` prints a line of JSON before each copy and one after it.
 """
 
-from __future__ import annotations
-
 import faulthandler
 import json
 import random

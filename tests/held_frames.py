@@ -1,7 +1,5 @@
 """Frames that are shown several times, as arrays and as encoded clips."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from itertools import accumulate

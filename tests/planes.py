@@ -1,7 +1,5 @@
 """Frames as the kernels of the search take them, and parts of kernels by themselves."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numba

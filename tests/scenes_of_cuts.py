@@ -4,8 +4,6 @@ A scenery is a large picture of one kind, a camera sees a moving part of it, and
 shots joined by cuts, fades, dissolves; or one shot with a flash, a whip pan, a shake... All frames are 144x80 BGR.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple

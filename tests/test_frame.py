@@ -1,7 +1,5 @@
 """What passes for a pair of images, and how images are described."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from truth import noise

@@ -1,7 +1,5 @@
 """Every method through the same contract: a pair and times in, images out."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Memory that is kept after it was freed, in processes of their own."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Sizes that files promise: read before anything is decoded, and refused where the machine is too small for them."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from io import BytesIO

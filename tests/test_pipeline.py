@@ -1,7 +1,5 @@
 """The loop: which frames come out, when and how long, what happens to errors; and whole conversions of files."""
 
-from __future__ import annotations
-
 import os
 import threading
 import weakref
@@ -11,7 +9,7 @@ from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 from queue import Empty, Queue
-from typing import Any
+from typing import Any, Self
 
 import av
 import cv2
@@ -78,7 +76,7 @@ class FakeSource:
 
     def close(self) -> None: ...
 
-    def __enter__(self) -> FakeSource:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None: ...
@@ -100,7 +98,7 @@ class FakeSink:
             raise self._error
         self.frames.append(frame)
 
-    def __enter__(self) -> FakeSink:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None: ...

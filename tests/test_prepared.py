@@ -1,7 +1,5 @@
 """What is computed from one frame alone: once, however many ask for it, and forgotten with the frame."""
 
-from __future__ import annotations
-
 import importlib
 import threading
 import weakref

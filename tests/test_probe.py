@@ -1,7 +1,5 @@
 """What `fpsboost probe` finds out about a clip, as data, on the terminal and as JSON."""
 
-from __future__ import annotations
-
 import json
 from fractions import Fraction
 from pathlib import Path

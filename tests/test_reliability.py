@@ -1,7 +1,5 @@
 """Killed, out of space, fed what is no file: a sentence, and never a wrong file under the final name."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

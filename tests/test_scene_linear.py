@@ -1,7 +1,5 @@
 """Scene-linear colours: compared on a scale that exposure does not change, mixed as they are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Frames as arrays: from captures of OpenCV, from arrays, from paths."""
 
-from __future__ import annotations
-
 import gc
 import subprocess
 import sys

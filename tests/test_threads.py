@@ -1,7 +1,5 @@
 """Reading ahead, computing side by side and writing behind: how they end, and that no thread is left over."""
 
-from __future__ import annotations
-
 import itertools
 import threading
 from collections.abc import Iterator

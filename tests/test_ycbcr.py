@@ -1,7 +1,5 @@
 """Pictures of video in their own planes: what they mean, and that methods make of them what they make of BGR."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Constructed clips whose motion and in-between frames are known exactly."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Slow, obvious twins of the kernels; nothing of fpsboost is imported here."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from itertools import product

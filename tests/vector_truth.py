@@ -1,7 +1,5 @@
 """What a renderer would write of a constructed clip: vectors and depth, as files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

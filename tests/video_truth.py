@@ -1,7 +1,5 @@
 """Tiny clips made with PyAV whose every time, pixel and packet is known."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path

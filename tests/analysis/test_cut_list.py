@@ -1,7 +1,5 @@
 """Cuts from a list: read as people and PySceneDetect write them, believed, and nothing else."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path

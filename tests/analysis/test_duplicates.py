@@ -1,7 +1,5 @@
 """Frames shown again: found up to the noise of an encoder, interpolated across, and left alone where nothing moves."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Made frames are as grainy as the frames around them, and clean ones stay clean."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise

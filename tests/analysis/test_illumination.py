@@ -1,7 +1,5 @@
 """Fades, flashes, exposure and lamps: found where the light changes, only there, and followed through."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise, product
 

@@ -1,7 +1,5 @@
 """Titles and logos stay as they are in front of a moving picture, and nothing else does."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Scene cuts: found where there are some, and only there."""
 
-from __future__ import annotations
-
 from collections import Counter
 from fractions import Fraction
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Several inputs into one folder: where each goes, what stops and what does not, and what is said."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

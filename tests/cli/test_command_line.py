@@ -1,7 +1,5 @@
 """The command line: exit codes, one sentence on stderr, nothing on stdout, and no trace of a run that was stopped."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import re

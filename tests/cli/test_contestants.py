@@ -1,7 +1,5 @@
 """Who takes part in a comparison: methods with options, by text."""
 
-from __future__ import annotations
-
 import pytest
 from truth import SCENES, needs_scenes
 

@@ -1,7 +1,5 @@
 """What libraries print by themselves does not reach the terminal before our own sentence."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

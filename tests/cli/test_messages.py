@@ -1,7 +1,5 @@
 """What is printed of names that hold more than letters: everything to be seen, nothing for the terminal to obey."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

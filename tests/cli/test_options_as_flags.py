@@ -1,7 +1,5 @@
 """Options, declared once: as fields in Python, as flags on the command line."""
 
-from __future__ import annotations
-
 import ast
 import re
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """Outputs that cannot be written are refused before any work, in every command."""
 
-from __future__ import annotations
-
 import sys
 
 import pytest

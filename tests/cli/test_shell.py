@@ -1,7 +1,5 @@
 """What a shell needs of the command line: completion, and whether it works on this machine."""
 
-from __future__ import annotations
-
 import json
 import os
 import platform

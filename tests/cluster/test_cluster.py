@@ -1,7 +1,5 @@
 """Parts that many workers make: the output is that of one process, whatever happens to workers on the way."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """A comparison of a tiny clip, and its page."""
 
-from __future__ import annotations
-
 import pytest
 from comparison_truth import HEIGHT, NAMES, WIDTH, Nobody, save_clip
 from video_truth import scene

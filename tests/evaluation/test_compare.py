@@ -1,7 +1,5 @@
 """The comparison: every method on constructed motion, as in a conversion; the command; and its JSON and CSV."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

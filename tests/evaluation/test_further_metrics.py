@@ -1,7 +1,5 @@
 """Metrics that a comparison adds by name: constructed differences whose figures follow by hand."""
 
-from __future__ import annotations
-
 import json
 from fractions import Fraction
 from importlib.util import find_spec

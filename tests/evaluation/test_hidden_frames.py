@@ -1,7 +1,5 @@
 """Which frames are hidden, where they lie between those that are shown, and which of them are a truth."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import cv2

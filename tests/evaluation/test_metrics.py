@@ -1,7 +1,5 @@
 """Scores of constructed differences, which follow by hand, and of the rendered scenes, which nothing may lower."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Other tools' frames: which image of a folder is which frame, and commands that make them."""
 
-from __future__ import annotations
-
 import shlex
 import sys
 

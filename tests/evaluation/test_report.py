@@ -1,7 +1,5 @@
 """The page of a comparison: what it holds, in one file, what it is drawn from, and what stands for methods in it."""
 
-from __future__ import annotations
-
 import base64
 import csv
 import itertools

@@ -1,7 +1,5 @@
 """The page of a comparison in a browser: player, figures, tables, closer looks and the blind test."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The verdict: who is ahead by more than chance, at what price, and what to take."""
 
-from __future__ import annotations
-
 import json
 import math
 

@@ -3,8 +3,6 @@
 The last test needs a Python that has Blender's module bpy: this one, or that named by PYTHON_WITH_BPY.
 """
 
-from __future__ import annotations
-
 import doctest
 import importlib.util
 import json

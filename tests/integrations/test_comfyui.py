@@ -1,7 +1,5 @@
 """The node for ComfyUI under integrations/comfyui, in a host that does what ComfyUI does with it."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

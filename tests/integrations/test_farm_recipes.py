@@ -1,7 +1,5 @@
 """The recipes for batch systems and render farms: what they show can be read by who is to run it."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil

@@ -1,7 +1,5 @@
 """The Flamenco job type: the tasks that it makes of a job, in a JavaScript engine with what Flamenco gives scripts."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The Open Job Description template: it is valid, runs the right commands, and makes what one run makes."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """The VapourSynth filter makes the frames of a conversion, in any order and on all threads."""
 
-from __future__ import annotations
-
 import gc
 import os
 import random

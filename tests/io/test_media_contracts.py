@@ -1,7 +1,5 @@
 """Every source and every sink keeps the contracts of `fpsboost.io`, whatever kind of file is behind it."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from contextlib import suppress

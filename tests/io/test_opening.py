@@ -1,7 +1,5 @@
 """Which source and which sink a path stands for."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import pytest

@@ -1,7 +1,5 @@
 """Runs that are stopped: what stays, who may go on with it, and that nobody can tell from the result."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """A part of a clip: the right frames, the same as of the whole clip, with the sound that belongs to them."""
 
-from __future__ import annotations
-
 import os
 from fractions import Fraction
 from pathlib import Path

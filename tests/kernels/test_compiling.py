@@ -1,7 +1,5 @@
 """Compilation of kernels: told of in time, and in a second process that is started once and never in the way."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading

@@ -1,7 +1,5 @@
 """Block matching against a slow twin, and the shorter search patterns against the full one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from truth import noise, translation

@@ -1,7 +1,5 @@
 """Candidate motions of the nodes, their lists and their weights, against slow twins."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """Instructions, compiled and by their twins, whose faults the searches that use them might not show."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

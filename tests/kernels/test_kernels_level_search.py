@@ -1,7 +1,5 @@
 """The search of a level in both directions, against its steps one by one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from planes import compiled, plane_pair, points

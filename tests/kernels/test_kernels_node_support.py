@@ -1,7 +1,5 @@
 """What the motion fields say around the nodes: landings, and agreement between neighbours."""
 
-from __future__ import annotations
-
 import numpy as np
 from truth import waves
 

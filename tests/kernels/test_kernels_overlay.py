@@ -1,7 +1,5 @@
 """Pixels that stand still in front of moving surroundings, against a slow twin."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

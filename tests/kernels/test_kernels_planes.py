@@ -1,7 +1,5 @@
 """Planes in which frames are compared, and small copies, against slow twins."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from truth import noise

@@ -1,7 +1,5 @@
 """What the vectors of points say together, against slow twins."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from twins import smaller_change, way_there_and_back

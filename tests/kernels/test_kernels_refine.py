@@ -1,7 +1,5 @@
 """The least-squares step to fractions of a pixel, against a slow twin and against smooth textures."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The report's two searches for a source pixel, splatting, and the colours they fetch, against slow twins."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

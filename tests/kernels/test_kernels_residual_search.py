@@ -1,7 +1,5 @@
 """The second look at points that their motion does not explain, against plain loops."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from hypothesis import given, settings

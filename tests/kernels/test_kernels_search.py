@@ -1,7 +1,5 @@
 """The exhaustive searches against a slow twin and against each other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from planes import compiled, plane_pair

@@ -1,7 +1,5 @@
 """Semi-global matching over lists of labels, against a slow twin."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st

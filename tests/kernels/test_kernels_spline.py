@@ -1,7 +1,5 @@
 """Cubic B-splines: coefficients, weights and samples, against the equations that define them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """The weighted mean over candidate motions, against a slow twin, and its parts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import example, given, settings

@@ -1,7 +1,5 @@
 """Motion estimation of video coding against constructed truth: block matching, and an encoder's own motion."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from truth import affine, as_type, noise, prepared, translation

@@ -1,7 +1,5 @@
 """Every estimator through one contract and against constructed truth; repeated patterns; and the search radius."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

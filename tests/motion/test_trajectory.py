@@ -1,7 +1,5 @@
 """How motion changes from pair to pair: exact fields, and fields that were estimated."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from truth import accelerating, prepared

@@ -1,7 +1,5 @@
 """Ranges of output frames, made by themselves, are those that the whole run makes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Parts of a conversion: however it is cut, what is joined is what one run makes."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

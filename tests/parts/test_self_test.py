@@ -1,7 +1,5 @@
 """The digest by which two machines tell whether they compute the same bits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Literal
 

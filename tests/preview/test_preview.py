@@ -1,7 +1,5 @@
 """The preview of a conversion: which passages are shown, what is said of them, the page and the video."""
 
-from __future__ import annotations
-
 import base64
 import json
 import os

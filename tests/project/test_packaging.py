@@ -1,7 +1,5 @@
 """What is published, what the package says of itself, what it imports of numba, and what is imported at all."""
 
-from __future__ import annotations
-
 import ast
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Public names: Semantic Versioning covers them, documentation finds them, docstrings agree with signatures."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import pkgutil

@@ -1,7 +1,5 @@
 """What channels of motion vectors mean: by their names, by comparing frames, and as the user says."""
 
-from __future__ import annotations
-
 import sys
 from itertools import product
 from pathlib import Path

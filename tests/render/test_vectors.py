@@ -1,7 +1,5 @@
 """A renderer's motion vectors: files, folders, and motion fields made of them."""
 
-from __future__ import annotations
-
 import pickle
 import struct
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Which frames to render at all: few where motion is simple, all where nothing can be predicted."""
 
-from __future__ import annotations
-
 import json
 
 import cv2

@@ -1,7 +1,5 @@
 """Rendered regions put back: inside of them what was rendered, outside not a bit changed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """Plans of what to render: where frames are wrong is found without their truth, and no plan exceeds its budget."""
 
-from __future__ import annotations
-
 import json
 
 import cv2

@@ -4,8 +4,6 @@ The round trip of rendering: half of the frames by Mitsuba, the rest interpolate
 And the constructed clips: that all can be made, and each frame by itself as it is among others.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import math

@@ -1,7 +1,5 @@
 """Confidence by the agreement of two frames, against truths that are known exactly."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Candidates weighted by what was learnt from drawn scenes: `MultiHypothesis` with `fusion="learnt"`."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where a conversion is least certain: the two frames that match least, wherever no scene ends."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any

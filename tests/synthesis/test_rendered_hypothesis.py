@@ -1,7 +1,5 @@
 """A renderer's motion as one more hypothesis, against constructed truth."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from pathlib import Path
 from typing import Any

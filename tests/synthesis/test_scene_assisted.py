@@ -1,7 +1,5 @@
 """Scene-assisted reprojection against true in-between frames, and both methods with vectors from end to end."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from fractions import Fraction

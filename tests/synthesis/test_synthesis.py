@@ -1,7 +1,5 @@
 """Every synthesizer through the same contract, and against true in-between frames."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import partial
 

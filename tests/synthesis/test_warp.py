@@ -1,7 +1,5 @@
 """The plain warp and painting forward, against constructed truth and the warp's own formula."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from truth import affine, as_type, eroded, noise, prepared, translation

@@ -1,7 +1,5 @@
 """What a pace means for a clip: constant rates, clocks that round, pauses, ten hours of frames."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import replace

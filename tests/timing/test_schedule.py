@@ -1,7 +1,5 @@
 """Which output frame lies where: exact, in order, complete."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Motion blur by a shutter: as wide as the motion, in linear light, and without a change of any time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 

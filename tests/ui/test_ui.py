@@ -1,7 +1,5 @@
 """The page of `fpsboost ui`: who may use it and for what, its queue, and a conversion from start to result."""
 
-from __future__ import annotations
-
 import asyncio
 import base64
 import json

@@ -1,7 +1,5 @@
 """GIF, APNG and WebP: every picture as players show it, alpha, delays without drift, and how often it plays."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path

@@ -1,7 +1,5 @@
 """OpenEXR: what is read and written, through the file format and as images of a sequence."""
 
-from __future__ import annotations
-
 import struct
 from fractions import Fraction
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Layers of OpenEXR files: which are there, what each is, and files that are made like others."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

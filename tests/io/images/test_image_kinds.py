@@ -1,7 +1,5 @@
 """Images of unusual kinds: they look as they should, and it is said where made frames are stored otherwise."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

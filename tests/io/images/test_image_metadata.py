@@ -1,7 +1,5 @@
 """What images carry beside their pixels: passed frames keep their file, made ones say the same."""
 
-from __future__ import annotations
-
 import shutil
 import struct
 import zlib

@@ -1,7 +1,5 @@
 """Numbered images: what is read, what is refused, and that output appears whole or not at all."""
 
-from __future__ import annotations
-
 import errno
 import os
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Passes of a renderer: made with the weights of the picture, each as what it is, from file to file."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction

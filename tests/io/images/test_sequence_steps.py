@@ -1,7 +1,5 @@
 """Sequences rendered with a step, frames that are missing, and both beside the originals."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Iterable, Sequence

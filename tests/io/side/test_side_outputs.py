@@ -1,7 +1,5 @@
 """Confidence and motion written beside a conversion: what is in the files, their names, and when they appear."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from fractions import Fraction

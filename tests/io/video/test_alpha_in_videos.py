@@ -1,7 +1,5 @@
 """Alpha of videos: kept where the output can hold it, said where it cannot."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The rate of a file, where it begins to count, which picture a time belongs to, and what a truncated file holds."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import accumulate, cycle, islice, pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Sound that a container cannot hold, or that is wanted in another format: encoded anew, in its place and as long."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What survives of a file beside its pictures: attachments, data, timecodes, subtitles, labels, sound in its place."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Pipes: the text of a stream, its planes to the bit, colours as from a file, and the manners of a filter."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

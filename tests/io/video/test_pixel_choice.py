@@ -1,7 +1,5 @@
 """Depth, chroma and alpha on the way into videos: kept where the codec can, said where it cannot; and which codec."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

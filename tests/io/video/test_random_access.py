@@ -1,7 +1,5 @@
 """Beginning in the middle: the same frames, bit by bit, as reading from the start."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """How a source is read: fields as frames, the right stream of several, sizes that change."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Files that cannot or may not be read: the sentence says why, and what to do; and no damage crashes or hangs."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

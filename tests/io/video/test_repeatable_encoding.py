@@ -1,7 +1,5 @@
 """Packets follow from frames, whatever the number of cores; and encoders leave the priority of threads alone."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

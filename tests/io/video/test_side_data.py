@@ -1,7 +1,5 @@
 """What files say of their pictures beside the samples: applied, kept, or named where an output lacks it."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Sound of slow motion: clicks where their pictures are, the same pitch, the same tracks, and what is said of it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path

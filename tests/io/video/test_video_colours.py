@@ -1,7 +1,5 @@
 """Colour, depth, mastering display and light levels on the whole way: what was in a clip, and what becomes of it."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import replace
 from fractions import Fraction

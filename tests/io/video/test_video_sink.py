@@ -1,7 +1,5 @@
 """VideoSink: exact times, untouched companions, whole files or none."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """VideoSource: exact times, honest remarks, and colours that survive the way to BGR and back."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from io import BytesIO
 from itertools import pairwise, product
