@@ -226,7 +226,7 @@ class OpenedClip:
         Times count from the clip's first frame. Must be called before the first frame is read.
         """
         if isinstance(self.whole, Sliceable):
-            self.whole.keep(round(seconds * self.whole.info.rate), None)
+            self.whole.keep(int(seconds * self.whole.info.rate), None)
             return -beginning(self.whole).seconds
         if isinstance(self.whole, SeekableSource):
             origin = self.whole.first_time()
@@ -290,7 +290,7 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
     keeps_numbers = images is not None and not target.has_rate and images.numbers_for(multiple) is not None
     if rate.fill_gaps or keeps_numbers:  # an image that repeats another is none that is missing
         interpolator = replace(interpolator, duplicates=None)
-    expected = count_frames(schedule, info, holds_last_frame=target.has_clock)
+    expected = count_frames(schedule, info, holds_last_frame=target.kind != "images")
     interpolator, on_vectors = _match_vectors(interpolator, clip.whole.info.name, images, multiple, expected)
     output = Output(
         target.path,

@@ -31,6 +31,7 @@ from fpsboost.io.video.tags import find_timecode
 from fpsboost.io.video.traits import VideoTraits, matrices, primaries, tag_name, transfers
 from fpsboost.method_table import methods
 from fpsboost.pair import Pair
+from fpsboost.preparation import Preparation
 from fpsboost.streaming import beginning
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import OutputTiming, count_frames
@@ -210,7 +211,7 @@ def probe(
         if beside.video is not None and refused is None:
             timing = OutputTiming(schedule.rate(source.info.rate), schedule.time_base(source.info.time_base))
             try:
-                losses = remarks_before(Output("out.mp4", source.info, timing, beside))
+                losses = before_writing(Output("out.mp4", source.info, timing, beside))[1]
             except OutputError as error:
                 refused = str(error)
         findings = Findings()
@@ -242,7 +243,7 @@ def probe(
             duplicates=len(findings.duplicates),
             cuts=[float(cut) for cut in cuts],
             interlaced=findings.interlaced,
-            remarks=list(map(_as_prospect, source.remarks)),
+            remarks=list(map(as_prospect, source.remarks)),
             conversion=Conversion(frames or 0, float(schedule.rate(info.rate)), refused, losses),
         )
 
@@ -251,22 +252,37 @@ class _AbortSinkError(Exception):
     """Exception that leaves a sink without writing."""
 
 
-def remarks_before(output: Output) -> list[str]:
-    """Return remarks on what a video would lose, by opening a temporary one; raise `OutputError` if it cannot be."""
-    remarks, name = list[str](), Path(output.path).name
+def before_writing(output: Output) -> tuple[str, list[str]]:
+    """Return how a video would be encoded and remarks on what it would lose, by opening a temporary one.
+
+    Raises `OutputError` if it cannot be written.
+    """
+    details, remarks, name = "", list[str](), Path(output.path).name
     with TemporaryDirectory() as folder:
         path = str(Path(folder) / name)
         try:
             sink = Target.parse(path).open(replace(output, path=path))
             with suppress(_AbortSinkError), sink:
-                remarks += sink.remarks
+                details, remarks = getattr(sink, "details", ""), sink.remarks
                 raise _AbortSinkError
         except FpsboostError as error:
             raise OutputError(str(error).replace(path, name)) from error
-    return [_as_prospect(remark.replace(path, name)) for remark in remarks]
+    return details.removeprefix(f"{path}: "), [as_prospect(remark.replace(path, name)) for remark in remarks]
 
 
-def _as_prospect(remark: str) -> str:
+def expected_losses(ready: Preparation) -> tuple[str, list[str]]:
+    """Return how a prepared conversion would encode video, and remarks on what its output would lose.
+
+    Raises `OutputError` if the output cannot be written.
+    """
+    sink, details, losses = ready.target.open(ready.output), "", list[str]()
+    if ready.target.kind == "video":
+        details, losses = before_writing(ready.output)
+    remarks = [*ready.clip.source.remarks, *ready.remarks, *sink.remarks, *losses]
+    return details, list(dict.fromkeys(map(as_prospect, remarks)))
+
+
+def as_prospect(remark: str) -> str:
     """Return a remark on what a conversion has done as one on what it would do."""
     remark = re.sub(r"\b(was|were) (?=left out|taken|written)|(?<=; )(?=left out\.)", "would be ", remark)
     remark = re.sub(r"\blost (?=(?:the|tags|closed|of stream)\b)", "would lose ", remark)

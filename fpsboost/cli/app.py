@@ -60,7 +60,8 @@ from fpsboost.version import __version__
 
 EXAMPLES = """
 [bold]Examples[/]
-  fpsboost in.mp4 out.mp4                              twice the frames
+  fpsboost in.mp4                                      twice: in-2x.mp4
+  fpsboost in.mp4 out.mp4 --dry-run                    what it would take
   fpsboost in.mp4 out.mkv --fps 59.94 --crf 16         a rate, not a factor
   fpsboost renders/ doubled/                           a folder of images
   fpsboost renders/ --fill-gaps --in-place             the missing images
@@ -104,13 +105,16 @@ STANDARD_OUTPUT = "Standard output or a temporary file"  # what an error of the 
 MAX_REASON = 200
 """Characters of an error that nobody foresaw."""
 
+LAST_IMAGE = "the last image"
+"""Key of the remark on it among what was announced, which is said once for several inputs."""
+
 PIPE = "pipe:"
 """Replacement for an argument that is a lone dash, which the parser would take for an option without a name."""
 
 app = App(
     name="fpsboost",
     help="Raise the frame rate of a video or an image sequence.",
-    usage="Usage: fpsboost [OPTIONS] IN OUT\n       fpsboost [OPTIONS] IN... FOLDER\n       fpsboost COMMAND",
+    usage="Usage: fpsboost [OPTIONS] IN [OUT]\n       fpsboost [OPTIONS] IN... FOLDER\n       fpsboost COMMAND",
     help_epilogue=EXAMPLES.strip(),
     help_format="rich",
     suppress_keyboard_interrupt=False,
@@ -136,6 +140,7 @@ def convert(
     where: Annotated[ClusterOptions, GROUPS["Run"]],
     messages: Annotated[MessageOptions, GROUPS["Run"]],
     tuning: Annotated[TuningOptions, GROUPS["Method options"]],
+    dry_run: Annotated[bool, Parameter(group=GROUPS["Run"])] = False,
     processes: Annotated[str | None, Parameter(show=False)] = None,
 ) -> None:
     """Raise the frame rate of a video or an image sequence.
@@ -147,10 +152,12 @@ def convert(
         shot_%04d.png, shot_####.png, or - for a YUV4MPEG2 pipe.
     output
         The same; video as mp4, m4v, mov, mkv or webm, and a
-        folder with a slash at its end.
+        folder with a slash at its end. Else beside IN: in-2x.mp4.
         With several inputs a folder, created if missing.
     more
         Further names; the last one is the folder.
+    dry_run
+        Say what would be made and take, and write nothing.
     processes
         No longer there.
     """
@@ -161,7 +168,7 @@ def convert(
         )
     gc.disable()  # until kernels are compiled or loaded: importing and loading them makes many objects and few cycles
     # imported here so that --help and --version need not wait for OpenCV, numba and FFmpeg
-    from fpsboost.cli.batch import check_ending, convert_all, convert_each  # noqa: PLC0415
+    from fpsboost.cli import batch  # noqa: PLC0415
     from fpsboost.cluster import convert_where  # noqa: PLC0415
     from fpsboost.preparation import ConversionJob  # noqa: PLC0415
     from fpsboost.threads import one_opencv_thread  # noqa: PLC0415
@@ -172,7 +179,14 @@ def convert(
 
     def run(input: str, output: str | None, place: str = "") -> None:
         target = input if output is None else output
-        check_ending(input, target)
+        batch.check_ending(input, target)
+        job = ConversionJob(input, output, rate, interpolator, decoding, encoding)
+        if dry_run:
+            from fpsboost.cli.dry_run import say_dry_run  # noqa: PLC0415 (a page's code is slow to import)
+
+            with one_opencv_thread():
+                say_dry_run(job, run_options)
+            return
         if run_options.chunk is not None:
             target = str(run_options.chunk.folder(target))
         called = "standard output" if output == PIPE else target
@@ -184,8 +198,10 @@ def convert(
             one_opencv_thread(),
         ):
             reporter.say_settings(motion.method, interpolator)
-            job = ConversionJob(input, output, rate, interpolator, decoding, encoding)
             summary = convert_where(where, job, replace(run_options, observer=reporter))
+        if job.target(run_options).kind == "images" and not run_options.in_place and LAST_IMAGE not in announced:
+            summary.remarks += (said := batch.last_image_remarks(summary.frames_in, summary.frames_out, rate.multiple))
+            announced.extend([LAST_IMAGE] * len(said))
         reporter.say_summary(summary)
 
     if not Path(input).suffix and not os.path.exists(input):
@@ -194,20 +210,19 @@ def convert(
             raise OptionError(f"{input} is no command, and no file; did you mean fpsboost {names[meant]}?")
     paths = [input, *([] if output is None else [output]), *more]
     inputs = paths if run_options.in_place else paths[:-1]
-    if not inputs:
-        called = "standard input" if input == PIPE else input
-        raise OptionError(f"OUT is missing: name an output for {called}, or give --in-place for images beside it.")
-    if len(inputs) == 1:
-        run(input, None if run_options.in_place else output)
+    if len(inputs) <= 1:
+        run(input, None if run_options.in_place else output or batch.output_beside(input, rate))
         return
     of_one_clip = ["--vectors"] * (motion.rendered.vectors is not None) + ["--chunk"] * (run_options.chunk is not None)
     of_one_clip += run_options.side.given
     if of_one_clip:
         raise OptionError(f"{' and '.join(of_one_clip)} goes with one clip; convert several inputs one by one.")
+    if dry_run:
+        messages = replace(messages, quiet=True, progress="bar")
     if run_options.in_place:
-        convert_all(inputs, [None] * len(inputs), run, messages)
+        batch.convert_all(inputs, [None] * len(inputs), run, messages)
     else:
-        convert_each(inputs, paths[-1], run, messages)
+        batch.convert_each(inputs, paths[-1], run, messages)
 
 
 app.command(

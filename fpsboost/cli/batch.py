@@ -6,9 +6,10 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from fractions import Fraction
 from pathlib import Path
 
-from fpsboost.cli.messages import console, literal, say_error, say_traceback, sentence
+from fpsboost.cli.messages import console, literal, readable, say_error, say_traceback, sentence
 from fpsboost.cli.options import MessageOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained
 from fpsboost.io.animation.sink import ANIMATION_SUFFIXES
@@ -16,6 +17,7 @@ from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
 from fpsboost.io.images.source import is_pattern
 from fpsboost.io.opening import PIPES
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES
+from fpsboost.timing.rate import OutputRate
 
 OUTPUT_SUFFIXES = (*VIDEO_SUFFIXES, *ANIMATION_SUFFIXES)
 FALLBACK_SUFFIX = ".mkv"
@@ -46,6 +48,43 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
             raise OptionError(f"{clash} and {path} would both become {output}; convert one of them by itself.")
         outputs[path] = output
     return list(outputs.values())
+
+
+def output_beside(input: str, rate: OutputRate) -> str:
+    """Return the name of an output that is not named: beside the input, with the rate behind its name.
+
+    Examples
+    --------
+    >>> output_beside("films/in.avi", OutputRate(fps=60))
+    'films/in-60fps.mkv'
+    """
+    if input in PIPES:
+        raise OptionError("OUT is missing: name an output for standard input.")
+    if not clip_name(input):
+        return output_beside(str(Path(input).resolve().parent), rate)
+    speed = "filled" if rate.fill_gaps and rate.factor is None else f"{readable(rate.multiple)}x"
+    parts = [speed] if rate.fps is None or rate.slow_motion else []
+    parts += ["slow"] * rate.slow_motion + ([] if rate.fps is None else [f"{readable(rate.fps)}fps"])
+    planned, place = _choose_output(input, Path()), Path(input)
+    folder = place.resolve().parent if place.name in ("", "..") else place.parent
+    ending = "/" if planned.endswith("/") else Path(planned).suffix
+    return f"{folder / '-'.join([clip_name(input), *parts])}{ending}"
+
+
+def clip_name(input: str) -> str:
+    """Return the name of a clip without its ending and what a pattern adds to it; of a pattern, nothing may be left."""
+    name = Path(input).resolve().name if os.path.isdir(input) else Path(input).stem
+    return name if os.path.exists(input) else name.split("#")[0].split("%")[0].rstrip("._- ")
+
+
+def last_image_remarks(frames_in: int, frames_out: int, multiple: Fraction) -> list[str]:
+    """Return why images are fewer than a factor lets expect; nothing if they are not."""
+    if multiple == 1 or frames_out != (frames_in - 1) * multiple + 1:
+        return []
+    return [
+        f"{frames_in} frames give {frames_out} images and not {frames_in * multiple}, because nothing follows the last "
+        "one; a video shows its last frame as long as the others."
+    ]
 
 
 def check_ending(input: str, output: str) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Group, Parameter
 from rich.console import Console
 
-from fpsboost.cli.batch import plan_outputs
+from fpsboost.cli.batch import clip_name, output_beside
 from fpsboost.cli.compare import choose, split_methods
 from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import GROUPS, CutOptions, PathName, PreviewOptions, in_flags, with_flags
@@ -53,15 +53,14 @@ def preview(
 
     if input in PIPES:
         raise OptionError("Standard input can be read only once, and a preview reads several places; name a file.")
-    place = Path(page or f"{_stem(input)}-preview.html")
+    place = Path(page or f"{clip_name(input) or 'clip'}-preview.html")
     if place.suffix.lower() not in (".html", ".htm"):
         raise OptionError(f"{place} is no name of a page; say {place}.html.")
     check_writable(place, str(place), [Path(input)], options.overwrite)
     if options.side_by_side is not None:
         check_video(Target.parse(options.side_by_side), [Path(input)], overwrite=options.overwrite)
     methods = _methods(options, cuts)
-    default_output = plan_outputs([input], "converted")[0]
-    output = f"{_stem(input)}-converted{'/' if default_output.endswith('/') else Path(default_output).suffix}"
+    output = output_beside(input, rate)
     job = ConversionJob(input, output, rate, next(iter(methods.values())), decoding)
     console = Console(highlight=False, quiet=options.quiet)
     with Console(stderr=True, quiet=options.quiet).status("reading") as status:
@@ -85,12 +84,6 @@ def preview(
     if options.side_by_side is not None:
         console.print(f"Video: {literal(options.side_by_side)}", soft_wrap=True)
     console.print(f"Page: {literal(str(place))}", soft_wrap=True)
-
-
-def _stem(input: str) -> str:
-    """Return the name of a clip without what a folder or a pattern adds to it."""
-    name = Path(input).resolve().name if Path(input).is_dir() else Path(input).stem
-    return name.split("#")[0].split("%")[0].rstrip("._- ") or "clip"
 
 
 def _methods(options: PreviewOptions, cuts: CutOptions) -> dict[str, Interpolator]:

@@ -54,6 +54,8 @@ class Trial(NamedTuple):
     seconds: float
     cpu_seconds: float
     """Elapsed and CPU time, the pictures for the page not counted."""
+    size: int
+    """Bytes that were written."""
 
 
 class Estimate(NamedTuple):
@@ -158,7 +160,8 @@ def _try(job: ConversionJob, run: RunOptions, target: Target, passage: Passage, 
     """Convert a passage to files of the target's kind, which are left to the caller to remove."""
     part = job.of_part(passage.trim)
     if target.kind == "video":
-        part = replace(part, encoding=replace(job.encoding, audio=False, subtitles=False))
+        encoding = replace(job.encoding, audio=False, audio_codec=None, subtitles=False, streams=None)
+        part = replace(part, encoding=encoding, rate=replace(job.rate, slow_motion_sound=None))
     output = f"{place}/" if target.kind == "images" else f"{place}{target.file_type}"
     needs_confidence = job.method.has_confidence
     recorder = _Recorder(View(passage.before.traits), job.rate.stretch, needs_confidence)
@@ -173,7 +176,8 @@ def _try(job: ConversionJob, run: RunOptions, target: Target, passage: Passage, 
     if least is not None:
         least, confidence = replace(least, time=least.time / job.rate.stretch), recorder.confidences[least.number]
     summary.remarks = [remark.replace(output, target.path) for remark in summary.remarks]
-    return Trial(recorder.view, least, confidence, summary.frames_out, seconds, cpu * (1 - own)), summary
+    size = sum(file.stat().st_size for file in [Path(output), *Path(output).glob("*")] if file.is_file())
+    return Trial(recorder.view, least, confidence, summary.frames_out, seconds, cpu * (1 - own), size), summary
 
 
 def _estimate(frames: int | None, trials: list[Trial]) -> Estimate:

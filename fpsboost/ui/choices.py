@@ -17,13 +17,13 @@ from fpsboost import (
     find_method,
     format_time,
 )
-from fpsboost.cli.batch import check_ending, plan_outputs
+from fpsboost.cli.batch import check_ending, output_beside
 from fpsboost.cli.options import MethodOptions, in_flags
 from fpsboost.errors import check_choice
 from fpsboost.io.video.encoding import encoders
 from fpsboost.options import options_from, words_of_options
 from fpsboost.preparation import prepared
-from fpsboost.probing import remarks_before
+from fpsboost.probing import expected_losses
 from fpsboost.ui.files import Files
 
 LABELS = {
@@ -122,22 +122,18 @@ class Choices:
     def check(self, job: ConversionJob) -> dict[str, Any]:
         """Return what the conversion would give, as plain data, without running it."""
         with prepared(job, RunOptions(overwrite=self.overwrite)) as ready:
-            remarks = [*ready.remarks, *ready.target.open(ready.output).remarks]
-            if ready.target.kind == "video":
-                remarks += remarks_before(ready.output)
+            remarks = expected_losses(ready)[1]
             frames, rate = ready.output.expected_frames, ready.output.timing.rate
         has_rate = ready.target.has_rate
         return {
             "frames": frames,
             "rate": float(rate) if has_rate else None,
             "length": format_time(frames / rate) if has_rate and frames else "",
-            "remarks": [on_page(each, self.input, ready.output.path) for each in dict.fromkeys(remarks)],
+            "remarks": [on_page(each, self.input, ready.output.path) for each in remarks],
         }
 
 
 def first_choices(path: str) -> Choices:
     """Return the form's first values for a clip."""
-    folder = Path(path).parent
-    planned = plan_outputs([path], str(folder / "converted"))[0]
-    name = f"{Path(planned).name}-2x/" if planned.endswith("/") else f"{Path(path).stem}-2x{Path(planned).suffix}"
-    return Choices(path, str(folder), name)
+    output = output_beside(path, OutputRate())
+    return Choices(path, str(Path(path).parent), Path(output).name + "/" * output.endswith("/"))

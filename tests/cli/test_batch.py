@@ -5,15 +5,17 @@ import re
 import signal
 import subprocess
 import sys
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
 from command_line import SUMMARY, assert_refused, environment
 from video_truth import packets_of, pictures_of, write_clip
 
-from fpsboost.cli.batch import plan_outputs
+from fpsboost.cli.batch import output_beside, plan_outputs
 from fpsboost.errors import OptionError
 from fpsboost.io import staging
+from fpsboost.timing.rate import OutputRate
 
 CHEAP = ("--method", "nearest", "--no-cuts", "--preset", "ultrafast")
 
@@ -33,6 +35,37 @@ def test_names_and_endings(monkeypatch, tmp_path):
     outputs |= {"two.dots.webm": "two.dots.webm", "renders/": "renders/", "shots/s_####.png": "shots/"}
     outputs |= {"./f_%04d.exr": f"{tmp_path.name}/"}
     assert plan_outputs(list(outputs), "out/") == [f"out{os.sep}{name}" for name in outputs.values()]
+
+
+@pytest.mark.parametrize(
+    ("input", "rate", "output"),
+    [
+        ("x/a.mp4", {}, "x/a-2x.mp4"),
+        ("b.avi", {"factor": Fraction(5, 2)}, "b-2.5x.mkv"),
+        ("c.gif", {"fps": Fraction(60000, 1001)}, "c-59.94fps.gif"),
+        ("d.mov", {"factor": 4, "slow_motion": True}, "d-4x-slow.mov"),
+        ("d.mov", {"slow_motion": True, "fps": 60}, "d-2x-slow-60fps.mov"),
+        ("v1.0/", {}, "v1.0-2x/"),
+        ("v1.0/s_####.png", {"fill_gaps": True}, "v1.0/s-filled/"),
+        ("v1.0/%04d.png", {}, "{}/v1.0-2x/"),
+        ("v1.0/..", {}, "{}-2x/"),
+    ],
+)
+def test_an_output_without_a_name_lies_beside_its_input(monkeypatch, tmp_path, input, rate, output):
+    """The rate is behind the name; an ending that cannot be written is replaced, and images get a folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "v1.0").mkdir()
+    assert output_beside(input, OutputRate(**rate)) == output.format(tmp_path)
+
+
+def test_no_name_is_needed_and_nothing_replaced(fpsboost_, tmp_path, snapshot):
+    """One input makes an output beside it, named on the terminal; a second run is refused."""
+    write_clip(tmp_path / "a.mp4", times=range(3))
+    result = fpsboost_("a.mp4", *CHEAP)
+    assert re.fullmatch(SUMMARY.format(r"a-2x\.mp4", 3, 6), result.lines[0])
+    before = snapshot(tmp_path)
+    assert_refused(fpsboost_("a.mp4", *CHEAP), 1, "a-2x.mp4 exists already")
+    assert snapshot(tmp_path) == before
 
 
 @pytest.mark.parametrize(
@@ -74,7 +107,8 @@ def test_all_kinds_at_once(fpsboost_, tmp_path, save_images):
     for line, counts in zip(result.lines, done, strict=False):
         assert re.fullmatch(SUMMARY.format(*counts), line)
     assert [re.search(r"\(frame [0-9]+(.*)\)$", line)[1] for line in result.lines[:3]] == ["", "", ", shot_0004.png"]
-    assert result.lines[3:] == ["All 3 inputs were converted."]
+    assert result.lines[3].startswith("Note: 3 frames give 5 images")
+    assert result.lines[4:] == ["All 3 inputs were converted."]
     assert len(packets_of(tmp_path / "out" / "a.mp4", "video")) == 6
     assert len(pictures_of(tmp_path / "out" / "b.mkv")) == 8
     assert sorted(path.name for path in (tmp_path / "out" / "renders").iterdir()) == [

@@ -307,7 +307,9 @@ MISTAKES: dict[str, tuple[str, str]] = {
     "unknown option": ("in.mp4 out.mp4 --speed 2", "--speed"),
     "option without value": ("in.mp4 out.mp4 --fps", "--fps"),
     "three names": ("in.mp4 out.mp4 more.mp4", "more.mp4"),
-    "no output": ("in.mp4", "OUT"),
+    "no output": ("-", "OUT"),
+    "trial of a pipe": ("- out.mp4 --dry-run", "--dry-run"),
+    "trial of a part": ("in.mp4 out.mp4 --dry-run --chunk 1/2", "--chunk"),
 }
 
 
@@ -576,7 +578,7 @@ def test_help_fits_a_small_terminal(fpsboost_, monkeypatch):
     method = next(number for number, row in enumerate(rows) if "--method" in row)
     assert broken == rows[method + 1 : method + 7]
     assert lines[:3] == [
-        "Usage: fpsboost [OPTIONS] IN OUT",
+        "Usage: fpsboost [OPTIONS] IN [OUT]",
         "       fpsboost [OPTIONS] IN... FOLDER",
         "       fpsboost COMMAND",
     ]

@@ -1,0 +1,63 @@
+"""Option --dry-run: what is said of a conversion before it is run, and that nothing is written."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from command_line import assert_refused
+from video_truth import write_clip
+
+CHEAP = ("--method", "nearest", "--no-cuts", "--preset", "ultrafast")
+LAST = "5 frames give 9 images and not 10"
+
+
+def rows(text: str) -> dict[str, str]:
+    """The rows of the printed table by their names."""
+    joined = re.sub(r"\n {3,}", " ", text)
+    return dict(re.findall(r"^(from|makes|keeps|takes|size) +(.*?) *$", joined, re.MULTILINE))
+
+
+def test_a_video(fpsboost_, tmp_path, snapshot):
+    """Frames, rate and encoder, the streams that are kept or not, and figures of a trial; nothing is written."""
+    write_clip(tmp_path / "in.mov", sound="pcm_s16le")
+    before = snapshot(tmp_path)
+    result = fpsboost_("in.mov", "out.mp4", "--fps", "30", "--audio-codec", "aac", *CHEAP, "--dry-run")
+    said = rows(result.out)
+    assert (result.code, result.err) == (0, "")
+    assert said["from"] == "64x48 at 25 fps, 10 frames"
+    assert said["makes"].startswith("out.mp4, 12 frames at 30 fps, 0:00.400, libx264, yuv420p")
+    assert said["keeps"] == "pcm_s16le sound (fra)"
+    assert "12 frames: " in said["takes"]
+    assert re.fullmatch(r"(about|[\d.]+ kB to) [\d.]+ kB, other streams not counted", said["size"])
+    assert "encoded anew as aac" in result.out
+    assert snapshot(tmp_path) == before
+
+
+def test_images(fpsboost_, tmp_path, save_images, snapshot):
+    """Of two folders, each is tried; the last image is explained."""
+    for name in ("a", "b"):
+        save_images(tmp_path / name)
+    before = snapshot(tmp_path)
+    result = fpsboost_("a", "b", "out", "--method", "blend", "--dry-run")
+    assert (result.code, result.err) == (0, "")
+    assert result.out.count(LAST) == result.out.count("Nothing was written.") == 2
+    assert rows(result.out)["makes"] == "out/b/, 9 frames"
+    assert snapshot(tmp_path) == before
+
+
+def test_what_is_refused_is_refused_at_once(fpsboost_, tmp_path):
+    """An output that exists, and sound that does not fit, as in the conversion."""
+    write_clip(tmp_path / "in.mp4", sound="aac")
+    assert_refused(fpsboost_("in.mp4", "in.mp4", "--dry-run"), 1, "in.mp4 is the input itself")
+    assert_refused(fpsboost_("in.mp4", "o.webm", "--dry-run", "--audio-codec", "copy"), 1, "--no-audio")
+
+
+@pytest.mark.parametrize(("more", "count"), [([], 1), (["--factor", "1"], 0), (["--in-place"], 0)])
+def test_last_image_is_explained_once(fpsboost_, tmp_path, save_images, more, count):
+    """Where two folders become images, one note says why there are nine and not ten."""
+    for name in ("a", "b"):
+        save_images(tmp_path / name, "shot_{:03d}0.png")
+    result = fpsboost_("a", "b", *(["out"] if "--in-place" not in more else []), "--method", "blend", *more)
+    assert result.code == 0, result.err
+    assert result.err.count(LAST) == count
