@@ -28,11 +28,11 @@ from fpsboost.io.video.pyav import pyav_version
 from fpsboost.memory import MemoryLimit
 from fpsboost.method_table import find_method
 from fpsboost.parts.plan import plan_part, share_index
-from fpsboost.preparation import ConversionJob, closing_remarks, exposed, prepared
+from fpsboost.preparation import ConversionJob, closing_remarks, prepared
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import interpolate_frames, run_conversion
 from fpsboost.threads import available_cores
-from fpsboost.timing.rate import OutputRate
+from fpsboost.timing.rate import OutputRate, exposed
 from fpsboost.timing.schedule import count_frames
 from fpsboost.version import __version__
 
@@ -60,7 +60,7 @@ def convert(
     factor : Fraction or int, optional
         Output frames per source frame; 2 by default, unless `rate` says how many.
     rate : OutputRate, optional
-        Frames per second instead of a factor, slow motion, or only the images that are missing.
+        Frames per second instead of a factor, slow motion, speed ramps, or only the images that are missing.
     method : str or Interpolator
         A name from `fpsboost.methods`, or an object.
     decoding : DecodeOptions, optional
@@ -178,6 +178,7 @@ def stream(
     *,
     factor: Fraction | int | None = None,
     fps: Fraction | int | None = None,
+    retime: str | None = None,
     method: str | Interpolator = "nlm",
     input_fps: Fraction | int | None = None,
     threads: int | None = None,
@@ -197,6 +198,8 @@ def stream(
         Output frames per source frame; 2 if neither `factor` nor `fps` is given.
     fps : Fraction or int, optional
         Output frames per second, instead of `factor`.
+    retime : str, optional
+        Which time of the source each output time shows, as in `fpsboost.convert`; the source cannot play backwards.
     method : str or Interpolator
         A name from `fpsboost.methods`, or an object.
     input_fps : Fraction or int, optional
@@ -224,10 +227,13 @@ def stream(
     [0, 20, 40, 60, 80, 80]
     """
     interpolator = find_method(method)
-    rate = OutputRate(_fraction(factor), _fraction(fps))
+    rate = OutputRate(_fraction(factor), _fraction(fps), retime=retime)
     requirements = TargetRequirements(linear=interpolator.takes_layers)
     with _as_source(source, _fraction(input_fps), requirements, needs_rate=fps is not None) as opened:
-        schedule = rate.schedule(opened.info)
+        curve = rate.time_map(opened.info)
+        if curve is not None and curve.reverses:
+            raise OptionError("retime plays a stream of frames backwards, which is read only once; use convert.")
+        schedule = rate.schedule(opened.info, curve=curve)
         with interpolate_frames(
             opened, interpolator, schedule, Summary(), holds_last_frame=True, threads=threads
         ) as frames:

@@ -32,7 +32,8 @@ from fpsboost.run_options import RunOptions
 from fpsboost.streaming import beginning
 from fpsboost.timing.position import Position, Trim
 from fpsboost.timing.rate import FrameIntervals, OutputRate
-from fpsboost.timing.schedule import ExposureSchedule, Schedule, count_frames
+from fpsboost.timing.schedule import Schedule, count_frames
+from fpsboost.timing.time_map import TimeMap
 
 
 @runtime_checkable
@@ -44,17 +45,17 @@ class Sliceable(Protocol):
 
 
 def trim_source(
-    source: FrameSource, trim: Trim, *, may_skip: bool = True, stretch: Fraction = Fraction(1)
+    source: FrameSource, trim: Trim, *, may_skip: bool = True, curve: TimeMap | None = None
 ) -> tuple[FrameSource, Window | None]:
     """Return a part of a clip, and the window on the clip's clock; None if the other streams of the clip are whole."""
-    if trim.is_whole and stretch == 1:
+    if trim.is_whole and curve is None:
         return source, None
     if isinstance(source, Sliceable):
         rate = source.info.rate
         begin, end = (None if time is None else math.ceil(time * rate) for time in trim.seconds(source.info))
         source.keep(begin or 0, end)
         return source, None
-    trimmed = TrimmedSource(source, trim, may_skip=may_skip, stretch=stretch)
+    trimmed = TrimmedSource(source, trim, may_skip=may_skip, curve=curve)
     return trimmed, trimmed.window
 
 
@@ -62,13 +63,11 @@ class TrimmedSource(ClosesOnExit):
     """Source of the frames that lie in a part of another source, not read yet; the first one has time 0.
 
     With `may_skip`, it seeks to the start if the source can; otherwise every frame before it is read and counted.
-    `window` is filled in while frames are read, with `stretch`; the frames keep their intervals. Iterating raises
+    `window` is filled in while frames are read, with `curve`; the frames keep their intervals. Iterating raises
     `InputError` if the clip ends before the part begins.
     """
 
-    def __init__(
-        self, source: FrameSource, trim: Trim, *, may_skip: bool = True, stretch: Fraction = Fraction(1)
-    ) -> None:
+    def __init__(self, source: FrameSource, trim: Trim, *, may_skip: bool = True, curve: TimeMap | None = None) -> None:
         self._source, self._trim = source, trim
         by_frames = any(place is not None and place.is_frame for place in (trim.start, trim.end))
         self._seekable = source if isinstance(source, SeekableSource) else None
@@ -81,7 +80,7 @@ class TrimmedSource(ClosesOnExit):
         self._first = self._dropped = 0
         self._begun = False
         self._own_remarks: list[str] = []
-        self.window = Window(origin + begin, None if by_frames else planned_end, planned_end, origin, stretch=stretch)
+        self.window = Window(origin + begin, None if by_frames else planned_end, planned_end, origin, curve=curve)
 
     @property
     def info(self) -> ClipInfo:
@@ -207,6 +206,7 @@ class ConversionJob:
     def target(self, run: RunOptions) -> Target:
         """Return the output's target; raise `OptionError` if there is none, or an option does not apply to it."""
         _check_shutter(self.rate, self.method, run)
+        _check_retime(self.rate, self.method, run)
         target = Target.parse(_resolve_output(self.input, self.output, in_place=run.in_place, overwrite=run.overwrite))
         target.check_encoding(self.encoding)
         return target
@@ -219,6 +219,8 @@ class OpenedClip:
     whole: DescribedSource
     source: FrameSource
     window: Window | None
+    curve: TimeMap | None = None
+    """Which time of the source every output time shows; None where it plays at its own speed."""
 
     def begin_near(self, seconds: Fraction) -> Fraction | None:
         """Let the whole clip begin where reading can begin next to a time, if it can; return the origin of its times.
@@ -255,7 +257,22 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
     ) as whole:
         _check_layers(whole.stream_info.images, interpolator, rate)
         may_skip = not counts_frames(interpolator.cuts)
-        yield OpenedClip(whole, *trim_source(whole, job.decoding.trim, may_skip=may_skip, stretch=rate.stretch))
+        trim, images = job.decoding.trim, whole.stream_info.images
+        info = _with_duration(whole) if rate.retimes else whole.info
+        curve = rate.time_map(trim.of_info(info), 1 if images is None else images.first_number)
+        if curve is not None and curve.reverses:
+            raise OptionError(
+                f"`retime` plays {whole.info.name} backwards, which is not possible yet; let no time fall."
+            )
+        source, window = trim_source(whole, trim, may_skip=may_skip, curve=curve or rate.slow_map)
+        yield OpenedClip(whole, source, window, curve)
+
+
+def _with_duration(source: FrameSource) -> ClipInfo:
+    """Return the properties of a source with its duration, by the times of its frames if the header does not say."""
+    info = source.info
+    times = source.frame_times() if info.duration is None and isinstance(source, RandomAccess) else None
+    return replace(info, duration=times[-1] - times[0] + 1 / info.rate) if times else info
 
 
 @dataclass
@@ -283,11 +300,12 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
     """Work out the frames and the output of a job; raise `OptionError` or `InputError` if they do not fit the clip."""
     target, rate, interpolator = job.target(run), job.rate, job.method
     info, stream = clip.source.info, clip.whole.stream_info
-    encoding, lost = _adapt_audio(job.encoding, stream, rate)
-    schedule = rate.schedule(info, has_clock=target.has_clock)
+    encoding, lost = _adapt_audio(job.encoding, stream, rate, clip.curve)
+    schedule = rate.schedule(info, has_clock=target.has_clock, curve=clip.curve)
     multiple = schedule.rate(info.rate) / info.rate
     images = stream.images
     keeps_numbers = images is not None and not target.has_rate and images.numbers_for(multiple) is not None
+    keeps_numbers &= clip.curve is None
     if rate.fill_gaps or keeps_numbers:  # an image that repeats another is none that is missing
         interpolator = replace(interpolator, duplicates=None)
     expected = count_frames(schedule, info, holds_last_frame=target.kind != "images")
@@ -301,7 +319,7 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
         expected_frames=expected,
         overwrite=run.overwrite,
         window=clip.window,
-        factor=multiple,
+        factor=multiple if clip.curve is None else None,
         in_place=run.in_place,
     )
     return Preparation(job, run, clip, target, interpolator, schedule, output, [*lost, *on_vectors])
@@ -317,11 +335,6 @@ def closing_remarks(ready: Preparation, intervals: FrameIntervals) -> list[str]:
             f"it is 24/{images.step}, or 24 with `fill_gaps`."
         )
     return remarks
-
-
-def exposed(schedule: Schedule, rate: OutputRate) -> Schedule:
-    """Return the schedule of the samples of every exposure; the schedule itself without motion blur."""
-    return schedule if rate.exposure is None else ExposureSchedule(schedule, rate.exposure)
 
 
 def _check_layers(images: NumberedImages | None, interpolator: Interpolator, rate: OutputRate) -> None:
@@ -356,6 +369,14 @@ def _check_shutter(rate: OutputRate, interpolator: Interpolator, run: RunOptions
     if run.side.given:
         raise OptionError(
             f"`shutter` averages frames, which have no one map of {' or '.join(run.side.given)}; leave one of them out."
+        )
+
+
+def _check_retime(rate: OutputRate, interpolator: Interpolator, run: RunOptions) -> None:
+    if rate.retimes and (run.in_place or interpolator.uses_vectors):
+        raise OptionError(
+            "`retime` and `speed` show the source at any time, and "
+            f"{'`in_place`' if run.in_place else '`vectors`'} only some; leave one of them out."
         )
 
 
@@ -406,13 +427,20 @@ def _compared_frames(images: NumberedImages, factor: Fraction) -> Iterator[tuple
         yield frame(index), frame(index + 1)
 
 
-def _adapt_audio(encoding: Encoding, stream: StreamInfo, output_rate: OutputRate) -> tuple[Encoding, list[str]]:
+def _adapt_audio(
+    encoding: Encoding, stream: StreamInfo, output_rate: OutputRate, curve: TimeMap | None
+) -> tuple[Encoding, list[str]]:
     """Drop the audio of slow motion unless it is to be stretched; return a remark if audio is lost."""
     if output_rate.slow_motion_sound == "stretch" and not encoding.audio:
         raise OptionError("`slow_motion_sound='stretch'` and `audio=False` contradict each other; give one of them.")
-    if output_rate.stretch == 1 or not encoding.audio or output_rate.slow_motion_sound == "stretch":
-        return encoding, []
     video = stream.video
-    has_sound = video is not None and "sound" in video.companions
-    lost = [f"{video.name} has sound, which slow motion leaves out."] if video is not None and has_sound else []
-    return replace(encoding, audio=False, audio_codec=None), lost
+    name = video.name if video is not None and encoding.audio and "sound" in video.companions else None
+    if curve is not None and curve.sounding and output_rate.slow_motion_sound != "drop":
+        is_silent = name is not None and len(curve.sounding) < len(curve.segments)
+        lost = f"{name} has sound, which is left out where its speed is not constant, below 0.5 or above 2."
+        return encoding, [lost] * is_silent
+    is_kept = output_rate.stretch == 1 or output_rate.slow_motion_sound == "stretch"
+    if not encoding.audio or (curve is None and is_kept):
+        return encoding, []
+    lost = f"{name} has sound, which {'slow motion' if curve is None else 'the retime curve'} leaves out."
+    return replace(encoding, audio=False, audio_codec=None), [lost] * (name is not None)

@@ -40,6 +40,7 @@ from fpsboost.synthesis.exposure import Exposure
 from fpsboost.threads import available_cores, nothing, read_ahead, run_in_parallel, write_behind
 from fpsboost.timing.rate import stretched
 from fpsboost.timing.schedule import Schedule, Step, rising_time
+from fpsboost.timing.time_map import TimeMap
 
 FRAMES_PER_TASK = 4  # maximum number of output frames that one task makes
 
@@ -154,7 +155,11 @@ def interpolate_frames(
         before, start = clip.outputs_before, None if outputs.entry is None else outputs.entry.start
         stop = None if outputs.stop is None else outputs.stop - before
         exposed = _exposed(_output_frames(frames, clip, detector, holds_last_frame, in_order))
-        yield stretched(islice(_with_durations(exposed, clip), outputs.first - before, stop), stretch, start)
+        timed = _with_durations(exposed, clip)
+        if clip.curve is not None:  # the times of frames are those of the source so far
+            numbered, rate = enumerate(exposed, before), schedule.rate(source.info.rate)
+            timed = (replace(frame, time=clip.start + number / rate, duration=1 / rate) for number, frame in numbered)
+        yield stretched(islice(timed, outputs.first - before, stop), stretch, start)
 
 
 def beginning(source: FrameSource) -> SourcePosition:
@@ -264,6 +269,7 @@ class _LoopState:
     """Time at which the clip ends, when all frames are read."""
 
     def __post_init__(self) -> None:
+        self.curve: TimeMap | None = getattr(self.schedule, "curve", None)
         entry = self.outputs.entry
         if entry is not None:
             self.start, self.step, self.outputs_before = entry.start, entry.step, entry.outputs_before
@@ -331,6 +337,8 @@ class _LoopState:
             return None
         middle = min(interpolated, key=lambda output: abs(output.step.t - Fraction(1, 2)))
         time = (middle.step.time - self.start) * self.stretch
+        if self.curve is not None:
+            time = middle.number / self.schedule.rate(self.info.rate)
         return LowestMatch(interval.pair.detected_match_score, middle.number, time)
 
     def place(self, source: SourceFrame) -> int:
@@ -383,6 +391,10 @@ def _output_frames(
     end = last.frame.time + (last.frame.duration or 1 / clip.info.rate)
     nominal = clip.schedule.presentation_time(clip.start, end)
     clip.end = nominal if nominal > last.frame.time else end
+    if clip.curve is not None and not clip.curve.is_open:
+        if clip.start + clip.curve.top > clip.end:
+            summary.remarks.append(f"{clip.info.name} ended before the retime curve, which held its last frame.")
+        clip.end, holds_last_frame = max(clip.end, clip.start + clip.curve.top + 1), True
     for step in clip.schedule.steps(clip.index, clip.start, last.frame.time, clip.end):
         if step.t == 0 or holds_last_frame:
             output = _Output(last, step, clip.output_number(step, last), scene=scenes)
@@ -414,6 +426,8 @@ def _tasks(clip: _LoopState, groups: Iterable[FrameGroup]) -> Iterator[Callable[
     """Yield the tasks in order, one per part of an interval, so that many frames between two take no extra memory."""
     for before, interval, after in with_neighbours(clip.intervals(groups)):
         if clip.outputs.is_past(interval.first_output - 2):  # two frames tell when the last one and its exposure end
+            return
+        if clip.curve is not None and before is not None and before.group[0].frame.time - clip.start > clip.curve.top:
             return
         neighbours = None if before is None else before.pair, None if after is None else after.pair
         for begin in range(0, max(len(interval.outputs), 1), FRAMES_PER_TASK):

@@ -16,6 +16,7 @@ from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.timing.schedule import OutputTiming
+from fpsboost.timing.time_map import TimeMap
 
 TIME_TOLERANCE = Fraction(1, 1000)
 """Maximum seconds by which a clock that counts in milliseconds puts a frame before its position."""
@@ -35,8 +36,8 @@ class Window:
     """Time of the clip's first frame."""
     skipped: int = 0
     """Number of frames before the part that were read, or that reading it has left out by their times."""
-    stretch: Fraction = Fraction(1)
-    """Duration in the output as a multiple of that in the clip."""
+    curve: TimeMap | None = None
+    """Which time of the part every output time shows; None if it plays at its own speed."""
 
     def frames_before(self, rate: Fraction) -> int:
         return max(0, math.ceil((self.begin - self.origin - TIME_TOLERANCE) * rate))

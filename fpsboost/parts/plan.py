@@ -35,8 +35,9 @@ from fpsboost.io.staging import INDEX_NAME, part_files, remove_if_empty, write_s
 from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.io.video.frame_index import EntryPoint, FrameIndex
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_difference, input_identity, stored
-from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, exposed, opened_clip, prepared
+from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, opened_clip, prepared
 from fpsboost.run_options import MAX_PARTS, Part, RunOptions
+from fpsboost.timing.rate import exposed
 from fpsboost.timing.schedule import MAX_FILLED, ByFactor, Schedule, count_frames, rising_time
 
 LEAD_IN = 24  # number of frames that are searched first, before those that are needed, for one where reading may begin

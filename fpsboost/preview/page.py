@@ -106,6 +106,8 @@ def preview(
     replace its own, and `on_task` is called with the name of each task.
     """
     target = job.target(run)
+    if job.rate.retimes:
+        raise OptionError("A preview shows passages at one speed; leave `retime` or `speed` out.")
     with prepared(job, run) as ready:
         info, frames = ready.clip.whole.info, ready.output.expected_frames
     on_task("looking for motion")

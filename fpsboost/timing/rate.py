@@ -9,13 +9,17 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 from fpsboost.errors import InputError, OptionError, check_choice, rounded
 from fpsboost.options import option
+from fpsboost.timing.position import format_time
+from fpsboost.timing.retime import parse_curve, parse_speeds, read_curve
 from fpsboost.timing.schedule import (
     DEFAULT_SAMPLES,
     MAX_FILLED,
     MAX_RATE,
     ByFactor,
     ByRate,
+    ExposureSchedule,
     OutputTiming,
+    RetimeSchedule,
     Schedule,
     Shutter,
     is_implausible,
@@ -23,6 +27,7 @@ from fpsboost.timing.schedule import (
     parse_rate,
     representable,
 )
+from fpsboost.timing.time_map import TimeMap
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame import ClipInfo, Frame
@@ -47,7 +52,13 @@ class OutputRate:
     slow_motion : bool
         Play `factor` times as long, at the source's rate or at `fps`.
     slow_motion_sound : {'drop', 'stretch'}, optional
-        Whether the audio of slow motion is dropped, the default, or stretched at its own pitch.
+        Whether the audio of slow motion is dropped, the default, or stretched at its own pitch; with `retime` or
+        `speed`, it is stretched by default where the speed is constant and from 0.5 to 2, and silent elsewhere.
+    retime : str, optional
+        Which time of the source each output time shows, ``0=0 2s=2s 3s=2.25s``, or the name of a file; see
+        `fpsboost.timing.retime.parse_curve`. The output has the source's rate, unless `factor` or `fps` is given.
+    speed : str, optional
+        The same as speeds of parts of the source; see `fpsboost.timing.retime.parse_speeds`.
     fill_gaps : bool
         Interpolate the missing images of a numbered sequence, whose numbers are its clock: `factor` then counts frames
         per number, 1 by default, and no gap is too long.
@@ -71,6 +82,8 @@ class OutputRate:
     keep_timing: bool = option(False, "Keep a variable rate: multiply each interval.")
     slow_motion: bool = option(False, "Keep the rate and play `factor` times as long.")
     slow_motion_sound: SlowSound | None = option(None, "Audio of slow motion: drop or stretch; else drop.")
+    retime: str | None = option(None, "Curve of output and input times, or FILE: 0=0 2s=2s 3s=2.25s.", metavar="CURVE")
+    speed: str | None = option(None, "Speed of parts of the input: 0.25@1:00-1:05.", metavar="SPEEDS")
     fill_gaps: bool = option(False, "Interpolate only the missing image numbers.", group="Input")
     shutter: Fraction | int | None = option(
         None, "Motion blur of this shutter angle, up to 360.", metavar="DEGREES", parse=parse_number
@@ -80,8 +93,14 @@ class OutputRate:
     def __post_init__(self) -> None:
         if self.slow_motion_sound is not None:
             check_choice("`slow_motion_sound`", self.slow_motion_sound, get_args(SlowSound))
-            if not self.slow_motion:
+            if not self.slow_motion and not self.retimes:
                 raise OptionError("`slow_motion_sound` goes with `slow_motion`; give that too, or leave it out.")
+        if self.retime is not None:
+            object.__setattr__(self, "retime", read_curve(self.retime))
+        kinds = ("retime", "speed", "slow_motion", "keep_timing", "fill_gaps")
+        given = [f"`{name}`" for name in kinds if getattr(self, name)]
+        if self.retimes and len(given) > 1:
+            raise OptionError(f"{' and '.join(given)} say different things of time; give one of them.")
         if self.factor is not None and self.fps is not None and not self.slow_motion:
             raise OptionError("`factor` and `fps` say the same thing in two ways; give one of them.")
         if self.fps is not None:
@@ -108,21 +127,47 @@ class OutputRate:
         """Output frames per source frame, if no rate is given."""
         if self.factor is not None:
             return Fraction(self.factor)
-        return Fraction(1) if self.fill_gaps else DEFAULT_FACTOR
+        return Fraction(1) if self.fill_gaps or self.retimes else DEFAULT_FACTOR
+
+    @property
+    def slow_map(self) -> TimeMap | None:
+        """Time map of slow motion; None without it."""
+        return None if self.stretch == 1 else TimeMap.through([(Fraction(0), Fraction(0))], onward=1 / self.stretch)
+
+    @property
+    def retimes(self) -> bool:
+        """Whether the speed is not that of the source."""
+        return self.retime is not None or self.speed is not None
+
+    def time_map(self, info: ClipInfo, first_number: int = 1) -> TimeMap | None:
+        """Return the time map of a clip, whose first frame has a number in Nuke; None if all of it is as it was."""
+        rate = info.rate * self.multiple if self.fps is None else Fraction(self.fps)
+        if self.retime is not None:
+            curve = parse_curve(self.retime, rate, info.rate, first_number)
+        elif self.speed is not None:
+            curve = parse_speeds(self.speed, info.rate)
+        else:
+            return None
+        if info.duration is not None and not curve.is_open and curve.top > info.duration + 1 / info.rate:
+            places = f"goes to {format_time(curve.top)} of {info.name}, which ends at {format_time(info.duration)}"
+            raise OptionError(f"`retime` {places}; lower the source's times.")
+        return None if curve.is_plain(info.duration) else curve
 
     @property
     def stretch(self) -> Fraction:
         """Duration of the output as a multiple of the source's."""
         return self.multiple if self.slow_motion else Fraction(1)
 
-    def schedule(self, info: ClipInfo, *, has_clock: bool = True) -> Schedule:
+    def schedule(self, info: ClipInfo, *, has_clock: bool = True, curve: TimeMap | None = None) -> Schedule:
         """Return the schedule of the output frames on the source's clock, before slow motion is applied.
+
+        With a `curve`, it is that of a `RetimeSchedule`.
 
         Unless the output stores presentation times, as images do not, a factor counts frames and not time. Raises
         `OptionError` for a rate out of range, and `InputError` if none is given and the source's own is implausible.
         """
         factor = self.multiple
-        if self.fps is None and not self.fill_gaps and (self.keep_timing or not has_clock):
+        if self.fps is None and not self.fill_gaps and curve is None and (self.keep_timing or not has_clock):
             return ByFactor(factor)
         if self.fps is None and info.mean_rate is not None and is_implausible(info.rate, info.mean_rate):
             raise InputError(
@@ -136,7 +181,8 @@ class OutputRate:
                 f"`factor={factor}` makes {float(rate):g} frames per second of {info.name}, and {MAX_RATE} are the "
                 "most; choose a smaller one."
             )
-        return ByRate(rate) if self.fill_gaps else ByRate.forgiving(rate, info.rate, info.time_base)
+        grid = ByRate(rate) if self.fill_gaps else ByRate.forgiving(rate, info.rate, info.time_base)
+        return grid if curve is None else RetimeSchedule(**vars(grid), curve=curve)
 
     def timing(self, info: ClipInfo, schedule: Schedule) -> OutputTiming:
         """Return the rate and time base of the output."""
@@ -166,6 +212,13 @@ class OutputRate:
                 f"the picture was {filled}, as in all pauses of more than {float(schedule.longest or 0):g} s."
             )
         return remarks
+
+
+def exposed(schedule: Schedule, rate: OutputRate) -> Schedule:
+    """Return the schedule of the samples of every exposure; the schedule itself without motion blur."""
+    if rate.exposure is not None and isinstance(schedule, RetimeSchedule):
+        return replace(schedule, shutter=rate.exposure)
+    return schedule if rate.exposure is None else ExposureSchedule(schedule, rate.exposure)
 
 
 def stretched(frames: Iterable[Frame], stretch: Fraction, start: Fraction | None = None) -> Iterator[Frame]:

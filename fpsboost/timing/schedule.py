@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
 
 from fpsboost.errors import OptionError
+from fpsboost.timing.time_map import TimeMap
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame import ClipInfo
@@ -44,7 +45,7 @@ class Step(NamedTuple):
 
 
 class Schedule(Protocol):
-    """Contract: determines the times of output frames. Implementations are `ByFactor` and `ByRate`."""
+    """Contract: determines the times of output frames. Implementations: `ByFactor`, `ByRate`, `RetimeSchedule`."""
 
     def presentation_time(self, start: Fraction, time: Fraction) -> Fraction:
         """Return the presentation time of a source frame: its own time, or the nominal time if it is near that.
@@ -186,6 +187,36 @@ class ByRate:
         return representable(Fraction(1, math.lcm(ticks.denominator, source_time_base.denominator)), ticks)
 
 
+@dataclass(frozen=True)
+class RetimeSchedule(ByRate):
+    """Schedule of a time map whose source never plays backwards; the times of its steps are those of the source.
+
+    Output frame k is shown k intervals after the first one. With a `shutter`, there are samples of the time around it,
+    which are as far apart in the source as it plays fast.
+    """
+
+    curve: TimeMap = field(kw_only=True)
+    shutter: Shutter | None = None
+
+    def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
+        rate, is_pause = self.frames_per_second, self.is_pause(time1 - time0)
+        first, last = (self.curve.frames_before(time - start, rate) for time in (time0, time1))
+        if self.shutter is None or is_pause:
+            for number in range(first, last):
+                time = start + self.curve.source(number / rate)
+                t = Fraction(0) if is_pause else (time - time0) / (time1 - time0)
+                yield Step(time, t, None if self.shutter is None else number)
+            return
+        for number in range(first - 1, last + 1):
+            for position in (number + offset for offset in self.shutter.offsets):
+                time = start + self.curve.source(position / rate)
+                if 0 <= position < self.curve.length * rate and time0 <= time < time1:
+                    yield Step(time, (time - time0) / (time1 - time0), number, is_sample=position != number)
+
+    def output_position(self, index: int, start: Fraction, time: Fraction) -> Fraction:
+        return Fraction(self.curve.frames_before(time - start, self.frames_per_second))
+
+
 def rising_time(schedule: Schedule, start: Fraction, time: Fraction, last: Fraction | None) -> Fraction | None:
     """Return a `Schedule.presentation_time` later than the `last` one; None if two frames came at once."""
     snapped = schedule.presentation_time(start, time)
@@ -201,11 +232,15 @@ def is_implausible(rate: Fraction, mean_rate: Fraction) -> bool:
 
 def count_frames(schedule: Schedule, info: ClipInfo, holds_last_frame: bool) -> int | None:
     """Return the number of output frames if the source's header is right; None if the header does not say."""
+    if isinstance(schedule, RetimeSchedule) and not schedule.curve.is_open:
+        return math.ceil(schedule.curve.length * schedule.frames_per_second)
     if isinstance(schedule, ByRate) and info.duration is not None:
         end = schedule.presentation_time(Fraction(0), info.duration)
-        if holds_last_frame:
-            return math.ceil(end * schedule.frames_per_second)
-        return math.floor((end - 1 / info.rate) * schedule.frames_per_second) + 1
+        if not holds_last_frame:
+            end -= 1 / info.rate
+        shown = schedule.curve.time_of(end) if isinstance(schedule, RetimeSchedule) else end
+        frames = shown * schedule.frames_per_second
+        return math.ceil(frames) if holds_last_frame else math.floor(frames) + 1
     if info.frame_count is None:
         return None
     intervals = info.frame_count if holds_last_frame else info.frame_count - 1

@@ -103,6 +103,7 @@ VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
         "factor": FACTOR,
         "decoding": DecodeOptions(Trim(Position(Fraction(11), is_frame=True), Position(Fraction(50), is_frame=True))),
     },
+    "a retime curve": {"rate": OutputRate(6, retime="smooth 0=4f 2s=1s 2.5s=1s 4s=2s")},
     "motion blur": {"rate": OutputRate(6, shutter=Fraction(300), shutter_samples=3)},
 }
 

@@ -11,8 +11,9 @@ import math
 import struct
 from collections.abc import Collection, Iterator
 from fractions import Fraction
+from functools import cached_property
 from operator import attrgetter
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 import av
 import av.container
@@ -116,14 +117,14 @@ def _takes(encoder: str, traits: Traits) -> bool:
     return True
 
 
-def can_encode(stream: av.stream.Stream, encoder: str, stretch: Fraction = Fraction(1)) -> bool:
-    """Return whether a stream can be decoded here and encoded by an encoder at `stretch` times its duration."""
+def can_encode(stream: av.stream.Stream, encoder: str) -> bool:
+    """Return whether a stream can be decoded here, stretched and encoded by an encoder."""
     context: Any = stream.codec_context
     if context is None or context.sample_rate <= 0:
         return False
     traits, channels = _traits_of_stream(stream)
     try:
-        _graph(traits, stretch, traits_for(encoder, traits, channels))
+        _graph(traits, Fraction(2), traits_for(encoder, traits, channels))
     except (UnknownCodecError, av.error.FFmpegError, ValueError):
         return False
     return True
@@ -252,18 +253,37 @@ class EncodedSound:
         earliest = earliest if run is None else max(earliest, run.end)
         first = max(0, math.ceil((earliest - time) * frame.sample_rate))
         last = frame.samples if end is None else min(frame.samples, math.ceil((end - time) * frame.sample_rate))
-        if first >= last:
-            return
+        for piece in self._pieces:
+            since, until = (math.ceil((each - time) * frame.sample_rate) for each in (piece.begin, piece.end))
+            if max(first, since) < min(last, until):
+                self._stretch(frame, time, max(first, since), min(last, until), piece)
+            if first <= until < last:
+                self._end_run()
+
+    @cached_property
+    def _pieces(self) -> list[_Piece]:
+        """Parts of the source that are heard."""
+        if self._window is None or self._window.curve is None:
+            begin = MIN_TIME if self._window is None else self._window.begin
+            return [_Piece(begin, -MIN_TIME, output_time(begin, self._window), Fraction(1))]
+        begin, kept = self._window.begin, self._window.curve.sounding
+        return [
+            _Piece(begin + each.source0, begin + each.source1, each.begin, 1 / (each.speed or Fraction(1)))
+            for each in kept
+        ]
+
+    def _stretch(self, frame: av.AudioFrame, time: Fraction, first: int, last: int, piece: _Piece) -> None:
+        """Stretch and encode some samples of a frame that begins at a time."""
+        run = self._run
         time += Fraction(first, frame.sample_rate)
-        if run is None or time > run.end or not run.fits(frame):
+        if run is None or time > run.end or not run.fits(frame, piece.stretch):
             self._end_run()
             try:
-                stretch = Fraction(1) if self._window is None else self._window.stretch
-                run = self._run = _Run(frame, time, stretch, self._target)
+                run = self._run = _Run(frame, time, piece.stretch, self._target)
             except (av.error.FFmpegError, ValueError):  # a channel layout decoded from damaged data
                 self.lost_packets += 1
                 return
-            pts = round(output_time(time, self._window) * self._rate)
+            pts = round((piece.shown + (time - piece.begin) * piece.stretch) * self._rate)
             self._next_pts = pts if self._next_pts is None else max(pts, self._next_pts)
         self._encode(run.stretched(_slice_samples(frame, first, last)))
 
@@ -278,6 +298,15 @@ class EncodedSound:
             frame.pts, frame.time_base = self._next_pts, Fraction(1, self._rate)
             self._next_pts += frame.samples
             self._output.mux(self.stream.encode(frame))
+
+
+class _Piece(NamedTuple):
+    """Part of the source whose sound is heard from `shown` on, `stretch` times as long, seconds."""
+
+    begin: Fraction
+    end: Fraction
+    shown: Fraction
+    stretch: Fraction
 
 
 class _Run:
@@ -295,8 +324,8 @@ class _Run:
         """End of the samples taken so far, as a time in the source, seconds."""
         return self._start + Fraction(self._taken, self._rate_in)
 
-    def fits(self, frame: av.AudioFrame) -> bool:
-        return _traits_of(frame) == self._traits
+    def fits(self, frame: av.AudioFrame, stretch: Fraction) -> bool:
+        return (_traits_of(frame), stretch) == (self._traits, self._stretch)
 
     def stretched(self, frame: av.AudioFrame) -> Iterator[av.AudioFrame]:
         frame.pts, frame.time_base = self._taken, Fraction(1, self._rate_in)
@@ -371,4 +400,6 @@ def _traits_of(frame: av.AudioFrame) -> Traits:
 
 def output_time(time: Fraction, window: Window | None) -> Fraction:
     """Return when a time of the source is shown, seconds."""
-    return time if window is None else (time - window.begin) * window.stretch
+    if window is None:
+        return time
+    return time - window.begin if window.curve is None else window.curve.time_of(time - window.begin)

@@ -60,8 +60,8 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
             raise OptionError("`streams` chooses among the streams of a video file; leave it out.")
         return Fitting()
     asked = choose_sound_encoder(encoding, container, name)
-    stretch = Fraction(1) if output.window is None else output.window.stretch
-    if stretch != 1 and asked is None and encoding.audio_codec is not None and encoding.audio:
+    is_stretched = output.window is not None and output.window.curve is not None
+    if is_stretched and asked is None and encoding.audio_codec is not None and encoding.audio:
         raise OptionError(
             f"`slow_motion_sound='stretch'` and `audio_codec={encoding.audio_codec!r}` contradict each other; give "
             "one of them."
@@ -84,13 +84,13 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
             is_other |= not is_held and (asked is not None or (container == "webm" and encoding.audio_codec is None))
             # FFmpeg takes the length of TTA from that of the whole Matroska, and loses its end where they differ
             is_tta = container == "matroska" and encoding.audio_codec is None and codec_of(stream) == "tta"
-            if stream.type == "audio" and (stretch != 1 or is_other or is_tta):
+            if stream.type == "audio" and (is_stretched or is_other or is_tta):
                 chosen = asked or ("flac" if is_tta else defaults[container])
-                if is_decodable and can_encode(stream, chosen, stretch):
+                if is_decodable and can_encode(stream, chosen):
                     encoders[stream.index] = chosen
                 else:
-                    aim = "stretched" if stretch != 1 else "encoded anew"
-                    option = "`slow_motion_sound='drop'`" if stretch != 1 else "`audio=False`"
+                    aim = "stretched" if is_stretched else "encoded anew"
+                    option = "`slow_motion_sound='drop'`" if is_stretched else "`audio=False`"
                     cause = f"The {codec_of(stream)} sound of {source.name} cannot be {aim} here"
                     misfits[stream.index] = cause, [], f"leave it out with {option}"
             elif not is_held:

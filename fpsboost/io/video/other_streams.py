@@ -53,6 +53,7 @@ class OtherStreams:
         fitting: Fitting,
     ) -> None:
         self._window, self._fitting, self._encoding = plan.window, fitting, plan.encoding
+        self._curve = None if plan.window is None else plan.window.curve
         self._output, self._name, self._container, self._source = output, plan.path, container, source
         self.remarks: list[str] = []
         self.written: dict[int, str] = {}
@@ -172,8 +173,10 @@ class OtherStreams:
         sound = EncodedSound(stream, self._output, encoder, self._window)
         self._sounds[stream.index] = sound
         self._add_target(stream, sound.stream)
-        stretch = 1 if self._window is None else self._window.stretch
-        stretched = "" if stretch == 1 else f"stretched to {stretch} times its length and "
+        speed = None if self._curve is None else self._curve.segments[0].speed
+        stretched = "" if self._curve is None else "stretched as its pictures and "
+        if self._curve is not None and self._curve.is_steady and speed:
+            stretched = f"stretched to {1 / speed} times its length and "
         self._remark(
             f"holds stream {stream.index} ({codec_of(stream)} sound) of its source {stretched}encoded anew as "
             f"{codec_of(sound.stream)}{sound.changes}."
@@ -200,11 +203,13 @@ class OtherStreams:
             return False
         old, new = self._source.coded_rate, video.codec_context.framerate
         again = None
-        if new:
+        is_counted = self._curve is None or self._curve.is_steady
+        if new and is_counted:
             skipped = 0 if self._window is None else self._window.frames_before(old)
             again = at_rate(frames_later(timecode, old, skipped), old, Fraction(new))
         if again is None:
-            self._remark(f"lost the timecode {timecode} of its source, which its rate cannot count.")
+            cause = "rate" if is_counted else "speed"
+            self._remark(f"lost the timecode {timecode} of its source, which its {cause} cannot count.")
         else:
             video.metadata["timecode"] = again
         return True
@@ -271,6 +276,8 @@ class OtherStreams:
             packet.pts = packet.dts = round(output_time(begin, window) / tick)
             if packet.duration:
                 packet.duration = round(output_time(end, window) / tick) - packet.pts
+                if not packet.duration:  # not in the part that the curve shows
+                    return False
         return packet.pts >= 0 or is_exact or leads
 
     def _copy(self, packet: av.Packet[av.stream.Stream]) -> None:
@@ -323,7 +330,8 @@ def _chapters_within(file: av.container.InputContainer, window: Window | None, s
         end = end if window.planned_end is None else min(end, window.planned_end)
         if begin < end:
             times = {name: round(output_time(time, window) / tick) for name, time in (("start", begin), ("end", end))}
-            kept.append({**chapter, **times, "metadata": printable(chapter["metadata"])})
+            if times["start"] < times["end"]:
+                kept.append({**chapter, **times, "metadata": printable(chapter["metadata"])})
     return kept
 
 

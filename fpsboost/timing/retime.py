@@ -1,0 +1,94 @@
+"""Retime curves as users write them, points or speeds, and the time maps that they are at certain frame rates."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+from pathlib import Path
+
+from fpsboost.errors import OptionError, explained
+from fpsboost.timing.position import Position, parse_position
+from fpsboost.timing.schedule import parse_number
+from fpsboost.timing.time_map import TimeMap
+
+
+def read_curve(text: str) -> str:
+    """Return a curve that is written as points, or in the file of this name."""
+    if "=" in text or "\n" in text.strip():
+        return text
+    with explained(OptionError, "read", text, "name a file, or write points like 0=0 2s=2s 3s=2.25s"):
+        return Path(text).read_text("utf-8", errors="replace")
+
+
+def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_number: int = 1) -> TimeMap:
+    """Parse a curve: points on lines of their own, ``3s 2.25s``, or one after another, ``0=0 2s=2s 3s=2.25s``.
+
+    A point is an output position and the position of the source that is shown then: times (2s, 1:30.5) or frames
+    (120f). Bare numbers alone are frames as Nuke exports them: the source's first frame is `first_number`, and the last
+    point is a frame of the output. The word ``smooth`` makes the speed change smoothly from point to point; ``x1``
+    after the last one goes on at this speed to the source's end; ``#`` begins a comment.
+
+    Raises
+    ------
+    OptionError
+        A point cannot be read, is not after the one before, or is before the source's first frame.
+
+    Examples
+    --------
+    >>> str(parse_curve("0=0 4s=1s", Fraction(24), Fraction(24)).source(Fraction(2)))
+    '1/2'
+    """
+    points, onward, smooth = list[tuple[Fraction, Fraction]](), None, False
+    unit, lines = ("line", text.splitlines()) if "\n" in text.strip() else ("point", text.split())
+    is_numbered = not re.search(r"\d[sf:]", re.sub("#.*", "", text))
+    for number, line in enumerate(lines, 1):
+        where, words = f"`retime`, {unit} {number}", re.findall(r"[^\s=,]+", line.partition("#")[0])
+        if words == ["smooth"]:
+            smooth = True
+        elif len(words) == 1 and words[0].startswith("x"):
+            onward = parse_number(words[0][1:], where)
+        elif words:
+            if len(words) != 2:
+                raise OptionError(f"{where}: {line.strip()!r} must be an output time and a source time, such as 3s 2s.")
+            if not is_numbered and any(re.fullmatch(r"[\d.]+", word) and word.strip("0.") for word in words):
+                raise OptionError(f"{where}: {line.strip()!r} has no unit; write seconds as 2s, and frames as 48f.")
+            at, source = (_parse_place(word, where, is_frame=is_numbered) for word in words)
+            points.append((at.seconds(output_rate), source.seconds(source_rate)))
+            if is_numbered:
+                points[-1] = points[-1][0], points[-1][1] - first_number / source_rate
+            if len(points) > 1 and points[-1][0] <= points[-2][0]:
+                raise OptionError(f"{where}: {words[0]} is not after the point before it; output times must increase.")
+            if points[-1][1] < 0:
+                raise OptionError(f"{where}: {words[1]} is before the source's first frame, {first_number} as in Nuke.")
+    if len(points) < 2 - (onward is not None):
+        raise OptionError("`retime` needs at least two points; write them like 0=0 2s=2s 3s=2.25s.")
+    if is_numbered:
+        points.append((points[-1][0] + 1 / output_rate, points[-1][1]))
+    return TimeMap.through(points, smooth=smooth, onward=onward)
+
+
+def _parse_place(word: str, where: str, *, is_frame: bool) -> Position:
+    if re.fullmatch(r"[\d./]+[sf]?", word):
+        return Position(parse_number(word.rstrip("sf"), where), is_frame or word.endswith("f"))
+    return parse_position(word, where)
+
+
+def parse_speeds(text: str, source_rate: Fraction) -> TimeMap:
+    """Parse speeds and the parts of the source that have them, in order: ``0.25@1:00-1:05,2@2:00-``; else it is 1."""
+    points, onward = [(Fraction(0), Fraction(0))], Fraction(1)
+    for word in text.split(","):
+        name, _, place = word.partition("@")
+        speed, ends = parse_number(name, "`speed`"), [*place.split("-"), ""][:2]
+        begin, end = (parse_position(each, "`speed`").seconds(source_rate) if each else None for each in ends)
+        if not Fraction(1, 1000) <= speed <= 1000:
+            raise OptionError(f"`speed` {word!r} must be from 0.001 to 1000; freeze and reverse with `retime`.")
+        time, source = points[-1]
+        if onward != 1 or (begin or 0) < source or (end is not None and end <= (begin or 0)):
+            raise OptionError(f"`speed` {word!r} must be a part after those before it; write it like 0.25@1:00-1:05.")
+        if begin is not None and begin > source:
+            time, source = time + begin - source, begin
+            points.append((time, source))
+        if end is not None:
+            points.append((time + (end - source) / speed, end))
+        onward = speed if end is None else onward
+    return TimeMap.through(points, onward=onward)

@@ -1,0 +1,195 @@
+"""Retiming: curves that are exact, frames of the times that they name, and sound that goes with them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
+
+import av
+import numpy as np
+import pytest
+from conversion_options import grouped
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_pipeline import BLEND, FAST, FakeSink, FakeSource, regular
+from video_truth import packets_of, pictures_of, write_clip
+
+from fpsboost.conversion import convert, stream
+from fpsboost.errors import OptionError
+from fpsboost.streaming import run_conversion
+from fpsboost.timing.rate import OutputRate, exposed
+from fpsboost.timing.retime import parse_curve, parse_speeds
+from fpsboost.timing.time_map import TimeMap
+
+RATE = Fraction(24)
+STEADY = replace(BLEND, duplicates=None)
+
+steps = st.lists(st.fractions(Fraction(1, 9), 3, max_denominator=9), min_size=2, max_size=6)
+rises = st.lists(st.fractions(0, 3, max_denominator=9), min_size=6, max_size=6)
+
+
+def points_of(lengths, heights):
+    """Points that begin at 0, with these distances from one to the next."""
+    points = [(Fraction(0), Fraction(0))]
+    for length, height in zip(lengths, heights, strict=False):
+        points.append((points[-1][0] + length, points[-1][1] + height))
+    return points
+
+
+def retimed(frames, text, **options):
+    """The output frames of flat frames by a curve."""
+    source, sink, rate = FakeSource(frames), FakeSink(), OutputRate(retime=text, **options)
+    curve = rate.time_map(source.info)
+    schedule = exposed(rate.schedule(source.info, curve=curve), rate)
+    run_conversion(source, STEADY, sink, schedule)
+    return sink.frames
+
+
+def levels(frames):
+    return [frame.array.mean() / 10 for frame in frames]
+
+
+@settings(deadline=None, max_examples=40)
+@given(steps, rises, st.booleans(), st.fractions(0, 20, max_denominator=50))
+def test_a_curve_is_exact_at_its_points_and_never_turns_between(lengths, heights, smooth, time):
+    """Through every point; monotone; its inverse is the first time at which the source reaches a time."""
+    points = points_of(lengths, heights)
+    curve = TimeMap.through(points, smooth=smooth)
+    assert [curve.source(at) for at, _ in points] == [source for _, source in points]
+    times = sorted([time, *(at for at, _ in points), *(curve.length * k / 40 for k in range(41))])
+    assert all(before <= after for before, after in pairwise(map(curve.source, times)))
+    shown = curve.source(time)
+    first = curve.time_of(shown)
+    assert abs(curve.source(first) - shown) <= (Fraction(1, 20) if smooth else 0)
+    assert curve.frames_before(shown, RATE) == sum(
+        curve.source(k / RATE) < shown for k in range(math.ceil(curve.length * RATE))
+    )
+
+
+@given(steps)
+def test_slope_one_is_the_identity(lengths):
+    """With any points, smooth or not, and also of a part."""
+    for smooth in (False, True):
+        curve = TimeMap.through(points_of(lengths, lengths), smooth=smooth)
+        assert curve.is_plain(curve.length)
+        assert not curve.is_plain(curve.length + 1)
+
+
+def test_smooth_slopes_are_those_of_pchip():
+    """Values of scipy.interpolate.PchipInterpolator([0, 1, 3, 4], [0, 1, 2, 5])."""
+    curve = parse_curve("smooth 0s=0s 1s=1s 3s=2s 4s=5s", RATE, RATE)
+    values = [float(curve.source(Fraction(k, 2))) for k in (1, 3, 5, 7)]
+    assert values == pytest.approx([0.5592948717948718, 1.2636770557029178, 1.6468003978779842, 3.1372126436781613])
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("0=0 2s=2s 3s=2.25s", [(0, 0), (2, 2), (3, Fraction(9, 4))]),
+        ("# ramp\n0 0\n\n48f 24f  # half\n0:03 1.5s\n", [(0, 0), (2, 1), (3, Fraction(3, 2))]),
+        ("1 1\n24 12.5\n48 36", [(0, 0), (Fraction(23, 24), Fraction(23, 48)), (Fraction(47, 24), Fraction(35, 24))]),
+    ],
+)
+def test_points_are_times_or_frames(text, expected):
+    """Of both sides; bare numbers are Nuke's, of which the last one is shown as a frame."""
+    curve = parse_curve(text, RATE, RATE)
+    assert [curve.source(Fraction(at)) for at, _ in expected] == [source for _, source in expected]
+    assert curve.length == expected[-1][0] + (0 if "s" in text else 1 / RATE)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("0 0\n# once\n2s", "line 3: '2s' must be an output time and a source time"),
+        ("0 0\n2s 1s\n1s 3s", "line 3: 1s is not after the point before it"),
+        ("0=0 2s=3", "point 2: '2s=3' has no unit"),
+        ("0=0 2s=three", "point 2 'three' is no place"),
+        ("0=0s", "at least two points"),
+        ("0=0 1=1", "point 1: 0 is before the source's first frame, 1"),
+        ("0=0 9s=9s", "ends at 0:02.000"),
+    ],
+)
+def test_a_bad_curve_is_refused(tmp_path, text, reason):
+    """With the line, or the point, and the reason."""
+    clip, path = write_clip(tmp_path / "in.mkv", times=range(50)), tmp_path / "curve.txt"
+    path.write_text(text)
+    with pytest.raises(OptionError, match=reason):
+        convert(str(clip), str(tmp_path / "out.mkv"), rate=OutputRate(retime=str(path) if "\n" in text else text))
+
+
+@pytest.mark.parametrize("text", ["0.25@1-1.5", "1@0-1,0.25@1-1.5"])
+def test_speeds_are_a_curve(text):
+    """Speed 1 but for the parts named, to the end; what overlaps is refused."""
+    curve = parse_speeds(text, RATE)
+    assert [curve.source(Fraction(time)) for time in (1, 2, 3, 9)] == [
+        1,
+        Fraction(5, 4),
+        Fraction(3, 2),
+        Fraction(15, 2),
+    ]
+    for wrong in ("2@1-2,2@1.5-3", "2@2-1", "0", "2,2@3-"):
+        with pytest.raises(OptionError, match="`speed`"):
+            parse_speeds(wrong, RATE)
+
+
+def test_frames_show_the_times_of_the_curve():
+    """Slow, frozen and fast; one after another at the source's rate, or at another one; the last one is held."""
+    frames = retimed(regular(10), "0=0 4f=2f 6f=2f 8f=6f 11f=12f")
+    assert levels(frames) == pytest.approx([0, 0.5, 1, 1.5, 2, 2, 2, 4, 6, 8, 9], abs=0.06)
+    assert [frame.time for frame in frames] == [Fraction(k, 25) for k in range(11)]
+    assert {frame.duration for frame in frames} == {Fraction(1, 25)}
+    assert levels(retimed(regular(10), "0=0 4f=2f", fps=50)) == pytest.approx([0, 0.5, 1, 1.5], abs=0.06)
+    images = [frame.array for frame in regular(10)]
+    assert [image.mean() for image in stream(images, retime="0=2f 3f=8f", method="blend")] == [20, 40, 60]
+
+
+def test_a_shutter_is_open_for_what_the_speed_shows():
+    """The faster, the wider the blur; none while the picture is frozen, whose frames stay as they are."""
+    frames = regular(20)
+    ramp = [replace(frame, image=np.float32(frame.image) ** 2) for frame in frames]
+    blurred, plain = (retimed(ramp, "0=4f 4f=6f 8f=6f 12f=14f", **options) for options in ({"shutter": 360}, {}))
+    difference = [abs(a - b) for a, b in zip(levels(blurred), levels(plain), strict=True)]
+    assert max(difference[5:7]) < 1e-3
+    assert difference[10] > 3 * difference[2] > 0
+
+
+@pytest.fixture
+def clip(tmp_path):
+    return write_clip(tmp_path / "in.mkv", times=range(50), sound="aac")
+
+
+def test_a_curve_of_slope_one_gives_the_plain_output(tmp_path, clip):
+    """Packets of pictures and of sound, at another rate, too."""
+    for name, speed in {"plain": {}, "curve": {"retime": "0=0 1s=1s 2s=2s"}, "speed": {"speed": "1"}}.items():
+        options = grouped(factor=2, **speed)
+        convert(str(clip), str(tmp_path / f"{name}.mp4"), method="blend", encoding=FAST, **options)
+    for name in ("curve", "speed"):
+        for kind in ("video", "audio"):
+            assert packets_of(tmp_path / f"{name}.mp4", kind) == packets_of(tmp_path / "plain.mp4", kind)
+
+
+def test_sound_is_stretched_where_the_speed_allows_it(tmp_path, clip):
+    """At half and double speed, and silent while the picture is frozen; dropped if asked, and always said."""
+    curve = {"retime": "0=0 1s=.5s 2s=.5s 2.5s=1.5s"}
+    summary = convert(str(clip), str(tmp_path / "out.mkv"), method="nearest", encoding=FAST, **grouped(**curve))
+    assert any("left out where its speed" in remark for remark in summary.remarks)
+    with av.open(str(tmp_path / "out.mkv")) as file:
+        frames = [(frame.time, frame.samples / frame.rate) for frame in file.decode(audio=0)]
+    silent = [(before[0] + before[1], after[0]) for before, after in pairwise(frames) if after[0] - sum(before) > 0.1]
+    assert silent == [pytest.approx((1, 2), abs=0.03)]
+    assert sum(frames[-1]) == pytest.approx(2.5, abs=0.03)
+    assert len(pictures_of(tmp_path / "out.mkv")) == 63
+    curve |= {"slow_motion_sound": "drop"}
+    summary = convert(str(clip), str(tmp_path / "none.mkv"), method="nearest", encoding=FAST, **grouped(**curve))
+    with av.open(str(tmp_path / "none.mkv")) as file:
+        assert not file.streams.audio
+    assert any("sound, which the retime curve leaves out" in remark for remark in summary.remarks)
+
+
+def test_what_a_curve_does_not_go_with():
+    """Two ways to say the same, and numbers that are kept."""
+    for other in ({"speed": "2"}, {"slow_motion": True}, {"keep_timing": True}, {"fill_gaps": True}):
+        with pytest.raises(OptionError, match="say different things of time"):
+            OutputRate(retime="0=0 1s=2s", **other)
