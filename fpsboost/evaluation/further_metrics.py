@@ -26,6 +26,14 @@ from numpy.typing import NDArray
 from fpsboost.colour import as_shown, composite_on_black, has_alpha
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation.hidden_frames import Hidden, Interval
+from fpsboost.evaluation.steadiness import (
+    FlickerMeter,
+    FrameMeter,
+    StepMeter,
+    missing_edges,
+    spurious_edges,
+    wrong_area,
+)
 from fpsboost.image import Image
 from fpsboost.io.video.ycc import assumed_color_space, from_bgr
 
@@ -212,7 +220,7 @@ class Metric:
     """Function that returns a meter for a method, given the clip's frames per second."""
     meaning: str
     """Sentence for a reader of the tables."""
-    missing: Callable[[], str | None]
+    missing: Callable[[], str | None] = lambda: None
     """Function that returns what must be installed to measure it, or None."""
 
 
@@ -268,6 +276,34 @@ metrics: dict[str, Metric] = {
         "VMAF is Netflix's, 0 to 100 for equal, by FFmpeg's filter libvmaf, mean over the made frames; it was trained "
         "on coded videos and not on frames between others.",
         lambda: missing_filter("libvmaf"),
+    ),
+    "wrong": Metric(
+        *("Wrong", "per mille", 2, False),
+        lambda rate: FrameMeter(wrong_area),
+        "Wrong is the area, per mille, that is off by more than 24 levels at a quarter of the size: what is "
+        "seen from afar.",
+    ),
+    "spurious": Metric(
+        *("Spurious", "levels/100", 2, False),
+        lambda rate: FrameMeter(spurious_edges),
+        "Spurious is the strength of edges that the true frame has nowhere near, levels/100: torn shapes and ghosts.",
+    ),
+    "missing": Metric(
+        *("Missing", "levels/100", 2, False),
+        lambda rate: FrameMeter(missing_edges),
+        "Missing is the same of true edges that the interpolated frame lacks: what was smeared or lost.",
+    ),
+    "flicker": Metric(
+        *("Flicker", "levels", 2, False),
+        lambda rate: FlickerMeter(),
+        "Flicker is by how much interpolated frames differ from originals in brightness, noise and sharpness, all "
+        "frames in the same way, levels: what pulses.",
+    ),
+    "steps": Metric(
+        *("Uneven steps", "%", 1, False),
+        lambda rate: StepMeter(),
+        "Uneven steps are changes of the motion from frame to frame beyond the true ones, percent of the path: 0 is as "
+        "even as the truth, 100 a frame that repeats another.",
     ),
 }
 """Metrics by name."""

@@ -1,0 +1,159 @@
+"""Metrics of what is seen at speed: torn shapes, interpolated frames that differ in kind from originals, uneven motion.
+
+All measure sRGB with 8 bits, as it is displayed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.colour import as_shown
+from fpsboost.frame_cache import FrameCache
+from fpsboost.image import Image
+from fpsboost.motion.opencv import Dis
+
+AFAR, WRONG_LEVELS = 4, 24
+"""Factor by which images are reduced to see them from afar, and the difference that counts as wrong there, levels."""
+
+EDGE_REACH, EDGE_RATIO, EDGE_LEVELS = 4, np.float32(1.25), np.float32(1)
+"""Distance within which an edge has a counterpart, pixels at half the size; ratio and levels by which it exceeds it."""
+
+PARTS = 4  # number of parts of the picture along each side that pulse by themselves
+FINE, COARSE = 1.0, 4.0  # standard deviations of the Gaussians between which sharpness is measured, pixels
+
+MIN_MOTION = 2.0  # shortest true path from the frame before to the frame after that counts as motion, pixels
+MAX_TURN = 0.5
+"""Change of the true motion, as a share of its path, above which DIS is taken to have lost it."""
+
+
+class FrameMeter:
+    """Meter by a function of an interpolated frame and the true one."""
+
+    def __init__(self, measure: Callable[[Image, Image], float]) -> None:
+        self._measure = measure
+        self._values: list[float] = []
+
+    def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
+        if counts:
+            self._values.append(self._measure(truth, image))
+
+    def values(self) -> list[float]:
+        return self._values
+
+
+def wrong_area(truth: Image, image: Image) -> float:
+    """Return how much of an image is wrong even at a quarter of its size, per mille."""
+    height, width = truth.shape[:2]
+    size = max(1, width // AFAR), max(1, height // AFAR)
+    afar = [
+        cv2.resize(as_shown(each).astype(np.float32), size, interpolation=cv2.INTER_AREA) for each in (truth, image)
+    ]
+    return 1000 * float((cv2.absdiff(*afar).reshape(*size[::-1], -1).max(axis=2) > WRONG_LEVELS).mean())
+
+
+def spurious_edges(truth: Image, image: Image) -> float:
+    """Return the mean strength of edges that have no counterpart in the true frame, hundredths of a level."""
+    edges, expected = _edges(image), _edges(truth)
+    side = 2 * EDGE_REACH + 1
+    explained = EDGE_RATIO * cv2.dilate(expected, np.ones((side, side), np.uint8)) + EDGE_LEVELS
+    return 100 * float(np.maximum(edges - explained, 0).mean())
+
+
+def missing_edges(truth: Image, image: Image) -> float:
+    """Return the mean strength of true edges that have no counterpart in an image, hundredths of a level."""
+    return spurious_edges(image, truth)
+
+
+def _edges(image: Image) -> NDArray[np.float32]:
+    """Return the slope of the luma at half the size, levels a pixel, (h, w)."""
+    half = cv2.resize(as_shown(image), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    smooth = cv2.GaussianBlur(_luma(half), (3, 3), 0)
+    across, down = (cv2.Sobel(smooth, cv2.CV_32F, *order, scale=1 / 8) for order in ((1, 0), (0, 1)))
+    return np.hypot(across, down)
+
+
+def _luma(displayed: NDArray[Any]) -> NDArray[np.float32]:
+    return cv2.cvtColor(displayed, cv2.COLOR_BGR2GRAY).astype(np.float32)
+
+
+class FlickerMeter:
+    """Meter of what pulses at the rate of the originals because interpolated frames differ from them in kind.
+
+    In each part of the picture, the mean luma, the deviation of its sharpest detail and noise, and that of coarser
+    detail are compared with the mean of the two shown frames. What has the same sign in all frames pulses; changes of
+    the picture cancel out.
+    """
+
+    def __init__(self) -> None:
+        self._shown: NDArray[Any] | None = None
+        self._between: list[NDArray[Any]] = []
+        self._differences: list[NDArray[Any]] = []
+
+    def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
+        kinds = _kinds(image)
+        if counts:
+            self._between.append(kinds)
+            return
+        if self._shown is not None:
+            self._differences += [each - (self._shown + kinds) / 2 for each in self._between]
+        self._shown, self._between = kinds, []
+
+    def values(self) -> list[float]:
+        """Return shares of every frame, levels, whose mean is the length of the mean differences over all parts."""
+        if not self._differences:
+            return []
+        differences = np.stack(self._differences)
+        signs = np.sign(differences.mean(axis=0))
+        return [float(each) for each in (differences * signs).sum(axis=1).mean(axis=1)]
+
+
+def _kinds(image: Image) -> NDArray[Any]:
+    """Return brightness, noise with the sharpest detail, and sharpness of each part of an image, (3, parts) levels."""
+    luma = _luma(as_shown(image))
+    fine, coarse = (cv2.GaussianBlur(luma, (0, 0), sigma) for sigma in (FINE, COARSE))
+    planes = luma, np.square(luma - fine), np.square(fine - coarse)
+    brightness, noise, detail = (
+        cv2.resize(each, (PARTS, PARTS), interpolation=cv2.INTER_AREA).ravel() for each in planes
+    )
+    return np.stack([brightness, np.sqrt(noise), np.sqrt(detail)])
+
+
+class StepMeter:
+    """Meter of uneven motion: steps into a frame and out of it against the true ones, percent of the true path.
+
+    Steps are the motion by DIS to the frames before and after. 0 is as even as the truth, 100 a frame that repeats one
+    of its neighbours. Only what moves counts, where DIS follows the true frames.
+    """
+
+    def __init__(self) -> None:
+        self._last: tuple[FrameCache, FrameCache] | None = None
+        self._back: list[NDArray[Any]] | None = None
+        self._values: list[float] = []
+
+    def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
+        frames = FrameCache(truth), FrameCache(image)
+        if self._last is not None:
+            steps = [Dis().estimate(before, now) for before, now in zip(self._last, frames, strict=True)]
+            if self._back is not None:
+                self._values.append(_unevenness(self._back, [ahead.flow for ahead, _ in steps]))
+            self._back = [back.flow for _, back in steps] if counts else None
+        self._last = frames
+
+    def values(self) -> list[float]:
+        return self._values
+
+
+def _unevenness(back: list[NDArray[Any]], ahead: list[NDArray[Any]]) -> float:
+    """Return how much steps change beyond the true change, percent; the true steps, (H, W, 2), come first."""
+    true_change, change = (a + b for a, b in zip(ahead, back, strict=True))
+    path = sum(np.linalg.norm(step[0], axis=-1) for step in (back, ahead))
+    is_moving = (path > MIN_MOTION) & (np.linalg.norm(true_change, axis=-1) <= MAX_TURN * path)
+    if not is_moving.any():
+        return 0.0
+    excess = np.minimum(np.linalg.norm(change - true_change, axis=-1), path)
+    return 100 * float(excess[is_moving].sum() / path[is_moving].sum())
