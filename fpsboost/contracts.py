@@ -187,8 +187,6 @@ class Summary:
     """Sentences about everything that was lost or guessed."""
     details: str = ""
     """How the target was written, for verbose output; empty if there was no choice."""
-    utilisation: str = ""
-    """How busy cores or workers were, as a sentence, for verbose output; empty if it was not measured."""
     frame_intervals: FrameIntervals = field(default_factory=FrameIntervals)
     """Intervals between the frames of the source."""
     search_radii: set[int] = field(default_factory=set)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from fractions import Fraction
@@ -129,7 +128,6 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
             if part is not None:
                 share_index(clip, part.output.folder.parent)
             there = sink.completed_frames if isinstance(sink, StagedSink) else 0
-            begin, busy_before = time.perf_counter(), time.process_time()
             if part is not None and part.is_empty:
                 summary = Summary()
             else:
@@ -143,8 +141,6 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
                     threads=threads,
                     outputs=replace(OutputRange() if part is None else part.outputs, skip=there),
                 )
-            busy = (time.process_time() - busy_before) / max(time.perf_counter() - begin, 1e-9)
-            summary.utilisation = f"On average {busy:.1f} of {available_cores()} cores were busy."
             if part is not None:
                 part.summary = summary
             if isinstance(main, ImageSink) and summary.lowest_match is not None:

@@ -1,20 +1,5 @@
 """Exceptions of fpsboost, as one hierarchy.
 
-::
-
-    FpsboostError
-    ├── OptionError     an invalid value: factor 0, an unknown method
-    ├── InputError      the source cannot be read, or holds too little
-    │   └── EncryptedError  it is encrypted
-    ├── OutputError     the target exists, cannot be written, or cannot hold the streams
-    │   ├── CompleteAlreadyError  an output to be resumed is complete already
-    │   ├── InUseError  another run writes the output
-    │   └── ReaderGoneError  the program that reads standard output has closed it
-    └── ClusterError    the workers of a cluster are out of reach, or not what they must be
-
-    UserWarning
-    └── SceneCutWarning  a scene ends between two images, and nothing was interpolated across it
-
 Every message is one sentence that names the file or the option and says what to do. The library raises;
 only the command line prints and chooses an exit code (2 for `OptionError`, 1 for the others).
 """

@@ -141,7 +141,6 @@ def convert(
     messages: Annotated[MessageOptions, GROUPS["Run"]],
     tuning: Annotated[TuningOptions, GROUPS["Method options"]],
     dry_run: Annotated[bool, Parameter(group=GROUPS["Run"])] = False,
-    processes: Annotated[str | None, Parameter(show=False)] = None,
 ) -> None:
     """Raise the frame rate of a video or an image sequence.
 
@@ -158,14 +157,7 @@ def convert(
         Further names; the last one is the folder.
     dry_run
         Say what would be made and take, and write nothing.
-    processes
-        No longer there.
     """
-    if processes is not None:
-        raise OptionError(
-            "--processes no longer exists: threads use all cores; for processes of Dask on this machine, give "
-            "--cluster local."
-        )
     gc.disable()  # until kernels are compiled or loaded: importing and loading them makes many objects and few cycles
     # imported here so that --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost.cli import batch  # noqa: PLC0415

@@ -250,8 +250,8 @@ class Reporter(ExitStack):
         if self._verbose and summary.search_radii:
             least, largest = min(summary.search_radii), max(summary.search_radii)
             self._say(f"Search radius: {least if least == largest else f'{least} to {largest}'} pixels.")
-        for text in filter(None, (summary.details, summary.utilisation) if self._verbose else ()):
-            self._say(text)
+        if self._verbose and summary.details:
+            self._say(summary.details)
         lowest, where = summary.lowest_match, ""
         if lowest is not None and lowest.match_score < 1:
             file = f", {summary.lowest_match_file}" if summary.lowest_match_file else ""

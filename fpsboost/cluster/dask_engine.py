@@ -39,7 +39,7 @@ from fpsboost import (
     Summary,
     join,
 )
-from fpsboost.cluster.worker import LOCK_INTERVAL, Outcome, PartTask, WorkerOrder, job_key, make_on_worker, read_piece
+from fpsboost.cluster.worker import LOCK_INTERVAL, Outcome, WorkerOrder, job_key, make_on_worker, read_piece
 from fpsboost.contracts import SilentObserver
 from fpsboost.errors import ClusterError, CompleteAlreadyError, InUseError, explained
 from fpsboost.io.staging import sync
@@ -256,8 +256,8 @@ class _Parts:
 
     def _submit(self, planned: PlannedPart, worker: str) -> None:
         part, attempts = planned.part, self._attempts[planned.part]
-        task = PartTask(self._job, part, self._run.threads, self._run.limit)
-        order = WorkerOrder(pickle.dumps(task), self._facts, str(self._mark), self._topic)
+        run = RunOptions(chunk=part, resume=True, threads=self._run.threads, limit=self._run.limit)
+        order = WorkerOrder(pickle.dumps((self._job, run)), self._facts, str(self._mark), self._topic)
         key = f"{self._topic}-{part.number}-of-{part.count}-{attempts.count}"
         attempts.count += 1
         future = self._client.submit(make_on_worker, order, key=key, workers=[worker], pure=False)

@@ -21,7 +21,7 @@ from dask.typing import Key
 from distributed import Worker, get_worker
 from distributed.core import Status
 
-from fpsboost import ConversionJob, FpsboostError, InputError, MemoryLimit, Part, RunOptions, Summary, convert_job
+from fpsboost import ConversionJob, FpsboostError, InputError, RunOptions, Summary, convert_job
 from fpsboost.contracts import SilentObserver
 from fpsboost.errors import ClusterError, CompleteAlreadyError, InUseError
 from fpsboost.parts.manifest import first_difference, job_facts, program_facts
@@ -34,25 +34,10 @@ LOCK_INTERVAL = 1.0
 
 
 @dataclass(frozen=True)
-class PartTask:
-    """Part to make, and what a worker may use for it."""
-
-    job: ConversionJob
-    part: Part
-    threads: int | None = None
-    limit: MemoryLimit | None = None
-
-    @property
-    def output(self) -> str:
-        assert self.job.output is not None
-        return self.job.output
-
-
-@dataclass(frozen=True)
 class WorkerOrder:
     """Order to a worker to make a part."""
 
-    task: bytes  # Pickled `PartTask`: read only after the facts agree, since another version may not be able to
+    task: bytes  # pickled job and options of the run, read only after the facts agree, as versions may differ
     facts: Mapping[str, str]  # versions, input and options of the client, which the worker must share
     mark: str  # path of a file in the folder of the parts, which a worker can see if storage is shared
     topic: str  # topic of Dask under which progress is logged
@@ -94,19 +79,20 @@ def _carry_out(order: WorkerOrder, worker: Worker, check: Callable[[], None]) ->
                 f"The worker at {worker.address} has {here}, and the client {order.facts.get(name)}; install the same "
                 "versions everywhere."
             )
-    task: PartTask = pickle.loads(order.task)
-    _check_job_once(order, task, worker.address)
+    job, run = pickle.loads(order.task)
+    _check_job_once(order, job, worker.address)
     is_private = not os.path.exists(order.mark)
     if is_private:
         place = Path(worker.local_directory) / "fpsboost" / order.topic
         place.mkdir(parents=True, exist_ok=True)
-        task = replace(task, job=replace(task.job, output=str(place / Path(task.output).name)))
-    task = replace(task, threads=task.threads or worker.state.nthreads)
+        job = replace(job, output=str(place / Path(job.output).name))
 
     def report(frames: int) -> None:
-        worker.log_event(order.topic, {"part": str(task.part), "frames": frames})
+        worker.log_event(order.topic, {"part": str(run.chunk), "frames": frames})
 
-    folder = make_part(task, WorkerObserver(report, check))
+    run = replace(run, threads=run.threads or worker.state.nthreads)
+    make_part(job, run, WorkerObserver(report, check))
+    folder = run.chunk.folder(job.output)
     sizes = {path.name: path.stat().st_size for path in folder.iterdir()}
     return Outcome(str(folder), is_private, sizes)
 
@@ -129,20 +115,19 @@ class WorkerObserver(SilentObserver):
             self._report(summary.frames_out)
 
 
-def make_part(task: PartTask, observer: WorkerObserver) -> Path:
-    """Make a part, after what an earlier attempt has finished, and return its folder; wait if another run makes it."""
-    run = RunOptions(chunk=task.part, resume=True, threads=task.threads, limit=task.limit, observer=observer)
+def make_part(job: ConversionJob, run: RunOptions, observer: WorkerObserver) -> None:
+    """Make a part, after what an earlier attempt has finished; wait if another run makes it."""
     with one_opencv_thread():
         while True:
             try:
-                convert_job(task.job, run)
+                convert_job(job, replace(run, observer=observer))
             except CompleteAlreadyError:
                 pass
             except InUseError:
                 observer.check()
                 time.sleep(LOCK_INTERVAL)
                 continue
-            return task.part.folder(task.output)
+            return
 
 
 def job_key(facts: Mapping[str, str], output: str) -> str:
@@ -150,12 +135,12 @@ def job_key(facts: Mapping[str, str], output: str) -> str:
     return hashlib.sha256(json.dumps([sorted(facts.items()), output]).encode()).hexdigest()[:16]
 
 
-def _check_job_once(order: WorkerOrder, task: PartTask, place: str) -> None:
+def _check_job_once(order: WorkerOrder, job: ConversionJob, place: str) -> None:
     """Raise `ClusterError` if this worker has another input, or makes other pixels; once in a process for each job."""
     if order.topic in _checked:
         return
     try:
-        here = job_facts(task.job)
+        here = job_facts(job)
     except InputError as error:
         raise ClusterError(f"The worker at {place} cannot read the input: {error}") from error
     difference = first_difference(order.facts, here)

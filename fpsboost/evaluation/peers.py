@@ -1,15 +1,6 @@
 """Frames of other tools: a folder of them, or a command that writes one.
 
-Such a folder holds one of three things, which are told from each other in this order:
-
-the whole sequence
-    An image for every frame from the first that is shown to the last, and at most as many more behind them as are
-    hidden between two: tools that double N frames write 2N - 1 or 2N. Or a sequence without gaps whose numbers begin
-    at 0 or at 1, which is that of the whole clip. Numbers rise in equal steps. Images are matched by position.
-the hidden frames alone
-    As many images as there are hidden frames, in their order; their numbers rise in equal steps or as those do.
-images with numbers
-    Matched by the number of the frame in the clip, counted from 0.
+`docs/comparison.md` says what such a folder may hold, and how its images are matched.
 """
 
 from __future__ import annotations
@@ -67,7 +58,7 @@ class PeerFrames:
 
 
 def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerFrames:
-    """Match the images of a folder to all hidden frames of a clip, as the docstring of this module says."""
+    """Match the images of a folder to all hidden frames of a clip, as `docs/comparison.md` says."""
     with explained(InputError, "read", folder, "name a folder of images"):
         images = find_images(str(folder))
     count_of_images, own = len(images.files), list(images.numbers)

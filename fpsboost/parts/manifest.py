@@ -38,7 +38,7 @@ from fpsboost.timing.rate import OutputRate
 from fpsboost.version import __version__
 
 MANIFEST_NAME = "part.json"
-FORMAT = 3  # version of the manifest's fields
+FORMAT = 4  # version of the manifest's fields
 
 
 @dataclass(frozen=True)

@@ -71,17 +71,9 @@ def plan_part(ready: Preparation) -> PartPlan:
     """
     job, run, clip = ready.job, ready.run, ready.clip
     assert run.chunk is not None
-    ready.target.check_parts()
-    if not clip.whole.stream_info.files:
-        raise OptionError("`chunk` reads a part of a file, and standard input is none; name a file.")
     source, folder = clip.source, run.chunk.folder(ready.target.path)
-    times = frame_times(clip, folder.parent)
-    total = count_outputs(ready, times)
-    if total is None:
-        raise OptionError(
-            f"{source.info.name} does not say how many frames it holds; convert it whole, without `chunk`."
-        )
-    outputs = outputs_of(run.chunk, total, CHUNK_FRAMES if ready.target.kind == "video" else 1)
+    times, total, unit = _measured(ready)
+    outputs = outputs_of(run.chunk, total, unit)
     plan: PartPlan
 
     def complete(folder: Path) -> None:
@@ -218,13 +210,7 @@ def _refuse_others(folder: Path, facts: Mapping[str, str], *, overwrite: bool) -
 
 def _plan_parts(ready: Preparation, count: int) -> list[PlannedPart]:
     """Plan the parts of a job in order: `count` of them, or as many as there are chunks of a video, or images."""
-    ready.target.check_parts()
-    clip, source = ready.clip, ready.clip.source
-    times = frame_times(clip, Part(1, 1).folder(ready.target.path).parent)
-    total = count_outputs(ready, times)
-    if total is None or not clip.whole.stream_info.files:
-        raise OptionError(f"{source.info.name} does not say how many frames it holds; convert it in one run.")
-    unit = CHUNK_FRAMES if ready.target.kind == "video" else 1
+    times, total, unit = _measured(ready)
     count = max(1, min(count, -(-total // unit), MAX_PARTS))
     parts = [Part(number, count) for number in range(1, count + 1)]
     ranges = [outputs_of(part, total, unit) for part in parts]
@@ -238,6 +224,20 @@ def _plan_parts(ready: Preparation, count: int) -> list[PlannedPart]:
         PlannedPart(part, of_part, of_part + float(of_source))
         for part, of_part, of_source in zip(parts, frames, pairs, strict=True)
     ]
+
+
+def _measured(ready: Preparation) -> tuple[Sequence[Fraction] | None, int, int]:
+    """Return the times of all frames if something tells them, the number of output frames, and how many stay together.
+
+    Raises `OptionError` if the input or the output cannot be cut into parts.
+    """
+    ready.target.check_parts()
+    clip = ready.clip
+    times = frame_times(clip, Part(1, 1).folder(ready.target.path).parent)
+    total = count_outputs(ready, times)
+    if total is None or not clip.whole.stream_info.files:
+        raise OptionError(f"{clip.source.info.name} does not say how many frames it holds; convert it in one run.")
+    return times, total, CHUNK_FRAMES if ready.target.kind == "video" else 1
 
 
 def frame_times(clip: OpenedClip, folder: Path) -> Sequence[Fraction] | None:
@@ -302,7 +302,7 @@ def manifest_of(plan: PartPlan, ready: Preparation, folder: Path) -> Manifest:
     """Return the manifest of a part whose files are complete."""
     job, summary, outputs = ready.job, plan.summary, plan.outputs
     assert summary is not None
-    of_one_run: dict[str, Any] = {"seconds": 0.0, "utilisation": "", "completed_frames": 0}
+    of_one_run: dict[str, Any] = {"seconds": 0.0, "completed_frames": 0}
     read = summary.frames_in + (0 if outputs.entry is None else outputs.entry.number)
     by_number = isinstance(ready.base_schedule, ByFactor) or job.method.match_grain or counts_frames(job.method.cuts)
     return Manifest(

@@ -10,7 +10,6 @@ from collections import deque
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from io import BufferedRandom
-from itertools import chain
 from pathlib import Path
 from threading import Condition, Thread
 from typing import Any, Literal
@@ -80,16 +79,13 @@ class Queue:
         self._changed = Condition()
         self._lock = _locked(path)
         try:
-            older = sorted(path.parent.glob(f"{path.stem}-*{path.suffix}"))  # once, each port had a queue of its own
-            jobs = [replace(job, number=number) for number, job in enumerate(chain(*map(_read, [path, *older])), 1)]
+            jobs = [replace(job, number=number) for number, job in enumerate(_read(path), 1)]
             self.outside = [job for job in jobs if not self._is_inside(job)]  # which are kept, and do not run
             self._jobs = {job.number: job for job in jobs if job not in self.outside}
             self._process: subprocess.Popen[str] | None = None
             self._closed = False
             with self._changed:
                 self._save()
-            for each in older:
-                each.unlink(missing_ok=True)
         except BaseException:
             self._lock.close()
             raise

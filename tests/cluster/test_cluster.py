@@ -345,11 +345,10 @@ def test_workers_of_this_machine_on_the_command_line(fpsboost_, images, output):
         (["--cluster", "tcp://127.0.0.1:1"], 1, "There is no scheduler at tcp://127.0.0.1:1"),
         (["--cluster", "tls://127.0.0.1:1"], 1, "tls://127.0.0.1:1 needs certificates"),
         (["--cluster", "host:8786"], 2, "such as tls://host:8786, not host:8786"),
-        (["--processes", "2"], 2, "--processes no longer exists: threads use all cores; for processes"),
     ],
 )
 def test_what_the_command_line_refuses(fpsboost_, images, output, monkeypatch, arguments, code, sentence):
-    """A scheduler that is not there, encryption without certificates, no address, and what is no option any more."""
+    """A scheduler that is not there, encryption without certificates, and no address."""
     monkeypatch.setattr(dask_engine, "CONNECT_SECONDS", 0.2)
     result = fpsboost_(images.job.input, f"{output}/", *arguments)
     assert result.code == code

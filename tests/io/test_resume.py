@@ -133,7 +133,7 @@ def folder_of(target: Path) -> Path:
 
 
 def facts(summary: Summary) -> Summary:
-    return replace(summary, seconds=0, completed_frames=0, utilisation="")
+    return replace(summary, seconds=0, completed_frames=0)
 
 
 def without_texts(summary: Summary) -> Summary:
