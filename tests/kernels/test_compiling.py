@@ -4,13 +4,16 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from functools import partial
+from itertools import pairwise, starmap
 from pathlib import Path
 from typing import Any
 
 import numba
 import numpy as np
 import pytest
+from truth import noise, prepared
 
 from fpsboost import methods
 from fpsboost.interpolator import _rehearse_synthesis
@@ -153,6 +156,7 @@ def test_the_process_is_stopped_by_an_error_here(started):
     assert started[0].returncode
 
 
+@compiles
 @pytest.mark.parametrize("method", ["nlm", "nlm-fast", "dis", "blend"])
 def test_the_rehearsal_of_the_synthesis_compiles_nothing_else(method):
     """What it compiles in the second process is what a conversion needs."""
@@ -161,3 +165,10 @@ def test_the_rehearsal_of_the_synthesis_compiles_nothing_else(method):
     with told_of_compiling(lambda: compiled.append(True)):
         _rehearse_synthesis(methods[method], np.zeros((48, 480, 3), np.uint8))
     assert not compiled
+
+
+def test_all_kernels_of_a_conversion_stay_within_their_arrays():
+    """Uncompiled, an index beyond an array is an error; the frames are long enough for all kinds of levels."""
+    method = replace(methods["nlm"], cuts=None)
+    before, pair = starmap(method.pair, pairwise(prepared(*(noise(8, 256, seed=seed) for seed in range(3)))))
+    assert next(method.between(pair, [0.5], before).images).shape == (8, 256, 3)

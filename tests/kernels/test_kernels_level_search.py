@@ -39,7 +39,7 @@ def searched_in_one_direction(pair, size, proposed, expected, ties, settings):
 )
 def test_both_directions_are_searched_like_each_by_itself(scale, spacing, step, refine_radius, row_step):
     """Every point has the motion, and the similarity, that rounding, tiles and semi-global matching give one by one."""
-    random, size = np.random.default_rng(3), (37, 45)
+    random, size = np.random.default_rng(3), (25, 29)
     images = [noise(*size, 3, np.uint8, seed) for seed in (1, 2)]
     there, back = (plane_pair(*both, PADDING + RADIUS, MOST) for both in (images, images[::-1]))
     places = points(size, spacing)

@@ -90,16 +90,16 @@ def test_vast_motion_stays_inside_the_frame(search):
 
 
 @pytest.mark.parametrize("search", ["iterative", "brute-force"])
-@pytest.mark.parametrize("shift", [(1, 0), (3, 0), (1, 1), (3, 3), (5, 1)])
+@pytest.mark.parametrize("shift", [(1, 0), (3, 3), (5, 1)])
 def test_pans_by_odd_amounts_give_the_same_error_in_every_direction(search, shift):
     """A mirrored or transposed pan gives the mirrored or transposed frame: no source frame wins by its direction."""
-    clip = affine(32, 32, shift=shift)
+    clip = affine(24, 24, shift=shift)
     field01, field10 = (np.rint(flow).astype(np.float32) for flow in (clip.flow01, clip.flow10))
     method = Reproject(search=search)
 
     def error(turned, flow01, flow10):
         images = prepared(*(frozen(turned(image)) for image in (clip.image0, clip.image1)))
-        fields = (MotionField(np.ascontiguousarray(flow), np.ones((32, 32), np.float32)) for flow in (flow01, flow10))
+        fields = (MotionField(np.ascontiguousarray(flow), np.ones((24, 24), np.float32)) for flow in (flow01, flow10))
         (made,) = method.synthesize(FramePair(*images, *fields), [0.5])
         inner = slice(6, -6)
         return ((made.astype(float) - turned(clip.at(0.5)))[inner, inner] ** 2).mean()

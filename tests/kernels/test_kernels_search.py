@@ -56,7 +56,7 @@ def test_fused_search_equals_its_slow_twin(window, height, width, radius):
 @pytest.mark.parametrize("window", ["box", "gaussian"])
 @pytest.mark.parametrize(
     ("height", "width", "radius", "patch_radius"),
-    [(19, 23, 6, 1), (5, 9, 7, 10), (60, 11, 3, 5), (3, STRIP_WIDTH + 21, 3, 2), (30, 50, 2, 20)],
+    [(19, 23, 4, 1), (5, 9, 7, 10), (30, 11, 2, 5), (3, STRIP_WIDTH + 21, 1, 2), (12, 50, 1, 20)],
 )
 def test_fused_search_equals_full_image_passes(window, height, width, radius, patch_radius):
     """The kernel and the report's passes agree, over many rows and strips of columns, for patches of any size."""
@@ -69,11 +69,11 @@ def test_fused_search_equals_full_image_passes(window, height, width, radius, pa
 
 
 @pytest.mark.parametrize("window", ["box", "gaussian"])
-@pytest.mark.parametrize(("height", "width"), [(12, 15), (1, 1), (40, 9), (3, STRIP_WIDTH + 21)])
+@pytest.mark.parametrize(("height", "width"), [(12, 15), (1, 1), (24, 9), (3, STRIP_WIDTH + 21)])
 def test_flat_frames_do_not_move(window, height, width):
     """Where all offsets are equally similar, the smallest motion wins, in every row and strip."""
     flat = np.full((height, width, 3), 0.4, np.float32)
-    for field in search_fused(flat, flat, 4, 2, window, 0.25):
+    for field in search_fused(flat, flat, 2, 2, window, 0.25):
         assert not field.flow.any()
         np.testing.assert_allclose(field.similarity, 1, rtol=0, atol=TOLERANCE)
 

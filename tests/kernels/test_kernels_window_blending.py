@@ -67,13 +67,13 @@ def split(image):
 
 def blend(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=0, chroma=None, spacing=16):
     """Call the kernels; the mean as an image, and the confidence; with chroma or layers of both, their mean, too."""
-    image = np.full(image0.shape, np.nan, np.float32)
+    image = np.full(np.moveaxis(image0, 2, 0).shape, np.nan, np.float32)
     confidence = np.full(image0.shape[:2], np.nan, np.float32)
     numbers = map(np.float32, (scale, sharpness, enough, negligible))
     bounds = map(np.float32, (1, 0, -1e30, 1e30))
     nothing = Samples(np.empty((0, 1, 1), np.float32), np.empty((0, 1, 1), np.float32), np.float32(1))
     further0, further1 = (nothing, nothing) if chroma is None else (samples(each) for each in chroma)
-    further = np.full((0, 0, 0) if chroma is None else chroma[0].shape, np.nan, np.float32)
+    further = np.full((0, 0, 0) if chroma is None else np.moveaxis(chroma[0], 2, 0).shape, np.nan, np.float32)
     blend_hypotheses(
         SampledImage(samples(image0), further0),
         SampledImage(samples(image1), further1),
@@ -85,8 +85,9 @@ def blend(image0, image1, t, candidates, *, scale, sharpness, enough, negligible
         Weighting(*numbers, window_shape(spacing), fusion_table()),
         None,
         ValueRange(*bounds, False),
-        Blended(image.transpose(2, 0, 1), further.transpose(2, 0, 1), confidence),
+        Blended(image, further, confidence),
     )
+    image, further = (np.moveaxis(each, 0, 2) for each in (image, further))
     return (image, confidence) if chroma is None else (image, further, confidence)
 
 
@@ -125,11 +126,11 @@ OPTIONS = {"scale": 4.0, "sharpness": 10.0, "enough": 2.0}
     [
         ((16, 16), 3, 0.5, 3, 2, 16),
         ((19, 9), 1, 0.3, 6, 3, 16),
-        ((5, 34), 4, 0.75, 60, 2, 16),
-        ((40, 36), 1, 0.5, 3, 1, 16),
+        ((5, 34), 4, 0.75, 60, 1, 16),
+        ((24, 36), 1, 0.5, 3, 1, 16),
         ((1, 1), 3, 0.5, 4, 1, 20),
-        ((45, 61), 1, 0.3, 6, 1, 20),
-        ((5, 44), 4, 0.75, 60, 2, 24),
+        ((25, 61), 1, 0.3, 6, 1, 20),
+        ((5, 44), 2, 0.75, 60, 2, 24),
         ((29, 58), 3, 0.5, 3, 1, 28),
     ],
 )
@@ -154,25 +155,24 @@ def assert_planes_blend(luma, further, t, candidates, spacing, compared=None, at
 
 
 @pytest.mark.parametrize(
-    ("size", "t", "largest", "spacing"), [((40, 36), 0.5, 3, 16), ((19, 33), 0.3, 9, 16), ((43, 33), 0.3, 3, 20)]
+    ("size", "t", "largest", "spacing"), [((24, 36), 0.5, 3, 16), ((19, 33), 0.3, 9, 16), ((23, 33), 0.3, 3, 20)]
 )
 def test_layers_are_mixed_by_the_weights_of_others(size, t, largest, spacing):
     """Planes of full size that are sampled along have no say in the weights."""
     candidates = random_candidates(np.random.default_rng(5), size, 2, largest, spacing)
-    layers = [10 * layer for layer in two_frames(size, 3, seed=3)]
+    layers = [10 * layer for layer in two_frames(size, 2, seed=3)]
     assert_planes_blend(two_frames(size, 1), layers, t, candidates, spacing, compared=1)
 
 
-@pytest.mark.parametrize("down", [1, 2])
 @pytest.mark.parametrize(
-    ("size", "t", "largest", "spacing"),
+    ("size", "down", "t", "largest", "spacing"),
     [
-        ((40, 36), 0.5, 3, 16),
-        ((19, 33), 0.3, 9, 16),
-        ((2, 2), 0.75, 5, 16),
-        ((45, 33), 0.3, 9, 20),
-        ((2, 50), 0.75, 5, 24),
-        ((29, 59), 0.5, 3, 28),
+        ((24, 36), 2, 0.5, 3, 16),
+        ((19, 33), 1, 0.3, 9, 16),
+        ((2, 2), 2, 0.75, 5, 16),
+        ((25, 33), 2, 0.3, 9, 20),
+        ((2, 50), 1, 0.75, 5, 24),
+        ((29, 39), 2, 0.5, 3, 28),
     ],
 )
 def test_planes_of_half_the_size_equal_their_slow_twin(size, down, t, largest, spacing):
@@ -183,8 +183,8 @@ def test_planes_of_half_the_size_equal_their_slow_twin(size, down, t, largest, s
 
 @settings(max_examples=10)
 @given(
-    st.integers(2, 64),
-    st.integers(2, 64),
+    st.integers(2, 40),
+    st.integers(2, 40),
     st.sampled_from([16, 20, 24, 28]),
     st.sampled_from([1, 2]),
     st.integers(0, 2**32),
