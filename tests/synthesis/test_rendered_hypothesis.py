@@ -16,18 +16,25 @@ from fpsboost.motion.field import ZeroMotion
 from fpsboost.motion.rendered import UsesVectors
 from fpsboost.render.folder import VectorFolder
 from fpsboost.synthesis import FramePair, InterpolatedImage
-from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
+from fpsboost.synthesis.multi_hypothesis import Fusion, MultiHypothesis
 
 SIZE = 48, 64
 EDGE = 12
 
 
 def fused(
-    vectors: VectorFolder | None, image0: Any, image1: Any, span: int | Fraction = 2, t: float = 0.5
+    vectors: VectorFolder | None,
+    image0: Any,
+    image1: Any,
+    span: int | Fraction = 2,
+    t: float = 0.5,
+    fusion: Fusion = "plain",
 ) -> InterpolatedImage:
     """An image between two output frames, whose motion the estimate does not know."""
     placed = FrameCache(image0, Fraction(0)), FrameCache(image1, Fraction(span))
-    (made,) = MultiHypothesis(vectors=vectors).fuse(FramePair(*placed, *ZeroMotion().estimate(*placed)), [t])
+    (made,) = MultiHypothesis(vectors=vectors, fusion=fusion).fuse(
+        FramePair(*placed, *ZeroMotion().estimate(*placed)), [t]
+    )
     return made
 
 
@@ -38,13 +45,15 @@ def error(image: Any, truth: Any) -> float:
     return float(np.abs(difference).mean() / white)
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
-@pytest.mark.parametrize(("span", "number"), [(2, 1), (4, 1), (4, 3)])
-def test_motion_that_no_estimate_knows_is_followed(tmp_path, dtype, span, number):
+@pytest.mark.parametrize(
+    ("dtype", "fusion", "span", "number"),
+    [(np.uint8, "plain", 4, 1), (np.uint8, "plain", 4, 3), (np.uint16, "learnt", 2, 1), (np.float32, "learnt", 2, 1)],
+)
+def test_motion_that_no_estimate_knows_is_followed(tmp_path, dtype, fusion, span, number):
     """Moving noise comes out with its vectors, and surely; without them it does not."""
     clip = translation(*SIZE, dx=span * 2, dy=-span, dtype=dtype)
     vectors, t = VectorFolder(save_translation(tmp_path, span + 1, SIZE, 2, -1)), number / span
-    made, without = (fused(each, clip.image0, clip.image1, span, t) for each in (vectors, None))
+    made, without = (fused(each, clip.image0, clip.image1, span, t, fusion) for each in (vectors, None))
     assert error(made.image, clip.at(t)) < 0.01 < error(without.image, clip.at(t))
     assert made.confidence[EDGE:-EDGE, EDGE:-EDGE].min() > 0.9
 
