@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
-import tempfile
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,15 +12,10 @@ from numpy.typing import NDArray
 from rich.table import Table
 from scoring import find_clips, make_between, one_thread, read_frames, wide_console
 
-from fpsboost.conversion import convert
 from fpsboost.frame import Frame
-from fpsboost.io.images.files import read_image
-from fpsboost.io.images.source import find_images
 from fpsboost.method_table import find_method
-from fpsboost.rerender.frame_choice import choose_frames
 from fpsboost.rerender.regions import TileGrid, choose_regions, partition
-from fpsboost.rerender.score import comparable, expect_errors, squared_error
-from fpsboost.timing.rate import OutputRate
+from fpsboost.rerender.score import expect_errors, squared_error
 
 SHARES = (0.05, 0.1, 0.2)
 LEVELS = 255**2
@@ -120,61 +113,6 @@ def regions(
     wide_console().print(table)
     if json_file is not None:
         json_file.write_text(json.dumps(found, indent=1))
-
-
-@app.command
-def frames(
-    *clips: str,
-    quality: Annotated[list[float], Parameter(consume_multiple=True)] = [28, 32, 36],  # noqa: B006
-    method: str = "nlm",
-) -> None:
-    """Choose the frames to render, make the others, and measure them.
-
-    Parameters
-    ----------
-    clips
-        Folders of numbered images, every frame rendered.
-    quality
-        PSNR that the frames between are to have, dB.
-    method
-        Makes the frames.
-    """
-    one_thread()
-    table = Table(box=None)
-    for name in ("clip", "asked, dB", "rendered", "lowest, dB", "mean of the others, dB", "below"):
-        table.add_column(name, justify="right")
-    for name, path in find_clips(clips).items():
-        for bound in quality:
-            with tempfile.TemporaryDirectory() as place:
-                table.add_row(name, f"{bound:g}", *choose_and_measure(path, bound, method, Path(place)))
-    wide_console().print(table)
-
-
-def choose_and_measure(path: str, quality: float, method: str, place: Path) -> list[str]:
-    """Convert the frames that are chosen of a preview, and return cells: how many, and how good the others are."""
-    found = find_images(path)
-    files = dict(zip(found.numbers, found.files, strict=True))
-    (place / "rendered").mkdir()
-    choice = choose_frames(path, str(place / "list"), quality, method=method)
-    for number in choice.numbers:
-        shutil.copy(files[number], place / "rendered")
-    others = [number for number in range(choice.numbers[0], choice.numbers[-1]) if number not in choice.numbers]
-    if not others:
-        return ["100%", "-", "-", "-"]
-    convert(str(place / "rendered"), str(place / "made"), rate=OutputRate(fill_gaps=True), method=method)
-    errors = [
-        squared_error(
-            *(comparable(read_image(path)) for path in (place / "made" / files[number].name, files[number]))
-        ).mean()
-        for number in others
-    ]
-    psnrs = [-10 * np.log10(error) for error in errors]
-    return [
-        f"{len(choice.numbers) / choice.total:.0%}",
-        f"{min(psnrs):.1f}",
-        f"{np.mean(psnrs):.1f}",
-        f"{sum(psnr < quality for psnr in psnrs)} of {len(psnrs)}",
-    ]
 
 
 if __name__ == "__main__":

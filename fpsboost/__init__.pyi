@@ -48,8 +48,6 @@ from .pair import Pair as Pair
 from .parts.join import join as join
 from .preparation import ConversionJob as ConversionJob
 from .render.folder import VectorFolder as VectorFolder
-from .rerender.frame_choice import FrameChoice as FrameChoice
-from .rerender.frame_choice import choose_frames as choose_frames
 from .rerender.merging import MergeSummary as MergeSummary
 from .rerender.merging import merge_regions as merge_regions
 from .rerender.options import MergeOptions as MergeOptions

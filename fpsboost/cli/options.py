@@ -21,7 +21,7 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.memory import MemoryLimit, parse_memory
 from fpsboost.options import Flag, flags_of, given_in, option, options_from
 from fpsboost.render.convention import ConventionName
-from fpsboost.rerender.options import FrameChoiceOptions, MergeOptions, PlanOptions
+from fpsboost.rerender.options import MergeOptions, PlanOptions
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Position, parse_positions
 from fpsboost.timing.rate import OutputRate
@@ -262,7 +262,7 @@ class PreviewOptions:
 option_classes = (
     *(DecodeOptions, OutputRate, MethodOptions, CutOptions, Encoding, RunOptions, TuningOptions, ClusterOptions),
     *(MessageOptions, HidingOptions, ContestOptions, ResultOptions),
-    *(PlanOptions, FrameChoiceOptions, PlannedMethodOptions, MergeOptions, JoinOptions, PreviewOptions),
+    *(PlanOptions, PlannedMethodOptions, MergeOptions, JoinOptions, PreviewOptions),
 )
 
 QUOTES = "'\""

@@ -1,4 +1,4 @@
-"""Commands `fpsboost plan`: which regions or frames are worth rendering; and `fpsboost merge`: regions put back."""
+"""Commands `fpsboost plan`: which regions are worth rendering; and `fpsboost merge`: regions put back."""
 
 from __future__ import annotations
 
@@ -10,16 +10,12 @@ from rich.table import Table
 
 from fpsboost.cli.messages import console, literal, sentence
 from fpsboost.cli.options import MethodOptions, PathName, PlannedMethodOptions, TuningOptions, with_flags
-from fpsboost.errors import OptionError
-from fpsboost.rerender.options import FrameChoiceOptions, MergeOptions, PlanOptions
+from fpsboost.rerender.options import MergeOptions, PlanOptions
 
 if TYPE_CHECKING:
-    from fpsboost.rerender.frame_choice import FrameChoice
     from fpsboost.rerender.planning import RerenderPlan
 
-MAX_LIST = 60  # maximum length of a list of frames on the terminal; frames.txt has all
-
-budget, frames, method = Group("Regions", sort_key=1), Group("Frames", sort_key=2), Group("Method", sort_key=3)
+budget, method = Group("Regions", sort_key=1), Group("Method", sort_key=2)
 merge_options = Group("Options", sort_key=1)
 
 
@@ -30,31 +26,22 @@ def plan(
     /,
     *,
     options: Annotated[PlanOptions, budget],
-    choice: Annotated[FrameChoiceOptions, frames],
     motion: Annotated[PlannedMethodOptions, method],
 ) -> None:
-    """Find the regions of interpolated frames, or the frames, to render instead.
+    """Find the regions of interpolated frames to render instead.
 
     Parameters
     ----------
     input
-        Rendered images: a folder, shot_%04d.png or shot_####.png;
-        with --quality a quick preview of all frames.
+        Rendered images: a folder, shot_%04d.png or shot_####.png.
     folder
-        A new folder for plan.json and a mask for every frame,
-        or frames.json and Blender's frame list, frames.txt.
+        A new folder for plan.json and a mask for every frame.
     """
-    from fpsboost.rerender.frame_choice import choose_frames  # noqa: PLC0415
     from fpsboost.rerender.planning import plan_rerender  # noqa: PLC0415
 
     interpolator = MethodOptions(motion.method, rendered=motion.rendered).interpolator(TuningOptions())
-    if choice.quality is not None and options != PlanOptions():
-        raise OptionError("`quality` chooses whole frames, and the other options regions; give one or the other.")
     with Console(stderr=True, quiet=motion.quiet).status("making frames whose truth is known"):
-        if choice.quality is None:
-            table = plan_table(plan_rerender(input, folder, options, method=interpolator), folder)
-        else:
-            table = choice_table(choose_frames(input, folder, choice.quality, method=interpolator), folder)
+        table = plan_table(plan_rerender(input, folder, options, method=interpolator), folder)
     if not motion.quiet:
         Console(highlight=False).print(table)
 
@@ -64,38 +51,16 @@ def plan_table(plan: RerenderPlan, folder: str) -> Table:
     started = [frame for frame in plan.frames if frame.regions]
     regions = sum(len(frame.regions) for frame in started)
     whole = sum(frame.whole for frame in started)
-    table = _table(folder)
+    title = f"[bold]{literal(folder)}[/]"
+    table = Table(box=None, pad_edge=False, show_header=False, title=title, title_justify="left")
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column(overflow="fold")
     table.add_row("frames", f"{len(started)} of {len(plan.frames)} that are made" + f", {whole} whole" * (whole > 0))
     table.add_row("regions", f"{regions} rectangles")
     table.add_row("pixels", f"{plan.rendered_share:.1%} of those frames")
     before, after = plan.expected_error, plan.remaining_error
     less = f", {1 - after / before:.0%} less" if before > 0 else ""
     table.add_row("squared error", f"{before:.1f} -> {after:.1f} expected{less}")
-    return table
-
-
-def choice_table(choice: FrameChoice, folder: str) -> Table:
-    """Return which frames were chosen, one name and value per row."""
-    table = _table(folder)
-    count = len(choice.numbers)
-    table.add_row("render", f"{count} of {choice.total} frames, {count / choice.total:.0%}")
-    if choice.lowest is not None:
-        table.add_row("others", f"{choice.lowest:.1f} dB or more on the preview")
-    table.add_row("numbers", shorten(choice.as_json()["ranges"], MAX_LIST))
-    return table
-
-
-def shorten(text: str, longest: int) -> str:
-    """Return the beginning of a text that is too long."""
-    return text if len(text) <= longest else f"{text[:longest].rpartition(',')[0]}, ..."
-
-
-def _table(folder: str) -> Table:
-    table = Table(
-        box=None, pad_edge=False, show_header=False, title=f"[bold]{literal(folder)}[/]", title_justify="left"
-    )
-    table.add_column(style="dim", no_wrap=True)
-    table.add_column(overflow="fold")
     return table
 
 

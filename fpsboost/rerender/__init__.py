@@ -1,5 +1,5 @@
-"""Frames and regions that are worth rendering: which they are, and how rendered regions are put back.
+"""Regions that are worth rendering: which they are, and how rendered regions are put back.
 
 `planning` finds the regions of interpolated frames that are most likely wrong, within a budget; `merging` puts them
-back after they were rendered; `frame_choice` says which frames to render at all.
+back after they were rendered.
 """

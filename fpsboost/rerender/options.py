@@ -49,23 +49,6 @@ class PlanOptions:
             raise OptionError(f"`tile` must be 1 to 4096 pixels, not {self.tile}.")
 
 
-def parse_quality(text: str, name: str) -> float:
-    """Read a quality, ``35`` or ``35dB``; raise OptionError, with `name`, if it is no number of decibels."""
-    match = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*(?:dB)?\s*", text, re.IGNORECASE)
-    if match is None:
-        raise OptionError(f"{name} must be a number of decibels, as in 35, not {text!r}.")
-    return float(match[1])
-
-
-@dataclass(frozen=True)
-class FrameChoiceOptions:
-    """Which frames are to be rendered at all."""
-
-    quality: float | None = option(
-        None, "Choose whole frames instead, for this least PSNR.", metavar="DB", parse=parse_quality
-    )
-
-
 @dataclass(frozen=True)
 class MergeOptions:
     """How rendered regions are put back.

@@ -23,7 +23,6 @@ COMMANDS = {
     "preview": "preview in.mp4 PLACE.html -m blend",
     "preview video": "preview in.mp4 p.html -m blend --side-by-side PLACE.mp4",
     "plan": "plan images PLACE",
-    "choice": "plan images PLACE --quality 30",
     "merged": "merge images images PLACE --plan images",
 }
 
