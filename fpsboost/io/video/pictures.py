@@ -14,17 +14,15 @@ import av.error
 import av.filter
 import numpy as np
 from av.video.reformatter import VideoReformatter
-from numpy.typing import NDArray
 
 from fpsboost.errors import InputError
 from fpsboost.image import Image
 from fpsboost.io.video.clock import VideoClock
 from fpsboost.io.video.pyav import as_fraction
-from fpsboost.io.video.remarks import Damage, counted, interlaced_remark, lost_alpha_remark, telecine_remark
+from fpsboost.io.video.remarks import Damage, counted, interlaced_remark, lost_alpha_remark
 from fpsboost.io.video.side_data import Crop
 from fpsboost.io.video.traits import VideoTraits, primaries, tag_name, transfers
 from fpsboost.io.video.ycc import (
-    PLANAR_FORMATS,
     SCALER_FLAGS,
     chroma_location_of,
     color_space_of,
@@ -34,7 +32,6 @@ from fpsboost.io.video.ycc import (
     has_alpha,
     is_full_range,
     kind_of_picture,
-    plane_arrays,
     reformatted,
     to_bgr,
     with_chroma_location,
@@ -48,8 +45,6 @@ MAX_SQUEEZE = Fraction(1, 50)
 
 WIDE_COLOURS = {8, 9, 10, 11, 12, 16, 17, 18, 22}
 """FFmpeg's numbers of transfers and primaries that look wrong where BT.709's are expected: HDR, BT.2020, cinema."""
-
-FIELD_STEP = 8  # of how many columns one is compared in search of repeated fields
 
 decoders_of_hidden_alpha = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 
@@ -83,10 +78,6 @@ class Pictures(Iterator[av.VideoFrame]):
             self._says_alpha, self._decoder = False, cast(av.VideoCodecContext, av.CodecContext.create(hidden, "r"))
         self._buffer = ReorderBuffer(float(1 / (clock.rate * clock.tick)), reorders=self._decoder.codec.reorder)
         self._count = self._interlaced_count = 0
-        self._may_be_film = 29 <= clock.rate <= 31 and not deinterlace
-        self._luma: NDArray[Any] | None = None
-        self._repeated = np.zeros(2, int)
-        """Number of pictures whose top field, and whose bottom field, repeats that of the picture before."""
         self._reformatter, self._palette_format = VideoReformatter(), ""
         self._coded = self._decode()
         self._presented: Iterator[av.VideoFrame] = self._coded
@@ -137,8 +128,6 @@ class Pictures(Iterator[av.VideoFrame]):
         interlaced, count = self._interlaced_count, self._count
         if not self._deinterlaced:
             which = "" if interlaced == count else f" in {interlaced} of {counted(count, 'frame')}"
-            if self._repeated.min() >= max(4, count // 20):
-                return [telecine_remark(self._name)]
             return [interlaced_remark(self._name, which, "pass `deinterlace=True`")] if interlaced else []
         if interlaced == count:
             return []
@@ -180,18 +169,7 @@ class Pictures(Iterator[av.VideoFrame]):
             self.damage.corrupt += picture.is_corrupt
             self._count += 1
             self._interlaced_count += picture.interlaced_frame
-            if self._may_be_film and picture.format.name in PLANAR_FORMATS:
-                self._compare_fields(plane_arrays(picture)[0][:, ::FIELD_STEP].astype(np.float32))
             yield picture
-
-    def _compare_fields(self, luma: NDArray[Any]) -> None:
-        """Count repeated fields, as FFmpeg's idet does: the other field has moved more than three times as much."""
-        if self._luma is not None and self._luma.shape == luma.shape:
-            moved = np.abs(luma - self._luma)
-            top, bottom = moved[::2].mean(), moved[1::2].mean()
-            if max(top, bottom) > 1:
-                self._repeated += (3 * top < bottom, 3 * bottom < top)
-        self._luma = luma
 
 
 class ReorderBuffer:

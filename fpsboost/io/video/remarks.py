@@ -59,14 +59,6 @@ def interlaced_remark(name: str, which: str = "", advice: str = "deinterlace it 
     return f"{name} is interlaced{which} and its fields were taken as whole pictures; {advice} for smooth motion."
 
 
-def telecine_remark(name: str) -> str:
-    """Return the remark on film whose fields were spread over the frames of video, 2 and 3 of each picture by turns."""
-    return (
-        f"{name} looks like film in the fields of video (3:2 pulldown), with combed frames; undo that first for smooth "
-        "motion, for example by `ffmpeg -i IN -vf fieldmatch,decimate OUT`."
-    )
-
-
 def encrypted_sentence(name: str, begin: Fraction = Fraction(0)) -> str:
     """Return the sentence that a video is encrypted from a time on, seconds."""
     if begin <= 0:

@@ -145,23 +145,6 @@ def test_interlaced_frames_are_named_wherever_they_are(tmp_path):
     assert read(write_fields(tmp_path / "none.mkv", ["prog"] * 3))[1] == []
 
 
-@pytest.mark.parametrize("is_film", [True, False])
-def test_film_in_fields_of_video_is_named(tmp_path, is_film):
-    """By the fields that are repeated; not what moves with every frame."""
-
-    def pulled_down(index: int, height: int, width: int) -> NDArray[np.uint8]:
-        top, bottom = ((0, 0), (1, 1), (1, 2), (2, 3), (3, 3))[index % 5] if is_film else (index % 5, index % 5)
-        picture = scene((4 if is_film else 5) * (index // 5) + top, height, width)
-        picture[1::2] = scene(4 * (index // 5) + bottom, height, width)[1::2] if is_film else picture[1::2]
-        return picture
-
-    tick = Fraction(1001, 30000)
-    clip = write_clip(tmp_path / "in.mp4", times=range(40), time_base=tick, picture=pulled_down)
-    with VideoSource(clip) as source:
-        list(source)
-        assert ["3:2 pulldown" in remark for remark in source.remarks] == [True] * is_film
-
-
 def test_formats_that_the_filter_does_not_know_keep_their_colours(tmp_path):
     """Deep colour with alpha, and full range, come out with the colours that they went in with."""
     for pixel_format, more in (("yuva444p12le", {}), ("yuv444p12le", {"color_range": 2}), ("bgra", {})):
