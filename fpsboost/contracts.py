@@ -179,6 +179,8 @@ class Summary:
     """Pairs in which a scene ends; they were not interpolated across."""
     duplicates: int = 0
     """Duplicate frames that were interpolated across."""
+    replaced: list[int] = field(default_factory=list)
+    """Numbers of the frames that were replaced because they are damaged, counted from 0 in the source."""
     completed_frames: int = 0
     """Frames of `frames_out` that an earlier run had finished."""
     seconds: float = 0.0

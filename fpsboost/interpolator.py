@@ -34,6 +34,7 @@ from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.layers import MixesLayers
 from fpsboost.synthesis.warp import Extrapolate
 from fpsboost.threads import available_cores
+from fpsboost.timing.replacement import Replacement
 
 AtCuts = Literal["repeat", "blend", "extrapolate"]
 
@@ -88,6 +89,8 @@ class Interpolator:
         Finds the frames of a sequence that show the same as the one before, as in animation on threes, pulldown and
         captures that missed some; they are replaced by frames made for their times. None keeps them. Stills, and frames
         held until a cut, are always kept. Not used with motion from a renderer's vectors.
+    replacement : Replacement or None
+        Frames of a sequence that are replaced because they are damaged; duplicates are then kept.
     match_grain : bool
         Add noise to interpolated frames in place of what averaging has removed, so that they are as grainy as the two
         frames. For methods that follow motion: texture that is not followed may be taken for grain.
@@ -109,6 +112,7 @@ class Interpolator:
     compensate_illumination: bool = True
     overlays: bool = True
     duplicates: DuplicateDetector | None = DuplicateDetector()
+    replacement: Replacement | None = None
     match_grain: bool = False
 
     def __post_init__(self) -> None:

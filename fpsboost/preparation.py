@@ -256,7 +256,7 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
         limit=run.limit,
     ) as whole:
         _check_layers(whole.stream_info.images, interpolator, rate)
-        may_skip = not counts_frames(interpolator.cuts)
+        may_skip = not counts_frames(interpolator.cuts) and rate.replace is None
         trim, images = job.decoding.trim, whole.stream_info.images
         info = _with_duration(whole) if rate.retimes else whole.info
         curve = rate.time_map(trim.of_info(info), 1 if images is None else images.first_number)
@@ -300,6 +300,8 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
     """Work out the frames and the output of a job; raise `OptionError` or `InputError` if they do not fit the clip."""
     target, rate, interpolator = job.target(run), job.rate, job.method
     info, stream = clip.source.info, clip.whole.stream_info
+    if rate.replacement is not None:
+        rate.replacement.check(clip.whole.info)
     encoding, lost = _adapt_audio(job.encoding, stream, rate, clip.curve)
     schedule = rate.schedule(info, has_clock=target.has_clock, curve=clip.curve)
     multiple = schedule.rate(info.rate) / info.rate
@@ -308,6 +310,8 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
     keeps_numbers &= clip.curve is None
     if rate.fill_gaps or keeps_numbers:  # an image that repeats another is none that is missing
         interpolator = replace(interpolator, duplicates=None)
+    if rate.replacement is not None:
+        interpolator = replace(interpolator, duplicates=None, replacement=rate.replacement)
     expected = count_frames(schedule, info, holds_last_frame=target.kind != "images")
     interpolator, on_vectors = _match_vectors(interpolator, clip.whole.info.name, images, multiple, expected)
     output = Output(

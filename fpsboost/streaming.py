@@ -36,6 +36,7 @@ from fpsboost.frame import ClipInfo, Frame, PairMotion
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolated, Interpolator, with_neighbours
 from fpsboost.pair import Pair
+from fpsboost.repair import group_replaced
 from fpsboost.synthesis.exposure import Exposure
 from fpsboost.threads import available_cores, nothing, read_ahead, run_in_parallel, write_behind
 from fpsboost.timing.rate import stretched
@@ -83,7 +84,8 @@ def run_conversion(
     OptionError
         `threads` is below 1.
     InputError
-        The source has fewer than two frames. Errors of source and sink are passed on.
+        The source has fewer than two frames, or more than 8 in a row are to be replaced. Errors of source and sink are
+        passed on.
     """
     outputs = outputs or OutputRange()
     summary = Summary(completed_frames=outputs.skip)
@@ -208,7 +210,7 @@ class _Interval:
     """Interval from a picture, nearly always of one frame, to the next."""
 
     group: FrameGroup
-    """Frames of the source that show the picture."""
+    """Frames of the source that show the picture, or a good frame and those after it that are replaced."""
     outputs: list[_Output]
     """Frames of the output that fall into it; until it is resolved, with t relative to the next frame of the source."""
     first_output: int
@@ -218,6 +220,8 @@ class _Interval:
     pair: Pair
     places: tuple[int, int]
     """Places of the pair's frames in the clip, from 0."""
+    may_be_still: bool
+    """Whether the frames of the group show one picture, so that they may be repeated."""
     is_resolved: bool = False
     is_still: bool = False
     """Whether duplicates are repeated because no motion follows them."""
@@ -230,7 +234,7 @@ class _Interval:
         if self.is_resolved:
             return
         first, last, outputs = self.group[0], self.group[-1], self.outputs
-        self.is_still = len(self.group) > 1 and self.pair.is_discontinuous(*neighbours)
+        self.is_still = self.may_be_still and len(self.group) > 1 and self.pair.is_discontinuous(*neighbours)
         if len(self.group) > 1 and not self.is_still:
             begin = first.frame.time
             steps = (each.step._replace(t=(each.step.time - begin) / (self.end - begin)) for each in outputs)
@@ -293,6 +297,21 @@ class _LoopState:
             position = SourcePosition(self.beginning.number + number, self.beginning.seconds + frame.time - self.start)
             yield SourceFrame(replace(frame, time=time), FrameCache(frame.image, place, position))
 
+    def groups(self, frames: Iterator[SourceFrame], detector: DuplicateDetector | None) -> Iterable[FrameGroup]:
+        """Return the frames in groups of which one picture is left: of damaged frames, or else of duplicates."""
+        replacement = self.interpolator.replacement
+        if replacement is not None:
+            begins_clip = self.outputs.entry is None
+            return group_replaced(frames, replacement, self.summary.remarks, begins_clip=begins_clip)
+        return zip(frames) if detector is None else group_duplicates(frames, detector, self.step)
+
+    def count_group(self, interval: _Interval) -> None:
+        """Count the frames of an interval's group that are interpolated."""
+        if self.interpolator.replacement is not None:
+            self.summary.replaced += [self.beginning.number + self.place(each) for each in interval.group[1:]]
+        elif not interval.is_still:
+            self.summary.duplicates += len(interval.group) - 1
+
     def intervals(self, groups: Iterable[FrameGroup]) -> Iterator[_Interval]:
         """Yield the interval from each picture to the next."""
         for group in groups:
@@ -318,7 +337,8 @@ class _LoopState:
             self.index += 1
         end = following[0].frame.time
         pair = self.interpolator.pair(group[0].image, following[0].image, end - group[0].frame.time)
-        return _Interval(group, outputs, first_output, end, pair, (self.place(group[0]), self.place(following[0])))
+        places = self.place(group[0]), self.place(following[0])
+        return _Interval(group, outputs, first_output, end, pair, places, self.interpolator.replacement is None)
 
     def output_number(self, step: Step, source: SourceFrame) -> int:
         """Return the number of the output frame that a step belongs to; must be called in order."""
@@ -366,14 +386,13 @@ def _output_frames(
 ) -> Iterator[_Output]:
     """Yield the output frames without durations, or the samples of each; note when the clip ends."""
     source, summary = clip.presented(frames), clip.summary
-    groups = zip(source) if detector is None else group_duplicates(source, detector, clip.step)
     scenes = 0
-    for interval, begin, outputs in in_order(_tasks(clip, groups)):
+    for interval, begin, outputs in in_order(_tasks(clip, clip.groups(source, detector))):
         summary.frames_made += sum(each.is_new for each in outputs if each.number in clip.outputs)
         if begin == 0:
             scenes += interval.scene_cut
             if clip.counts(interval):
-                summary.duplicates += 0 if interval.is_still else len(interval.group) - 1
+                clip.count_group(interval)
                 summary.scene_cuts += interval.scene_cut
                 summary.note_match(interval.match)
         if begin + len(outputs) == len(interval.outputs):

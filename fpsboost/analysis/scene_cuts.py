@@ -160,14 +160,18 @@ class CutDetector:
 
         A frame with little content can be found in nearly any other, but not the other in it.
         """
+        return min(float(each.mean()) for each in self.match_maps(image0, image1))
+
+    def match_maps(self, image0: FrameCache, image1: FrameCache) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return how well each pixel of both thumbnails can be followed there and back, (h, w) float32, 0 to 1."""
         thumbnail0, thumbnail1 = (image.derived(small_components, self.thumbnail_side) for image in (image0, image1))
         radius = math.ceil(SEARCH_RANGE * self.thumbnail_side)
         there, back = search_fused(thumbnail0, thumbnail1, radius, PATCH_RADIUS, "box", BANDWIDTH, MOTION_PENALTY)
-        return min(_measure_consistency(thumbnail0, there, back), _measure_consistency(thumbnail1, back, there))
+        return _measure_consistency(thumbnail0, there, back), _measure_consistency(thumbnail1, back, there)
 
 
-def _measure_consistency(thumbnail: Components, there: MotionField, back: MotionField) -> float:
-    """Return the mean over pixels of the match's similarity times that of the patch where the backward vector ends."""
+def _measure_consistency(thumbnail: Components, there: MotionField, back: MotionField) -> NDArray[Any]:
+    """Return, by pixel, the match's similarity times that of the patch where the backward vector ends."""
     height, width = there.similarity.shape
     starts, flow = np.arange(height * width), there.flow.reshape(-1, 2)
     across = flow + back.flow.reshape(-1, 2).take(starts + _as_steps(flow, width), axis=0)
@@ -177,7 +181,8 @@ def _measure_consistency(thumbnail: Components, there: MotionField, back: Motion
         ends = elsewhere + _as_steps(across[elsewhere], width)
         apart = np.square(_sample_patches(thumbnail, ends) - _sample_patches(thumbnail, elsewhere)).sum(axis=3)
         looks_the_same.ravel()[elsewhere] = np.exp(-apart / (2 * STRICT_BANDWIDTH**2)).mean(axis=(1, 2))
-    return float((there.similarity * looks_the_same).mean())
+    consistency: NDArray[Any] = there.similarity * looks_the_same
+    return consistency
 
 
 def _as_steps(vectors: NDArray[Any], width: int) -> NDArray[np.intp]:

@@ -65,6 +65,7 @@ EXAMPLES = """
   fpsboost in.mp4 out.mkv --fps 59.94 --crf 16         a rate, not a factor
   fpsboost renders/ doubled/                           a folder of images
   fpsboost renders/ --fill-gaps --in-place             the missing images
+  fpsboost in.mp4 out.mp4 --replace 120-123,340        bad frames made anew
   fpsboost shot_####.png out.mp4 --input-fps 24        images to video
   fpsboost in.mp4 out.mp4 --start 1:30 --end 2:00      a part of it
   fpsboost in.mp4 out.mp4 --factor 4 --slow-motion     four times as long

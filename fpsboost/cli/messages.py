@@ -29,6 +29,7 @@ from fpsboost.cli.options import MessageOptions, in_flags
 from fpsboost.errors import notes_of
 from fpsboost.kernels.compiling import told_of_compiling
 from fpsboost.timing.position import format_time
+from fpsboost.timing.replacement import as_ranges
 from fpsboost.version import __version__
 
 if TYPE_CHECKING:
@@ -245,6 +246,8 @@ class Reporter(ExitStack):
             frames += f", {summary.duplicates} duplicate frame{'s' if summary.duplicates > 1 else ''}"
         if summary.scene_cuts:
             frames += f", {summary.scene_cuts} scene cut{'s' if summary.scene_cuts > 1 else ''}"
+        if summary.replaced:
+            frames += f", {len(summary.replaced)} replaced"
         if summary.completed_frames:
             frames += f", {summary.completed_frames} of which were there already"
         if self._verbose and summary.search_radii:
@@ -257,6 +260,8 @@ class Reporter(ExitStack):
             file = f", {summary.lowest_match_file}" if summary.lowest_match_file else ""
             where = f", least certain at {format_time(lowest.time)} (frame {lowest.number}{file})"
         self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({_speed(summary):.1f} frames/s){where}")
+        if summary.replaced:
+            self._say(f"Replaced: {as_ranges(summary.replaced)}.")
         for remark in summary.remarks:
             self._say(f"Note: {remark}")
 
@@ -300,6 +305,7 @@ class JsonReporter(ExitStack):
             "frames_in": summary.frames_in,
             "frames_made": summary.frames_made,
             "duplicates": summary.duplicates,
+            "replaced": summary.replaced,
             "scene_cuts": summary.scene_cuts,
             "seconds": round(summary.seconds, 3),
             "least_certain": _least_certain(summary),

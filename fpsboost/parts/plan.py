@@ -36,12 +36,17 @@ from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.io.video.frame_index import EntryPoint, FrameIndex
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_difference, input_identity, stored
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, opened_clip, prepared
+from fpsboost.repair import CERTAIN_AFTER
 from fpsboost.run_options import MAX_PARTS, Part, RunOptions
 from fpsboost.timing.rate import exposed
+from fpsboost.timing.replacement import MAX_RUN
 from fpsboost.timing.schedule import MAX_FILLED, ByFactor, Schedule, count_frames, rising_time
 
 LEAD_IN = 24  # number of frames that are searched first, before those that are needed, for one where reading may begin
 GROWTH = 4  # factor by which that number grows until there is one
+REPLACED_BEFORE = 2 * (MAX_RUN + 1) + CERTAIN_AFTER
+"""Number of frames before one that have a say in it where frames are replaced: those of its group and of the group
+before, from the first that is certainly grouped as in one run."""
 NO_TIME = np.iinfo(np.int64).min  # number in a list of frames for a time that is not known
 
 
@@ -101,7 +106,8 @@ def plan_part(ready: Preparation) -> PartPlan:
             again.source.begin_at(number)
             yield iter(again.source)
 
-    entry = find_entry(times, schedule, detector, outputs.first, read_from)
+    before = 1 if ready.interpolator.replacement is None else REPLACED_BEFORE
+    entry = find_entry(times, schedule, detector, outputs.first, read_from, before)
     source.begin_at(entry.number)
     plan.outputs = replace(outputs, entry=entry)
     return plan
@@ -113,6 +119,7 @@ def find_entry(
     detector: DuplicateDetector | None,
     first_output: int,
     read_from: Callable[[int], AbstractContextManager[Iterator[Frame]]],
+    before: int = 1,
 ) -> Entry:
     """Find where to begin reading for an output frame and all later ones.
 
@@ -121,12 +128,13 @@ def find_entry(
     certain; see `fpsboost.analysis.duplicates.find_synchronised`. If there is none, that is the clip's first one.
 
     `times` are those of all frames of the clip; output frames are counted from 0; without a detector, duplicates are
-    not looked for. `read_from` opens the clip once more at a frame, and yields that and the following ones.
+    not looked for, and `before` is the number of frames before that around the output frame that have a say in it.
+    `read_from` opens the clip once more at a frame, and yields that and the following ones.
     """
     numbers = OutputNumbers(times, schedule)
     # the exposure of a frame begins after the frame before
     around = numbers.source_frame(max(0, first_output - 1))
-    latest = around - (1 if detector is None else 2 * detector.most)
+    latest = around - (before if detector is None else 2 * detector.most)
     if detector is None:
         number = numbers.certain_at_most(max(0, latest))
         return Entry(number, times[0], numbers.before(number))

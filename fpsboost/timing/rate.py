@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 from fpsboost.errors import InputError, OptionError, check_choice, rounded
 from fpsboost.options import option
 from fpsboost.timing.position import format_time
+from fpsboost.timing.replacement import Replacement
 from fpsboost.timing.retime import parse_curve, parse_speeds, read_curve
 from fpsboost.timing.schedule import (
     DEFAULT_SAMPLES,
@@ -62,6 +63,9 @@ class OutputRate:
     fill_gaps : bool
         Interpolate the missing images of a numbered sequence, whose numbers are its clock: `factor` then counts frames
         per number, 1 by default, and no gap is too long.
+    replace : str or Replacement, optional
+        Damaged frames (``120-123,340,1:02.5``, or ``auto``), which are interpolated from the good ones around them.
+        All others stay, repeated ones too; unless a rate is given, the output has one frame per source frame.
     shutter : Fraction or int, optional
         Motion blur: shutter angle, degrees, above 0 and at most 360. Every frame, the source's own too, becomes the
         mean of several that are made around its time, over this share of the interval between output frames.
@@ -85,6 +89,13 @@ class OutputRate:
     retime: str | None = option(None, "Curve of output and input times, or FILE: 0=0 2s=2s 3s=2.25s.", metavar="CURVE")
     speed: str | None = option(None, "Speed of parts of the input: 0.25@1:00-1:05.", metavar="SPEEDS")
     fill_gaps: bool = option(False, "Interpolate only the missing image numbers.", group="Input")
+    replace: Replacement | str | None = option(
+        None,
+        "Frames to interpolate anew: 120-123,340,1:02.5, a file with these, or auto.",
+        metavar="FRAMES",
+        group="Input",
+        parse=Replacement.parse,
+    )
     shutter: Fraction | int | None = option(
         None, "Motion blur of this shutter angle, up to 360.", metavar="DEGREES", parse=parse_number
     )
@@ -110,10 +121,19 @@ class OutputRate:
         if self.shutter_samples is not None and self.shutter is None:
             raise OptionError("`shutter_samples` goes with `shutter`; give that too, or leave it out.")
         _ = self.exposure
-        if self.fill_gaps and self.keep_timing:
-            raise OptionError("`fill_gaps` makes the rate constant and `keep_timing` does not; give one of them.")
+        if isinstance(self.replace, str):  # once, since the file that it may name is read
+            object.__setattr__(self, "replace", Replacement.parse(self.replace))
+        if self.fill_gaps and (self.keep_timing or self.replace is not None):
+            other = "`keep_timing` keeps a variable rate" if self.keep_timing else "`replace` those that are damaged"
+            raise OptionError(f"`fill_gaps` makes missing images at a constant rate, and {other}; give one of them.")
         if self.factor is not None:
             ByFactor(Fraction(self.factor))
+
+    @property
+    def replacement(self) -> Replacement | None:
+        """Frames to replace; None if all stay."""
+        assert not isinstance(self.replace, str), "parsed"
+        return self.replace
 
     @property
     def exposure(self) -> Shutter | None:
@@ -127,7 +147,7 @@ class OutputRate:
         """Output frames per source frame, if no rate is given."""
         if self.factor is not None:
             return Fraction(self.factor)
-        return Fraction(1) if self.fill_gaps or self.retimes else DEFAULT_FACTOR
+        return Fraction(1) if self.fill_gaps or self.retimes or self.keeps_frames else DEFAULT_FACTOR
 
     @property
     def slow_map(self) -> TimeMap | None:
@@ -154,6 +174,12 @@ class OutputRate:
         return None if curve.is_plain(info.duration) else curve
 
     @property
+    def keeps_frames(self) -> bool:
+        """Whether the output has just the source's frames, at their own times."""
+        has_speed = self.slow_motion or self.retimes
+        return self.replace is not None and self.factor is None and self.fps is None and not has_speed
+
+    @property
     def stretch(self) -> Fraction:
         """Duration of the output as a multiple of the source's."""
         return self.multiple if self.slow_motion else Fraction(1)
@@ -167,7 +193,8 @@ class OutputRate:
         `OptionError` for a rate out of range, and `InputError` if none is given and the source's own is implausible.
         """
         factor = self.multiple
-        if self.fps is None and not self.fill_gaps and curve is None and (self.keep_timing or not has_clock):
+        keeps_timing = self.keep_timing or self.keeps_frames or not has_clock
+        if self.fps is None and not self.fill_gaps and curve is None and keeps_timing:
             return ByFactor(factor)
         if self.fps is None and info.mean_rate is not None and is_implausible(info.rate, info.mean_rate):
             raise InputError(
