@@ -164,6 +164,7 @@ class _Running:
     worker: str
     future: Future[Outcome]
     copy: concurrent.futures.Future[None] | None = None
+    times_missing: int = 0  # how often in a row no worker had the task when the scheduler was asked
 
 
 class _Parts:
@@ -234,9 +235,12 @@ class _Parts:
         self._asked = now
         try:
             assert self._client.scheduler is not None
-            self._workers = self._client.sync(self._client.scheduler.ncores, callback_timeout=REPLY_SECONDS)
+            tasks = self._client.sync(self._client.scheduler.processing, callback_timeout=REPLY_SECONDS)
         except (OSError, TimeoutError) as error:
             raise self._scheduler_gone() from error
+        self._workers, keys = tasks.keys(), {key for of_worker in tasks.values() for key in of_worker}
+        for running in self._running:
+            running.times_missing = 0 if running.future.key in keys else running.times_missing + 1
         # while there is none, a task for any worker, so that a cluster that starts them on demand does
         if not self._workers and self._call is None:
             self._call = self._client.submit(os.getpid, key=f"{self._topic}-call", pure=False)
@@ -295,7 +299,7 @@ class _Parts:
         if running.copy is not None:
             return running.copy.done() and running.copy.result() is None
         if not future.done():
-            if running.worker not in self._workers:
+            if running.times_missing > 1:  # once, it may be on its way
                 raise _WorkerLostError
             return False
         if future.cancelled():
