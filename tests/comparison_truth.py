@@ -12,8 +12,7 @@ from truth import waves
 from fpsboost.evaluation.results import FrameResult, Scores
 
 HEIGHT, WIDTH = 48, 64
-NAMES = ("dis", "blend", "nearest")
-"""Methods of the page of a comparison that several tests look at."""
+NAMES = ("dis", "blend", "nearest")  # methods of the page of a comparison that several tests look at
 
 
 class Nobody:

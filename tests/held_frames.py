@@ -14,8 +14,7 @@ from fpsboost.frame import Frame
 
 HEIGHT, WIDTH = 64, 96
 RATE = Fraction(24)
-SPEED = 1.5
-"""Pixels per source interval of the pan."""
+SPEED = 1.5  # pixels per source interval of the pan
 
 CADENCES = {"twos": [2] * 7, "threes": [3] * 5, "missed": [1, 1, 2, 1, 1, 3, 1, 1, 2, 1, 1], "pulldown": [3, 2] * 3}
 

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 HEIGHT, WIDTH = 80, 144
-CANVAS = 480, 864
-"""Height and width of a scenery: six frames of it beside each other at zoom 1."""
+CANVAS = 480, 864  # height and width of a scenery: six frames of it beside each other at zoom 1
 
 
 class Clip(NamedTuple):

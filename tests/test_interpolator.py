@@ -219,10 +219,7 @@ def three_pairs(interpolator, **motion):
 
 @pytest.mark.parametrize("motion", [((4, -2), (2, 1)), ((3, 1), (-2, 1.5)), ((6, 0), (3, 0))])
 def test_neighbouring_pairs_bend_the_path(motion):
-    """Where motion speeds up, slows down or turns, either neighbour brings the image nearer to the truth, or both.
-
-    Both less so: they are believed to change as fast as motion can, and here the change is the same throughout.
-    """
+    """Where motion speeds up, slows down or turns, either neighbour brings the image nearer to the truth, or both."""
     nlm = replace(methods["nlm"], cuts=None)
     (before, pair, after), truth = three_pairs(nlm, velocity=motion[0], acceleration=motion[1])
     inner = slice(14, -14)

@@ -30,8 +30,7 @@ from fpsboost.memory import (
 from fpsboost.run_options import RunOptions
 
 HUGE = 60000
-SMALL = MemoryLimit(AT_LEAST + BYTES_PER_PIXEL * 64 * 48)
-"""Just enough for 64x48."""
+SMALL = MemoryLimit(AT_LEAST + BYTES_PER_PIXEL * 64 * 48)  # just enough for 64x48
 
 
 def chunk(name: bytes, data: bytes) -> bytes:

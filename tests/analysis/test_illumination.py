@@ -162,10 +162,7 @@ def test_every_type_goes_through_a_fade(gain, offset, channels, dtype):
 
 @pytest.mark.parametrize(("gain", "offset"), [(1.5, 0), (2, 0), (1, 0.3), (1, 0.6), (1.5, 0.3)])
 def test_a_flash_on_a_still_picture_is_mixed(gain, offset):
-    """Into it and out of it, with up to a third of the picture burnt out: at most 0.7 of a level worse than mixing.
-
-    With the light left alone it is off by up to ten levels.
-    """
+    """Into it and out of it, with up to a third of the picture burnt out: at most 0.7 of a level worse than mixing."""
     for still in (*(0.6 * picture(seed).astype(float) / 255 for seed in range(3)), 0.6 * noise(90, 120) / 255):
         before, flash = as_type(still, np.uint8), as_type(gain * still + offset, np.uint8)
         for image0, image1 in ((before, flash), (flash, before)):

@@ -69,10 +69,7 @@ def off_by(image, truth):
     ("thick", "shift", "otherwise"), [(2, 6, 1), (2, 12, 30), (2, -12, 30), (3, 6, 0.1), (3, 12, 3)]
 )
 def test_thin_letters_stay(thick, shift, otherwise, colour, seed):
-    """Right to half a level on average where they would be off by up to 50, and the rest is as it was, to the bit.
-
-    With them stay some pixels of the background near by: a quarter of a level over all of it, at most.
-    """
+    """Right to half a level on average where they would be off by up to 50, and the rest is as it was, to the bit."""
     mask = letters(thick)
     at = panning((shift, 0), mask, colour, seed=seed)
     (kept, moved), overlay = kept_and_moved(at), found(at)

@@ -129,10 +129,7 @@ def test_alone_only_what_has_nothing_alike_is_a_cut():
 @needs_scenes
 @pytest.mark.parametrize("scene_name", ["glass", "reflective", "texture"])
 def test_the_rendered_scenes_hold_no_cut(scene_name):
-    """Not even with every second frame hidden, and although turning glass shows something else each time.
-
-    Neither as a sequence nor as two frames alone.
-    """
+    """Nor with every second frame hidden, as a sequence or two alone, though turning glass shows other things."""
     paths = sorted((SCENES / scene_name).glob("*.png"))
     images = [FrameCache(cv2.imread(str(path))) for path in paths]
     pairs = [methods["nlm"].pair(*pair) for pair in zip(images[:-2], images[2:], strict=True)]

@@ -14,8 +14,7 @@ from fpsboost.cli.options import TuningOptions, flag_names, in_flags, option_cla
 from fpsboost.options import flags_of
 
 PACKAGE = Path(fpsboost.__file__).parent
-NOT_ON_THE_COMMAND_LINE = {"trim", "side", "observer", "watcher"}
-"""Groups of options of their own, and an object."""
+NOT_ON_THE_COMMAND_LINE = {"trim", "side", "observer", "watcher"}  # groups of options of their own, and an object
 
 
 WRITES_COMMANDS = {"evaluation/hidden_frames.py", "evaluation/report/page.py"}

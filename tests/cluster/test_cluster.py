@@ -70,8 +70,7 @@ def test_a_part_that_fails_everywhere_ends_the_run(error, most, message):
         attempts.fail(Part(1, 2), "b", error)
 
 
-FRAMES = 250
-"""Frames of the clip; twice as many are two chunks and a bit."""
+FRAMES = 250  # frames of the clip; twice as many are two chunks and a bit
 
 
 @dataclass

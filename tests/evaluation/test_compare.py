@@ -29,8 +29,7 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.method_table import find_method
 from fpsboost.render.folder import VectorFolder
 
-STEP = 2
-"""Pixels that everything moves from frame to frame."""
+STEP = 2  # pixels that everything moves from frame to frame
 
 FRAMES = ["frame"] * 3
 

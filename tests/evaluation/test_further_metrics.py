@@ -15,8 +15,7 @@ from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation import further_metrics
 from fpsboost.evaluation.further_metrics import FlipMeter, XpsnrMeter, choose_metrics, metrics, read_vmaf
 
-HERE = tuple(name for name, metric in metrics.items() if metric.missing() is None)
-"""What can be measured here."""
+HERE = tuple(name for name, metric in metrics.items() if metric.missing() is None)  # what can be measured here
 
 needs_flip = pytest.mark.skipif(find_spec("flip_evaluator") is None, reason="there is no flip-evaluator")
 needs_xpsnr = pytest.mark.skipif("xpsnr" not in av.filter.filters_available, reason="this FFmpeg has no xpsnr")

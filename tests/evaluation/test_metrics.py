@@ -12,15 +12,7 @@ from fpsboost.colour import composite_on_black
 from fpsboost.errors import InputError
 from fpsboost.evaluation.contestants import InterpolatorContestant
 from fpsboost.evaluation.hidden_frames import Hiding
-from fpsboost.evaluation.results import (
-    Scores,
-    absolute_error,
-    low_percentile,
-    mean,
-    mean_scores,
-    means,
-    score,
-)
+from fpsboost.evaluation.results import Scores, absolute_error, low_percentile, mean, mean_scores, means, score
 from fpsboost.method_table import find_method
 
 
@@ -86,8 +78,7 @@ GOLDEN = json.loads(Path(__file__).parents[1].joinpath("golden_scores.json").rea
 """Mean PSNR in dB, by method and scene; to be raised with the change that earns it."""
 
 HIDING = Hiding(first=8, last=15, duplicates="keep")
-LOSS = 0.05
-"""dB, more than processors and libraries differ by."""
+LOSS = 0.05  # dB, more than processors and libraries differ by
 
 
 def psnr_of(method, scene):

@@ -85,8 +85,7 @@ def test_the_cheapest_that_is_about_as_good_is_recommended():
     assert judge(comparison({"best": 0.2}, **psnr)).cheapest == "best"
 
 
-SHAKY, FIRM = [0.5, -0.5] * 20, [0.01, -0.01] * 20
-"""Deviations of forty frames that leave a lead unknown, and known."""
+SHAKY, FIRM = [0.5, -0.5] * 20, [0.01, -0.01] * 20  # deviations of forty frames that leave a lead unknown, and known
 
 
 @pytest.mark.parametrize(

@@ -15,8 +15,7 @@ from fpsboost.kernels.refine import PRODUCT_COUNT, WINDOW_SIDE, window_products
 from fpsboost.kernels.tiles import NOTHING, NOWHERE, VALUES_PER_ENTRY, insert_eight
 from fpsboost.kernels.window_rows import decay_row, distance_row, multiply_row, scale_row
 
-ROW = np.random.default_rng(3).uniform(-0.5, 2, 32).astype(np.float32)
-"""Values of some squares, and more."""
+ROW = np.random.default_rng(3).uniform(-0.5, 2, 32).astype(np.float32)  # values of some squares, and more
 
 
 def forms(call):

@@ -17,8 +17,7 @@ from fpsboost.kernels.refine import refine_bidirectional, refine_points
 
 PADDING = 40
 
-UNIT = 4 / 255
-"""Widths of the similarity of one level."""
+UNIT = 4 / 255  # widths of the similarity of one level
 
 DAMPING, TAIL = 0.1 / UNIT**2, UNIT**2 / 32
 

@@ -166,10 +166,7 @@ def test_sums_over_the_largest_patches_do_not_overflow():
 
 @pytest.mark.parametrize("capacity", [1, 3, 40])
 def test_tiles_list_the_local_maxima(capacity):
-    """Each point has every offset that beats all those next to it, the best first, as long as there is room.
-
-    What has no room is worse than all that is listed. Values fall and are the twin's.
-    """
+    """Each point has every offset that beats all those next to it, the best first, as long as there is room."""
     radius, most = 3, 200
     image0, image1 = level_image(9, 7, 15), level_image(9, 7, 16)
     scores = level_scores(image0, image1, radius, 1, most)

@@ -111,10 +111,7 @@ def test_identical_frames_do_not_move(estimator):
 @own_kernels
 @pytest.mark.parametrize("shift", [(5, 0), (0, -6), (-7, 3), (4, 8)])
 def test_whole_translations_are_found_exactly(estimator, shift):
-    """Every pixel whose patch is in both frames has the exact vector, forward and back.
-
-    To a twentieth of a pixel where vectors have fractions: the window of that step may reach out of the frame.
-    """
+    """Every pixel whose patch is in both frames has its vector; fractions are right to a twentieth at the edge."""
     clip = translation(72, 90, *shift, seed=1)
     for field, flow, seen in with_truth(estimator, clip):
         inner = eroded(seen, 5)
@@ -279,8 +276,7 @@ def test_motion_is_followed_in_bright_light(gain):
     assert CutDetector().match_score(*bright) > 0.7 * dim
 
 
-LOWEST, HIGHEST = 0.8, 1.6
-"""Of the true largest motion plus 20 %."""
+LOWEST, HIGHEST = 0.8, 1.6  # of the true largest motion plus 20 %
 
 
 def least(image) -> float:
@@ -365,8 +361,7 @@ def test_shortest_motions_equal_their_slow_twin(seed, around, step):
 
 
 NLM = replace(methods["nlm"], cuts=None)
-EACH_ALONE = replace(NLM, estimator=replace(NLM.estimator, smoothness=0))
-"""The same, but nobody listens to neighbours."""
+EACH_ALONE = replace(NLM, estimator=replace(NLM.estimator, smoothness=0))  # the same, but nobody listens to neighbours
 
 MIXED = replace(methods["blend"], cuts=None)
 
@@ -390,8 +385,7 @@ def bars(period, shift, *, degrees=0.0, box=(26, 28, 102, 144), background=(0, 0
     return at
 
 
-INNER = slice(40, 88), slice(50, 132)
-"""Within the bars at the middle of their way."""
+INNER = slice(40, 88), slice(50, 132)  # within the bars at the middle of their way
 
 
 def off(interpolator, at):

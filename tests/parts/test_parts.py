@@ -33,8 +33,7 @@ from fpsboost.timing.position import Position, Trim
 from fpsboost.timing.rate import OutputRate
 
 FAST = Encoding(preset="ultrafast")
-FACTOR = 16
-"""So that a chunk of the output lies between few frames of the source."""
+FACTOR = 16  # so that a chunk of the output lies between few frames of the source
 FRAMES = 54
 
 

@@ -14,17 +14,11 @@ from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.io.images.files import read_image
 from fpsboost.rerender.options import PlanOptions, parse_budget
 from fpsboost.rerender.planning import PlannedFrame, RerenderPlan, plan_rerender
-from fpsboost.rerender.regions import (
-    Rectangle,
-    TileGrid,
-    choose_regions,
-    partition,
-)
+from fpsboost.rerender.regions import Rectangle, TileGrid, choose_regions, partition
 from fpsboost.rerender.score import comparable, squared_error
 
 HEIGHT, WIDTH, TILE = 64, 96, 16
-UNPREDICTABLE = Rectangle(48, 16, 32, 32)
-"""Where every frame of `unpredictable_clip` shows something else."""
+UNPREDICTABLE = Rectangle(48, 16, 32, 32)  # where every frame of `unpredictable_clip` shows something else
 
 masks = arrays.arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9)))
 score_maps = arrays.arrays(

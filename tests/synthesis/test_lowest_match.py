@@ -26,8 +26,7 @@ from fpsboost.timing.schedule import ByFactor
 
 BLEND = find_method("blend")
 HEIGHT, WIDTH = 72, 128
-HIDDEN = 6
-"""Frame in which something covers the middle of the picture."""
+HIDDEN = 6  # frame in which something covers the middle of the picture
 
 
 def picture(index: int, scene: int = 0) -> np.ndarray[Any, Any]:

@@ -10,15 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpsboost.errors import OptionError
-from fpsboost.timing.schedule import (
-    MAX_TICKS_PER_SECOND,
-    ByFactor,
-    ByRate,
-    Schedule,
-    Step,
-    parse_number,
-    parse_rate,
-)
+from fpsboost.timing.schedule import MAX_TICKS_PER_SECOND, ByFactor, ByRate, Schedule, Step, parse_number, parse_rate
 
 factors = st.fractions(Fraction(1, 8), 12, max_denominator=9)
 rates = st.sampled_from([24, 25, 30, 50, 60, 120, 144]).map(Fraction) | st.sampled_from([24, 30, 60, 120]).map(

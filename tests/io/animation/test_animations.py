@@ -316,8 +316,7 @@ def test_hardly_the_beginning_of_an_animation(tmp_path, suffix, kept):
         list(source)
 
 
-SMALL = MemoryLimit(500_000_000)
-"""Nothing is learned from canvases of many millions of pixels, which take their time."""
+SMALL = MemoryLimit(500_000_000)  # nothing is learned from canvases of many millions of pixels, which take their time
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

@@ -31,8 +31,7 @@ from fpsboost.timing.position import Trim, parse_position
 
 HEIGHT, WIDTH = 12, 16
 BLEND = replace(methods["blend"], cuts=None)
-PER_NUMBER = 2
-"""How much brighter the picture is at each next number: a mix of two tells its own number."""
+PER_NUMBER = 2  # how much brighter the picture is at each next number: a mix of two tells its own number
 
 
 def picture(number: float, first: int = 0) -> np.ndarray:

@@ -40,8 +40,7 @@ from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.schedule import ByFactor
 
 BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None, duplicates=None, compensate_illumination=False)
-SHIFT = 8, 4
-"""Pixels to the right and down from each frame of `pan` to the next."""
+SHIFT = 8, 4  # pixels to the right and down from each frame of `pan` to the next
 
 
 def pan(number: int) -> np.ndarray:

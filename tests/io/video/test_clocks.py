@@ -33,8 +33,7 @@ from fpsboost.io.video.source import VideoSource
 from fpsboost.probing import probe
 
 MILLISECOND = Fraction(1, 1000)
-WRAP = Fraction(2**33, 90_000)
-"""Seconds after which the clock of a transport stream begins anew."""
+WRAP = Fraction(2**33, 90_000)  # seconds after which the clock of a transport stream begins anew
 FAST = Encoding(encoder_options=(("preset", "ultrafast"),))
 
 

@@ -20,8 +20,7 @@ from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import OutputRate
 
 RATE = 48000
-SAMPLES = RATE + 1234
-"""Of a sound that no encoder's frames divide."""
+SAMPLES = RATE + 1234  # of a sound that no encoder's frames divide
 
 
 def double(source: Path, target: Path, audio_codec: str | None = None, **more: Any) -> list[str]:

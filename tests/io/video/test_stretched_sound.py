@@ -20,10 +20,8 @@ from fpsboost.timing.position import Position, Trim
 
 RATE = 48000
 CLICKS = (0.4, 1.0, 1.6)
-CLICK = 0.01
-"""Seconds that a click lasts, at 4000 Hz."""
-TONES = (440, 660, 880)
-"""Hz of the tone behind the clicks, of the first, second and third track."""
+CLICK = 0.01  # seconds that a click lasts, at 4000 Hz
+TONES = (440, 660, 880)  # Hz of the tone behind the clicks, of the first, second and third track
 
 
 def wave(track: int, seconds: float, rate: int = RATE) -> NDArray[np.float32]:
