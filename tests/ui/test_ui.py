@@ -1030,6 +1030,8 @@ def test_several_clips_become_something_alike(chromium, films, tmp_path, way):
             page.get_by_role("button", name=name).click()  # which drops what is read
         page.locator("#facts").get_by_text("constant").wait_for(state="attached")
         expect(page.locator("#clip .notice")).to_be_hidden()
+        if way == "drop":  # from here on, nothing tells how they came
+            return
         page.get_by_label("Repeat frames").check()
         page.get_by_label("Another multiple").check()
         page.locator("#names").get_by_text("beach-3x.mp4, city-3x.mp4").wait_for()

@@ -22,13 +22,7 @@ from fpsboost.timing.position import Trim, parse_position
 
 FAST = {"preset": "ultrafast"}
 B_FRAMES = {**FAST, "bf": "2", "g": "6", "sc_threshold": "0"}
-OPEN_GROUPS = {
-    "preset": "veryfast",
-    "bf": "3",
-    "g": "6",
-    "sc_threshold": "0",
-    "x264-params": "open-gop=1:b-pyramid=normal",
-}
+OPEN_GROUPS = {**B_FRAMES, "preset": "veryfast", "bf": "3", "x264-params": "open-gop=1:b-pyramid=normal"}
 REFRESHED = {"preset": "veryfast", "g": "8", "sc_threshold": "0", "x264-params": "intra-refresh=1"}
 X265 = "log-level=none:keyint=6:min-keyint=6:bframes=3:frame-threads=1:pools=1"
 LATER = {"auto-alt-ref": "1", "lag-in-frames": "16", "g": "8", "b": "200k", "deadline": "realtime", "cpu-used": "8"}
@@ -172,8 +166,9 @@ def test_a_frame_that_is_not_there(tmp_path, number):
     ("start", "end"),
     [(None, None), ("7f", None), ("0.3", "0.9"), ("0.31", "20f"), (None, "0.81"), ("9f", "0.81"), ("0", "99")],
 )
-@pytest.mark.parametrize("name", ["B-frames.mp4", "B-frames.mkv", "in.avi"])
-@pytest.mark.parametrize("may_skip", [True, False])
+@pytest.mark.parametrize(
+    ("name", "may_skip"), [("B-frames.mp4", True), ("B-frames.mp4", False), ("B-frames.mkv", True), ("in.avi", False)]
+)
 def test_ranges(tmp_path, name, start, end, may_skip):
     """Frames count from the start of the range, and its place on the clip's clock is told as by reading it whole."""
     clip = write_clip(tmp_path / name, times=range(5, 31), options=B_FRAMES)
