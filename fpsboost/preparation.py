@@ -6,14 +6,15 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import partial
 from itertools import islice
 from typing import Protocol, runtime_checkable
 
-from fpsboost.analysis.scene_cuts import counts_frames
+from fpsboost.analysis.scene_cuts import CutList, counts_frames
 from fpsboost.contracts import ClosesOnExit, FrameSource, RandomAccess
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import ClipInfo, Frame
@@ -34,6 +35,9 @@ from fpsboost.timing.position import Position, Trim
 from fpsboost.timing.rate import FrameIntervals, OutputRate
 from fpsboost.timing.schedule import Schedule, count_frames
 from fpsboost.timing.time_map import TimeMap
+
+BLOCK = 16
+"""Frames that are in memory at a time where a source plays backwards."""
 
 
 @runtime_checkable
@@ -185,6 +189,43 @@ class TrimmedSource(ClosesOnExit):
             yield frame
 
 
+@dataclass
+class FoldedSource(ClosesOnExit):
+    """Source of the frames of another one in any order of runs, at times of its own; it opens the other one for each.
+
+    `order` are numbers of its frames, and `read_from` opens it at a frame. What runs backwards is read in short blocks.
+    """
+
+    info: ClipInfo
+    remarks: list[str]
+    order: Sequence[int]
+    times: Sequence[Fraction]
+    read_from: Callable[[int], AbstractContextManager[FrameSource]]
+    first: int = 0
+
+    def close(self) -> None: ...
+
+    def frame_times(self) -> Sequence[Fraction]:
+        return self.times
+
+    def begin_at(self, number: int) -> None:
+        self.first = number
+
+    def __iter__(self) -> Iterator[Frame]:
+        place, order = self.first, self.order
+        while place < len(order):
+            step = order[place + 1] - order[place] if place + 1 < len(order) else 0
+            stop = place + 1
+            while stop < len(order) and order[stop] == order[stop - 1] + step and (step > 0 or stop - place < BLOCK):
+                stop += 1
+            with self.read_from(min(order[place], order[stop - 1])) as source:
+                frames: Iterable[Frame] = islice(source, stop - place if step else 1)
+                for frame in frames if step >= 0 else list(frames)[::-1]:
+                    yield replace(frame, time=self.times[place], duration=Fraction(0))
+                    place += 1
+                self.remarks += [remark for remark in source.remarks if remark not in self.remarks]
+
+
 @dataclass(frozen=True)
 class ConversionJob:
     """Conversion of a clip: everything that shapes its output, as `fpsboost.convert` takes it.
@@ -260,12 +301,29 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
         trim, images = job.decoding.trim, whole.stream_info.images
         info = _with_duration(whole) if rate.retimes else whole.info
         curve = rate.time_map(trim.of_info(info), 1 if images is None else images.first_number)
-        if curve is not None and curve.reverses:
-            raise OptionError(
-                f"`retime` plays {whole.info.name} backwards, which is not possible yet; let no time fall."
-            )
         source, window = trim_source(whole, trim, may_skip=may_skip, curve=curve or rate.slow_map)
+        if curve is not None and curve.reverses:
+            times = source.frame_times() if isinstance(source, RandomAccess) and whole.stream_info.files else None
+            if times is None or isinstance(interpolator.cuts, CutList) or rate.replace is not None:
+                what = "a file that lists its frames, such as mp4" if times is None else "no `cuts` and no `replace`"
+                raise OptionError(f"`retime` plays {whole.info.name} backwards, which needs {what}; let no time fall.")
+            forwards = replace(job, rate=replace(rate, retime=None, slow_motion_sound=None))
+            order, shown, curve = curve.unfolded(times)
+            info = replace(info, frame_count=len(order), duration=None)
+            source = FoldedSource(info, list(whole.remarks), order, shown, partial(read_again, forwards, run, whole))
         yield OpenedClip(whole, source, window, curve)
+
+
+@contextmanager
+def read_again(job: ConversionJob, run: RunOptions, whole: FrameSource, number: int) -> Iterator[FrameSource]:
+    """Open the source of a job, which is `whole`, once more while the block lasts, to be read from a frame on."""
+    with opened_clip(job, run) as again:
+        assert isinstance(again.source, RandomAccess)
+        index = whole.frame_index if isinstance(whole, SeekableSource) else None
+        if index is not None and isinstance(again.whole, SeekableSource):
+            again.whole.take_index(index)
+        again.source.begin_at(number)
+        yield again.source
 
 
 def _with_duration(source: FrameSource) -> ClipInfo:

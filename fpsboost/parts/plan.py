@@ -11,11 +11,11 @@ import re
 import shutil
 import zipfile
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,7 @@ from fpsboost.io.staging import INDEX_NAME, part_files, remove_if_empty, write_s
 from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.io.video.frame_index import EntryPoint, FrameIndex
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_difference, input_identity, stored
-from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, opened_clip, prepared
+from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, prepared, read_again
 from fpsboost.repair import CERTAIN_AFTER
 from fpsboost.run_options import MAX_PARTS, Part, RunOptions
 from fpsboost.timing.rate import exposed
@@ -95,18 +95,8 @@ def plan_part(ready: Preparation) -> PartPlan:
         return plan
     detector = None if ready.interpolator.needs_every_frame else ready.interpolator.duplicates
     schedule = exposed(ready.base_schedule, job.rate)
-
-    @contextmanager
-    def read_from(number: int) -> Iterator[Iterator[Frame]]:
-        with opened_clip(job, run) as again:
-            assert isinstance(again.source, RandomAccess)
-            index = clip.whole.frame_index if isinstance(clip.whole, SeekableSource) else None
-            if index is not None and isinstance(again.whole, SeekableSource):
-                again.whole.take_index(index)
-            again.source.begin_at(number)
-            yield iter(again.source)
-
     before = 1 if ready.interpolator.replacement is None else REPLACED_BEFORE
+    read_from = partial(read_again, job, run, clip.whole)
     entry = find_entry(times, schedule, detector, outputs.first, read_from, before)
     source.begin_at(entry.number)
     plan.outputs = replace(outputs, entry=entry)
@@ -118,7 +108,7 @@ def find_entry(
     schedule: Schedule,
     detector: DuplicateDetector | None,
     first_output: int,
-    read_from: Callable[[int], AbstractContextManager[Iterator[Frame]]],
+    read_from: Callable[[int], AbstractContextManager[Iterable[Frame]]],
     before: int = 1,
 ) -> Entry:
     """Find where to begin reading for an output frame and all later ones.
@@ -129,7 +119,7 @@ def find_entry(
 
     `times` are those of all frames of the clip; output frames are counted from 0; without a detector, duplicates are
     not looked for, and `before` is the number of frames before that around the output frame that have a say in it.
-    `read_from` opens the clip once more at a frame, and yields that and the following ones.
+    `read_from` opens the clip once more at a frame, and yields a source of that and the following ones.
     """
     numbers = OutputNumbers(times, schedule)
     # the exposure of a frame begins after the frame before
@@ -155,7 +145,7 @@ def find_entry(
 
 
 def _presented(
-    frames: Iterator[Frame], first: int, last: int, times: Sequence[Fraction], schedule: Schedule
+    frames: Iterable[Frame], first: int, last: int, times: Sequence[Fraction], schedule: Schedule
 ) -> Iterator[SourceFrame]:
     """Yield frames up to a number as the loop presents them, from one on whose presentation time is certain."""
     before: Fraction | None = None

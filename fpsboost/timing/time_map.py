@@ -36,11 +36,6 @@ class Segment:
         mean = (self.source1 - self.source0) / (self.end - self.begin)
         return mean if self.slope0 == self.slope1 == mean else None
 
-    @property
-    def top(self) -> Fraction:
-        """The latest source time."""
-        return max(self.source0, self.source1)
-
     def source(self, time: Fraction) -> Fraction:
         """Return the source time at an output time."""
         length, rise = self.end - self.begin, self.source1 - self.source0
@@ -110,6 +105,29 @@ class TimeMap:
         first, ends = self.segments[0], self.is_open or self.segments[0].source1 == duration
         return len(self.segments) == 1 and first.speed == 1 and not first.source0 and ends
 
+    def unfolded(self, times: Sequence[Fraction]) -> tuple[list[int], list[Fraction], TimeMap]:
+        """Return a clip whose frames are those at `times` as often as they are passed, which never plays backwards.
+
+        These are the numbers of the frames in the order of the output, the times of the unfolded clip, from 0 on, and
+        its time map. The source turns behind the frame that encloses the turn.
+        """
+        last, ends = len(times) - 1, [*times, self.top]  # what is beyond the last frame shows that one
+        stop = last if self.is_open or self.top <= times[-1] else last + 1
+        first, sign = self.segments[0], -1 if self.segments[0].source1 < self.segments[0].source0 else 1
+        place = min(bisect_left(times, first.source0), stop) if sign < 0 else bisect_right(times, first.source0) - 1
+        places, shown, segments = [place], [Fraction(0)], list[Segment]()
+        for each in self.segments:
+            if each.source1 != each.source0:
+                sign = -1 if each.source1 < each.source0 else 1
+            offset = shown[-1] - sign * ends[places[-1]]
+            target = bisect_left(times, each.source1) if sign > 0 else bisect_right(times, each.source1) - 1
+            for place in range(places[-1] + sign, min(target, stop) + sign, sign):
+                places.append(place)
+                shown.append(offset + sign * ends[place])
+            source0, source1, *slopes = (sign * x for x in (each.source0, each.source1, each.slope0, each.slope1))
+            segments.append(Segment(each.begin, each.end, offset + source0, offset + source1, *slopes))
+        return [min(place, last) for place in places], shown, TimeMap(tuple(segments), self.is_open)
+
     def source(self, time: Fraction) -> Fraction:
         """Return the time of the source that an output time shows, which does not change after the end."""
         segment = self.segments[max(0, bisect_right(self.segments, time, key=lambda each: each.begin) - 1)]
@@ -139,7 +157,7 @@ class TimeMap:
     @cached_property
     def _tops(self) -> list[Fraction]:
         """Latest source time up to the end of each segment."""
-        return list(accumulate((each.top for each in self.segments), max))
+        return list(accumulate((max(each.source0, each.source1) for each in self.segments), max))
 
     @cached_property
     def sounding(self) -> list[Segment]:

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
+from typing import Any
 
 import av
 import numpy as np
@@ -18,6 +19,8 @@ from video_truth import packets_of, pictures_of, write_clip
 
 from fpsboost.conversion import convert, stream
 from fpsboost.errors import OptionError
+from fpsboost.parts.join import join
+from fpsboost.run_options import Part, RunOptions
 from fpsboost.streaming import run_conversion
 from fpsboost.timing.rate import OutputRate, exposed
 from fpsboost.timing.retime import parse_curve, parse_speeds
@@ -193,3 +196,33 @@ def test_what_a_curve_does_not_go_with():
     for other in ({"speed": "2"}, {"slow_motion": True}, {"keep_timing": True}, {"fill_gaps": True}):
         with pytest.raises(OptionError, match="say different things of time"):
             OutputRate(retime="0=0 1s=2s", **other)
+
+
+def brightening(number, height, width):
+    """A flat picture that is brighter by 4 than the one before."""
+    return np.full((height, width, 3), 20 + 4 * number, np.uint8)
+
+
+@pytest.mark.parametrize("curve", ["0=2s 2s=0", "0=0 24f=40f 40f=24.5f 60f=49f", "smooth 0=1s 20f=.3s 40f=.3s 50f=0"])
+def test_a_clip_plays_backwards(tmp_path, curve):
+    """Every frame shows the time of the curve; in parts, the packets are the same."""
+    clip = write_clip(tmp_path / "in.mkv", times=range(50), picture=brightening)
+    options: dict[str, Any] = {"method": STEADY, "encoding": FAST, "rate": OutputRate(Fraction(6), retime=curve)}
+    convert(str(clip), str(tmp_path / "out.mkv"), **options)
+    rate, wanted = Fraction(150), parse_curve(curve, Fraction(150), Fraction(25))
+    times = [float(wanted.source(k / rate) * 25) for k in range(math.ceil(wanted.length * rate))]
+    before, after = (
+        [picture.to_ndarray(format="bgr24").mean() for picture in pictures_of(path)]
+        for path in (clip, tmp_path / "out.mkv")
+    )
+    assert after == pytest.approx(np.interp(times, range(50), before).tolist(), abs=1.5)
+    for number in (1, 2):
+        convert(str(clip), str(tmp_path / "parts.mkv"), **options, run=RunOptions(chunk=Part(number, 2)))
+    join(str(tmp_path / "parts.mkv"), [str(tmp_path / "parts.mkv.parts")])
+    assert packets_of(tmp_path / "parts.mkv", "video") == packets_of(tmp_path / "out.mkv", "video")
+
+
+def test_what_is_read_once_does_not_play_backwards(tmp_path):
+    """Arrays and pipes have no frames to go back to."""
+    with pytest.raises(OptionError, match="backwards"):
+        list(stream([frame.array for frame in regular(9)], retime="0=8f 8f=0", method="blend"))

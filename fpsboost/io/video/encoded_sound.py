@@ -10,10 +10,11 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
 from operator import attrgetter
-from typing import Any, NamedTuple, get_args
+from typing import Any, get_args
 
 import av
 import av.container
@@ -28,6 +29,7 @@ from fpsboost.errors import OptionError
 from fpsboost.io.output import Window
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoding import check_holds, find_encoder
+from fpsboost.timing.time_map import Segment
 
 COPY = "copy"  # value of ``--audio-codec`` that copies audio without re-encoding it
 
@@ -54,6 +56,7 @@ SKIP_SAMPLES_STRUCT = struct.Struct("<IIBB")
 """Layout of FFmpeg's AV_PKT_DATA_SKIP_SAMPLES: samples to skip at the start and at the end, and a reason for each."""
 SKIP_SAMPLES_TYPE = get_args(PktSideDataT).index("skip_samples")
 MIN_TIME = Fraction(-(2**40))  # time before the start of any file, seconds
+WHOLE = Segment(MIN_TIME, -MIN_TIME, MIN_TIME, -MIN_TIME, Fraction(1), Fraction(1))
 
 Traits = tuple[int, str, str]
 """Sample rate, sample format and channel layout of audio."""
@@ -254,36 +257,31 @@ class EncodedSound:
         first = max(0, math.ceil((earliest - time) * frame.sample_rate))
         last = frame.samples if end is None else min(frame.samples, math.ceil((end - time) * frame.sample_rate))
         for piece in self._pieces:
-            since, until = (math.ceil((each - time) * frame.sample_rate) for each in (piece.begin, piece.end))
+            since, until = (math.ceil((each - time) * frame.sample_rate) for each in (piece.source0, piece.source1))
             if max(first, since) < min(last, until):
                 self._stretch(frame, time, max(first, since), min(last, until), piece)
             if first <= until < last:
                 self._end_run()
 
     @cached_property
-    def _pieces(self) -> list[_Piece]:
-        """Parts of the source that are heard."""
-        if self._window is None or self._window.curve is None:
-            begin = MIN_TIME if self._window is None else self._window.begin
-            return [_Piece(begin, -MIN_TIME, output_time(begin, self._window), Fraction(1))]
-        begin, kept = self._window.begin, self._window.curve.sounding
-        return [
-            _Piece(begin + each.source0, begin + each.source1, each.begin, 1 / (each.speed or Fraction(1)))
-            for each in kept
-        ]
+    def _pieces(self) -> list[Segment]:
+        """Parts of the source that are heard, at its own times."""
+        curve, begin = (None, Fraction(0)) if self._window is None else (self._window.curve, self._window.begin)
+        kept = [WHOLE] if curve is None else curve.sounding
+        return [replace(each, source0=begin + each.source0, source1=begin + each.source1) for each in kept]
 
-    def _stretch(self, frame: av.AudioFrame, time: Fraction, first: int, last: int, piece: _Piece) -> None:
+    def _stretch(self, frame: av.AudioFrame, time: Fraction, first: int, last: int, piece: Segment) -> None:
         """Stretch and encode some samples of a frame that begins at a time."""
-        run = self._run
+        run, stretch = self._run, 1 / piece.slope0
         time += Fraction(first, frame.sample_rate)
-        if run is None or time > run.end or not run.fits(frame, piece.stretch):
+        if run is None or time > run.end or not run.fits(frame, stretch):
             self._end_run()
             try:
-                run = self._run = _Run(frame, time, piece.stretch, self._target)
+                run = self._run = _Run(frame, time, stretch, self._target)
             except (av.error.FFmpegError, ValueError):  # a channel layout decoded from damaged data
                 self.lost_packets += 1
                 return
-            pts = round((piece.shown + (time - piece.begin) * piece.stretch) * self._rate)
+            pts = round((piece.begin + (time - piece.source0) * stretch) * self._rate)
             self._next_pts = pts if self._next_pts is None else max(pts, self._next_pts)
         self._encode(run.stretched(_slice_samples(frame, first, last)))
 
@@ -298,15 +296,6 @@ class EncodedSound:
             frame.pts, frame.time_base = self._next_pts, Fraction(1, self._rate)
             self._next_pts += frame.samples
             self._output.mux(self.stream.encode(frame))
-
-
-class _Piece(NamedTuple):
-    """Part of the source whose sound is heard from `shown` on, `stretch` times as long, seconds."""
-
-    begin: Fraction
-    end: Fraction
-    shown: Fraction
-    stretch: Fraction
 
 
 class _Run:
