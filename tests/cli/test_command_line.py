@@ -358,16 +358,6 @@ def test_rates_beyond_32_bits(fpsboost_, tmp_path, arguments):
         assert_refused(result, 2, arguments.split()[-2])
 
 
-def test_a_truncated_video_is_converted_with_a_note(fpsboost_, tmp_path):
-    """What can be read is converted, and a note tells how much that is."""
-    clip = write_clip(tmp_path / "in.mkv", times=range(60))
-    clip.write_bytes(clip.read_bytes()[: clip.stat().st_size // 2])
-    result = fpsboost_("in.mkv", "out.mp4", *CHEAP)
-    assert (result.code, result.out, len(result.lines)) == (0, "", 2)
-    assert re.fullmatch(r"Note: in\.mkv ends after .*\.", result.lines[1])
-    assert 20 < len(packets_of(tmp_path / "out.mp4", "video")) < 120
-
-
 def test_a_corrupt_video_is_converted_with_a_note(fpsboost_, tmp_path):
     """Broken packets in the middle are told and not fatal, and FFmpeg prints nothing of its own."""
     spoil_packets(write_clip(tmp_path / "in.mp4", times=range(30)), [8, 9])

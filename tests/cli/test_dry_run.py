@@ -1,7 +1,5 @@
 """Option --dry-run: what is said of a conversion before it is run, and that nothing is written."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

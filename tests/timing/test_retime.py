@@ -1,7 +1,5 @@
 """Retiming: curves that are exact, frames of the times that they name, and sound that goes with them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from fractions import Fraction

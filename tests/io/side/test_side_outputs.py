@@ -345,7 +345,7 @@ def test_progress_as_json(fpsboost_, tmp_path):
     assert lines[-1]["output"] == "out"
     assert lines[-1]["frames_made"] == 2
     assert lines[-1]["least_certain"]["frame"] in (1, 3)
-    assert len(lines[-1]["remarks"]) == 1
+    assert len(lines[-1]["remarks"]) == 2
 
 
 def test_errors_stay_sentences(fpsboost_):
