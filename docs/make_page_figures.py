@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
@@ -48,6 +49,9 @@ def draw_compare(page: Page, clip: Path) -> None:
     page.goto((report / "index.html").as_uri())
     page.locator(".place").get_by_text("frame").wait_for()
     save(page, "page-compare")
+    page.locator('[data-mode="boost"]').click()
+    page.locator('[data-side="right"]').get_by_text("dis", exact=True).click()
+    save(page, "page-compare-differences", page.locator(".player").first.bounding_box())
 
 
 def draw_preview(page: Page, clip: Path) -> None:
@@ -94,11 +98,11 @@ def serving(films: Path, state: Path) -> Iterator[str]:
             process.terminate()
 
 
-def save(page: Page, name: str) -> None:
-    """Save what is seen of a page, and print the size of the file."""
+def save(page: Page, name: str, clip: Any = None) -> None:
+    """Save what is seen of a page or in a rectangle, and print the size of the file."""
     page.wait_for_timeout(1000)  # until what moves has come to rest
     path = FIGURES / f"{name}.webp"
-    Image.open(BytesIO(page.screenshot())).convert("RGB").save(path, quality=85, method=6)
+    Image.open(BytesIO(page.screenshot(clip=clip))).convert("RGB").save(path, quality=85, method=6)
     print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1000:.0f} kB")
 
 

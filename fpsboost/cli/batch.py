@@ -63,8 +63,8 @@ def output_beside(input: str, rate: OutputRate) -> str:
     if not clip_name(input):
         return output_beside(str(Path(input).resolve().parent), rate)
     speed = "filled" if rate.fill_gaps and rate.factor is None else f"{readable(rate.multiple)}x"
-    speed = "repaired" if rate.keeps_frames else speed
-    parts = [speed] if rate.fps is None or rate.slow_motion else []
+    speed = "repaired" if rate.keeps_frames else "retimed" if rate.retimes else speed
+    parts = [speed] if rate.fps is None or rate.slow_motion or rate.retimes else []
     parts += ["slow"] * rate.slow_motion + ([] if rate.fps is None else [f"{readable(rate.fps)}fps"])
     planned, place = _choose_output(input, Path()), Path(input)
     folder = place.resolve().parent if place.name in ("", "..") else place.parent

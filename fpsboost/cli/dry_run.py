@@ -19,6 +19,7 @@ from fpsboost.preview.page import Preview, estimate_sentence, preview
 from fpsboost.probing import as_prospect, expected_losses, list_streams
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Position, format_time
+from fpsboost.timing.rate import OutputRate
 
 PLACES = (Fraction(1, 4), Fraction(1, 2), Fraction(3, 4))
 """Places of the passages that are tried, as parts of the clip; where motion is largest, they would be too large."""
@@ -44,6 +45,8 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
     frames, rate = output.expected_frames, output.timing.rate
     with reading.status("trying passages"):
         tried = replace(job, output="images/" if is_images else job.output)
+        if job.rate.retimes:  # passages have one speed
+            tried = replace(tried, rate=OutputRate())
         trial = preview(tried, {"": job.method}, RunOptions(limit=run.limit, threads=run.threads), at=places)
     made = [
         output.path,

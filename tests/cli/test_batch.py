@@ -45,6 +45,7 @@ def test_names_and_endings(monkeypatch, tmp_path):
         ("c.gif", {"fps": Fraction(60000, 1001)}, "c-59.94fps.gif"),
         ("d.mov", {"factor": 4, "slow_motion": True}, "d-4x-slow.mov"),
         ("d.mov", {"slow_motion": True, "fps": 60}, "d-2x-slow-60fps.mov"),
+        ("d.mov", {"speed": "0.5@1-2", "fps": 30}, "d-retimed-30fps.mov"),
         ("v1.0/", {}, "v1.0-2x/"),
         ("v1.0/s_####.png", {"fill_gaps": True}, "v1.0/s-filled/"),
         ("v1.0/%04d.png", {}, "{}/v1.0-2x/"),

@@ -127,7 +127,7 @@ def test_pixels_are_read_and_zoomed(page, comparison):
 
 
 def test_page_opens_with_exact_pixels(page, comparison, contestants):
-    """There the values of pixels are the truth's and the method's, and the error map is their difference."""
+    """There the values of pixels are the truth's and the method's, and their difference is mapped and enlarged."""
     number = opening_of(comparison)
     at_frame(page, number)
     expect(page.locator(".loss")).to_have_text("Exact: kept without loss.")
@@ -139,11 +139,16 @@ def test_page_opens_with_exact_pixels(page, comparison, contestants):
     values = [" ".join(map(str, image[10, 20])) for image in (truth, interpolated)]
     expect(page.locator(".pixel")).to_have_text(f"column 20, row 10truth {values[0]}dis {values[1]}")
     page.locator('[data-mode="error"]').click()
-    colours = page.evaluate("""() => {
-        const map = address.clip.player.error();
-        return [...map.getContext("2d").getImageData(0, 0, map.width, map.height).data];
-    }""")
-    none = (np.reshape(colours, (HEIGHT, WIDTH, 4))[..., :3] == [0, 0, 4]).all(axis=-1)
+
+    def drawn(code):
+        script = """{ const map = address.clip.player.%s;
+            [...map.getContext("2d").getImageData(0, 0, map.width, map.height).data]; }"""
+        return np.reshape(page.evaluate(script % code), (HEIGHT, WIDTH, 4))[..., :3]
+
+    none = (drawn("error()") == [0, 0, 4]).all(axis=-1)
+    page.keyboard.press("d")
+    expect(page.locator('[data-mode="boost"]')).to_have_attribute("aria-pressed", "true")
+    assert (drawn('seen("right")') == (truth + 4 * (interpolated - truth)).clip(0, 255)).all()
     error = abs(truth - interpolated).mean(axis=-1)
     assert (none == (np.round(255 * error / 64) == 0)).all()
 

@@ -344,6 +344,7 @@ class Address {
       right: player.names[player.sides.right],
       edge: Math.round(player.wipe.value),
       ...(player.mode === "error" ? { error: player.range } : {}),
+      ...(player.mode === "boost" ? { boost: 1 } : {}),
       ...(player.zoom ? { zoom: player.zoom, x: Math.round(player.centre.x), y: Math.round(player.centre.y) } : {}),
       metric,
     };
@@ -371,7 +372,7 @@ class Address {
       if (view >= 0) player.sides[side] = view;
     }
     player.wipe.value = values.get("edge") ?? 50;
-    player.mode = values.has("error") ? "error" : "wipe";
+    player.mode = values.has("error") ? "error" : values.has("boost") ? "boost" : "wipe";
     player.range = +values.get("error") || player.range;
     if (values.has("metric")) clip.metric = values.get("metric");
     await clip.goTo(+values.get("frame"));

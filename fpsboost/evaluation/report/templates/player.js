@@ -14,6 +14,7 @@
    drawn, and "changed" after anything else that the user chose; both bubble. */
 
 const HEAT = ["#000004", "#420a68", "#932667", "#dd513a", "#fca50a", "#fcffa4"];
+const BOOST = 4; // by which differences are enlarged
 const ZOOMS = [0, 1, 2, 4, 8, 16];
 
 const between = (value, low, high) => Math.min(high, Math.max(low, value));
@@ -32,6 +33,7 @@ class Player {
   constructor(element, data = JSON.parse(element.querySelector(".played").textContent)) {
     this.element = element;
     this.read = new Map();
+    this.enlarged = new Map();
     this.decoding = new Map();
     this.take(data);
     this.nameOf = (view) => this.names[view];
@@ -59,6 +61,7 @@ class Player {
     this.frames = frames.map((frame) => ({ ...frame, images: frame.images.map((place) => uris[place]) }));
     this.decoding.clear();
     this.read.clear();
+    this.enlarged.clear();
   }
 
   find(selector) {
@@ -124,6 +127,7 @@ class Player {
     if (this.place !== place) return; // another frame was asked for meanwhile
     this.images = images;
     this.read.clear();
+    this.enlarged.clear();
     for (const next of [place - 1, place + 1]) if (this.frames[next]) this.load(next);
     this.fit();
     this.seek.value = place;
@@ -302,14 +306,14 @@ class Player {
     context.imageSmoothingEnabled = this.scale() * devicePixelRatio < 2; // larger ones show their pixels
     context.imageSmoothingQuality = "high";
     if (this.mode === "error") return context.drawImage(this.error(), ...box);
-    context.drawImage(this.picture("left"), ...box);
+    context.drawImage(this.seen("left"), ...box);
     const edge = (canvas.width * this.wipe.value) / 100;
     context.save();
     context.beginPath();
     context.rect(edge, 0, canvas.width - edge, canvas.height);
     context.clip();
     context.clearRect(edge, 0, canvas.width - edge, canvas.height);
-    context.drawImage(this.picture("right"), ...box);
+    context.drawImage(this.seen("right"), ...box);
     context.restore();
   }
 
@@ -321,6 +325,22 @@ class Player {
       this.read.set(image, context.getImageData(0, 0, image.naturalWidth, image.naturalHeight));
     }
     return this.read.get(image);
+  }
+
+  seen(side) {
+    return this.mode === "boost" ? this.boosted(this.picture(side)) : this.picture(side);
+  }
+
+  /** The first view, and a picture's difference from it enlarged; kept until another frame is shown. */
+  boosted(image) {
+    if (!this.enlarged.has(image)) {
+      const canvas = new OffscreenCanvas(image.naturalWidth, image.naturalHeight);
+      const [truth, other] = [this.images[0], image].map((each) => this.pixels(each));
+      const drawn = new ImageData(truth.data.map((value, at) => value + BOOST * (other.data[at] - value)), truth.width);
+      canvas.getContext("2d").putImageData(drawn, 0, 0);
+      this.enlarged.set(image, canvas);
+    }
+    return this.enlarged.get(image);
   }
 
   /** The mean absolute difference of the two pictures' channels, as colours. */
@@ -341,7 +361,7 @@ class Player {
   /** Names of the two pictures, each as long as it lies on its own picture; one that fills the stage has its name on the left. */
   tag() {
     const tags = ["left", "right"].map((side) => this.find(`.tag.${side}`));
-    const names = ["left", "right"].map((side) => this.nameOf(this.sides[side]));
+    const names = ["left", "right"].map((side) => this.nameOf(this.sides[side]) + (this.mode === "boost" && this.sides[side] ? `, differences ×${BOOST}` : ""));
     const share = this.wipe.value / 100;
     const whole = this.mode === "error" || share === 0 || share === 1;
     const texts = this.mode === "error" ? [`difference of ${names[0]} and ${names[1]}`, ""] : whole ? [names[share ? 0 : 1], ""] : names;
@@ -368,7 +388,7 @@ class Player {
     if (this.fingers.size > 1) return this.pinch();
     const bounds = this.stage.getBoundingClientRect();
     const edge = bounds.left + (bounds.width * this.wipe.value) / 100;
-    const atEdge = this.mode === "wipe" && (!this.zoom || Math.abs(event.clientX - edge) < 20);
+    const atEdge = this.mode !== "error" && (!this.zoom || Math.abs(event.clientX - edge) < 20);
     this.held = atEdge ? "edge" : this.zoom ? "picture" : null;
     if (this.held) this.stage.setPointerCapture(event.pointerId);
     this.move(event);
@@ -456,6 +476,7 @@ class Player {
       End: () => this.stepTo(this.frames.length - 1),
       " ": () => (this.timer ? this.pause() : this.play()),
       f: () => this.flip(),
+      d: () => this.setMode(this.mode === "boost" ? "wipe" : "boost"),
       e: () => this.setMode(this.mode === "error" ? "wipe" : "error"),
       "+": () => this.zoomTo(this.larger() ?? this.zoom),
       "-": () => this.zoomTo(this.smaller()),
