@@ -29,7 +29,13 @@ from fpsboost.ui.files import Files
 LABELS = {
     **{"overwrite": "Replace it if it exists", "no-audio": "Keep the sound", "no-subtitles": "Keep the subtitles"},
     **{"factor": "Times as many frames", "fps": "Frames a second", "slow-motion": "Slow motion", "method": "Method"},
-    **{"input-fps": "Frame rate of the images", "start": "From", "end": "to", "codec": "Format"},
+    **{
+        "input-fps": "Frame rate of the images",
+        "retime": "Speed ramp",
+        "start": "From",
+        "end": "to",
+        "codec": "Format",
+    },
     **{"crf": "Smaller file” or “Higher quality", "lossless": "Without loss", "streams": "Streams to keep"},
     "resume": "Try again",
 }
@@ -82,7 +88,7 @@ class Choices:
     input_fps: str = ""
 
     def __post_init__(self) -> None:
-        check_choice("The kind of rate", self.rate, ("factor", "fps", "slow"))
+        check_choice("The kind of rate", self.rate, ("factor", "fps", "slow", "retime"))
         check_choice("The quality", self.quality, CRF_STEPS)
 
     @classmethod
@@ -98,7 +104,9 @@ class Choices:
         files.check_picked(self.input)
         output = files.output(self.folder, self.name)
         check_ending(self.input, output)
-        name = "fps" if self.rate == "fps" else "factor"
+        name = self.rate if self.rate in ("fps", "retime") else "factor"
+        if name == "retime" and "=" not in self.value:  # the name of a file, for a command line
+            raise OptionError("A speed ramp is at least two points, such as 0=0 4s=2s.")
         rate = options_from(OutputRate, {name: self.value, "slow_motion": self.rate == "slow"})
         texts = {name: getattr(self, name) or None for name in ("input_fps", "start", "end")}
         decoding = options_from(DecodeOptions, texts)

@@ -295,6 +295,7 @@ def test_output_is_no_link(client, films):
         ({"rate": "fps", "value": "0"}, ["--fps", "0"]),
         ({"rate": "factor", "value": "two"}, ["--factor", "two"]),
         ({"rate": "slow", "value": "0"}, ["--factor", "0", "--slow-motion"]),
+        ({"rate": "retime", "value": "0=0 1s=9s"}, ["--retime", "0=0 1s=9s"]),
         ({"method": "magic"}, ["--method", "magic"]),
         ({"start": "soon"}, ["--start", "soon"]),
         ({"start": "2", "end": "1"}, ["--start", "2", "--end", "1"]),
@@ -877,6 +878,11 @@ def test_from_start_to_result(chromium, films, tmp_path, width, height, scheme):
             page.locator("#facts").get_by_text("constant").wait_for()
             tops = [page.locator(each).bounding_box()["y"] for each in ("#look", "#how")]
             assert width > 900 or tops[0] < tops[1], "on a phone the picture comes before the form"
+            page.get_by_label("Speed ramp").check()
+            page.get_by_label("Point 2").press("ArrowUp")
+            expect(page.get_by_label("Point 2")).to_be_focused()
+            expect(page.locator("[name=value]")).to_have_value("0s=0s 0.2s=0.3s 0.4s=0.3s")
+            page.get_by_label("Twice as many").check()
             page.get_by_label("Mix neighbours").check()
             expect(page.locator("#picture .tag.right")).to_have_text("blend")
             assert page.evaluate("document.documentElement.scrollWidth") == width

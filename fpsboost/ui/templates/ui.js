@@ -277,8 +277,8 @@ function showStreams() {
 /** The name that says what a clip becomes. */
 function nameFor(clip) {
   const [rate, value = form.elements.value.value.trim()] = form.elements.kind.value.split(":");
-  const end = { factor: `${value}x`, fps: `${value}fps`, slow: `slow-${value}x` }[rate];
-  return /^[\d.]+$/.test(value) ? clip.choices.name.replace(/-2x(-\d+)?(?=[./][^/]*$)/, `-${end}`) : clip.choices.name;
+  const end = { factor: `${value}x`, fps: `${value}fps`, slow: `slow-${value}x`, retime: "ramp" }[rate];
+  return /^[\d.]+$/.test(value) || rate === "retime" ? clip.choices.name.replace(/-2x(-\d+)?(?=[./][^/]*$)/, `-${end}`) : clip.choices.name;
 }
 
 /** The name follows what the clip becomes, until the user writes another. */
@@ -288,11 +288,155 @@ function suggestName() {
 
 function showOwn() {
   const [rate, value] = form.elements.kind.value.split(":");
-  const words = { factor: "Times as many frames", fps: "Frames a second", slow: "Times as long" };
+  const words = { factor: "Times as many frames", fps: "Frames a second", slow: "Times as long", retime: "Output = source" };
   byId("own").hidden = value !== undefined;
+  byId("own").dataset.kind = rate;
   byId("own").firstElementChild.textContent = words[rate];
-  form.elements.value.value ||= rate === "fps" ? "50" : "3";
+  const input = form.elements.value;
+  if ((rate === "retime") !== input.value.includes("=")) input.value = "";
+  const half = Math.round(length() * 5) / 10;
+  input.value ||= rate === "retime" ? curveText([[0, 0], [half, half], [half * 2, half * 1.5]]) : rate === "fps" ? "50" : "3";
+  input.inputMode = rate === "retime" ? "text" : "decimal";
+  byId("ramp").hidden = rate !== "retime";
+  if (rate === "retime") drawCurve();
 }
+
+// ---------------------------------------------------------------- speed ramp
+
+/** Length of the clip, seconds; a guess if it is not known, or counted in images. */
+function length() {
+  const { last } = state;
+  return last && !state.clip.is_images ? last : 4;
+}
+
+/** Points of a curve in seconds; null if it is written in other units. */
+function pointsOf(text) {
+  const words = text.trim().split(/\s+/).filter((word) => word !== "smooth");
+  const points = words.map((word) => /^([\d.]+)s?=([\d.]+)s?$/.exec(word)?.slice(1).map(Number));
+  return points.length > 1 && points.every(Boolean) ? points : null;
+}
+
+function curveText(points) {
+  const seconds = (value) => `${Math.round(value * 1000) / 1000}s`;
+  return [...(byId("smooth").checked ? ["smooth"] : []), ...points.map((point) => point.map(seconds).join("="))].join(" ");
+}
+
+function setCurve(points, place) {
+  form.elements.value.value = curveText(points);
+  form.elements.value.dispatchEvent(new Event("input", { bubbles: true }));
+  byId("ramp").querySelectorAll("circle")[place]?.focus();
+}
+
+/** Draw the curve with its points, which pointer and arrow keys move between their neighbours. */
+function drawCurve() {
+  const svg = byId("ramp").querySelector("svg"), points = pointsOf(form.elements.value.value);
+  svg.toggleAttribute("hidden", !points);
+  if (!points || state.drags) return points && place(points);
+  const draw = (name, attributes) => {
+    const element = document.createElementNS("http://www.w3.org/2000/svg", name);
+    for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+    return element;
+  };
+  const dots = points.map((_, number) => {
+    const dot = draw("circle", { r: 7, tabindex: 0, role: "slider" });
+    dot.addEventListener("keydown", (event) => {
+      const step = event.shiftKey ? 1 : 0.1;
+      const [x, y] = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] }[event.key] ?? [0, 0];
+      const now = pointsOf(form.elements.value.value);
+      if (x || y) move(now, number, now[number][0] + x, now[number][1] + y);
+      else if (event.key === "Delete" && now.length > 2) setCurve(now.filter((_, each) => each !== number), Math.max(0, number - 1));
+      else return;
+      event.preventDefault();
+    });
+    dot.addEventListener("pointerdown", (event) => {
+      dot.setPointerCapture(event.pointerId);
+      state.drags = scaleOf(points); // the scale stays while a point is dragged
+    });
+    dot.addEventListener("pointermove", (event) => {
+      if (!state.drags) return;
+      const box = svg.getBoundingClientRect();
+      const [x, y] = [((event.clientX - box.left) / box.width) * 360, ((event.clientY - box.top) / box.height) * 200];
+      const { end, top } = state.drags;
+      move(pointsOf(form.elements.value.value), number, ((x - 34) / 310) * end, ((176 - y) / 160) * top);
+    });
+    for (const name of ["pointerup", "pointercancel"]) {
+      dot.addEventListener(name, () => {
+        state.drags = null;
+        drawCurve();
+        byId("ramp").querySelectorAll("circle")[number]?.focus();
+      });
+    }
+    return dot;
+  });
+  const texts = ["end", "middle", "end", "start"].map((anchor) => draw("text", { "text-anchor": anchor }));
+  svg.replaceChildren(draw("path", { d: "M34 16V176H344" }), draw("path", { class: "line" }), ...texts, ...dots);
+  place(points);
+}
+
+function scaleOf(points) {
+  return { end: points.at(-1)[0] * 1.15, top: Math.max(length(), ...points.map((point) => point[1])) };
+}
+
+/** Slopes of a monotone cubic at its points, as in fpsboost/timing/time_map.py. */
+function slopesOf(points) {
+  const widths = points.slice(1).map(([x], k) => x - points[k][0]);
+  const rises = points.slice(1).map(([, y], k) => (y - points[k][1]) / widths[k]);
+  const endSlope = ([h0, h1], [d0, d1]) => {
+    if (d1 === undefined) return d0;
+    const slope = d0 + ((d0 - d1) * h0) / (h0 + h1);
+    if (slope * d0 <= 0) return 0;
+    return d0 * d1 <= 0 && Math.abs(slope) > 3 * Math.abs(d0) ? 3 * d0 : slope;
+  };
+  const inner = rises.slice(1).map((after, k) => {
+    const before = rises[k], [h0, h1] = [widths[k], widths[k + 1]];
+    return before * after > 0 ? (3 * (h0 + h1)) / ((h0 + 2 * h1) / before + (2 * h0 + h1) / after) : 0;
+  });
+  return [endSlope(widths, rises), ...inner, endSlope(widths.toReversed(), rises.toReversed())];
+}
+
+/** Put line, points and labels where they belong. */
+function place(points) {
+  const svg = byId("ramp").querySelector("svg"), { end, top } = state.drags ?? scaleOf(points);
+  const at = points.map(([x, y]) => [34 + (x / end) * 310, 176 - (y / top) * 160]);
+  const slopes = byId("smooth").checked ? slopesOf(at) : [];
+  const parts = at.slice(1).map(([x1, y1], k) => {
+    const [x0, y0] = at[k], third = (x1 - x0) / 3;
+    return slopes.length ? `C${x0 + third} ${y0 + third * slopes[k]} ${x1 - third} ${y1 - third * slopes[k + 1]} ${x1} ${y1}` : `L${x1} ${y1}`;
+  });
+  svg.querySelector(".line").setAttribute("d", `M${at[0].join(" ")}${parts.join("")}`);
+  const labels = [[30, 20, `${top.toFixed(1)} s`], [189, 194, "output"], [344, 190, `${end.toFixed(1)} s`], [30, 11, "source"]];
+  svg.querySelectorAll("text").forEach((text, number) => {
+    const [x, y, words] = labels[number];
+    text.setAttribute("x", x);
+    text.setAttribute("y", y);
+    text.textContent = words;
+  });
+  svg.querySelectorAll("circle").forEach((dot, number) => {
+    const [x, y] = points[number].map((value) => Math.round(value * 1000) / 1000);
+    dot.setAttribute("cx", at[number][0]);
+    dot.setAttribute("cy", at[number][1]);
+    dot.setAttribute("aria-label", `Point ${number + 1}`);
+    dot.setAttribute("aria-valuenow", y);
+    dot.setAttribute("aria-valuetext", `at ${x} s of the output, ${y} s of the source`);
+  });
+}
+
+/** Move a point; output times keep their order, the first one stays at 0, and no time leaves the clip. */
+function move(points, number, x, y) {
+  const before = number ? points[number - 1][0] + 0.05 : 0, after = number ? (points[number + 1]?.[0] ?? Infinity) - 0.05 : 0;
+  points[number] = [Math.min(Math.max(x, before), after), Math.min(Math.max(y, 0), length())];
+  setCurve(points, number);
+}
+
+byId("add-point").addEventListener("click", () => {
+  const points = pointsOf(form.elements.value.value) ?? [[0, 0], [1, 1]];
+  const [x, y] = points.at(-1), [x0, y0] = points.at(-2);
+  setCurve([...points.slice(0, -1), [(x0 + x) / 2, (y0 + y) / 2], points.at(-1)], points.length - 1);
+});
+byId("smooth").addEventListener("input", () => {
+  const points = pointsOf(form.elements.value.value);
+  if (points) setCurve(points, -1);
+});
 
 let checks = 0;
 let soon;
