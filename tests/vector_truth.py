@@ -47,11 +47,7 @@ def save_translation(folder: Path, count: int, size: tuple[int, int], dx: float,
 
 
 def save_object(
-    folder: Path,
-    depth_folder: Path,
-    covered: Callable[[int], Array],
-    count: int,
-    motion: tuple[float, float],
+    folder: Path, depth_folder: Path, covered: Callable[[int], Array], count: int, motion: tuple[float, float]
 ) -> None:
     """Vectors and depth of an object, at distance 2, that moves before a background that stands still at 10."""
     for number in range(count):

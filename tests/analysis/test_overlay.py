@@ -84,8 +84,7 @@ def test_thin_letters_stay(thick, shift, otherwise, colour, seed):
 
 
 @pytest.mark.parametrize(
-    ("channels", "dtype"),
-    [(1, np.uint8), (2, np.uint8), (4, np.uint8), (3, np.uint16), (3, np.float32)],
+    ("channels", "dtype"), [(1, np.uint8), (2, np.uint8), (4, np.uint8), (3, np.uint16), (3, np.float32)]
 )
 def test_letters_stay_in_every_type(channels, dtype):
     """Gray, with alpha, deep and float; the same pixels are found in all that have the same colours."""

@@ -97,10 +97,10 @@ def test_commands_are_those_of_the_documentation():
     assert commands.convert_command("fpsboost", trip, 3, vectors=False)[1:] == passes + progress
     assert commands.convert_command("fpsboost", trip, 3, vectors=True)[1:] == passes + follow + progress
     assert commands.plan_command("fpsboost", trip, 7.5)[1:] == [
-        *("plan", str(trip.renders), plan + "-unfinished", "--budget", "7.5%"),
+        *("plan", str(trip.renders), plan + "-unfinished", "--budget", "7.5%")
     ]
     assert commands.merge_command("fpsboost", trip)[1:] == [
-        *("merge", made, str(trip.regions), str(trip.merged) + "-unfinished", "--plan", plan),
+        *("merge", made, str(trip.regions), str(trip.merged) + "-unfinished", "--plan", plan)
     ]
 
 
@@ -368,10 +368,7 @@ def test_a_button_runs_the_command_beside_blender(extension, program, rendered):
     assert not commanding.FPSBOOST_OT_plan.poll(context)
     assert operator.modal(context, SimpleNamespace(type="MOUSEMOVE", value="NOTHING")) == {"PASS_THROUGH"}
     assert follow(operator, context) == {"FINISHED"}
-    assert operator.reports == [
-        ("WARNING", "1 pass is left out."),
-        ("INFO", f"All frames are in {rendered / 'made'}."),
-    ]
+    assert operator.reports == [("WARNING", "1 pass is left out."), ("INFO", f"All frames are in {rendered / 'made'}.")]
     assert context.window_manager.events == []
     assert commanding.FPSBOOST_OT_plan.poll(context)
     assert len(list((rendered / "made").iterdir())) == 5

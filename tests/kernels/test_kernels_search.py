@@ -41,8 +41,7 @@ def assert_fields_agree(field, expected, tolerance=TOLERANCE):
 
 @pytest.mark.parametrize("window", ["box", "gaussian"])
 @pytest.mark.parametrize(
-    ("height", "width", "radius"),
-    [(9, 13, 3), (16, 17, 1), (3, 5, 4), (1, 7, 2), (7, 1, 5), (2, 2, 6)],
+    ("height", "width", "radius"), [(9, 13, 3), (16, 17, 1), (3, 5, 4), (1, 7, 2), (7, 1, 5), (2, 2, 6)]
 )
 def test_fused_search_equals_its_slow_twin(window, height, width, radius):
     """Both directions find the twin's scores and motion, also in frames smaller than the search radius."""
@@ -56,7 +55,7 @@ def test_fused_search_equals_its_slow_twin(window, height, width, radius):
 @pytest.mark.parametrize("window", ["box", "gaussian"])
 @pytest.mark.parametrize(
     ("height", "width", "radius", "patch_radius"),
-    [(19, 23, 4, 1), (5, 9, 7, 10), (30, 11, 2, 5), (3, STRIP_WIDTH + 21, 1, 2), (12, 50, 1, 20)],
+    [(19, 23, 4, 1), (5, 9, 5, 10), (30, 11, 2, 5), (3, STRIP_WIDTH + 21, 1, 2), (12, 50, 1, 20)],
 )
 def test_fused_search_equals_full_image_passes(window, height, width, radius, patch_radius):
     """The kernel and the report's passes agree, over many rows and strips of columns, for patches of any size."""
@@ -81,7 +80,7 @@ def test_flat_frames_do_not_move(window, height, width):
 @pytest.mark.parametrize("axis", [0, 1])
 def test_ties_go_to_the_smallest_motion_and_then_in_raster_order(axis):
     """Stripes of period 2 that change places fit at -3, -1, 1 and 3 alike; -1 wins, in both fields."""
-    shape = [24, 24, 3]
+    shape = [18, 18, 3]
     stripes = np.zeros(shape, np.float32)
     stripes[(slice(None),) * axis + (slice(0, None, 2),)] = 1
     field01, field10 = search_fused(stripes, 1 - stripes, 4, 2, "box", 0.25)

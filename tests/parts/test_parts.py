@@ -94,10 +94,7 @@ VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
     "the same rhythm": {"rate": OutputRate(FACTOR, keep_timing=True)},
     "a rate": {"rate": OutputRate(fps=Fraction(60000 * 8, 1001))},
     "slow motion": {"rate": OutputRate(FACTOR, slow_motion=True, slow_motion_sound="stretch")},
-    "a range": {
-        "factor": FACTOR,
-        "decoding": DecodeOptions(Trim(Position(Fraction(2, 5)), Position(Fraction(2)))),
-    },
+    "a range": {"factor": FACTOR, "decoding": DecodeOptions(Trim(Position(Fraction(2, 5)), Position(Fraction(2))))},
     "a range of frames": {
         "factor": FACTOR,
         "decoding": DecodeOptions(Trim(Position(Fraction(11), is_frame=True), Position(Fraction(50), is_frame=True))),

@@ -267,11 +267,7 @@ def test_what_frames_between_hold_on_request(clip, tmp_path, options, types, sen
     ("options", "error", "sentence"),
     [
         ({"method": "dis-warp"}, OptionError, r"makes no layers.*choose nlm.*`passes='beauty'`"),
-        (
-            {"passes": "Gloss"},
-            InputError,
-            r"shot_0001\.exr has no layer 'Gloss' .*: ViewLayer\.CryptoObject00, ",
-        ),
+        ({"passes": "Gloss"}, InputError, r"shot_0001\.exr has no layer 'Gloss' .*: ViewLayer\.CryptoObject00, "),
         (
             {"passes": "all", "out": "#.tif"},
             OptionError,
