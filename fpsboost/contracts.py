@@ -181,6 +181,10 @@ class Summary:
     """Duplicate frames that were interpolated across."""
     replaced: list[int] = field(default_factory=list)
     """Numbers of the frames that were replaced because they are damaged, counted from 0 in the source."""
+    unsure_frames: int = 0
+    """Interpolated frames with places where motion is unsure, so that something else is shown there."""
+    unsure_pixels: float = 0.0
+    """Their unsure pixels, in frames."""
     completed_frames: int = 0
     """Frames of `frames_out` that an earlier run had finished."""
     seconds: float = 0.0

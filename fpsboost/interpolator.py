@@ -31,6 +31,7 @@ from fpsboost.pair import Layered, Pair, as_bgr
 from fpsboost.synthesis import FramePair, FusesHypotheses, InterpolatedImage, Synthesizer
 from fpsboost.synthesis.agreement import measure_agreement
 from fpsboost.synthesis.blend import Blend, Nearest
+from fpsboost.synthesis.fallback import Uncertain, fall_back, measure_doubt
 from fpsboost.synthesis.layers import MixesLayers
 from fpsboost.synthesis.warp import Extrapolate
 from fpsboost.threads import available_cores
@@ -94,6 +95,12 @@ class Interpolator:
     match_grain : bool
         Add noise to interpolated frames in place of what averaging has removed, so that they are as grainy as the two
         frames. For methods that follow motion: texture that is not followed may be taken for grain.
+    uncertain : {'keep', 'blend', 'nearest', 'hold'}
+        What is shown where the confidence is lower than `below`: the result all the same; with soft edges, the mix of
+        both frames or the nearer one; or the nearer one as a whole, if a fifth of the frame is unsure. It is decided
+        once for a pair, by the confidence halfway.
+    below : float
+        Limit of confidence, 0 to 1.
 
     Examples
     --------
@@ -114,9 +121,14 @@ class Interpolator:
     duplicates: DuplicateDetector | None = DuplicateDetector()
     replacement: Replacement | None = None
     match_grain: bool = False
+    uncertain: Uncertain = "keep"
+    below: float = 0.4
 
     def __post_init__(self) -> None:
         check_choice("`at_cuts`", self.at_cuts, get_args(AtCuts))
+        check_choice("`uncertain`", self.uncertain, get_args(Uncertain))
+        if not 0 <= self.below <= 1:
+            raise OptionError(f"`below` must be 0 to 1, not {self.below}.")
 
     @property
     def takes_planes(self) -> bool:
@@ -128,7 +140,9 @@ class Interpolator:
     def takes_layers(self) -> bool:
         """Whether images may be `LayeredImage`."""
         parts = self.synthesizer, CUT_SYNTHESIZERS[self.at_cuts]
-        return not self.match_grain and all(isinstance(part, MixesLayers) for part in parts)
+        return (
+            not self.match_grain and self.uncertain == "keep" and all(isinstance(part, MixesLayers) for part in parts)
+        )
 
     @property
     def has_confidence(self) -> bool:
@@ -277,9 +291,26 @@ class Interpolator:
             frame_pair = FramePair(image0, image1, *fields)
             return _generate(CUT_SYNTHESIZERS[self.at_cuts], frame_pair, pair.layered, times)
         frame_pair = self.frame_pair(pair, before, after)
-        images = _generate(self.synthesizer, frame_pair, pair.layered, times, with_confidence=with_confidence)
-        # layers are mixed as the frames are, so that sums of layers stay sums
-        return images if pair.layered is not None else self._finish(images, times, pair, before, after)
+
+        def make(times: list[float]) -> Iterator[Interpolated]:
+            needs_confidence = with_confidence or self.uncertain != "keep"
+            images = _generate(self.synthesizer, frame_pair, pair.layered, times, with_confidence=needs_confidence)
+            # layers are mixed as the frames are, so that sums of layers stay sums
+            return images if pair.layered is not None else self._finish(images, times, pair, before, after)
+
+        return make(times) if self.uncertain == "keep" else self._fall_back(make, times, pair)
+
+    def _fall_back(
+        self, make: Callable[[list[float]], Iterator[Interpolated]], times: list[float], pair: Pair
+    ) -> Iterator[Interpolated]:
+        """Make images, and replace them where the image halfway between the two is unsure."""
+        halfway = list(make([0.5])) if times == [0.5] or pair.doubt_share is None else []
+        doubt = pair.doubt(lambda: measure_doubt(np.asarray(halfway[0][1]), self.below, self.uncertain))
+        for (image, confidence), t in zip(halfway if times == [0.5] else make(times), times, strict=True):
+            pixels = view(image).picture
+            frames = (each if view(pixels).coding else as_bgr(each) for each in (pair.image0, pair.image1))
+            image0, image1 = (each.pixels for each in frames)
+            yield fall_back(pixels, image0, image1, t, doubt, mix=self.uncertain == "blend"), confidence
 
     def frame_pair(self, pair: Pair, before: Pair | None, after: Pair | None) -> FramePair:
         """Return what the synthesizer takes of two frames that motion connects, and of the pairs before and after."""

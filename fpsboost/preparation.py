@@ -409,7 +409,8 @@ def _check_layers(images: NumberedImages | None, interpolator: Interpolator, rat
             f"`at_cuts='extrapolate'` makes no layers, and {first} has some ({names}); give `at_cuts='repeat'`, or "
             "`passes='beauty'` for the picture alone."
         )
-    for option, is_given in (("`match_grain`", interpolator.match_grain), ("`shutter`", rate.shutter is not None)):
+    given = {"`match_grain`": interpolator.match_grain, "`shutter`": rate.shutter is not None}
+    for option, is_given in {**given, "`uncertain`": interpolator.uncertain != "keep"}.items():
         if is_given:
             raise OptionError(
                 f"{option} changes the picture alone, and {first} has layers ({names}); leave it out, or give "

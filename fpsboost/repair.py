@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,11 @@ from fpsboost.errors import InputError
 from fpsboost.interpolator import with_neighbours
 from fpsboost.timing.replacement import MAX_RUN, TOO_LONG, Replacement, as_ranges
 
+SHARE = 0.78
+"""Largest match score of a band of a damaged frame, as a fraction of that of its neighbours with each other. It is 0.83
+and more in 27 clips without damage."""
+LEAST = 0.3  # match score of the neighbours in a band that is looked at
+BAND = 0.2  # height of a band, as a fraction of that of the frame
 CERTAIN_AFTER = 2
 """Number of frames, from where reading begins, of which it is not certain whether they are damaged."""
 
@@ -22,59 +26,40 @@ Marked = tuple[SourceFrame, bool]
 """Frame, and whether it is damaged."""
 
 
-@dataclass(frozen=True)
-class DamageDetector:
-    """Detector of single frames that neither neighbour explains: flashes, dropouts, torn fields.
+def find_damaged(frames: Iterable[SourceFrame]) -> Iterator[Marked]:
+    """Yield each frame and whether no neighbour explains it: single frames with flashes, dropouts or torn fields.
 
     Somewhere, such a frame matches both of its neighbours far less than they match each other. In fast motion, it is
     the other way round: frames two apart match less than those one apart. As damage often lies in a part of the lines,
     match scores are compared in bands of them. Where frames that stand out follow each other or alternate with others,
-    as in a strobe, none is taken for damaged.
-
-    Parameters
-    ----------
-    share : float
-        Largest match score of a band of a damaged frame, as a fraction of that of the neighbours with each other, 0 to
-        1. In 27 clips without damage, it is 0.83 and more.
-    least : float
-        Smallest match score of the neighbours with each other of a band that is looked at.
-    band : float
-        Height of a band, as a fraction of that of the frame.
-    matches : CutDetector
-        Matches frames.
+    as in a strobe, none is taken for damaged: the two frames before and the two after it decide.
     """
+    for before, (frame, is_out), after in with_neighbours(_standing_out(frames)):
+        yield frame, is_out and not any(each[1] for each in (before, after) if each)
 
-    share: float = 0.78
-    least: float = 0.3
-    band: float = 0.2
-    matches: CutDetector = CutDetector()
 
-    def find(self, frames: Iterable[SourceFrame]) -> Iterator[Marked]:
-        """Yield each frame and whether it is damaged, as the two frames before and the two after it tell."""
-        for before, (frame, is_out), after in with_neighbours(self._standing_out(frames)):
-            is_alone = not any(each[1] for each in (before, after) if each)
-            yield frame, is_out and is_alone
+def _standing_out(frames: Iterable[SourceFrame]) -> Iterator[Marked]:
+    matched_before = nothing_known = np.ones((1, 1), np.float32)
+    for before, frame, after in with_neighbours(frames):
+        matched = nothing_known if after is None else _match(frame, after)
+        own, is_out = _bands(np.maximum(matched_before, matched)), False
+        if before is not None and after is not None and own.min() < SHARE:  # or no match can exceed it enough
+            across = _bands(_match(before, after))
+            is_out = bool(((own < SHARE * across) & (across >= LEAST)).any())
+        yield frame, is_out
+        matched_before = matched
 
-    def _standing_out(self, frames: Iterable[SourceFrame]) -> Iterator[Marked]:
-        matched_before = np.ones((1, 1), np.float32)  # of the first and the last frame, nothing is known
-        for before, frame, after in with_neighbours(frames):
-            matched = np.ones((1, 1), np.float32) if after is None else self._match(frame, after)
-            own, is_out = self._bands(np.maximum(matched_before, matched)), False
-            if before is not None and after is not None and own.min() < self.share:  # or no match can exceed it enough
-                across = self._bands(self._match(before, after))
-                is_out = bool(((own < self.share * across) & (across >= self.least)).any())
-            yield frame, is_out
-            matched_before = matched
 
-    def _match(self, frame0: SourceFrame, frame1: SourceFrame) -> NDArray[Any]:
-        """Return how well the thumbnails of two frames match, the worse direction at each pixel."""
-        matched: NDArray[Any] = np.minimum(*self.matches.match_maps(frame0.image, frame1.image))
-        return matched
+def _match(frame0: SourceFrame, frame1: SourceFrame) -> NDArray[Any]:
+    """Return how well the thumbnails of two frames match, the worse direction at each pixel."""
+    matched: NDArray[Any] = np.minimum(*CutDetector().match_maps(frame0.image, frame1.image))
+    return matched
 
-    def _bands(self, matched: NDArray[Any]) -> NDArray[Any]:
-        """Return the means of all bands of lines."""
-        lines = max(1, round(self.band * len(matched)))
-        return np.convolve(matched.mean(axis=1), np.full(lines, 1 / lines), "valid")
+
+def _bands(matched: NDArray[Any]) -> NDArray[Any]:
+    """Return the means of all bands of lines."""
+    lines = max(1, round(BAND * len(matched)))
+    return np.convolve(matched.mean(axis=1), np.full(lines, 1 / lines), "valid")
 
 
 def group_replaced(
@@ -87,7 +72,7 @@ def group_replaced(
     """
     group: list[SourceFrame] = []
     number, end = 0, None
-    marked = DamageDetector().find(frames) if replacement.detect else ((frame, False) for frame in frames)
+    marked = find_damaged(frames) if replacement.detect else ((frame, False) for frame in frames)
     for _, (frame, is_damaged), after in with_neighbours(marked):
         place, following = frame.image.source_position, after and after[0].image.source_position
         assert place is not None, "known of every frame of a clip"

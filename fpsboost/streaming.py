@@ -375,6 +375,8 @@ class _Part(NamedTuple):
     begin: int
     """Place of the first of them in the interval."""
     outputs: list[_Output]
+    unsure: list[float]
+    """Shares of those that are interpolated in which the frames are shown because motion is unsure."""
 
 
 def _output_frames(
@@ -387,8 +389,10 @@ def _output_frames(
     """Yield the output frames without durations, or the samples of each; note when the clip ends."""
     source, summary = clip.presented(frames), clip.summary
     scenes = 0
-    for interval, begin, outputs in in_order(_tasks(clip, clip.groups(source, detector))):
+    for interval, begin, outputs, unsure in in_order(_tasks(clip, clip.groups(source, detector))):
         summary.frames_made += sum(each.is_new for each in outputs if each.number in clip.outputs)
+        summary.unsure_frames += sum(share > 0 for share in unsure)
+        summary.unsure_pixels += sum(unsure)
         if begin == 0:
             scenes += interval.scene_cut
             if clip.counts(interval):
@@ -479,7 +483,7 @@ def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: 
         _add_motion(finished, interval, neighbours)
     if begin == 0 and clip.counts(interval) and not interval.scene_cut:
         interval.match = clip.measure_match(interval)
-    return _Part(interval, begin, finished)
+    return _Part(interval, begin, finished, [pair.doubt_share or 0.0] * len(times))
 
 
 def _add_motion(outputs: list[_Output], interval: _Interval, neighbours: Neighbours) -> None:

@@ -26,7 +26,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, Tex
 from rich.text import Text
 
 from fpsboost.cli.options import MessageOptions, in_flags
-from fpsboost.errors import notes_of
+from fpsboost.errors import notes_of, rounded
 from fpsboost.kernels.compiling import told_of_compiling
 from fpsboost.timing.position import format_time
 from fpsboost.timing.replacement import as_ranges
@@ -260,6 +260,9 @@ class Reporter(ExitStack):
             file = f", {summary.lowest_match_file}" if summary.lowest_match_file else ""
             where = f", least certain at {format_time(lowest.time)} (frame {lowest.number}{file})"
         self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({_speed(summary):.1f} frames/s){where}")
+        if summary.unsure_frames:
+            share = rounded(100 * summary.unsure_pixels / summary.unsure_frames, 2)
+            self._say(f"Unsure: {share} % of the pixels of {summary.unsure_frames} frames, where motion is not used.")
         if summary.replaced:
             self._say(f"Replaced: {as_ranges(summary.replaced)}.")
         for remark in summary.remarks:
@@ -306,6 +309,8 @@ class JsonReporter(ExitStack):
             "frames_made": summary.frames_made,
             "duplicates": summary.duplicates,
             "replaced": summary.replaced,
+            "unsure_frames": summary.unsure_frames,
+            "unsure_pixels": round(summary.unsure_pixels, 4),
             "scene_cuts": summary.scene_cuts,
             "seconds": round(summary.seconds, 3),
             "least_certain": _least_certain(summary),

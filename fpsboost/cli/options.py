@@ -82,13 +82,17 @@ class MethodOptions:
     )
     duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate or keep.")
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
+    uncertain: Literal["keep", "blend", "nearest", "hold"] = option(
+        "keep", "Where motion is unsure: keep, blend, nearest or hold."
+    )
+    below: float = option(0.4, "Confidence below which it is unsure, 0 to 1.")
     rendered: RenderedOptions = RenderedOptions()
 
     def interpolator(self, tuning: TuningOptions) -> Interpolator:
         from fpsboost.method_table import configure, find_method  # noqa: PLC0415
 
         interpolator = configure(find_method(self.method, self.rendered.folder), self.method, tuning.given)
-        interpolator = replace(interpolator, match_grain=self.match_grain)
+        interpolator = replace(interpolator, match_grain=self.match_grain, uncertain=self.uncertain, below=self.below)
         return interpolator if self.duplicates == "interpolate" else replace(interpolator, duplicates=None)
 
 

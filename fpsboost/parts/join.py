@@ -179,6 +179,8 @@ def _summary(parts: Sequence[PartFiles]) -> Summary:
         frames_made=sum(each.frames_made for each in summaries),
         scene_cuts=sum(each.scene_cuts for each in summaries),
         duplicates=sum(each.duplicates for each in summaries),
+        unsure_frames=sum(each.unsure_frames for each in summaries),
+        unsure_pixels=sum(each.unsure_pixels for each in summaries),
         replaced=[number for each in summaries for number in each.replaced],
     )
     intervals = [each.frame_intervals for each in summaries if each.frame_intervals.longest]

@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import groupby
 from typing import TYPE_CHECKING, Self
 
 from fpsboost.errors import InputError, OptionError, explained
@@ -105,13 +106,9 @@ class Replacement:
 
 def as_ranges(numbers: Iterable[int]) -> str:
     """Return rising numbers as text, those that follow each other as a range: ``120-122, 340``."""
-    runs = list[list[int]]()
-    for number in numbers:
-        if runs and number == runs[-1][1] + 1:
-            runs[-1][1] = number
-        else:
-            runs.append([number, number])
-    return ", ".join(f"{first}" if first == last else f"{first}-{last}" for first, last in runs)
+    runs = groupby(enumerate(numbers), lambda counted: counted[1] - counted[0])
+    found = ([number for _, number in run] for _, run in runs)
+    return ", ".join(f"{run[0]}" if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in found)
 
 
 def _parse_range(text: str, option: str) -> Range:
