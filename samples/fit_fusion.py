@@ -3,9 +3,10 @@
 CLIPS are folders that ``construct_clips.py`` has made, of other seeds than those that are judged by. Every second frame
 is hidden; of each, squares of two by two pixels are drawn, more of them where the plain weights err. The table of
 `fpsboost.synthesis.fusion_table` is what makes the mean squared error of the mixture at these squares least, relative
-to that of the plain weights, with an additional price on every square that becomes worse.
+to that of the plain weights, with an additional price on every square that becomes worse. It is found by Adam (Kingma
+and Ba 2015, arXiv:1412.6980), from plain weights and hinges of random directions.
 
-Needs numpy, numba, SciPy and OpenCV.
+Needs numpy, numba and OpenCV.
 """
 
 from __future__ import annotations
@@ -16,17 +17,17 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.fusion_features import (
     CELL_FEATURES,
+    CELLS,
     FEATURES,
     SCALAR_FEATURES,
     SQUARE_FEATURES,
@@ -40,7 +41,7 @@ from fpsboost.kernels.window_rows import SQUARES_PER_ROW
 from fpsboost.kernels.window_samples import WINDOW, locate_window, make_layer, sample_layer
 from fpsboost.method_table import configure, methods
 from fpsboost.synthesis import FramePair
-from fpsboost.synthesis.fusion_table import PAIRED, SINGLE, Coefficients, as_table
+from fpsboost.synthesis.fusion_table import TABLE, mirrored
 from fpsboost.synthesis.multi_hypothesis import MultiHypothesis, _full_samples
 
 KEPT = 8
@@ -49,19 +50,24 @@ KEPT = 8
 FLOOR = 0.3
 """Added to mean squared errors, levels squared, so that what is nearly right does not count for much."""
 
+EXCESS = 1.5
+"""Price of what squares become worse than with plain weights, beside that of all errors."""
+
 DECIBELS = 10 / math.log(10)
 
-MIN_DEVIATION = 0.02
+MIN_DEVIATION = 0.05
 """Least standard deviation of a feature that is assumed."""
 
-STIFFNESS = 2e-3
-"""Price of the distance from the start, in standard deviations of the features, squared."""
+HINGES = 8
 
-PLAIN: Coefficients = {"similarity": (18, 18), "constant": (-18, -78)}
-"""Plain weights; those of either frame alone are next to nothing."""
+CONSTANT = 19
+"""Number of the feature that is always 1."""
 
-START: Coefficients = {**PLAIN, "constant": (-18, -22)}
-"""Where the fit begins: either frame alone has a small weight, without which there is no gradient."""
+BATCH = 8
+"""Frames whose gradients make a step."""
+
+RATE, MAX_GRADIENT, MOMENTUM = 0.03, 5.0, (0.9, 0.999)
+"""Largest length of a step along each number; largest norm of a gradient; decay of its means and of its squares."""
 
 
 @dataclass
@@ -102,7 +108,7 @@ def describe_node(layer, window, t, motions, priors, support, weighting, around,
         describe_candidate(work.squared, weighting.scale, window, motions[k], priors[k], support[k], t, around, room)
         features[count, :SQUARE_FEATURES] = room.squares.reshape(SQUARE_FEATURES, SQUARES_PER_WINDOW)
         for n in range(CELL_FEATURES):
-            spread_cells(room.cells[n], room.between, spread, 0)
+            spread_cells(room.cells[n * CELLS : (n + 1) * CELLS], room, spread, 0)
             features[count, SQUARE_FEATURES + n] = spread
         for n in range(SCALAR_FEATURES):
             features[count, SQUARE_FEATURES + CELL_FEATURES + n] = room.scalars[n]
@@ -186,9 +192,25 @@ def draw_clip(folder: Path, count: int, seed: int) -> list[Squares]:
 
 
 @njit(nogil=True, fastmath=True)
-def mix_square(table, features, priors, mixed, change, shape, weights, sums, mean):
+def find_logits(rows, outputs, features, swapped, sums, logits):
+    """Write the sums of features of frame 0 and of frame 1, and the logarithms of the weights of all three options."""
+    for r in range(rows.shape[0]):
+        sums[r] = 0
+        for f in range(rows.shape[1]):
+            sums[r, 0] += rows[r, f] * features[f]
+            sums[r, 1] += rows[r, f] * swapped[f]
+    logits[0], logits[1], logits[2] = 0.5 * (sums[0, 0] + sums[0, 1]), sums[1, 0], sums[1, 1]
+    for n in range(outputs.shape[0]):
+        hinge0, hinge1 = max(sums[n + 2, 0], 0.0), max(sums[n + 2, 1], 0.0)
+        logits[0] += outputs[n, 0] * 0.5 * (hinge0 + hinge1)
+        logits[1] += outputs[n, 1] * hinge0
+        logits[2] += outputs[n, 1] * hinge1
+
+
+@njit(nogil=True, fastmath=True)
+def mix_square(rows, outputs, features, swapped, priors, mixed, change, shape, sums, weights, totals, mean):
     """Write the mixture at a square, and the weights of all options of all candidates and their sums by node."""
-    total = 0.0
+    total, logits = 0.0, np.empty(3)
     mean[:] = 0
     for n in range(4):
         if shape[n] <= 0:
@@ -198,13 +220,11 @@ def mix_square(table, features, priors, mixed, change, shape, weights, sums, mea
             if priors[n, k] <= 0:
                 weights[n, k] = 0
                 continue
+            find_logits(rows, outputs, features[n, k], swapped[n, k], sums[n, k], logits)
             for o in range(3):
-                logit = 0.0
-                for f in range(table.shape[1]):
-                    logit += table[o, f] * features[n, k, f]
-                weights[n, k, o] = priors[n, k] * np.exp(min(max(logit, -40.0), 20.0))
+                weights[n, k, o] = priors[n, k] * np.exp(min(max(logits[o], -40.0), 20.0))
                 W += weights[n, k, o]
-        sums[n] = W
+        totals[n] = W
         a = shape[n] / np.sqrt(W)
         total += a * W
         for k in range(priors.shape[1]):
@@ -219,11 +239,25 @@ def mix_square(table, features, priors, mixed, change, shape, weights, sums, mea
 
 
 @njit(nogil=True, fastmath=True)
-def measure(table, features, priors, mixed, change, shape, truth, errors):
+def measure(rows, outputs, features, swapped, priors, mixed, change, shape, truth, errors):
     """Write the mean squared error of each square."""
-    weights, sums, mean = np.zeros((4, priors.shape[2], 3)), np.ones(4), np.zeros(12)
+    kept = priors.shape[2]
+    sums, weights, totals, mean = np.zeros((4, kept, len(rows), 2)), np.zeros((4, kept, 3)), np.ones(4), np.zeros(12)
     for i in range(truth.shape[0]):
-        mix_square(table, features[i], priors[i], mixed[i], change[i], shape[i], weights, sums, mean)
+        mix_square(
+            rows,
+            outputs,
+            features[i],
+            swapped[i],
+            priors[i],
+            mixed[i],
+            change[i],
+            shape[i],
+            sums,
+            weights,
+            totals,
+            mean,
+        )
         error = 0.0
         for p in range(12):
             off = min(max(mean[p], 0.0), 255.0) - truth[i, p]
@@ -232,122 +266,181 @@ def measure(table, features, priors, mixed, change, shape, truth, errors):
 
 
 @njit(nogil=True, fastmath=True)
-def average_node(priors, mixed, change, weights, total, mean):
+def average_node(mixed, change, weights, total, mean):
     """Write the mean of a node's samples by the weights of its options."""
     mean[:] = 0
-    for k in range(priors.size):
+    for k in range(len(mixed)):
         both, lean = weights[k].sum() / total, 0.5 * (weights[k, 2] - weights[k, 1]) / total
         for p in range(12):
             mean[p] += both * mixed[k, p] + lean * change[k, p]
 
 
 @njit(nogil=True, fastmath=True)
-def differentiate(table, features, priors, mixed, change, shape, truth, price, gradient):
-    """Add the gradient of the errors, each times its price, with respect to the table."""
+def pull_numbers(rows, outputs, features, swapped, sums, pull, row_slopes, output_slopes):
+    """Add the gradient of a candidate, given that with respect to the three logarithms."""
+    for r in range(rows.shape[0]):
+        pull0, pull1 = 0.5 * pull[0], 0.5 * pull[0]
+        if r == 1:
+            pull0, pull1 = pull[1], pull[2]
+        elif r > 1:
+            both, alone = outputs[r - 2]
+            hinge0, hinge1 = max(sums[r, 0], 0.0), max(sums[r, 1], 0.0)
+            output_slopes[r - 2, 0] += pull[0] * 0.5 * (hinge0 + hinge1)
+            output_slopes[r - 2, 1] += pull[1] * hinge0 + pull[2] * hinge1
+            pull0 = (pull[0] * 0.5 * both + pull[1] * alone) * (hinge0 > 0)
+            pull1 = (pull[0] * 0.5 * both + pull[2] * alone) * (hinge1 > 0)
+        for f in range(rows.shape[1]):
+            row_slopes[r, f] += pull0 * features[f] + pull1 * swapped[f]
+
+
+@njit(nogil=True, fastmath=True)
+def differentiate(
+    rows, outputs, features, swapped, priors, mixed, change, shape, truth, price, row_slopes, output_slopes
+):
+    """Add the gradient of the errors, each times its price, with respect to the rows and the outputs."""
     kept = priors.shape[2]
-    weights, sums, mean = np.zeros((4, kept, 3)), np.ones(4), np.zeros(12)
-    slope, here = np.zeros(12), np.zeros(12)
+    sums, weights, totals, mean = np.zeros((4, kept, len(rows), 2)), np.zeros((4, kept, 3)), np.ones(4), np.zeros(12)
+    slope, here, pull = np.zeros(12), np.zeros(12), np.zeros(3)
     for i in range(truth.shape[0]):
-        total = mix_square(table, features[i], priors[i], mixed[i], change[i], shape[i], weights, sums, mean)
+        total = mix_square(
+            rows,
+            outputs,
+            features[i],
+            swapped[i],
+            priors[i],
+            mixed[i],
+            change[i],
+            shape[i],
+            sums,
+            weights,
+            totals,
+            mean,
+        )
         for p in range(12):
             inside = 0 <= mean[p] <= 255
             slope[p] = price[i] * 2 * (mean[p] - truth[i, p]) / 12 if inside else 0.0
         for n in range(4):
             if shape[i, n] <= 0:
                 continue
-            average_node(priors[i, n], mixed[i, n], change[i, n], weights[n], sums[n], here)
-            share = shape[i, n] / np.sqrt(sums[n]) / total
+            average_node(mixed[i, n], change[i, n], weights[n], totals[n], here)
+            share = shape[i, n] / np.sqrt(totals[n]) / total
             for k in range(kept):
+                if priors[i, n, k] <= 0:
+                    continue
                 level, across = 0.0, 0.0
                 for p in range(12):
                     level += slope[p] * (mixed[i, n, k, p] - 0.5 * here[p] - 0.5 * mean[p])
                     across += slope[p] * 0.5 * change[i, n, k, p]
                 for o in range(3):
-                    pull = weights[n, k, o] * share * (level + (o == 2) * across - (o == 1) * across)
-                    for f in range(table.shape[1]):
-                        gradient[o, f] += pull * features[i, n, k, f]
+                    pull[o] = weights[n, k, o] * share * (level + (o == 2) * across - (o == 1) * across)
+                pull_numbers(
+                    rows, outputs, features[i, n, k], swapped[i, n, k], sums[n, k], pull, row_slopes, output_slopes
+                )
 
 
-NUMBERS = [(name, place) for names, count in ((SINGLE, 2), (PAIRED, 4)) for name in names for place in range(count)]
-"""Free numbers of the table: the name of a feature, and the place among its coefficients."""
+class Numbers(NamedTuple):
+    """What is fitted: the rows of a table, (2 + HINGES, FEATURES), and the outputs of the hinges, (HINGES, 2)."""
 
-
-def name_numbers(numbers: NDArray[Any]) -> Coefficients:
-    """Return the free numbers by the names of their features."""
-    found: dict[str, tuple[float, ...]] = {}
-    for (name, _), number in zip(NUMBERS, numbers, strict=True):
-        found[name] = (*found.get(name, ()), float(number))
-    return found
-
-
-BASIS = np.array([as_table(name_numbers(row)).astype(float) for row in np.eye(len(NUMBERS))])
-"""What each free number adds to the table."""
+    rows: NDArray[np.float64]
+    outputs: NDArray[np.float64]
 
 
 class Objective:
-    """What is minimised: how much smaller the mean squared error is than that of plain weights, dB, over all frames."""
+    """What is minimised: how much smaller the mean squared error is than that of plain weights, dB.
+
+    Numbers are those of features with a mean of 0 and a deviation of 1.
+    """
 
     def __init__(self, frames: Sequence[Squares]) -> None:
-        self._frames = [
-            (frame, (frame.features, frame.priors, frame.mixed, frame.change, frame.shape)) for frame in frames
-        ]
-        self._plain = [self._errors(as_table(PLAIN), number) for number in range(len(frames))]
-        every = np.concatenate([frame.features[frame.priors > 0] for frame in frames[:60]])
-        uses = (BASIS != 0).any(axis=1)
-        self.scales = 1 / np.maximum(uses @ every.std(0) / uses.sum(axis=1), MIN_DEVIATION)
+        every = np.concatenate([frame.features[frame.priors > 0][:400] for frame in frames])
+        every = np.concatenate([every, mirrored(every)])
+        self._means, self._deviations = every.mean(0), np.maximum(every.std(0), MIN_DEVIATION)
+        self._means[CONSTANT], self._deviations[CONSTANT] = 0, 1
+        self._frames = []
+        for frame in frames:
+            features = ((frame.features - self._means) / self._deviations).astype(np.float32)
+            swapped = np.ascontiguousarray(mirrored(features))
+            self._frames.append((frame, (features, swapped, frame.priors, frame.mixed, frame.change, frame.shape)))
+        plain = self.plain(-78)
+        self._plain = [self._errors(plain, number) for number in range(len(frames))]
 
-    def _errors(self, table: NDArray[np.float32], number: int) -> NDArray[np.float64]:
+    def plain(self, alone: float) -> Numbers:
+        """Return plain weights; those of either frame alone begin with this constant."""
+        rows = np.zeros((2 + HINGES, FEATURES))
+        rows[:2, 0], rows[:2, CONSTANT] = 18, (-18, alone)
+        return self.standardised(Numbers(rows, np.zeros((HINGES, 2))))
+
+    def standardised(self, numbers: Numbers) -> Numbers:
+        """Return numbers for features as they are as those that are fitted."""
+        rows = numbers.rows * self._deviations
+        rows[:, CONSTANT] += numbers.rows @ self._means
+        return Numbers(rows, numbers.outputs)
+
+    def raw(self, numbers: Numbers) -> Numbers:
+        """Return the numbers that are fitted as those for features as they are."""
+        rows = numbers.rows / self._deviations
+        rows[:, CONSTANT] -= rows @ self._means
+        return Numbers(rows, numbers.outputs)
+
+    def _errors(self, numbers: Numbers, number: int) -> NDArray[np.float64]:
         """Return the mean squared error of each square of a frame, levels squared."""
         frame, arrays = self._frames[number]
         errors = np.empty(frame.truth.shape[0])
-        measure(table, *arrays, frame.truth, errors)
+        measure(*numbers, *arrays, frame.truth, errors)
         return errors
 
-    def __call__(self, numbers: NDArray[Any], start: NDArray[Any]) -> tuple[float, NDArray[Any]]:
-        """Return the loss and its gradient; numbers are those of the table over `scales`, and stay near the start."""
-        table = np.tensordot(numbers * self.scales, BASIS, 1).astype(np.float32)
-        loss, gradient = 0.0, np.zeros((3, FEATURES))
-        for number, ((frame, arrays), plain) in enumerate(zip(self._frames, self._plain, strict=True)):
-            errors, weight = self._errors(table, number), frame.importance / frame.truth.shape[0]
+    def __call__(self, numbers: Numbers, chosen: Sequence[int]) -> tuple[float, Numbers]:
+        """Return the mean loss of the chosen frames and its gradient."""
+        loss, slopes = 0.0, Numbers(*map(np.zeros_like, numbers))
+        for number in chosen:
+            (frame, arrays), plain, errors = self._frames[number], self._plain[number], self._errors(numbers, number)
+            weight = frame.importance / frame.truth.shape[0]
             before, now = weight @ plain + FLOOR, weight @ errors + FLOOR
             worse = errors > plain + FLOOR
             excess = (weight * worse) @ (errors - plain - FLOOR)
-            loss += 10 * np.log10(now / before) + DECIBELS * excess / before
-            price = DECIBELS * weight * (1 / now + worse / before) / len(self._frames)
-            differentiate(table, *arrays, frame.truth, price, gradient)
-        apart = numbers - start
-        free = (BASIS.reshape(len(BASIS), -1) @ gradient.ravel()) * self.scales
-        return loss / len(self._frames) + 0.5 * STIFFNESS * apart @ apart, free + STIFFNESS * apart
+            loss += 10 * np.log10(now / before) + EXCESS * DECIBELS * excess / before
+            price = DECIBELS * weight * (1 / now + EXCESS * worse / before) / len(chosen)
+            differentiate(*numbers, *arrays, frame.truth, price, *slopes)
+        return loss / len(chosen), slopes
 
-    def gain(self, table: NDArray[np.float32]) -> NDArray[np.float64]:
+    def gain(self, numbers: Numbers) -> NDArray[np.float64]:
         """Return how many dB better than plain weights each frame is."""
         importance = [frame.importance for frame, _ in self._frames]
         return np.array(
             [
-                10 * np.log10((weight @ plain) / (weight @ self._errors(table, number)))
+                10 * np.log10((weight @ plain) / (weight @ self._errors(numbers, number)))
                 for number, (weight, plain) in enumerate(zip(importance, self._plain, strict=True))
             ]
         )
 
 
-def start(objective: Objective) -> NDArray[np.float64]:
-    """Return the numbers where a fit begins."""
-    return np.array([START.get(name, (0, 0, 0, 0))[place] for name, place in NUMBERS]) / objective.scales
+def start(objective: Objective) -> Numbers:
+    """Return where a fit begins: either frame alone has a small weight, without which there is no gradient."""
+    random, plain = np.random.default_rng(1), objective.plain(-22)
+    limit = FEATURES**-0.5
+    plain.rows[2:] = random.uniform(-limit, limit, (HINGES, FEATURES))
+    plain.outputs[:] = random.uniform(-0.1, 0.1, (HINGES, 2)) * HINGES**-0.5
+    return plain
 
 
-def fit(frames: Sequence[Squares], steps: int, tell: Callable[[int, Objective, Coefficients], None]) -> Coefficients:
-    """Return the table that fits the squares best, after so many steps from plain weights."""
-    objective, count = Objective(frames), itertools.count(1)
-    found = minimize(
-        objective,
-        start(objective),
-        args=(start(objective),),
-        jac=True,
-        method="L-BFGS-B",
-        callback=lambda numbers: tell(next(count), objective, name_numbers(numbers * objective.scales)),
-        options={"maxiter": steps},
-    )
-    return name_numbers(found.x * objective.scales)
+def fit(objective: Objective, count: int, epochs: int, tell: Callable[[int, Numbers], None]) -> Numbers:
+    """Return the numbers that fit `count` frames best, after so many epochs; the steps grow, then shrink."""
+    random, numbers = np.random.default_rng(2), start(objective)
+    batches, step = count // BATCH or 1, 0
+    means, squares = (Numbers(*map(np.zeros_like, numbers)) for _ in range(2))
+    for epoch in range(epochs):
+        for chosen in np.array_split(random.permutation(count), batches):
+            _, slopes = objective(numbers, chosen)
+            step += 1
+            rate = RATE * math.sin(math.pi * (step / (epochs * batches)) ** 0.6) ** 2
+            limit = min(1, MAX_GRADIENT / math.sqrt(sum((slope**2).sum() for slope in slopes)))
+            for number, slope, mean, square in zip(numbers, slopes, means, squares, strict=True):
+                mean[:] = MOMENTUM[0] * mean + (1 - MOMENTUM[0]) * limit * slope
+                square[:] = MOMENTUM[1] * square + (1 - MOMENTUM[1]) * (limit * slope) ** 2
+                unbiased = mean / (1 - MOMENTUM[0] ** step), square / (1 - MOMENTUM[1] ** step)
+                number[:] -= rate * unbiased[0] / (np.sqrt(unbiased[1]) + 1e-8)
+        tell(epoch + 1, numbers)
+    return numbers
 
 
 def main() -> None:
@@ -355,17 +448,28 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Fit the weights of the default method to drawn scenes.")
     parser.add_argument("clips", type=Path, nargs="+", help="folders of clips, as construct_clips.py makes them")
     parser.add_argument("--squares", type=int, default=300, help="drawn of each hidden frame (default: %(default)s)")
-    parser.add_argument("--steps", type=int, default=90, help="of the minimisation (default: %(default)s)")
+    parser.add_argument("--epochs", type=int, default=45, help="of the minimisation (default: %(default)s)")
     options = parser.parse_args()
     folders = [clip for folder in options.clips for clip in sorted(folder.iterdir()) if clip.is_dir()]
     frames = [frame for number, clip in enumerate(folders) for frame in draw_clip(clip, options.squares, 100 * number)]
+    objective = Objective(frames)
 
-    def tell(step: int, objective: Objective, table: Coefficients) -> None:
-        if step % 10 == 0:
-            print(f"# step {step}: {objective.gain(as_table(table)).mean():+.3f} dB", flush=True)
+    def tell(epoch: int, numbers: Numbers) -> None:
+        print(f"# epoch {epoch}: {objective.gain(numbers).mean():+.3f} dB", flush=True)
 
-    for name, values in fit(frames, options.steps, tell).items():
+    print_table(objective.raw(fit(objective, len(frames), options.epochs, tell)))
+
+
+def print_table(numbers: Numbers) -> None:
+    """Print the numbers as `fpsboost.synthesis.fusion_table` has them."""
+    rows, (both, alone) = (each.T.tolist() for each in numbers)
+    print("TABLE = {")
+    for name, values in zip(TABLE, rows, strict=True):
         print(f'    "{name}": ({", ".join(f"{value:.3g}" for value in values)}),')
+    print("}\nOUTPUTS = (")
+    for values in (both, alone):
+        print(f"    ({', '.join(f'{value:.3g}' for value in values)}),")
+    print(")")
 
 
 if __name__ == "__main__":

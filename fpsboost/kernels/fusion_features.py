@@ -42,11 +42,8 @@ CELLS = CELLS_PER_ROW * CELLS_PER_ROW
 CELL = WINDOW // CELLS_PER_ROW
 """Side of the cells for which the motion fields are looked up, pixels."""
 
-SQUARE_FEATURES, CELL_FEATURES, SCALAR_FEATURES = 9, 12, 5
+SQUARE_FEATURES, CELL_FEATURES, SCALAR_FEATURES = 7, 12, 5
 FEATURES = SQUARE_FEATURES + CELL_FEATURES + SCALAR_FEATURES
-
-SUFFICIENT = np.float32(0.9)
-"""Similarity below which a lack of it is a feature of its own."""
 
 FINE, COARSE = np.float32(100), np.float32(9)
 """Factors on squared differences for bandwidths of 0.03 and 0.1 instead of 0.3."""
@@ -89,7 +86,7 @@ class FeatureWork(NamedTuple):
     squares: NDArray[Any]
     """(SQUARE_FEATURES * SQUARES_PER_WINDOW,)."""
     cells: NDArray[Any]
-    """(CELL_FEATURES, CELLS)."""
+    """(CELL_FEATURES * CELLS,)."""
     scalars: NDArray[Any]
     """(SCALAR_FEATURES,)."""
     flatness: NDArray[Any]
@@ -108,6 +105,8 @@ class FeatureWork(NamedTuple):
     """Of `patch_shares`."""
     between: NDArray[Any]
     """Of `cell_shares`."""
+    spread: NDArray[Any]
+    """Rows of cells interpolated at the squares, (CELLS_PER_ROW * SQUARES_PER_ROW,)."""
 
 
 @njit(**FINITE_JIT)
@@ -172,25 +171,22 @@ def describe_squares(squared, scale, around, room):
     size = SQUARES_PER_WINDOW
     write_decay(squared, 0, nothing, scale, one, sums, 0)
     average_patches(sums, 0, room, squares, 0)
-    for i in range(Index(size)):
-        squares[Index(size) + i] = max(SUFFICIENT - squares[i], nothing)
     average_patches(squared, 0, room, means, 0)
     for n in range(2):
-        write_decay(means, 0, nothing, scale * (FINE if n == 0 else COARSE), one, squares, (2 + n) * size)
-    spread_cells(room.flatness, room.between, squares, 4 * size)
-    write_product(squares, 0, squares, 4 * size, squares, 5 * size)
+        write_decay(means, 0, nothing, scale * (FINE if n == 0 else COARSE), one, squares, (1 + n) * size)
+    spread_cells(room.flatness, room, squares, 3 * size)
     luma = room.luma
     for side in range(2):
-        to = (6 + side) * size
+        to = (4 + side) * size
         if around.luma[3 * side].size == 0:
             for i in range(Index(size)):
-                squares[Index(to) + i] = squares[Index(3 * size) + i]
+                squares[Index(to) + i] = squares[Index(2 * size) + i]
             continue
         write_distance(luma, (1 + side) * size, luma, 3 * side * size, sums, 0)
         write_product(sums, 0, sums, 0, sums, 0)
         average_patches(sums, 0, room, means, 0)
         write_decay(means, 0, nothing, LUMA_SCALE * FINE_LUMA, one, squares, to)
-    write_distance(squares, 6 * size, squares, 7 * size, squares, 8 * size)
+    write_distance(squares, 4 * size, squares, 5 * size, squares, 6 * size)
 
 
 @njit(**FINITE_JIT)
@@ -248,13 +244,14 @@ def describe_cells(window, motion, t, around, room):
                 similar, agree, consistent, flat = look_up(
                     around.points[k], (x0 + k * dx) * per_step, (y0 + k * dy) * per_step, sign * dx, sign * dy
                 )
-                cells[k, cell], cells[3 + k, cell], cells[6 + k, cell] = similar, agree, consistent
+                first = k * CELLS + cell
+                cells[first], cells[first + 3 * CELLS], cells[first + 6 * CELLS] = similar, agree, consistent
                 flatness[cell] += np.float32(0.5) * flat
             row = min(max(math.floor(y * per_step), 0), rows - 1)
             column = min(max(math.floor(x * per_step), 0), columns - 1)
-            cells[9, cell], cells[10, cell] = landings[0, row, column], landings[1, row, column]
-            for n in range(0, CELL_FEATURES, 3):
-                cells[n + 2, cell] = abs(cells[n, cell] - cells[n + 1, cell])
+            cells[9 * CELLS + cell], cells[10 * CELLS + cell] = landings[0, row, column], landings[1, row, column]
+            for n in range(cell, CELL_FEATURES * CELLS, 3 * CELLS):
+                cells[n + 2 * CELLS] = abs(cells[n] - cells[n + CELLS])
 
 
 @njit(**FINITE_JIT)
@@ -277,23 +274,27 @@ def look_up(points, x, y, dx, dy):
 
 
 @njit(**FINITE_JIT)
-def spread_cells(cells, between, out, to):
-    """Interpolate the values of the cells at each square of a window."""
+def spread_cells(cells, room, out, to):
+    """Interpolate the values of the cells at each square of a window: along rows, then along columns."""
+    between, rows, size = room.between, room.spread, SQUARES_PER_ROW
+    for i in range(Index(CELLS_PER_ROW * SQUARES_PER_ROW)):
+        rows[i] = 0
     for i in range(Index(SQUARES_PER_WINDOW)):
         out[Index(to) + i] = 0
-    for j in range(SQUARES_PER_ROW):
+    for v in range(CELLS_PER_ROW):
         for u in range(CELLS_PER_ROW):
-            value = np.float32(0)
-            for v in range(CELLS_PER_ROW):
-                value += between[v * SQUARES_PER_ROW + j] * cells[v * CELLS_PER_ROW + u]
-            scale_row(value, between, u * SQUARES_PER_ROW, out, to + j * SQUARES_PER_ROW)
+            scale_row(cells[v * CELLS_PER_ROW + u], between, u * size, rows, v * size)
+    for j in range(size):
+        first = min(max((2 * j - CELL // 2) // CELL, 0), CELLS_PER_ROW - 2)
+        for v in range(first, first + 2):
+            scale_row(between[v * size + j], rows, v * size, out, to + j * size)
 
 
 def make_feature_work() -> FeatureWork:
     """Return the work arrays for the features of a candidate."""
     return FeatureWork(
         np.empty(SQUARE_FEATURES * SQUARES_PER_WINDOW, np.float32),
-        np.empty((CELL_FEATURES, CELLS), np.float32),
+        np.empty(CELL_FEATURES * CELLS, np.float32),
         np.empty(SCALAR_FEATURES, np.float32),
         np.empty(CELLS, np.float32),
         np.empty(4 * SQUARES_PER_WINDOW, np.float32),
@@ -304,6 +305,7 @@ def make_feature_work() -> FeatureWork:
         np.empty(SQUARES_PER_WINDOW, np.float32),
         patch_shares(),
         cell_shares(),
+        np.empty(CELLS_PER_ROW * SQUARES_PER_ROW, np.float32),
     )
 
 

@@ -51,9 +51,13 @@ class Weighting(NamedTuple):
     accumulated weight of any pixel."""
     window_shape: NDArray[Any]
     """Of `fpsboost.kernels.multi_hypothesis`; (SQUARES_PER_WINDOW,) float32."""
-    table: NDArray[Any]
-    """Of the logarithm of the weight of both frames along a candidate, of frame 0 alone and of frame 1 alone, the
-    coefficients of the features, (3, FEATURES) float32; plain weights do not need it."""
+    even: NDArray[Any]
+    """Coefficients of the features, (rows, FEATURES) float32: for the logarithm of the weight of both frames along a
+    candidate, for that of either alone, and for each hinge; plain weights need none."""
+    odd: NDArray[Any]
+    """What is added to these coefficients for frame 0, and subtracted for frame 1, likewise."""
+    outputs: NDArray[Any]
+    """What each hinge adds to the logarithms for both frames and for its own alone, (hinges, 2) float32."""
 
 
 class NodeSums(NamedTuple):
@@ -148,10 +152,10 @@ def weigh_features(prior, t, weighting, work, sums):
     weights, similarities, most_similar, reached = sums
     one, count, similar = np.float32(1), Index(SQUARES_PER_WINDOW), features.squares
     sharpness, share1 = weighting.sharpness, np.float32(2) * t
+    sum_features(weighting, features, options)
     for option in range(3):
-        add_features(weighting.table[option], features, features.sums)
-        share = one if option == 0 else np.float32(2) - share1 if option == 1 else share1
-        write_decay(features.sums, 0, HIGHEST_LOGIT, -one, share * prior, options, option * SQUARES_PER_WINDOW)
+        share, at = one if option == 0 else np.float32(2) - share1 if option == 1 else share1, option * count
+        write_decay(options, at, HIGHEST_LOGIT, -one, share * prior, options, at)
     second, third = Index(SQUARES_PER_WINDOW), Index(2 * SQUARES_PER_WINDOW)
     for i in range(count):
         lean[i] = (one - t) * options[third + i] - t * options[second + i]
@@ -167,20 +171,43 @@ def weigh_features(prior, t, weighting, work, sums):
 
 
 @njit(**FINITE_JIT)
+def sum_features(weighting, features, logits):
+    """Write the logarithms of the weights of both frames, of frame 0 alone and of frame 1 alone along a candidate."""
+    even, odd, outputs, zero = features.sums, features.means, weighting.outputs, np.float32(0)
+    count, second, third = Index(SQUARES_PER_WINDOW), Index(SQUARES_PER_WINDOW), Index(2 * SQUARES_PER_WINDOW)
+    add_features(weighting.even[0], features, logits)
+    for row in range(1, weighting.even.shape[0]):
+        add_features(weighting.even[row], features, even)
+        add_features(weighting.odd[row], features, odd)
+        if row == 1:
+            for i in range(count):
+                logits[second + i] = even[i] + odd[i]
+                logits[third + i] = even[i] - odd[i]
+            continue
+        both, alone = outputs[row - 2, 0], outputs[row - 2, 1]
+        for i in range(count):
+            hinge0, hinge1 = max(even[i] + odd[i], zero), max(even[i] - odd[i], zero)
+            logits[i] = fma(both, hinge0 + hinge1, logits[i])
+            logits[second + i] = fma(alone, hinge0, logits[second + i])
+            logits[third + i] = fma(alone, hinge1, logits[third + i])
+
+
+@njit(**FINITE_JIT)
 def add_features(coefficients, features, total):
-    """Write the sum of the features of a candidate times their coefficients."""
+    """Write the sum of the features of a candidate times their coefficients, of which many may be 0."""
     squares, cells, scalars, cell_sums = features.squares, features.cells, features.scalars, features.flatness
     constant = np.float32(0)
     for n in range(SCALAR_FEATURES):
         constant += coefficients[SQUARE_FEATURES + CELL_FEATURES + n] * scalars[n]
     for k in range(CELLS):
         cell_sums[k] = constant
-        for n in range(CELL_FEATURES):
-            cell_sums[k] += coefficients[SQUARE_FEATURES + n] * cells[n, k]
-    spread_cells(cell_sums, features.between, total, 0)
+    for n in range(CELL_FEATURES):
+        scale_row(coefficients[SQUARE_FEATURES + n], cells, n * CELLS, cell_sums, 0)
+    spread_cells(cell_sums, features, total, 0)
     for n in range(SQUARE_FEATURES):
-        for j in range(0, SQUARES_PER_WINDOW, SQUARES_PER_ROW):
-            scale_row(coefficients[n], squares, n * SQUARES_PER_WINDOW + j, total, j)
+        if coefficients[n] != 0:
+            for j in range(0, SQUARES_PER_WINDOW, SQUARES_PER_ROW):
+                scale_row(coefficients[n], squares, n * SQUARES_PER_WINDOW + j, total, j)
 
 
 @njit(**FINITE_JIT)

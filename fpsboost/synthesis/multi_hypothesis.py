@@ -52,7 +52,7 @@ from fpsboost.motion.field import (
 )
 from fpsboost.motion.rendered import RenderedVectors
 from fpsboost.synthesis import FramePair, InterpolatedImage
-from fpsboost.synthesis.fusion_table import fusion_table
+from fpsboost.synthesis.fusion_table import fusion_coefficients
 from fpsboost.synthesis.layers import Mixed, Planes, Sources, find_sources, mix_layers
 from fpsboost.synthesis.rendered_hypothesis import SurfaceMotion, find_surface_motion
 from fpsboost.synthesis.surroundings import at_time, find_surroundings
@@ -298,7 +298,7 @@ class MultiHypothesis:
             np.float32(self.sufficient_similarity),
             np.float32(self.min_vote_share),
             window_shape(self.node_spacing),
-            fusion_table(),
+            *fusion_coefficients(),
         )
 
     def _listed(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[_Listed]:

@@ -34,7 +34,7 @@ from fpsboost.kernels.window_samples import (
     make_layer,
     sample_layer,
 )
-from fpsboost.synthesis.fusion_table import fusion_table
+from fpsboost.synthesis.fusion_table import fusion_coefficients
 
 
 def samples(image):
@@ -82,7 +82,7 @@ def blend(image0, image1, t, candidates, *, scale, sharpness, enough, negligible
         else tuple(-(-a // b) for a, b in zip(image0.shape[:2], chroma[0].shape[:2], strict=True)),
         np.float32(t),
         listed(candidates, spacing),
-        Weighting(*numbers, window_shape(spacing), fusion_table()),
+        Weighting(*numbers, window_shape(spacing), *fusion_coefficients()),
         None,
         ValueRange(*bounds, False),
         Blended(image, further, confidence),
@@ -219,7 +219,7 @@ def test_the_dominant_motion_equals_its_slow_twin(size, channels, t, largest, sp
         samples(image1),
         np.float32(t),
         listed(candidates, spacing),
-        Weighting(*numbers, window_shape(spacing), fusion_table()),
+        Weighting(*numbers, window_shape(spacing), *fusion_coefficients()),
         weights,
         places,
     )

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from truth import SCENES, needs_scenes
 
 from fpsboost.cli.app import app
-from fpsboost.synthesis.fusion_table import as_table, fusion_table
+from fpsboost.synthesis import fusion_table
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 NAMES = ["reflective", "texture", "glass"]
@@ -242,11 +242,19 @@ def test_the_table_of_weights_is_what_the_fit_makes(program: ModuleType, tmp_pat
             cv2.imwrite(str(tmp_path / name / f"{number:04d}.png"), picture)
     frames = [frame for clip in sorted(tmp_path.iterdir()) for frame in fit.draw_clip(clip, 40, 1)]
     objective = fit.Objective(frames)
-    start = np.random.default_rng(1).normal(size=len(fit.NUMBERS)) * 0.1 + fit.start(objective)
-    _, gradient = objective(start, start)
-    step = 1e-2 * gradient / np.linalg.norm(gradient)
-    rise = objective(start + step, start)[0] - objective(start - step, start)[0]
-    assert rise == pytest.approx(2 * gradient @ step, rel=0.1)
-    fitted = fit.fit(frames, 15, lambda *_: None)
-    for table in (as_table(fitted), fusion_table()):
-        assert objective.gain(table).mean() > 0.05
+    start, random = fit.start(objective), np.random.default_rng(1)
+    start = fit.Numbers(*(each + random.normal(size=each.shape) * 0.1 for each in start))
+    every = range(len(frames))
+    _, slopes = objective(start, every)
+    length = 1e-3 / math.sqrt(sum((slope**2).sum() for slope in slopes))
+    ahead, behind = (
+        objective(fit.Numbers(*(at + sign * length * slope for at, slope in zip(start, slopes, strict=True))), every)[0]
+        for sign in (1, -1)
+    )
+    assert ahead - behind == pytest.approx(2 * length * sum((slope**2).sum() for slope in slopes), rel=0.1)
+    fitted = fit.fit(objective, len(frames), 10, lambda *_: None)
+    learnt = fit.Numbers(
+        *(np.array(each, float).T for each in (list(fusion_table.TABLE.values()), fusion_table.OUTPUTS))
+    )
+    for numbers in (fitted, objective.standardised(learnt)):
+        assert objective.gain(numbers).mean() > 0.05

@@ -150,7 +150,7 @@ def test_an_object_is_in_its_place_and_what_it_uncovers_is_filled(synthesizer):
         path[17:48, 17:56] = True  # all that the object touches on its way, and three pixels
         assert not wrong[~path].any()
         assert not wrong[24 + round(4 * t) : 36 + round(4 * t), 30:42].any()
-        assert wrong.mean() < 0.09
+        assert wrong.mean() < 0.11
 
 
 def test_confidence_is_high_but_where_nothing_fits():
