@@ -31,13 +31,12 @@ from fpsboost.kernels.fusion_features import (
     FEATURES,
     SCALAR_FEATURES,
     SQUARE_FEATURES,
-    SQUARES_PER_WINDOW,
     describe_candidate,
     spread_cells,
 )
 from fpsboost.kernels.multi_hypothesis import Window, window_shape
 from fpsboost.kernels.pixel_weights import make_sums, make_work, pool_pixels, start_node, weigh_features
-from fpsboost.kernels.window_rows import SQUARES_PER_ROW
+from fpsboost.kernels.window_rows import SQUARES_PER_ROW, SQUARES_PER_WINDOW
 from fpsboost.kernels.window_samples import WINDOW, locate_window, make_layer, sample_layer
 from fpsboost.method_table import configure, methods
 from fpsboost.synthesis import FramePair

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.kernels.candidates import Candidates
-from fpsboost.kernels.fusion_features import SQUARES_PER_WINDOW
 from fpsboost.kernels.jit import FINITE_JIT, borrowed, njit
 from fpsboost.kernels.pixel_weights import (
     Weighting,
@@ -23,6 +22,7 @@ from fpsboost.kernels.pixel_weights import (
     upsample_squares,
     weigh_plainly,
 )
+from fpsboost.kernels.window_rows import SQUARES_PER_WINDOW
 from fpsboost.kernels.window_samples import WINDOW, Samples, is_rigid, locate_window, make_layer, sample_layer
 
 

@@ -18,8 +18,10 @@ from fpsboost.kernels.instruction import Index
 from fpsboost.kernels.jit import FINITE_JIT, njit
 from fpsboost.kernels.spline import MARGIN
 from fpsboost.kernels.window_rows import (
+    CELLS_PER_ROW,
     END_WEIGHT,
     SQUARES_PER_ROW,
+    SQUARES_PER_WINDOW,
     decay_row,
     distance_row,
     multiply_row,
@@ -28,16 +30,12 @@ from fpsboost.kernels.window_rows import (
 )
 from fpsboost.kernels.window_samples import WINDOW, filter_blocks, filter_rigid, is_rigid
 
-SQUARES_PER_WINDOW = SQUARES_PER_ROW * SQUARES_PER_ROW
-"""Number of squares of two by two pixels in a window; each square has one weight."""
-
 PATCH_RADIUS = 2
 """Radius of the patches that are compared at time t, squares; patches are truncated at the border of their window."""
 
 PADDED = SQUARES_PER_ROW + 2 * PATCH_RADIUS
 """Squares in a row of a window with zero padding on both sides, for sums over patches."""
 
-CELLS_PER_ROW = 4
 CELLS = CELLS_PER_ROW * CELLS_PER_ROW
 CELL = WINDOW // CELLS_PER_ROW
 """Side of the cells for which the motion fields are looked up, pixels."""
@@ -89,8 +87,8 @@ class FeatureWork(NamedTuple):
     """(CELL_FEATURES * CELLS,)."""
     scalars: NDArray[Any]
     """(SCALAR_FEATURES,)."""
-    flatness: NDArray[Any]
-    """(CELLS,)."""
+    sums_of_cells: NDArray[Any]
+    """(2 * CELLS,)."""
     luma: NDArray[Any]
     """(4 * SQUARES_PER_WINDOW,)."""
     rows: NDArray[Any]
@@ -106,7 +104,7 @@ class FeatureWork(NamedTuple):
     between: NDArray[Any]
     """Of `cell_shares`."""
     spread: NDArray[Any]
-    """Rows of cells interpolated at the squares, (CELLS_PER_ROW * SQUARES_PER_ROW,)."""
+    """Rows of cells, interpolated at the squares, of two sums; (2 * CELLS_PER_ROW * SQUARES_PER_ROW,)."""
 
 
 @njit(**FINITE_JIT)
@@ -174,7 +172,7 @@ def describe_squares(squared, scale, around, room):
     average_patches(squared, 0, room, means, 0)
     for n in range(2):
         write_decay(means, 0, nothing, scale * (FINE if n == 0 else COARSE), one, squares, (1 + n) * size)
-    spread_cells(room.flatness, room, squares, 3 * size)
+    spread_cells(room.sums_of_cells, room, squares, 3 * size)
     luma = room.luma
     for side in range(2):
         to = (4 + side) * size
@@ -225,7 +223,7 @@ def locate_luma(top, left, time, motion, t, around):
 @njit(**FINITE_JIT)
 def describe_cells(window, motion, t, around, room):
     """Write what the motion fields say of a candidate."""
-    cells, flatness, one = room.cells, room.flatness, np.float32(1)
+    cells, flatness, one = room.cells, room.sums_of_cells, np.float32(1)
     landings, (rows, columns) = around.landings, around.landings.shape[1:]
     curve, per_step = t * (one - t) * np.float32(0.5), one / np.float32(around.step)
     turns = np.float32(0) if is_rigid(motion) else one
@@ -274,20 +272,33 @@ def look_up(points, x, y, dx, dy):
 
 
 @njit(**FINITE_JIT)
-def spread_cells(cells, room, out, to):
-    """Interpolate the values of the cells at each square of a window: along rows, then along columns."""
-    between, rows, size = room.between, room.spread, SQUARES_PER_ROW
+def spread_across(cells, begin, room, rows, to):
+    """Interpolate the values of the cells at each square along rows, of which there is one for each row of cells."""
     for i in range(Index(CELLS_PER_ROW * SQUARES_PER_ROW)):
-        rows[i] = 0
-    for i in range(Index(SQUARES_PER_WINDOW)):
-        out[Index(to) + i] = 0
+        rows[Index(to) + i] = 0
     for v in range(CELLS_PER_ROW):
         for u in range(CELLS_PER_ROW):
-            scale_row(cells[v * CELLS_PER_ROW + u], between, u * size, rows, v * size)
-    for j in range(size):
-        first = min(max((2 * j - CELL // 2) // CELL, 0), CELLS_PER_ROW - 2)
-        for v in range(first, first + 2):
-            scale_row(between[v * size + j], rows, v * size, out, to + j * size)
+            value = cells[begin + v * CELLS_PER_ROW + u]
+            scale_row(value, room.between, u * SQUARES_PER_ROW, rows, to + v * SQUARES_PER_ROW)
+
+
+@njit(**FINITE_JIT)
+def rows_of_cells(j, between):
+    """Return the first of two rows of cells between which a row of squares is, and the shares of both."""
+    first = min(max((2 * j - CELL // 2) // CELL, 0), CELLS_PER_ROW - 2)
+    return first, between[first * SQUARES_PER_ROW + j], between[(first + 1) * SQUARES_PER_ROW + j]
+
+
+@njit(**FINITE_JIT)
+def spread_cells(cells, room, out, to):
+    """Interpolate the values of the cells at each square of a window."""
+    for i in range(Index(SQUARES_PER_WINDOW)):
+        out[Index(to) + i] = 0
+    spread_across(cells, 0, room, room.spread, 0)
+    for j in range(SQUARES_PER_ROW):
+        first, below, above = rows_of_cells(j, room.between)
+        scale_row(below, room.spread, first * SQUARES_PER_ROW, out, to + j * SQUARES_PER_ROW)
+        scale_row(above, room.spread, (first + 1) * SQUARES_PER_ROW, out, to + j * SQUARES_PER_ROW)
 
 
 def make_feature_work() -> FeatureWork:
@@ -296,7 +307,7 @@ def make_feature_work() -> FeatureWork:
         np.empty(SQUARE_FEATURES * SQUARES_PER_WINDOW, np.float32),
         np.empty(CELL_FEATURES * CELLS, np.float32),
         np.empty(SCALAR_FEATURES, np.float32),
-        np.empty(CELLS, np.float32),
+        np.empty(2 * CELLS, np.float32),
         np.empty(4 * SQUARES_PER_WINDOW, np.float32),
         np.empty((SQUARES_PER_ROW + 3) * SQUARES_PER_ROW, np.float32),
         np.zeros(PADDED * SQUARES_PER_ROW, np.float32),
@@ -305,7 +316,7 @@ def make_feature_work() -> FeatureWork:
         np.empty(SQUARES_PER_WINDOW, np.float32),
         patch_shares(),
         cell_shares(),
-        np.empty(CELLS_PER_ROW * SQUARES_PER_ROW, np.float32),
+        np.empty(2 * CELLS_PER_ROW * SQUARES_PER_ROW, np.float32),
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.kernels.candidates import Candidates
-from fpsboost.kernels.fusion_features import SQUARES_PER_WINDOW, Surroundings, describe_candidate
+from fpsboost.kernels.fusion_features import Surroundings, describe_candidate
 from fpsboost.kernels.instruction import SIXTEEN, Index, fma
 from fpsboost.kernels.jit import FINITE_JIT, LANES, borrowed, njit
 from fpsboost.kernels.pixel_weights import (
@@ -29,7 +29,7 @@ from fpsboost.kernels.pixel_weights import (
     weigh_features,
     weigh_plainly,
 )
-from fpsboost.kernels.window_rows import SQUARES_PER_ROW, add_row
+from fpsboost.kernels.window_rows import SQUARES_PER_ROW, SQUARES_PER_WINDOW, add_row
 from fpsboost.kernels.window_samples import WINDOW, Samples, locate_further, locate_window, make_layer, sample_layer
 
 SPARE = LANES

@@ -18,16 +18,25 @@ from fpsboost.kernels.fusion_features import (
     CELLS,
     SCALAR_FEATURES,
     SQUARE_FEATURES,
-    SQUARES_PER_WINDOW,
     FeatureWork,
     average_patches,
     make_feature_work,
-    spread_cells,
+    rows_of_cells,
+    spread_across,
     write_decay,
 )
 from fpsboost.kernels.instruction import Index, fma
 from fpsboost.kernels.jit import FINITE_JIT, LANES, njit
-from fpsboost.kernels.window_rows import SQUARES_PER_ROW, blend_rows, pool_row, scale_row, upsample_rows
+from fpsboost.kernels.window_rows import (
+    CELLS_PER_ROW,
+    SQUARES_PER_ROW,
+    SQUARES_PER_WINDOW,
+    add_feature_row,
+    blend_rows,
+    pool_row,
+    scale_row,
+    upsample_rows,
+)
 from fpsboost.kernels.window_samples import AREA, WINDOW, Room
 
 MIN_WEIGHT_SUM = np.float32(1e-30)
@@ -52,12 +61,12 @@ class Weighting(NamedTuple):
     window_shape: NDArray[Any]
     """Of `fpsboost.kernels.multi_hypothesis`; (SQUARES_PER_WINDOW,) float32."""
     even: NDArray[Any]
-    """Coefficients of the features, (rows, FEATURES) float32: for the logarithm of the weight of both frames along a
-    candidate, for that of either alone, and for each hinge; plain weights need none."""
+    """Coefficients of the features, (rows, FEATURES) float32, of sums of them: for both frames along a candidate, for
+    either alone, and for each hinge; plain weights need none."""
     odd: NDArray[Any]
     """What is added to these coefficients for frame 0, and subtracted for frame 1, likewise."""
-    outputs: NDArray[Any]
-    """What each hinge adds to the logarithms for both frames and for its own alone, (hinges, 2) float32."""
+    factors: NDArray[Any]
+    """Of each row the coefficients and the factors that `add_feature_row` takes, (rows * 10,) float32."""
 
 
 class NodeSums(NamedTuple):
@@ -173,41 +182,32 @@ def weigh_features(prior, t, weighting, work, sums):
 @njit(**FINITE_JIT)
 def sum_features(weighting, features, logits):
     """Write the logarithms of the weights of both frames, of frame 0 alone and of frame 1 alone along a candidate."""
-    even, odd, outputs, zero = features.sums, features.means, weighting.outputs, np.float32(0)
-    count, second, third = Index(SQUARES_PER_WINDOW), Index(SQUARES_PER_WINDOW), Index(2 * SQUARES_PER_WINDOW)
-    add_features(weighting.even[0], features, logits)
-    for row in range(1, weighting.even.shape[0]):
-        add_features(weighting.even[row], features, even)
-        add_features(weighting.odd[row], features, odd)
-        if row == 1:
-            for i in range(count):
-                logits[second + i] = even[i] + odd[i]
-                logits[third + i] = even[i] - odd[i]
-            continue
-        both, alone = outputs[row - 2, 0], outputs[row - 2, 1]
-        for i in range(count):
-            hinge0, hinge1 = max(even[i] + odd[i], zero), max(even[i] - odd[i], zero)
-            logits[i] = fma(both, hinge0 + hinge1, logits[i])
-            logits[second + i] = fma(alone, hinge0, logits[second + i])
-            logits[third + i] = fma(alone, hinge1, logits[third + i])
+    squares, spread, between = features.squares, features.spread, features.between
+    for i in range(Index(3 * SQUARES_PER_WINDOW)):
+        logits[i] = 0
+    for row in range(weighting.even.shape[0]):
+        sum_cells(weighting.even[row], weighting.odd[row], features)
+        spread_across(features.sums_of_cells, 0, features, spread, 0)
+        spread_across(features.sums_of_cells, CELLS, features, spread, CELLS_PER_ROW * SQUARES_PER_ROW)
+        floor = np.float32(-1e9 if row < 2 else 0)  # rows of hinges are the others
+        for j in range(SQUARES_PER_ROW):
+            first, below, above = rows_of_cells(j, between)
+            first *= SQUARES_PER_ROW
+            begin = j * SQUARES_PER_ROW
+            add_feature_row(squares, begin, spread, first, below, above, weighting.factors, row * 10, floor, logits)
 
 
 @njit(**FINITE_JIT)
-def add_features(coefficients, features, total):
-    """Write the sum of the features of a candidate times their coefficients, of which many may be 0."""
-    squares, cells, scalars, cell_sums = features.squares, features.cells, features.scalars, features.flatness
-    constant = np.float32(0)
+def sum_cells(even, odd, features):
+    """Write the even and the odd part of the sum of those features that differ from cell to cell, or not at all."""
+    cells, scalars, sums, constant = features.cells, features.scalars, features.sums_of_cells, np.float32(0)
     for n in range(SCALAR_FEATURES):
-        constant += coefficients[SQUARE_FEATURES + CELL_FEATURES + n] * scalars[n]
+        constant += even[SQUARE_FEATURES + CELL_FEATURES + n] * scalars[n]
     for k in range(CELLS):
-        cell_sums[k] = constant
+        sums[k], sums[CELLS + k] = constant, 0
     for n in range(CELL_FEATURES):
-        scale_row(coefficients[SQUARE_FEATURES + n], cells, n * CELLS, cell_sums, 0)
-    spread_cells(cell_sums, features, total, 0)
-    for n in range(SQUARE_FEATURES):
-        if coefficients[n] != 0:
-            for j in range(0, SQUARES_PER_WINDOW, SQUARES_PER_ROW):
-                scale_row(coefficients[n], squares, n * SQUARES_PER_WINDOW + j, total, j)
+        scale_row(even[SQUARE_FEATURES + n], cells, n * CELLS, sums, 0)
+        scale_row(odd[SQUARE_FEATURES + n], cells, n * CELLS, sums, CELLS)
 
 
 @njit(**FINITE_JIT)

@@ -19,6 +19,12 @@ SQUARES_PER_ROW = 16
 """Number of squares across a window: one for two pixels, as for subsampled chroma. Each square has one weight: weights
 are means over patches, which vary slowly."""
 
+SQUARES_PER_WINDOW = SQUARES_PER_ROW * SQUARES_PER_ROW
+"""Number of squares of two by two pixels in a window; each square has one weight."""
+
+CELLS_PER_ROW = 4
+"""Cells across a window, for each of which the motion fields are looked up."""
+
 PIXELS_PER_ROW = 2 * SQUARES_PER_ROW
 """Pixels per row."""
 
@@ -83,6 +89,42 @@ def scale_row(coefficient, values, begin, sums, there):
 def _build_scale_row(code, coefficient, values, begin, sums, there):
     factor = code.broadcast(coefficient, _SQUARES)
     sums.store(code.fma(factor, values.load(begin, _SQUARES), sums.load(there, _SQUARES)), there)
+
+
+def add_feature_row(squares, begin, cells, first, below, above, coefficients, number, floor, logits):
+    """Add what a sum of features says of sixteen squares to the logarithms of the weights of three options.
+
+    `squares` has seven features a window apart; `cells` two rows for each of the even and the odd part of the other
+    features, of which the mean by the weights `below` and `above` counts. From `number` on are the coefficients of the
+    seven, that of the odd part of the fifth and sixth, and the factors of the sum of the frames and of either alone.
+    """
+    row = slice(begin, begin + SQUARES_PER_ROW)
+    features = np.stack([squares[n * SQUARES_PER_WINDOW :][row] for n in range(7)])
+    rows = [cells[first + n * SQUARES_PER_ROW :][:SQUARES_PER_ROW] for n in (0, 1, CELLS_PER_ROW, CELLS_PER_ROW + 1)]
+    factors = coefficients[number : number + 10]
+    even = below * rows[0] + above * rows[1] + factors[:7] @ features
+    odd = below * rows[2] + above * rows[3] + factors[7] * (features[4] - features[5])
+    of_frame0, of_frame1 = np.maximum(even + odd, floor), np.maximum(even - odd, floor)
+    logits[:SQUARES_PER_WINDOW][row] += factors[8] * (of_frame0 + of_frame1)
+    logits[SQUARES_PER_WINDOW:][row] += factors[9] * of_frame0
+    logits[2 * SQUARES_PER_WINDOW :][row] += factors[9] * of_frame1
+
+
+@instruction(add_feature_row, AS_GIVEN, INDEX, AS_GIVEN, INDEX, FLOAT, FLOAT, AS_GIVEN, INDEX, FLOAT, AS_GIVEN)
+def _build_add_feature_row(code, squares, begin, cells, first, below, above, coefficients, number, floor, logits):
+    builder = code.builder
+    factors = [code.broadcast(coefficients.load(code.add(number, n), REAL), _SQUARES) for n in range(10)]
+    shares, floor = [code.broadcast(share, _SQUARES) for share in (below, above)], code.broadcast(floor, _SQUARES)
+    features = [squares.load(code.add(begin, n * SQUARES_PER_WINDOW), _SQUARES) for n in range(7)]
+    rows = [
+        cells.load(code.add(first, n * SQUARES_PER_ROW), _SQUARES) for n in (0, 1, CELLS_PER_ROW, CELLS_PER_ROW + 1)
+    ]
+    even = code.weighted_sum([*rows[:2], *features], [*shares, *factors[:7]])
+    odd = code.weighted_sum([*rows[2:], builder.fsub(features[4], features[5])], [*shares, factors[7]])
+    sides = [code.call("maxnum", change(even, odd), floor) for change in (builder.fadd, builder.fsub)]
+    for n, value, factor in ((0, builder.fadd(*sides), 8), (1, sides[0], 9), (2, sides[1], 9)):
+        place = code.add(begin, n * SQUARES_PER_WINDOW)
+        logits.store(code.fma(factors[factor], value, logits.load(place, _SQUARES)), place)
 
 
 def multiply_row(first, begin, second, here, out, target):

@@ -65,12 +65,16 @@ def mirrored(coefficients: NDArray[np.floating]) -> NDArray[np.floating]:
 
 
 def as_coefficients(rows: NDArray[np.floating], outputs: NDArray[np.floating]) -> Coefficients:
-    """Return the coefficients of a table, (2 + hinges, FEATURES), and factors, (hinges, 2), as the kernels take them.
+    """Return a table, (2 + hinges, FEATURES), and the factors of the hinges, (hinges, 2), as the kernels take them.
 
-    These are the even and the odd part by exchange of the frames, and the factors, of which both hinges have half.
+    These are the even and the odd part of the table by exchange of the frames, and the coefficients and factors of each
+    row that `fpsboost.kernels.window_rows.add_feature_row` takes.
     """
     even = (rows + mirrored(rows)) / 2
-    return even.astype(np.float32), (rows - even).astype(np.float32), (outputs * (0.5, 1)).astype(np.float32)
+    odd = rows - even
+    every = np.vstack([[(1, 0), (0, 1)], outputs]) * (0.5, 1)
+    factors = np.column_stack([even[:, :7], odd[:, 4], every])
+    return even.astype(np.float32), odd.astype(np.float32), factors.astype(np.float32).ravel()
 
 
 @cache

@@ -13,7 +13,14 @@ from fpsboost.kernels.instruction import EIGHT, fma, prefetch
 from fpsboost.kernels.jit import borrowed
 from fpsboost.kernels.refine import PRODUCT_COUNT, WINDOW_SIDE, window_products
 from fpsboost.kernels.tiles import NOTHING, NOWHERE, VALUES_PER_ENTRY, insert_eight
-from fpsboost.kernels.window_rows import decay_row, distance_row, multiply_row, scale_row
+from fpsboost.kernels.window_rows import (
+    SQUARES_PER_WINDOW,
+    add_feature_row,
+    decay_row,
+    distance_row,
+    multiply_row,
+    scale_row,
+)
 
 ROW = np.random.default_rng(3).uniform(-0.5, 2, 32).astype(np.float32)  # values of some squares, and more
 
@@ -147,3 +154,17 @@ def test_rows_of_squares_equal_their_twins(call, arguments):
     if call is decay_row:
         exact = 0.5 * np.exp(-(2 + 40 * ROW[3:19].astype(float)).clip(0, 60))
         np.testing.assert_allclose(found[0][5:21], exact, atol=1e-6)
+
+
+def test_sums_of_features_equal_their_twin():
+    """Of sixteen squares the logarithms for both frames and for either alone; a floor cuts off what is below it."""
+    random = np.random.default_rng(5)
+    squares, cells, factors = (random.normal(size=size).astype(np.float32) for size in (7 * 256, 128, 40))
+    below, above, floor = map(np.float32, (0.375, 0.625, -0.5))
+    found = []
+    for form in forms(lambda out: add_feature_row(squares, 48, cells, 16, below, above, factors, 20, floor, out)):
+        out = np.ones(3 * SQUARES_PER_WINDOW, np.float32)
+        form(out)
+        found.append(out)
+    np.testing.assert_allclose(*found, rtol=1e-4, atol=1e-5)
+    assert (found[0] != 1).sum() == 48
