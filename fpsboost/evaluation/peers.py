@@ -97,10 +97,7 @@ def _steps(numbers: Sequence[int]) -> list[int]:
 def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Path) -> PeerFrames:
     """Let another program interpolate the hidden frames; `scratch`, an empty folder, must stay as long as they do.
 
-    The shown frames are written without loss into a folder, 0000.png and so on (OpenEXR where they are float). The
-    command, run without a shell, has ``{in}`` and ``{out}`` for the two folders, and may have ``{factor}``, how many
-    times as many frames are wanted, and ``{fps}``, the rate of the shown ones. It writes all frames, which are matched
-    by position.
+    `docs/comparison.md` says what the command is given, and what it must write.
     """
     words = split_command(name, command)
     folders = scratch / "in", scratch / "out"
