@@ -159,9 +159,13 @@ def loop(end, **options):
 """
 
 
-@pytest.mark.parametrize("threads", [1, 3])
 @pytest.mark.parametrize(
-    ("end", "code"), [("break", 0), ("waits", 0), ("close", 0), ("raise", 1), ("raise^C", -2), ("raise exit", 0)]
+    ("end", "code", "threads"),
+    [
+        *(("break", 0, threads) for threads in (1, 3)),
+        *(("raise^C", -2, threads) for threads in (1, 3)),
+        *(("waits", 0, 3), ("close", 0, 1), ("raise", 1, 3), ("raise exit", 0, 1)),
+    ],
 )
 def test_a_script_ends_however_its_loop_does(end, code, threads):
     """With the generator still named, and a source that gives no frame any more."""
