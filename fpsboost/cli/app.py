@@ -69,6 +69,7 @@ EXAMPLES = """
   fpsboost shot_####.png out.mp4 --input-fps 24        images to video
   fpsboost in.mp4 out.mp4 --start 1:30 --end 2:00      a part of it
   fpsboost in.mp4 out.mp4 --factor 4 --slow-motion     four times as long
+  fpsboost in.mp4 out.mp4 --speed 0.25@1:00-1:05       slower for 5 seconds
   fpsboost in.gif out.webp                             gif, apng or webp
   fpsboost in.mp4 frames/ --method nlm-exhaustive      another method
   fpsboost a.mp4 b.mov renders/ out/                   several, into a folder

@@ -86,7 +86,7 @@ class OutputRate:
     keep_timing: bool = option(False, "Keep a variable rate: multiply each interval.")
     slow_motion: bool = option(False, "Keep the rate and play `factor` times as long.")
     slow_motion_sound: SlowSound | None = option(None, "Audio of slow motion: drop or stretch; else drop.")
-    retime: str | None = option(None, "Curve of output and input times, or FILE: 0=0 2s=2s 3s=2.25s.", metavar="CURVE")
+    retime: str | None = option(None, "Times OUT=IN, 0=0 2s=2s 3s=2.25s, or a file.", metavar="CURVE")
     speed: str | None = option(None, "Speed of parts of the input: 0.25@1:00-1:05.", metavar="SPEEDS")
     fill_gaps: bool = option(False, "Interpolate only the missing image numbers.", group="Input")
     replace: Replacement | str | None = option(

@@ -26,17 +26,8 @@ def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_n
     A point is an output position and the position of the source that is shown then: times (2s, 1:30.5) or frames
     (120f). Bare numbers alone are frames as Nuke exports them: the source's first frame is `first_number`, and the last
     point is a frame of the output. The word ``smooth`` makes the speed change smoothly from point to point; ``x1``
-    after the last one goes on at this speed to the source's end; ``#`` begins a comment.
-
-    Raises
-    ------
-    OptionError
-        A point cannot be read, is not after the one before, or is before the source's first frame.
-
-    Examples
-    --------
-    >>> str(parse_curve("0=0 4s=1s", Fraction(24), Fraction(24)).source(Fraction(2)))
-    '1/2'
+    after the last one goes on at this speed to the source's end; ``#`` begins a comment. Raises `OptionError` for a
+    point that cannot be read, is not after the one before, or is before the source's first frame.
     """
     points, onward, smooth = list[tuple[Fraction, Fraction]](), None, False
     unit, lines = ("line", text.splitlines()) if "\n" in text.strip() else ("point", text.split())
@@ -47,6 +38,8 @@ def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_n
             smooth = True
         elif len(words) == 1 and words[0].startswith("x"):
             onward = parse_number(words[0][1:], where)
+            if onward <= 0:
+                raise OptionError(f"{where}: {words[0]} does not lead to the source's end; give a speed above 0.")
         elif words:
             if len(words) != 2:
                 raise OptionError(f"{where}: {line.strip()!r} must be an output time and a source time, such as 3s 2s.")

@@ -201,17 +201,13 @@ class RetimeSchedule(ByRate):
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
         rate, is_pause = self.frames_per_second, self.is_pause(time1 - time0)
         first, last = (self.curve.frames_before(time - start, rate) for time in (time0, time1))
-        if self.shutter is None or is_pause:
-            for number in range(first, last):
-                time = start + self.curve.source(number / rate)
-                t = Fraction(0) if is_pause else (time - time0) / (time1 - time0)
-                yield Step(time, t, None if self.shutter is None else number)
-            return
+        offsets = [Fraction(0)] if self.shutter is None or is_pause else self.shutter.offsets
         for number in range(first - 1, last + 1):
-            for position in (number + offset for offset in self.shutter.offsets):
+            for position in (number + offset for offset in offsets):
                 time = start + self.curve.source(position / rate)
                 if 0 <= position < self.curve.length * rate and time0 <= time < time1:
-                    yield Step(time, (time - time0) / (time1 - time0), number, is_sample=position != number)
+                    t = Fraction(0) if is_pause else (time - time0) / (time1 - time0)
+                    yield Step(time, t, None if self.shutter is None else number, is_sample=position != number)
 
     def output_position(self, index: int, start: Fraction, time: Fraction) -> Fraction:
         return Fraction(self.curve.frames_before(time - start, self.frames_per_second))

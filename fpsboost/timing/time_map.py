@@ -46,14 +46,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class TimeMap:
-    """Exact map of output times to source times, both in seconds from the first frame; one after another.
-
-    Examples
-    --------
-    >>> curve = TimeMap.through([(Fraction(0), Fraction(0)), (Fraction(4), Fraction(1))])
-    >>> curve.source(Fraction(2)), curve.time_of(Fraction(1, 4))
-    (Fraction(1, 2), Fraction(1, 1))
-    """
+    """Exact map of output times to source times, both in seconds from the first frame."""
 
     segments: tuple[Segment, ...]
     is_open: bool = False

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from test_pipeline import BLEND, FAST, FakeSink, FakeSource, regular
 from video_truth import packets_of, pictures_of, write_clip
 
+from fpsboost.contracts import OutputRange
 from fpsboost.conversion import convert, stream
 from fpsboost.errors import OptionError
 from fpsboost.parts.join import join
@@ -39,12 +40,12 @@ def points_of(lengths, heights):
     return points
 
 
-def retimed(frames, text, **options):
+def retimed(frames, text, skip=0, **options):
     """The output frames of flat frames by a curve."""
     source, sink, rate = FakeSource(frames), FakeSink(), OutputRate(retime=text, **options)
     curve = rate.time_map(source.info)
     schedule = exposed(rate.schedule(source.info, curve=curve), rate)
-    run_conversion(source, STEADY, sink, schedule)
+    run_conversion(source, STEADY, sink, schedule, outputs=OutputRange(skip=skip))
     return sink.frames
 
 
@@ -108,6 +109,7 @@ def test_points_are_times_or_frames(text, expected):
         ("0=0 2s=3", "point 2: '2s=3' has no unit"),
         ("0=0 2s=three", "point 2 'three' is no place"),
         ("0=0s", "at least two points"),
+        ("0=0s x0", "does not lead to the source's end"),
         ("0=0 1=1", "point 1: 0 is before the source's first frame, 1"),
         ("0=0 9s=9s", "ends at 0:02.000"),
     ],
@@ -141,6 +143,8 @@ def test_frames_show_the_times_of_the_curve():
     assert levels(frames) == pytest.approx([0, 0.5, 1, 1.5, 2, 2, 2, 4, 6, 8, 9], abs=0.06)
     assert [frame.time for frame in frames] == [Fraction(k, 25) for k in range(11)]
     assert {frame.duration for frame in frames} == {Fraction(1, 25)}
+    resumed = retimed(regular(10), "0=0 4f=2f 6f=2f 8f=6f 11f=12f", skip=5)
+    assert levels(resumed)[5:] == levels(frames)[5:]
     assert levels(retimed(regular(10), "0=0 4f=2f", fps=50)) == pytest.approx([0, 0.5, 1, 1.5], abs=0.06)
     images = [frame.array for frame in regular(10)]
     assert [image.mean() for image in stream(images, retime="0=2f 3f=8f", method="blend")] == [20, 40, 60]
