@@ -187,8 +187,6 @@ class OutputRate:
     def schedule(self, info: ClipInfo, *, has_clock: bool = True, curve: TimeMap | None = None) -> Schedule:
         """Return the schedule of the output frames on the source's clock, before slow motion is applied.
 
-        With a `curve`, it is that of a `RetimeSchedule`.
-
         Unless the output stores presentation times, as images do not, a factor counts frames and not time. Raises
         `OptionError` for a rate out of range, and `InputError` if none is given and the source's own is implausible.
         """

@@ -29,35 +29,32 @@ def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_n
     after the last one goes on at this speed to the source's end; ``#`` begins a comment. Raises `OptionError` for a
     point that cannot be read, is not after the one before, or is before the source's first frame.
     """
-    points, onward, smooth = list[tuple[Fraction, Fraction]](), None, False
-    unit, lines = ("line", text.splitlines()) if "\n" in text.strip() else ("point", text.split())
-    is_numbered = not re.search(r"\d[sf:]", re.sub("#.*", "", text))
+    points, plain = list[tuple[Fraction, Fraction]](), re.sub("#.*", "", text)
+    is_numbered, ending = not re.search(r"\d[sf:]", plain), re.search(r"\sx(\S+)\s*$", plain)
+    onward = None if ending is None else parse_number(ending[1], "`retime`, speed at the end,")
+    if onward is not None and onward <= 0:
+        raise OptionError(f"`retime` does not lead to the source's end with x{onward}; give a speed above 0.")
+    unit, lines = ("line", plain.splitlines()) if "\n" in text.strip() else ("point", plain.split())
     for number, line in enumerate(lines, 1):
-        where, words = f"`retime`, {unit} {number}", re.findall(r"[^\s=,]+", line.partition("#")[0])
-        if words == ["smooth"]:
-            smooth = True
-        elif len(words) == 1 and words[0].startswith("x"):
-            onward = parse_number(words[0][1:], where)
-            if onward <= 0:
-                raise OptionError(f"{where}: {words[0]} does not lead to the source's end; give a speed above 0.")
-        elif words:
-            if len(words) != 2:
-                raise OptionError(f"{where}: {line.strip()!r} must be an output time and a source time, such as 3s 2s.")
-            if not is_numbered and any(re.fullmatch(r"[\d.]+", word) and word.strip("0.") for word in words):
-                raise OptionError(f"{where}: {line.strip()!r} has no unit; write seconds as 2s, and frames as 48f.")
-            at, source = (_parse_place(word, where, is_frame=is_numbered) for word in words)
-            points.append((at.seconds(output_rate), source.seconds(source_rate)))
-            if is_numbered:
-                points[-1] = points[-1][0], points[-1][1] - first_number / source_rate
-            if len(points) > 1 and points[-1][0] <= points[-2][0]:
-                raise OptionError(f"{where}: {words[0]} is not after the point before it; output times must increase.")
-            if points[-1][1] < 0:
-                raise OptionError(f"{where}: {words[1]} is before the source's first frame, {first_number} as in Nuke.")
+        where, words = f"`retime`, {unit} {number}", re.findall(r"[^\s=,]+", line)
+        if not words or words[0] == "smooth" or (len(words) == 1 and words[0].startswith("x")):
+            continue
+        if len(words) != 2:
+            raise OptionError(f"{where}: {line.strip()!r} must be an output time and a source time, such as 3s 2s.")
+        if not is_numbered and any(re.fullmatch(r"[\d.]+", word) and word.strip("0.") for word in words):
+            raise OptionError(f"{where}: {line.strip()!r} has no unit; write seconds as 2s, and frames as 48f.")
+        at, source = (_parse_place(word, where, is_frame=is_numbered) for word in words)
+        first = first_number / source_rate if is_numbered else 0
+        points.append((at.seconds(output_rate), source.seconds(source_rate) - first))
+        if len(points) > 1 and points[-1][0] <= points[-2][0]:
+            raise OptionError(f"{where}: {words[0]} is not after the point before it; output times must increase.")
+        if points[-1][1] < 0:
+            raise OptionError(f"{where}: {words[1]} is before the source's first frame, {first_number} as in Nuke.")
     if len(points) < 2 - (onward is not None):
         raise OptionError("`retime` needs at least two points; write them like 0=0 2s=2s 3s=2.25s.")
     if is_numbered:
         points.append((points[-1][0] + 1 / output_rate, points[-1][1]))
-    return TimeMap.through(points, smooth=smooth, onward=onward)
+    return TimeMap.through(points, smooth="smooth" in plain.split(), onward=onward)
 
 
 def _parse_place(word: str, where: str, *, is_frame: bool) -> Position:
