@@ -104,11 +104,11 @@ class FlickerMeter:
         self._shown, self._between = kinds, []
 
     def values(self) -> list[float]:
-        """Return shares of every frame, levels, whose mean is the length of the mean differences over all parts."""
+        """Return the difference of every frame in the direction that most frames have, levels, mean over the parts."""
         if not self._differences:
             return []
         differences = np.stack(self._differences)
-        signs = np.sign(differences.mean(axis=0))
+        signs = np.sign(np.median(differences, axis=0))  # a frame across a cut, which does not count, has no say
         return [float(each) for each in (differences * signs).sum(axis=1).mean(axis=1)]
 
 
