@@ -83,9 +83,9 @@ class MethodOptions:
     duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate or keep.")
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
     uncertain: Literal["keep", "blend", "nearest", "hold"] = option(
-        "keep", "Where motion is unsure: keep, blend, nearest or hold."
+        "keep", "If motion is unsure: keep, blend, nearest, hold."
     )
-    below: float = option(0.4, "Confidence below which it is unsure, 0 to 1.")
+    below: float = option(0.4, "Motion is unsure below this confidence.")
     rendered: RenderedOptions = RenderedOptions()
 
     def interpolator(self, tuning: TuningOptions) -> Interpolator:

@@ -91,7 +91,7 @@ class OutputRate:
     fill_gaps: bool = option(False, "Interpolate only the missing image numbers.", group="Input")
     replace: Replacement | str | None = option(
         None,
-        "Frames to interpolate anew: 120-123,340,1:02.5, a file with these, or auto.",
+        "Frames made anew: 120-123,340,1:02.5, FILE or auto.",
         metavar="FRAMES",
         group="Input",
         parse=Replacement.parse,

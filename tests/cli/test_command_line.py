@@ -303,7 +303,7 @@ MISTAKES: dict[str, tuple[str, str]] = {
     "crf is no number": ("in.mp4 out.mp4 --crf low", "--crf"),
     "search radius is no number": ("in.mp4 out.mp4 --search-radius far", "--search-radius"),
     "at-cuts": ("in.mp4 out.mp4 --at-cuts jump", "--at-cuts"),
-    "unknown option": ("in.mp4 out.mp4 --speed 2", "--speed"),
+    "unknown option": ("in.mp4 out.mp4 --faster 2", "--faster"),
     "option without value": ("in.mp4 out.mp4 --fps", "--fps"),
     "three names": ("in.mp4 out.mp4 more.mp4", "more.mp4"),
     "no output": ("-", "OUT"),
