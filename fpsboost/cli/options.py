@@ -83,7 +83,7 @@ class MethodOptions:
     duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate or keep.")
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
     uncertain: Literal["keep", "blend", "nearest", "hold"] = option(
-        "keep", "If motion is unsure: keep, blend, nearest, hold."
+        "keep", "Unsure motion: keep, blend, nearest or hold."
     )
     below: float = option(0.4, "Motion is unsure below this confidence.")
     rendered: RenderedOptions = RenderedOptions()
