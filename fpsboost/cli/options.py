@@ -82,9 +82,7 @@ class MethodOptions:
     )
     duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate or keep.")
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
-    uncertain: Literal["keep", "blend", "nearest", "hold"] = option(
-        "keep", "Unsure motion: keep, blend, nearest or hold."
-    )
+    uncertain: Literal["keep", "blend", "nearest", "hold"] = option("keep", "If unsure: keep, blend, nearest or hold.")
     below: float = option(0.4, "Motion is unsure below this confidence.")
     rendered: RenderedOptions = RenderedOptions()
 
