@@ -61,7 +61,7 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
         "from": f"{source.width}x{source.height} at {readable(source.rate)} fps{length}",
         "makes": ", ".join([*made, *details.split(", ")[:2]]).removesuffix(", "),
         "keeps": ", ".join(kept) or "pictures alone",
-        "takes": estimate_sentence(trial.estimates[""]),
+        "takes": estimate_sentence(trial.estimates[""]._replace(frames=frames)),
         "size": size + (", other streams not counted" if kept else ""),
     }
     table = Table(box=None, pad_edge=False, show_header=False)

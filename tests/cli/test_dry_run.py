@@ -47,7 +47,9 @@ def test_images(fpsboost_, tmp_path, save_images, snapshot):
 def test_what_is_refused_is_refused_at_once(fpsboost_, tmp_path):
     """An output that exists, and sound that does not fit, as in the conversion; a speed ramp is fine."""
     write_clip(tmp_path / "in.mp4", sound="aac")
-    assert fpsboost_("in.mp4", "--speed", "0.5@0.2-0.3", "--dry-run", *CHEAP).code == 0
+    ramp = fpsboost_("in.mp4", "--speed", "0.5@0.2-0.3", "--dry-run", *CHEAP)
+    assert rows(ramp.out)["makes"].startswith("in-retimed.mp4, 13 frames at 25 fps")
+    assert "13 frames: " in rows(ramp.out)["takes"]
     assert_refused(fpsboost_("in.mp4", "in.mp4", "--dry-run"), 1, "in.mp4 is the input itself")
     assert_refused(fpsboost_("in.mp4", "o.webm", "--dry-run", "--audio-codec", "copy"), 1, "--no-audio")
 
