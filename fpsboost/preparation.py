@@ -360,7 +360,8 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
     info, stream = clip.source.info, clip.whole.stream_info
     if rate.replacement is not None:
         rate.replacement.check(clip.whole.info)
-    encoding, lost = _adapt_audio(job.encoding, stream, rate, clip.curve)
+    heard = clip.window.curve if clip.window is not None and clip.curve is not None else None
+    encoding, lost = _adapt_audio(job.encoding, stream, rate, heard)
     schedule = rate.schedule(info, has_clock=target.has_clock, curve=clip.curve)
     multiple = schedule.rate(info.rate) / info.rate
     images = stream.images

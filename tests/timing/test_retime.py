@@ -186,11 +186,12 @@ def test_sound_is_stretched_where_the_speed_allows_it(tmp_path, clip):
     assert silent == [pytest.approx((1, 2), abs=0.03)]
     assert sum(frames[-1]) == pytest.approx(2.5, abs=0.03)
     assert len(pictures_of(tmp_path / "out.mkv")) == 63
-    curve |= {"slow_motion_sound": "drop"}
-    summary = convert(str(clip), str(tmp_path / "none.mkv"), method="nearest", encoding=FAST, **grouped(**curve))
-    with av.open(str(tmp_path / "none.mkv")) as file:
-        assert not file.streams.audio
-    assert any("sound, which the retime curve leaves out" in remark for remark in summary.remarks)
+    for number, options in enumerate([curve | {"slow_motion_sound": "drop"}, {"retime": "0=1s 1s=0"}]):
+        path = tmp_path / f"{number}.mkv"
+        summary = convert(str(clip), str(path), method="nearest", encoding=FAST, **grouped(**options))
+        with av.open(str(path)) as file:
+            assert not file.streams.audio
+        assert any("sound, which the retime curve leaves out" in remark for remark in summary.remarks)
 
 
 def test_what_a_curve_does_not_go_with():
