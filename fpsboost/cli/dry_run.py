@@ -48,18 +48,17 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
         if job.rate.retimes:  # passages have one speed
             tried = replace(tried, rate=OutputRate())
         trial = preview(tried, {"": job.method}, RunOptions(limit=run.limit, threads=run.threads), at=places)
-    made = [
-        output.path,
-        ("frames" if frames is None else f"{frames} frames")
-        + (f" at {readable(rate)} fps" if ready.target.has_rate else ""),
-    ]
-    made += [format_time(frames / rate)] if frames and ready.target.has_rate else []
+    made = [output.path, "frames" if frames is None else f"{frames} frames"]
+    if ready.target.has_rate:
+        made[-1] += f" at {readable(rate)} fps"
+        made += [] if frames is None else [format_time(frames / rate)]
+    made += filter(None, details.split(", ")[:2])
     size = _size(trial, frames if not run.in_place or frames is None else frames - (source.frame_count or 0))
     length = "" if source.duration is None else f", {format_time(source.duration)}"
     length = length if source.frame_count is None else f", {source.frame_count} frames"
     rows = {
         "from": f"{source.width}x{source.height} at {readable(source.rate)} fps{length}",
-        "makes": ", ".join([*made, *details.split(", ")[:2]]).removesuffix(", "),
+        "makes": ", ".join(made),
         "keeps": ", ".join(kept) or "pictures alone",
         "takes": estimate_sentence(trial.estimates[""]._replace(frames=frames)),
         "size": size + (", other streams not counted" if kept else ""),

@@ -25,15 +25,9 @@ from numpy.typing import NDArray
 
 from fpsboost.colour import as_shown, composite_on_black, has_alpha
 from fpsboost.errors import InputError, OptionError
+from fpsboost.evaluation import steadiness
 from fpsboost.evaluation.hidden_frames import Hidden, Interval
-from fpsboost.evaluation.steadiness import (
-    FlickerMeter,
-    FrameMeter,
-    StepMeter,
-    missing_edges,
-    spurious_edges,
-    wrong_area,
-)
+from fpsboost.evaluation.steadiness import FrameMeter
 from fpsboost.image import Image
 from fpsboost.io.video.ycc import assumed_color_space, from_bgr
 
@@ -224,31 +218,22 @@ class Metric:
     """Function that returns what must be installed to measure it, or None."""
 
 
-class FlipMeter:
-    """Meter of LDR-FLIP, mean over the pixels: 0 is equal, 1 black beside white.
+def flip(truth: Image, image: Image) -> float:
+    """Return LDR-FLIP, mean over the pixels: 0 is equal, 1 black beside white.
 
     Andersson et al. 2020 (doi:10.1145/3406183), by NVIDIA's package ``flip-evaluator`` (``fpsboost[flip]``), at its
     default of 67 pixels a degree: a 4K screen of 0.7 m from 0.7 m away.
     """
+    from flip_evaluator import evaluate  # noqa: PLC0415 (an extra, which may be missing)
 
-    def __init__(self) -> None:
-        self._values: list[float] = []
+    return float(evaluate(_as_rgb(truth), _as_rgb(image), "LDR", applyMagma=False)[1])
 
-    def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
-        if counts:
-            from flip_evaluator import evaluate  # noqa: PLC0415 (an extra, which may be missing)
 
-            _, mean, _ = evaluate(_as_rgb(truth), _as_rgb(image), "LDR", applyMagma=False)
-            self._values.append(float(mean))
-
-    def values(self) -> list[float]:
-        return self._values
-
-    @staticmethod
-    def missing() -> str | None:
-        if find_spec("flip_evaluator"):
-            return None
-        return "the package flip-evaluator; install it with pip install 'fpsboost[flip]'"
+def missing_flip() -> str | None:
+    """Return what must be installed to measure FLIP, or None."""
+    if find_spec("flip_evaluator"):
+        return None
+    return "the package flip-evaluator; install it with pip install 'fpsboost[flip]'"
 
 
 def _as_rgb(image: Image) -> NDArray[Any]:
@@ -259,9 +244,9 @@ def _as_rgb(image: Image) -> NDArray[Any]:
 metrics: dict[str, Metric] = {
     "flip": Metric(
         *("FLIP", "", 4, False),
-        lambda rate: FlipMeter(),
+        lambda rate: FrameMeter(flip),
         "FLIP is NVIDIA's LDR-FLIP (Andersson et al. 2020), mean over pixels at 67 pixels a degree, 0 is equal.",
-        FlipMeter.missing,
+        missing_flip,
     ),
     "xpsnr": Metric(
         *("XPSNR", "dB", 2, True),
@@ -279,29 +264,29 @@ metrics: dict[str, Metric] = {
     ),
     "wrong": Metric(
         *("Wrong", "per mille", 2, False),
-        lambda rate: FrameMeter(wrong_area),
+        lambda rate: FrameMeter(steadiness.wrong_area),
         "Wrong is the area, per mille, that is off by more than 24 levels at a quarter of the size: what is "
         "seen from afar.",
     ),
     "spurious": Metric(
         *("Spurious", "levels/100", 2, False),
-        lambda rate: FrameMeter(spurious_edges),
+        lambda rate: FrameMeter(steadiness.spurious_edges),
         "Spurious is the strength of edges that the true frame has nowhere near, levels/100: torn shapes and ghosts.",
     ),
     "missing": Metric(
         *("Missing", "levels/100", 2, False),
-        lambda rate: FrameMeter(missing_edges),
+        lambda rate: FrameMeter(steadiness.missing_edges),
         "Missing is the same of true edges that the interpolated frame lacks: what was smeared or lost.",
     ),
     "flicker": Metric(
         *("Flicker", "levels", 2, False),
-        lambda rate: FlickerMeter(),
+        lambda rate: steadiness.FlickerMeter(),
         "Flicker is by how much interpolated frames differ from originals in brightness, noise and sharpness, all "
         "frames in the same way, levels: what pulses.",
     ),
     "steps": Metric(
         *("Uneven steps", "%", 1, False),
-        lambda rate: StepMeter(),
+        lambda rate: steadiness.StepMeter(),
         "Uneven steps are changes of the motion from frame to frame beyond the true ones, percent of the path: 0 is as "
         "even as the truth, 100 a frame that repeats another.",
     ),

@@ -13,7 +13,7 @@ from truth import noise, waves
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation import further_metrics
-from fpsboost.evaluation.further_metrics import FlipMeter, XpsnrMeter, choose_metrics, metrics, read_vmaf
+from fpsboost.evaluation.further_metrics import XpsnrMeter, choose_metrics, flip, metrics, read_vmaf
 
 HERE = tuple(name for name, metric in metrics.items() if metric.missing() is None)  # what can be measured here
 
@@ -91,10 +91,7 @@ def test_vmaf_comes_from_the_log_of_libvmaf():
 @needs_flip
 def test_flip_is_0_of_equal_images_and_near_1_of_black_beside_white():
     """And grows with the difference."""
-    meter = FlipMeter()
-    for level in (0, 40, 255):
-        meter.add(flat(0), flat(level))
-    equal, gray, white = meter.values()
+    equal, gray, white = (flip(flat(0), flat(level)) for level in (0, 40, 255))
     assert equal == 0
     assert 0.05 < gray < white
     assert white > 0.9
