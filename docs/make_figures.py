@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,15 +24,18 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from fpsboost import CutDetector, Interpolator, methods
+from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.colour import colour_components
 from fpsboost.evaluation.report.pictures import draw_wheel, in_colour
 from fpsboost.evaluation.report.self_contained import as_heat
+from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.window_samples import WINDOW
 from fpsboost.motion import nlm
 from fpsboost.motion.components import contrast_components
 from fpsboost.pair import Pair
 from fpsboost.render.folder import VectorFolder
+from fpsboost.repair import find_damaged
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.multi_hypothesis import Candidates, MultiHypothesis
 
@@ -57,7 +61,7 @@ def main() -> None:
     FIGURES.mkdir(exist_ok=True)
     for draw in (
         draw_before_and_after, draw_motion, draw_similarity, draw_choice, draw_residual_search, draw_candidates,
-        draw_confidence, draw_cut,
+        draw_confidence, draw_cut, draw_repair,
     ):  # fmt: skip
         path = draw()
         print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1000:.0f} kB")
@@ -280,6 +284,25 @@ def draw_cut() -> Path:
 
 
 # ------------------------------------------------------------------------------------------------- similarity in numpy
+
+
+def draw_repair() -> Path:
+    """Draw a frame with a dropout and a displaced field, what replaces it, and the frame as it was."""
+    frames, number = clip()[22:29], 3
+    true, damaged = frames[number], frames[number].copy()
+    damaged[1::2] = np.roll(damaged[1::2], 36, axis=1)
+    damaged[200:240] = 128
+    frames[number] = damaged
+    caches = prepared(frames)
+    found = find_damaged(
+        SourceFrame(Frame(frame, Fraction(0)), cache) for frame, cache in zip(frames, caches, strict=True)
+    )
+    assert [each for each, (_, is_damaged) in enumerate(found) if is_damaged] == [number]
+    method = methods["nlm"]
+    before, pair, after = (method.pair(*two) for two in pairwise([*caches[1:3], *caches[4:6]]))
+    (repaired,) = method.between(pair, [0.5], before, after).images
+    panels = {"damaged, detected": damaged, "replaced": repaired, "as it was": true}
+    return save("repair", [[Panel(title, smaller(picture, 320)) for title, picture in panels.items()]])
 
 
 def exp_of(v: float) -> Any:
