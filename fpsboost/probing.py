@@ -32,6 +32,7 @@ from fpsboost.io.video.traits import VideoTraits, matrices, primaries, tag_name,
 from fpsboost.method_table import methods
 from fpsboost.pair import Pair
 from fpsboost.preparation import Preparation
+from fpsboost.repair import find_damaged
 from fpsboost.streaming import beginning
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import OutputTiming, count_frames
@@ -118,6 +119,8 @@ class Probe:
     """Number of duplicate frames, stills not counted."""
     cuts: list[float]
     """Times of the first frames of new scenes."""
+    damaged: list[int]
+    """Numbers of single frames that no neighbour explains, from 0; see `fpsboost.repair.find_damaged`."""
     interlaced: int
     """Number of frames flagged as interlaced."""
     remarks: list[str]
@@ -147,6 +150,7 @@ class Findings:
     interlaced: int = 0
     duplicates: list[Fraction] = field(default_factory=list)
     """Times of the duplicate frames, stills not counted."""
+    damaged: list[int] = field(default_factory=list)
     moments: list[Fraction] = field(default_factory=list)
     """Times of the frames that are no duplicates."""
 
@@ -164,6 +168,11 @@ class Findings:
         ]
 
     def shown(self, frames: FrameSource) -> Iterator[SourceFrame]:
+        for number, (frame, is_damaged) in enumerate(find_damaged(self._read(frames))):
+            self.damaged += [number] * is_damaged
+            yield frame
+
+    def _read(self, frames: FrameSource) -> Iterator[SourceFrame]:
         for frame in frames:
             self.times.append(frame.time)
             self.end = frame.time + (frame.duration or 1 / frames.info.rate)
@@ -242,6 +251,7 @@ def probe(
             declared_frames=info.frame_count,
             duplicates=len(findings.duplicates),
             cuts=[float(cut) for cut in cuts],
+            damaged=findings.damaged,
             interlaced=findings.interlaced,
             remarks=list(map(as_prospect, source.remarks)),
             conversion=Conversion(frames or 0, float(schedule.rate(info.rate)), refused, losses),

@@ -23,6 +23,7 @@ from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache
 from fpsboost.method_table import methods
 from fpsboost.parts.plan import REPLACED_BEFORE, find_entry
+from fpsboost.probing import probe
 from fpsboost.repair import find_damaged
 from fpsboost.streaming import run_conversion
 from fpsboost.timing.schedule import ByFactor
@@ -189,6 +190,12 @@ def test_good_frames_of_a_video_stay_bit_for_bit(tmp_path):
     options["encoding"] = FAST
     summary = convert(str(clip), str(tmp_path / "two.mp4"), **options, **grouped(factor=2, replace="3"))
     assert (summary.frames_out, summary.replaced) == (24, [3])
+    spoilt = write_clip(
+        tmp_path / "bad.mkv",
+        picture=lambda index, *_: texture(1, 4 * index) if index != 5 else DAMAGE["black"](texture(1, 0)),
+        size=(90, 160),
+    )
+    assert probe(str(spoilt)).damaged == [5]
 
 
 def test_good_images_are_passed_on(tmp_path, save_images):

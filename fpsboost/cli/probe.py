@@ -13,6 +13,7 @@ from rich.table import Table
 from fpsboost.cli.messages import literal
 from fpsboost.cli.options import PathName, in_flags
 from fpsboost.errors import rounded
+from fpsboost.timing.replacement import as_ranges
 
 if TYPE_CHECKING:
     from fpsboost.probing import Probe, StreamFacts
@@ -112,6 +113,8 @@ def facts(result: Probe) -> dict[str, str]:
     times = ", ".join(f"{cut:.3f}" for cut in result.cuts[:MAX_CUTS])
     more = f" and {len(result.cuts) - MAX_CUTS} more" if len(result.cuts) > MAX_CUTS else ""
     lines["scene cuts"] = f"{len(result.cuts)}, at {times}{more} s" if result.cuts else "none"
+    damaged = f"{len(result.damaged)} ({as_ranges(result.damaged[:MAX_CUTS])}); --replace auto interpolates them"
+    lines["damaged"] = damaged if result.damaged else "none"
     flagged = f"{result.interlaced} of {result.frames} frames flagged; --deinterlace makes two of each"
     lines["interlaced"] = flagged if result.interlaced else "no"
     lines["--factor 2"] = conversion.refused or f"{conversion.frames} frames at {conversion.rate:.6g} fps"
