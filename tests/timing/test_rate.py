@@ -67,6 +67,8 @@ def test_twice_the_rate_unless_told():
     ("wrong", "message"),
     [
         ({"factor": 2, "fps": 60}, "`factor` and `fps` say the same"),
+        ({"retime": "0=0 1s=2s", "speed": "2"}, "`retime` and `speed` say different things of time"),
+        ({"speed": "2", "slow_motion": True}, "`speed` and `slow_motion` say different things of time"),
         ({"fps": 60, "keep_timing": True}, "`fps` makes the rate constant and `keep_timing` does not"),
         ({"factor": 0}, "`factor` must be"),
         ({"fps": 0}, "`fps` must be"),

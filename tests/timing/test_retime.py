@@ -194,22 +194,11 @@ def test_sound_is_stretched_where_the_speed_allows_it(tmp_path, clip):
         assert any("sound, which the retime curve leaves out" in remark for remark in summary.remarks)
 
 
-def test_what_a_curve_does_not_go_with():
-    """Two ways to say the same, and numbers that are kept."""
-    for other in ({"speed": "2"}, {"slow_motion": True}, {"keep_timing": True}, {"fill_gaps": True}):
-        with pytest.raises(OptionError, match="say different things of time"):
-            OutputRate(retime="0=0 1s=2s", **other)
-
-
-def brightening(number, height, width):
-    """A flat picture that is brighter by 4 than the one before."""
-    return np.full((height, width, 3), 20 + 4 * number, np.uint8)
-
-
 @pytest.mark.parametrize("curve", ["0=2s 2s=0", "0=0 24f=40f 40f=24.5f 60f=49f", "smooth 0=1s 20f=.3s 40f=.3s 50f=0"])
 def test_a_clip_plays_backwards(tmp_path, curve):
     """Every frame shows the time of the curve; in parts, the packets are the same."""
-    clip = write_clip(tmp_path / "in.mkv", times=range(50), picture=brightening)
+    pictures = [np.full((48, 64, 3), 20 + 4 * number, np.uint8) for number in range(50)]
+    clip = write_clip(tmp_path / "in.mkv", times=range(50), picture=lambda number, *_: pictures[number])
     options: dict[str, Any] = {"method": STEADY, "encoding": FAST, "rate": OutputRate(Fraction(6), retime=curve)}
     convert(str(clip), str(tmp_path / "out.mkv"), **options)
     rate, wanted = Fraction(150), parse_curve(curve, Fraction(150), Fraction(25))
