@@ -304,13 +304,14 @@ class Interpolator:
         self, make: Callable[[list[float]], Iterator[Interpolated]], times: list[float], pair: Pair
     ) -> Iterator[Interpolated]:
         """Make images, and replace them where the image halfway between the two is unsure."""
-        halfway = list(make([0.5])) if times == [0.5] or pair.doubt_share is None else []
-        doubt = pair.doubt(lambda: measure_doubt(np.asarray(halfway[0][1]), self.below, self.uncertain))
+        halfway = list(make([0.5])) if times == [0.5] or pair.doubt is None else []
+        if pair.doubt is None:
+            pair.doubt = measure_doubt(np.asarray(halfway[0][1]), self.below, self.uncertain)
         for (image, confidence), t in zip(halfway if times == [0.5] else make(times), times, strict=True):
             pixels = view(image).picture
             frames = (each if view(pixels).coding else as_bgr(each) for each in (pair.image0, pair.image1))
             image0, image1 = (each.pixels for each in frames)
-            yield fall_back(pixels, image0, image1, t, doubt, mix=self.uncertain == "blend"), confidence
+            yield fall_back(pixels, image0, image1, t, pair.doubt, mix=self.uncertain == "blend"), confidence
 
     def frame_pair(self, pair: Pair, before: Pair | None, after: Pair | None) -> FramePair:
         """Return what the synthesizer takes of two frames that motion connects, and of the pairs before and after."""

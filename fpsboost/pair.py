@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from fractions import Fraction
 from functools import partial
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.analysis.grain import PairGrain, measure_grain
@@ -61,6 +59,8 @@ class Pair:
         self._estimator, self._cuts, self._compensate_illumination = estimator, cuts, compensate_illumination
         self._pair = partial(Pair, estimator=estimator, cuts=cuts, compensate_illumination=compensate_illumination)
         self._results = Results()
+        self.doubt: NDArray[Any] | None = None
+        """Where and how far motion halfway is unsure, (H, W) float32, 0 to 1; None if it was not measured."""
 
     @property
     def layered(self) -> Layered | None:
@@ -164,15 +164,6 @@ class Pair:
             image0, image1 = as_bgr(image0), as_bgr(image1)
         return measure_grain(image0.pixels, image1.pixels, *self.fields)
 
-    def doubt(self, measure: Callable[[], NDArray[Any]]) -> NDArray[Any]:
-        """Return where and how far the motion halfway is unsure, (H, W) float32, 0 to 1, measured once."""
-        return self._results.cached("doubt", measure)
-
-    @property
-    def doubt_share(self) -> float | None:
-        """Share of the frame that is unsure, 0 to 1; None if `doubt` was not measured."""
-        return float(self.doubt(lambda: np.empty(0)).mean()) if "doubt" in self._results else None
-
     @property
     def search_radius(self) -> int | None:
         """Search radius in pixels; None if the estimator has no such limit or has not run."""
@@ -181,7 +172,7 @@ class Pair:
     def release_caches(self) -> None:
         """Discard all results that the next pair does not need, to save memory, once this pair's frames are made."""
         self.image0.clear(gray)  # overlays are static in the frame before a pair, too
-        self._results.clear("compensated", "grain", "doubt")
+        self._results.clear("compensated", "grain")
 
 
 def as_bgr(image: FrameCache) -> FrameCache:

@@ -483,7 +483,7 @@ def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: 
         _add_motion(finished, interval, neighbours)
     if begin == 0 and clip.counts(interval) and not interval.scene_cut:
         interval.match = clip.measure_match(interval)
-    return _Part(interval, begin, finished, [pair.doubt_share or 0.0] * len(times))
+    return _Part(interval, begin, finished, [0.0 if pair.doubt is None else float(pair.doubt.mean())] * len(times))
 
 
 def _add_motion(outputs: list[_Output], interval: _Interval, neighbours: Neighbours) -> None:

@@ -97,10 +97,8 @@ def test_the_ends_of_a_clip_are_kept():
     found, summary = repaired(frames_at([0, 40, 80, 120]), "0.001,3,7-8")
     assert [frame.array[0, 0, 0] for frame in found] == [0, 10, 20, 30]
     assert not summary.replaced
-    first, last, behind, *_ = summary.remarks
-    assert first.startswith("Frame 0 has no good one")
-    assert last.startswith("No good frame comes after 3")
-    assert "`replace` has 7-8 behind it" in behind
+    for number, said in enumerate(["Frame 0 has no", "No good frame comes after 3", "The last frame is 3"]):
+        assert summary.remarks[number].startswith(said)
     with pytest.raises(InputError, match="more frames in a row up to 9, and at most 8"):
         repaired(frames_at(list(range(0, 800, 40))), "0.04-2.0")
 
@@ -135,18 +133,10 @@ def test_single_damaged_frames_are_detected(kind):
     assert detected(images) == [4]
 
 
-@pytest.mark.parametrize(
-    "images",
-    [
-        [texture(1, 25 * number) for number in range(6)],
-        [texture(1 + number // 3, 3 * number) for number in range(9)],
-        [texture(1 + number % 2, 0) for number in range(8)],
-    ],
-    ids=["fast motion", "cuts", "strobe"],
-)
-def test_nothing_else_is_taken_for_damaged(images):
-    """What films have: each frame of these is one that a neighbour explains, or many are not."""
-    assert not detected(images)
+@pytest.mark.parametrize(("step", "scene"), [(25, 99), (3, 3), (0, 1)], ids=["fast motion", "cuts", "other pictures"])
+def test_nothing_else_is_taken_for_damaged(step, scene):
+    """What films have: a neighbour explains each frame of these, or nothing explains any."""
+    assert not detected([texture(1 + number // scene, step * number) for number in range(9)])
 
 
 def test_parts_are_the_same():
