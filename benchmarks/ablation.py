@@ -99,9 +99,9 @@ class PatchedSearch:
 class OneDirection(multi_hypothesis.MultiHypothesis):
     """The default synthesizer with candidates from the first frame's motion alone."""
 
-    def _collect_votes(self, frame_pair: FramePair) -> tuple[multi_hypothesis.Votes, multi_hypothesis.Votes]:
-        voters0, voters1 = super()._collect_votes(frame_pair)
-        return voters0, voters1._replace(trust=np.zeros_like(voters1.trust))
+    def _collect_votes(self, frame_pair: FramePair) -> list[multi_hypothesis.Votes]:
+        votes = super()._collect_votes(frame_pair)
+        return [each._replace(trust=each.trust * np.float32(number % 2 == 0)) for number, each in enumerate(votes)]
 
 
 @dataclass(frozen=True)
@@ -196,6 +196,7 @@ def list_variants(full: Interpolator) -> dict[str, Interpolator]:
         "one residual search": replace(
             full, estimator=PatchedSearch(search, {"MIN_SIMILARITY": nlm.MIN_SIMILARITY[:1]})
         ),
+        "plain weights": replace(full, synthesizer=replace(fusing, fusion="plain")),
         "DIS instead of the search": replace(full, estimator=Dis()),
         "straight paths": replace(full, curved=False),
         "paths curved by the next pair alone": NextPairOnly(**options_of(full)),
