@@ -102,7 +102,7 @@ def save(page: Page, name: str, clip: Any = None) -> None:
     """Save what is seen of a page or in a rectangle, and print the size of the file."""
     page.wait_for_timeout(1000)  # until what moves has come to rest
     path = FIGURES / f"{name}.webp"
-    Image.open(BytesIO(page.screenshot(clip=clip))).convert("RGB").save(path, quality=85, method=6)
+    Image.open(BytesIO(page.screenshot(clip=clip))).convert("RGB").save(path, quality=65, method=6)
     print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1000:.0f} kB")
 
 
