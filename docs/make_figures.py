@@ -6,6 +6,7 @@ about half a minute after compiling.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -61,7 +62,7 @@ def main() -> None:
     FIGURES.mkdir(exist_ok=True)
     for draw in (
         draw_before_and_after, draw_motion, draw_similarity, draw_choice, draw_residual_search, draw_candidates,
-        draw_confidence, draw_cut, draw_repair,
+        draw_confidence, draw_cut, draw_repair, draw_arrays,
     ):  # fmt: skip
         path = draw()
         print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1000:.0f} kB")
@@ -281,6 +282,20 @@ def draw_cut() -> Path:
         path = FIGURES / "cut.svg"
         figure.savefig(path, metadata={"Date": None, "Creator": None})
     return path
+
+
+def draw_arrays() -> Path:
+    """Draw the weather radar of docs/arrays.md, by the code of that page."""
+    page: dict[str, Any] = {}
+    text = (ROOT / "docs" / "arrays.md").read_text(encoding="utf-8")
+    exec("".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL)[:2]), page)
+    panels = []
+    for minute in (0, 3, 5, 10, 15):
+        dbz = page["every_minute"][minute]
+        picture = as_heat(((np.nan_to_num(dbz) + 10) / 55).clip(0, 1))
+        picture[np.isnan(dbz)] = 160
+        panels.append(Panel(f"{minute} minutes, {'measured' if minute in page['scans'] else 'interpolated'}", picture))
+    return save("arrays", [panels])
 
 
 # ------------------------------------------------------------------------------------------------- similarity in numpy
