@@ -27,7 +27,7 @@ from PIL import Image
 
 SAMPLES = Path(__file__).parents[1] / "samples"
 CLIP, SCENE = SAMPLES / "orbit.mp4", SAMPLES / "scenes" / "texture"
-FAST = "nlm", "nlm-fast", "dis", "farneback", "dis-warp", "farneback-warp", "block", "codec", "blend", "nearest"
+FAST = "nlm", "nlm-fast", "dis", "farneback", "dis-warp", "farneback-warp", "block", "blend", "nearest"
 SLOW = "nlm-exhaustive", "nlm-brute-force", "nlm-passes", "tvl1", "tvl1-warp"
 FRAMES = 8
 

@@ -17,7 +17,7 @@ from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, view
 from fpsboost.interpolator import Interpolator
-from fpsboost.motion.block import BlockMatching, CodecMotion
+from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.motion.nlm import CoarseToFine
@@ -50,7 +50,6 @@ methods: Mapping[str, Interpolator] = MappingProxyType(
         "farneback-warp": plain_interpolator(Farneback(), Warp()),
         "tvl1-warp": plain_interpolator(TvL1(), Warp()),
         "block": plain_interpolator(BlockMatching(), Splat()),
-        "codec": plain_interpolator(CodecMotion(), Splat()),
         "blend": plain_interpolator(ZeroMotion(), Blend()),
         "nearest": plain_interpolator(ZeroMotion(), Nearest(), cuts=None),
     }

@@ -19,7 +19,7 @@ from fpsboost.synthesis.reproject import Reproject
 every_method = pytest.mark.parametrize("method", methods)
 moving_methods = pytest.mark.parametrize("method", [name for name in methods if name not in ("blend", "nearest")])
 plain_methods = pytest.mark.parametrize(
-    "method", ["nlm-exhaustive", "dis-warp", "farneback-warp", "tvl1-warp", "block", "codec", "blend", "nearest"]
+    "method", ["nlm-exhaustive", "dis-warp", "farneback-warp", "tvl1-warp", "block", "blend", "nearest"]
 )
 
 

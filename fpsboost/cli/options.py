@@ -38,7 +38,7 @@ else:
 METHODS = (
     *("nlm", "nlm-fast", "blend", "nearest", "nlm-exhaustive", "nlm-brute-force", "nlm-passes"),
     *("reproject-image", "reproject-scene", "dis", "farneback", "tvl1", "dis-warp", "tvl1-warp", "farneback-warp"),
-    *("block", "codec"),
+    "block",
 )
 """Names that a shell proposes; those of `fpsboost.method_table`, which takes a second to import."""
 

@@ -1,7 +1,7 @@
 """Motion between two frames.
 
 `MotionEstimator` is the protocol. Its implementations are `ExhaustiveSearch` (the report's), `CoarseToFine` (the
-default), `Dis`, `Farneback` and `TvL1` (OpenCV's optical flow), `BlockMatching` and `CodecMotion` (video coding's),
+default), `Dis`, `Farneback` and `TvL1` (OpenCV's optical flow), `BlockMatching` (video coding's),
 `RenderedMotion` (a renderer's vectors) and `ZeroMotion` (no motion). Each is a frozen dataclass whose fields are its
 options; values out of range raise `OptionError`.
 """

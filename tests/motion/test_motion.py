@@ -40,7 +40,7 @@ from fpsboost.kernels.shortest import ShortestMotion, find_shortest
 from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.method_table import find_method, methods
 from fpsboost.motion import MotionEstimator
-from fpsboost.motion.block import BlockMatching, CodecMotion
+from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.components import contrast_components, padded_planes
 from fpsboost.motion.exhaustive import ExhaustiveSearch, choose_search_radius
 from fpsboost.motion.field import ZeroMotion
@@ -61,7 +61,6 @@ estimators: dict[str, MotionEstimator] = {
     "block": BlockMatching(),
     "block, three-step": BlockMatching(pattern="three-step"),
     "block, diamond": BlockMatching(block_size=8, search_range=5, pattern="diamond"),
-    "codec": CodecMotion(),
     "still": ZeroMotion(),
 }
 every_estimator = pytest.mark.parametrize("estimator", estimators.values(), ids=estimators.keys())
@@ -213,8 +212,6 @@ def test_the_type_of_the_pixels_does_not_matter(estimator, dtype):
         (BlockMatching, "block_size", [1, 129]),
         (BlockMatching, "search_range", [0, 1001]),
         (BlockMatching, "pattern", ["spiral"]),
-        (CodecMotion, "crf", [-1, 52]),
-        (CodecMotion, "preset", ["glacial"]),
     ],
 )
 def test_options_out_of_range_are_refused(kind, option, values):
