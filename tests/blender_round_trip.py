@@ -27,7 +27,8 @@ def main() -> None:
         else:
             said[name] = sorted(getattr(bpy.ops.fpsboost, name)())
     result = bpy.data.scenes["Scene fpsboost"]
-    strip = result.sequence_editor.strips_all[0]
+    editor = result.sequence_editor
+    strip = (editor.strips_all if bpy.app.version >= (4, 4) else editor.sequences_all)[0]
     print(
         "RESULT "
         + json.dumps(
