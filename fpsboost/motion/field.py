@@ -37,9 +37,6 @@ class MotionField:
     """Pixels along x and y that share a vector."""
     size: tuple[int, int] | None = None
     """(H, W) or None: size of the frame; None if every pixel has a vector of its own."""
-    coarse: MotionField | None = None
-    """Motion that was found at a fraction of the size, if the estimator knows it: smoother, and right where a large
-    region has too little texture for finer levels."""
 
     @property
     def shape(self) -> tuple[int, int]:

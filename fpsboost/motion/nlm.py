@@ -17,7 +17,7 @@ smoothness cost towards its neighbours on the next level.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -44,9 +44,6 @@ COARSEST_STEP = 2
 
 COARSE_STEP = 4
 """Distance between points on all other levels but the finest, pixels."""
-
-COARSE_LEVEL = 3
-"""Level whose vectors are further candidates, an eighth of the frames' size; the coarsest one if there are fewer."""
 
 DENSE_STEP = 2
 """Distance between points on the level that is re-searched first, pixels: small objects need points well inside of
@@ -144,7 +141,6 @@ class CoarseToFine:
         last = min(self.finest_level, len(levels0) - 1)
         pair = self._plane_pair(levels0[-1], levels1[-1])
         found, step = self._search_coarsest(levels0[-1], levels1[-1], pair), COARSEST_STEP
-        coarse_fields = self._fields(found, step, len(levels0) - 1, image0)
         for level in range(len(levels0) - 2, last - 1, -1):
             looks, flow = len(levels0) - 2 - level, found.flow
             if looks == 1:
@@ -159,22 +155,12 @@ class CoarseToFine:
             refine_radius = int(level in (last, len(levels0) - 2))
             row_step = 2 if level == last and step % 4 == 0 else 1
             found = self._search(pair, coarse, 2, spacing, step, refine_radius, row_step)
-            if level == COARSE_LEVEL:
-                coarse_fields = self._fields(found, step, level, image0)
+        size, scale = image0.pixels.shape[:2], 2**last
+        vectors, similarities = found.flow * np.float32(scale), found.similarity.clip(0, 1)
         field01, field10 = (
-            replace(field, coarse=coarse)
-            for field, coarse in zip(self._fields(found, step, last, image0), coarse_fields, strict=True)
+            MotionField(*each, None, step * scale, size) for each in zip(vectors, similarities, strict=True)
         )
         return field01, field10
-
-    @staticmethod
-    def _fields(found: Points, step: int, level: int, image: FrameCache) -> list[MotionField]:
-        """Return the motion of the points of a level in both directions."""
-        (height, width), scale = image.pixels.shape[:2], 2**level
-        vectors, similarities = found.flow * np.float32(scale), found.similarity.clip(0, 1)
-        return [
-            MotionField(*each, None, step * scale, (height, width)) for each in zip(vectors, similarities, strict=True)
-        ]
 
     def _search_coarsest(self, image0: FrameCache, image1: FrameCache, pair: PlanePair) -> Points:
         """Search for every offset at every pixel, then let all points of a tile compare the offsets found in it."""

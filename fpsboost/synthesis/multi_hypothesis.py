@@ -75,10 +75,6 @@ CONSISTENCY_TOLERANCE = 16
 """Forward-backward error at which the vote of a motion is halved, pixels."""
 
 
-MIN_DOUBT = np.float32(0.02)
-"""Doubt in a vector, by its forward-backward error, from which on the motion found at a fraction of the size votes."""
-
-
 class _Listed(NamedTuple):
     """Candidates at a time, and what is known of them."""
 
@@ -330,13 +326,12 @@ class MultiHypothesis:
         return output
 
     def _candidates(self, votes_of_both: Sequence[Votes], size: tuple[int, int], t: float) -> Candidates:
-        """Return the candidates around each node at time t; every second one of the votes is from frame 1."""
+        """Return the candidates around each node at time t."""
         height, width = size
         nodes = -(-height // self.node_spacing), -(-width // self.node_spacing)
         collected = no_votes(nodes, CANDIDATE_CAPACITY, self.node_spacing)
         support, tolerance = np.float32(self.support_radius), np.float32(self.merge_distance)
-        for number, votes in enumerate(votes_of_both):
-            sign, time = (-1, 1 - t) if number % 2 else (1, t)
+        for votes, sign, time in zip(votes_of_both, (1, -1), (t, 1 - t), strict=True):
             collect_candidates(
                 votes, np.float32(sign), np.float32(time), self.step, support, tolerance, height, width, collected
             )
@@ -351,7 +346,7 @@ class MultiHypothesis:
         list_candidates(collected, ZERO_MOTION_PRIOR, ACCELERATION_TOLERANCE, MIN_SHARE, least, candidates)
         return candidates
 
-    def _collect_votes(self, frame_pair: FramePair) -> list[Votes]:
+    def _collect_votes(self, frame_pair: FramePair) -> tuple[Votes, Votes]:
         """Return the votes of the points of each frame: motion to the other frame, its gradients and acceleration."""
         field01, field10 = frame_pair.field01, frame_pair.field10
         before, after = frame_pair.before, frame_pair.after
@@ -363,16 +358,7 @@ class MultiHypothesis:
         for changes in (changes0, changes1):
             changes[..., 1:] *= share
         certain01, certain10 = self._consistency(field01, field10), self._consistency(field10, field01)
-        votes = [self._votes(field01, certain01, changes0), self._votes(field10, certain10, changes1)]
-        coarse01, coarse10 = field01.coarse, field10.coarse
-        if self.fusion == "learnt" and coarse01 is not None and coarse10 is not None:
-            further = []
-            for coarse, back, certain in ((coarse01, coarse10, certain01), (coarse10, coarse01, certain10)):
-                voted = self._votes(coarse, self._consistency(coarse, back), np.zeros_like(changes0))
-                doubt = np.maximum(1 - certain - MIN_DOUBT, 0)
-                further.append(voted._replace(trust=voted.trust * doubt))
-            votes = [*further, *votes]  # first, as where there is doubt, nodes list as many motions as they can
-        return votes
+        return self._votes(field01, certain01, changes0), self._votes(field10, certain10, changes1)
 
     def _votes(self, field: MotionField, consistency: NDArray[Any], changes: NDArray[Any]) -> Votes:
         """Return the votes of a frame's points with their weights.

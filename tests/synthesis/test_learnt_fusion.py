@@ -3,11 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from test_synthesis import true_transition
-from truth import moving_object, translation
+from truth import moving_object
 
-from fpsboost.motion.field import MotionField
 from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
 
 LEARNT = MultiHypothesis(fusion="learnt")
@@ -35,23 +33,3 @@ def test_frames_near_a_frame_are_like_it():
     first, last = LEARNT.synthesize(true_transition(clip), [0.001, 0.999])
     assert np.abs(first.astype(int) - clip.image0).mean() < 0.5
     assert np.abs(last.astype(int) - clip.image1).mean() < 0.5
-
-
-@pytest.mark.parametrize("spacing", [16, 24])
-def test_the_motion_of_a_coarse_level_helps_where_the_finer_one_is_not_consistent(spacing):
-    """Fields that lead nowhere and back by far are outvoted by coarser ones, which are right here."""
-    clip = translation(64, 96, 6, 2, seed=3)
-    pair, random = true_transition(clip), np.random.default_rng(1)
-    fields = [
-        MotionField(
-            random.uniform(-40, 40, (8, 12, 2)).astype(np.float32), np.ones((8, 12), np.float32), None, 8, (64, 96)
-        )
-        for _ in range(2)
-    ]
-    guided = [replace(field, coarse=coarse) for field, coarse in zip(fields, (pair.field01, pair.field10), strict=True)]
-    off = []
-    for field01, field10 in (fields, guided):
-        synthesizer = replace(LEARNT, node_spacing=spacing, support_radius=32)
-        (image,) = synthesizer.synthesize(replace(pair, field01=field01, field10=field10), [0.5])
-        off.append(np.abs(image.astype(int) - clip.at(0.5))[10:-10, 10:-10].mean())
-    assert off[1] < off[0] / 4
