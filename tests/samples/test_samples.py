@@ -6,6 +6,7 @@ And the constructed clips: that all can be made, and each frame by itself as it 
 
 import importlib
 import importlib.util
+import json
 import math
 import re
 import subprocess
@@ -149,6 +150,20 @@ def test_depth_runs_along_the_viewing_axis(geometry):
     below = down > 0.05  # nearer than the floor's end
     expected = np.repeat(2 / down[below, None], 40, axis=1)
     np.testing.assert_allclose(floor.reshape(30, 40)[below], expected)
+
+
+@needs_scenes
+def test_the_reports_figures_have_numbers_and_verdicts(stage: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a frame of glass: errors by patch and by luminance, shares of failed searches, and verdicts on a page."""
+    program = importlib.import_module("report_figures")
+    monkeypatch.setattr(program, "OTHERS", {"scene-assisted": "reproject-scene"})
+    frame = program.measure(program.read_clip(SCENES, "glass", 1, frames=3), 1, [5])
+    assert frame.patches["box"] == [frame.mse["iterative"]]
+    assert 0 < frame.failed["iterative, both"] < frame.failed["iterative"] < 1
+    of_glass = {"glass": [frame]}
+    assert json.loads(program.as_json(of_glass))["glass"][0]["luminance"] == frame.luminance
+    page = program.page_of([program.failures(of_glass), program.luminance(of_glass)])
+    assert len(re.findall(r"<h2>[^<]+ <span class='verdict (?:agrees|partly|differs)'", page)) == 2
 
 
 SCRIPT = Path(__file__).parents[2] / "samples" / "round_trip.py"
