@@ -142,10 +142,10 @@ def test_fusing_finds_the_right_motion_among_wrong_ones():
 
 @along_motion
 def test_an_object_is_in_its_place_and_what_it_uncovers_is_filled(synthesizer):
-    """Object and background are exact but for some pixels near the outline."""
+    """Object and background are right to two levels but for some pixels near the outline."""
     clip = moving_object(60, 80, box=(20, 20, 40, 44), dx=8, dy=4)
     for t, image in zip(TIMES, made(synthesizer, clip), strict=True):
-        wrong = (image != clip.at(t)).any(axis=-1)
+        wrong = (np.abs(image.astype(int) - clip.at(t)) > 2).any(axis=-1)
         path = np.zeros((60, 80), bool)
         path[17:48, 17:56] = True  # all that the object touches on its way, and three pixels
         assert not wrong[~path].any()
