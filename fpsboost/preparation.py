@@ -262,6 +262,8 @@ class OpenedClip:
     window: Window | None
     curve: TimeMap | None = None
     """Which time of the source every output time shows; None where it plays at its own speed."""
+    clip_curve: TimeMap | None = None
+    """The same of the clip itself, which a source that never plays backwards unfolds."""
 
     def begin_near(self, seconds: Fraction) -> Fraction | None:
         """Let the whole clip begin where reading can begin next to a time, if it can; return the origin of its times.
@@ -301,6 +303,7 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
         trim, images = job.decoding.trim, whole.stream_info.images
         info = _with_duration(whole) if rate.retimes else whole.info
         curve = rate.time_map(trim.of_info(info), 1 if images is None else images.first_number)
+        clip_curve = curve
         source, window = trim_source(whole, trim, may_skip=may_skip, curve=curve or rate.slow_map)
         if curve is not None and curve.reverses:
             times = source.frame_times() if isinstance(source, RandomAccess) and whole.stream_info.files else None
@@ -311,7 +314,7 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
             order, shown, curve = curve.unfolded(times)
             info = replace(info, frame_count=len(order), duration=None)
             source = FoldedSource(info, list(whole.remarks), order, shown, partial(read_again, forwards, run, whole))
-        yield OpenedClip(whole, source, window, curve)
+        yield OpenedClip(whole, source, window, curve, clip_curve)
 
 
 @contextmanager

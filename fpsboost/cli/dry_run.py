@@ -19,7 +19,6 @@ from fpsboost.preview.page import Preview, estimate_sentence, preview
 from fpsboost.probing import as_prospect, expected_losses, list_streams
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Position, format_time
-from fpsboost.timing.rate import OutputRate
 
 PLACES = (Fraction(1, 4), Fraction(1, 2), Fraction(3, 4))
 """Places of the passages that are tried, as parts of the clip; where motion is largest, they would be too large."""
@@ -45,8 +44,6 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
     frames, rate = output.expected_frames, output.timing.rate
     with reading.status("trying passages"):
         tried = replace(job, output="images/" if is_images else job.output)
-        if job.rate.retimes:  # passages have one speed
-            tried = replace(tried, rate=OutputRate())
         trial = preview(tried, {"": job.method}, RunOptions(limit=run.limit, threads=run.threads), at=places)
     made = [output.path, "frames" if frames is None else f"{frames} frames"]
     if ready.target.has_rate:
@@ -92,10 +89,10 @@ def _kept(ready: Preparation, remarks: Sequence[str]) -> list[str]:
 
 
 def _places(ready: Preparation) -> list[Position]:
-    """Return where passages begin that are tried; none where motion decides, as in short clips."""
+    """Return where passages begin that are tried; none where motion or a curve decides, as in short clips."""
     info = ready.clip.source.info
     duration = info.duration or (None if info.frame_count is None else info.frame_count / info.rate)
-    if duration is None or duration < MIN_SECONDS:
+    if duration is None or duration < MIN_SECONDS or ready.job.rate.retimes:
         return []
     begin, _ = ready.job.decoding.trim.seconds(ready.clip.whole.info)
     return [Position(begin + duration * place) for place in PLACES]

@@ -38,7 +38,7 @@ from fpsboost.errors import rounded
 from fpsboost.evaluation.report.self_contained import PlayerData, as_heat, data_uri, encode, templates_of
 from fpsboost.io.new_output import check_writable, write_whole
 from fpsboost.preparation import prepared
-from fpsboost.preview.places import Passage, Selection, View, find_passages
+from fpsboost.preview.places import Passage, Selection, View, find_passages, find_retimed
 from fpsboost.threads import available_cores
 
 
@@ -102,16 +102,19 @@ def preview(
 ) -> Preview:
     """Convert passages of a clip, those with the most motion or those that begin `at` some times, by every method.
 
-    The job is the whole conversion: its output is not written, and says of what kind the output will be. `methods`
-    replace its own, and `on_task` is called with the name of each task.
+    Where a curve retimes the clip, these are the passages around its points, or around times of the output. The job is
+    the whole conversion: its output is not written, and says of what kind the output will be. `methods` replace its
+    own, and `on_task` is called with the name of each task.
     """
     target = job.target(run)
-    if job.rate.retimes:
-        raise OptionError("A preview shows passages at one speed; leave `retime` or `speed` out.")
     with prepared(job, run) as ready:
-        info, frames = ready.clip.whole.info, ready.output.expected_frames
+        info, frames, rate = ready.clip.whole.info, ready.output.expected_frames, ready.output.timing.rate
+        curve = ready.clip.clip_curve
+    if job.rate.retimes:
+        factor = job.rate.multiple if job.rate.fps is None else None
+        job = replace(job, rate=replace(job.rate, factor=factor, retime=None, speed=None, slow_motion_sound=None))
     on_task("looking for motion")
-    selection = find_passages(job, run, at)
+    selection = find_passages(job, run, at) if curve is None else find_retimed(job, run, curve, rate, at)
     trials: dict[str, list[Trial]] = {name: [] for name in methods}
     remarks = dict.fromkeys(selection.remarks)
     with TemporaryDirectory(prefix="fpsboost-") as folder:
@@ -125,7 +128,7 @@ def preview(
                 remarks |= dict.fromkeys(summary.remarks)
     return Preview(
         info,
-        ready.output.timing.rate,
+        rate,
         job.rate.stretch,
         selection,
         trials,
@@ -161,9 +164,13 @@ class _Recorder(SilentObserver):
 def _try(job: ConversionJob, run: RunOptions, target: Target, passage: Passage, place: Path) -> tuple[Trial, Summary]:
     """Convert a passage to files of the target's kind, which are left to the caller to remove."""
     part = job.of_part(passage.trim)
+    if passage.retimed:
+        times = [*passage.retimed.values()]
+        curve = " ".join(f"{place}f={time}s" for place, time in enumerate([*times, times[-1]]))
+        part = replace(part, rate=replace(job.rate, retime=curve))
     if target.kind == "video":
         encoding = replace(job.encoding, audio=False, audio_codec=None, subtitles=False, streams=None)
-        part = replace(part, encoding=encoding, rate=replace(job.rate, slow_motion_sound=None))
+        part = replace(part, encoding=encoding, rate=replace(part.rate, slow_motion_sound=None))
     output = f"{place}/" if target.kind == "images" else f"{place}{target.file_type}"
     needs_confidence = job.method.has_confidence
     recorder = _Recorder(View(passage.before.traits), job.rate.stretch, needs_confidence)
@@ -246,7 +253,7 @@ def _least_certain(preview: Preview) -> list[LeastCertain]:
         least, confidence = trial.least_certain, trial.confidence
         if least is None:
             continue
-        time = format_time(passage.start + least.time)
+        time = format_time(passage.in_clip(least.time))
         doubt = None if confidence is None else encode(as_heat(1 - confidence))
         mean = None if confidence is None else float(confidence.mean())
         picture = data_uri(trial.after.pictures[least.number], "jpeg")
@@ -272,7 +279,7 @@ def _player_data(preview: Preview) -> PlayerData:
             data.frames.append(
                 {
                     "number": place,
-                    "note": format_time(passage.start + time),
+                    "note": format_time(passage.in_clip(time)),
                     "passage": number,
                     "images": [data.add_picture(data_uri(picture, "jpeg")) for picture in pictures],
                 }

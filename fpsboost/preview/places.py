@@ -5,6 +5,7 @@ Their frames are kept as a page shows them: reduced, upright, in 8-bit colours.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -25,6 +26,7 @@ from fpsboost.io.video.pictures import turned_upright
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.preparation import opened_clip
 from fpsboost.probing import Findings
+from fpsboost.timing.time_map import TimeMap
 
 LONGEST_SIDE = 960  # longer side of a picture on the page, pixels
 
@@ -106,11 +108,30 @@ class Passage(NamedTuple):
     cuts: list[Fraction]
     duplicates: list[Fraction]
     """Times of frames that begin a scene, and of those that show the same as the one before; seconds in the clip."""
+    retimed: dict[int, Fraction] | None = None
+    """Time in the passage that each of its output frames shows by a curve, seconds, by their numbers."""
 
     @property
     def end(self) -> Fraction:
         """End, seconds after the clip's first frame."""
         return self.start + self.before.end
+
+    def in_clip(self, time: Fraction) -> Fraction:
+        """Return the place in the clip that is shown some time after the passage begins, seconds."""
+        return self.start + (list(self.retimed.values())[self.before.place_at(time)] if self.retimed else time)
+
+    def by_curve(self, curve: TimeMap, begin: Fraction, rate: Fraction, middle: int) -> Passage:
+        """Return it with the frames of the output around one, by the curve of a part that begins at a time."""
+        view, last, stop = self.before, self.before.times[-1], math.ceil(curve.length * rate)
+        numbers = range(max(0, middle - MAX_FRAMES), min(middle + 3 * MAX_FRAMES, stop))
+        times = {number: curve.source(number / rate) + begin - self.start for number in numbers}
+        outside = [number for number in numbers if number != middle and not 0 <= times[number] <= last]
+        ends = [numbers.start - 1, *outside, numbers.stop]
+        place = bisect_right(ends, middle)
+        retimed = {number: min(times[number], last) for number in range(ends[place - 1] + 1, ends[place])}
+        pictures = [view.pictures[view.place_at(time)] for time in retimed.values()]
+        shown = [number / rate for number in range(len(retimed) + 1)]
+        return self._replace(before=View(view.traits, shown[:-1], pictures, shown[-1]), retimed=retimed)
 
 
 class Selection(NamedTuple):
@@ -165,6 +186,26 @@ def find_passages(job: ConversionJob, run: RunOptions, at: Iterable[Position] = 
             )
     passages = _with_most_motion(places, span, reader, examined)
     return Selection(sorted(passages or examined[-1:], key=lambda passage: passage.start), examined, remarks)
+
+
+def find_retimed(
+    job: ConversionJob, run: RunOptions, curve: TimeMap, rate: Fraction, at: Iterable[Position] = ()
+) -> Selection:
+    """Choose the passages around the points of a curve, or around places of the output; `job` is without the curve."""
+    span, _ = _opened(job, run)
+    end = curve.top + 1 if span.end is None else span.end - span.begin
+    given = [position.seconds(rate) for position in at]
+    points = given or [segment.begin for segment in curve.segments[1:]]
+    shown = [time for time in points if time < curve.length and curve.source(time) < end] or [Fraction(0)]
+    if given and shown != given:
+        raise OptionError("`at` names a place behind the end of the retimed output; name less.")
+    times = given or shown[:: -(-len(shown) // PASSAGES)]
+    starts = (span.begin + max(Fraction(0), curve.source(time) - span.duration / 2) for time in times)
+    selection, passages = find_passages(job, run, map(Position, starts)), list[Passage]()
+    for passage, middle in zip(selection.passages, (math.floor(time * rate) for time in times), strict=True):
+        if given or not passages or middle not in (passages[-1].retimed or ()):
+            passages.append(passage.by_curve(curve, span.begin, rate, middle))
+    return selection._replace(passages=passages)
 
 
 @dataclass(frozen=True)
@@ -242,8 +283,8 @@ class _Reader:
             findings = Findings(seen or image_view.add)
             cuts = findings.cuts(clip.source, self.job.method)
         image_view.end = findings.end - findings.times[0]
-        of_clip = [list(map(findings.in_clip, times)) for times in (cuts, findings.duplicates)]
-        return Passage(findings.origin.seconds, trim, image_view, *of_clip)
+        cuts, duplicates = (list(map(findings.in_clip, times)) for times in (cuts, findings.duplicates))
+        return Passage(findings.origin.seconds, trim, image_view, cuts, duplicates)
 
     def read(self, start: Fraction, duration: Fraction, count: int) -> tuple[Passage, list[Place]]:
         """Read a part, and measure the motion from each of its frames on, in that many."""

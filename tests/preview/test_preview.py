@@ -191,6 +191,19 @@ def test_slow_motion_plays_in_step(short):
     assert len(views["blend"].times) == 4 * len(views["before"].times)
 
 
+@pytest.mark.parametrize("curve", ["0=0 1s=1s 2s=1.25s x1", "smooth 0=1.5s 1s=1s 3s=.5s"])
+def test_passages_show_the_points_of_a_curve(short, tmp_path, curve):
+    """Before and after in step, forwards and backwards, with the frames of the whole conversion."""
+    found = tried(short, retime=curve)
+    convert(str(short), str(tmp_path / "frames"), method="blend", rate=OutputRate(retime=curve))
+    whole = [cv2.imread(str(path)).astype(int) for path in sorted((tmp_path / "frames").iterdir())]
+    for passage, trial in zip(found.selection.passages, found.trials["blend"], strict=True):
+        assert RATE in passage.retimed
+        assert trial.after.times == passage.before.times
+        for time, number in zip(trial.after.times, passage.retimed, strict=True):
+            assert np.abs(trial.after.image_at(time) - whole[number]).mean() < 4
+
+
 def test_input_is_left_alone_and_nothing_else_is_written(short, fpsboost_, tmp_path, snapshot):
     """One page appears in the current folder, named after the clip, and the command says where."""
     before = snapshot(short.parent)
