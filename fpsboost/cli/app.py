@@ -23,6 +23,7 @@ from types import FrameType
 from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Group, MissingArgumentError, Parameter, UnusedCliTokensError
+from cyclopts.exceptions import UnknownOptionError
 
 from fpsboost.__main__ import stop_signals
 from fpsboost.cli.messages import (
@@ -366,6 +367,10 @@ def run_command(texts: LibraryTexts) -> None:
 def _usage_sentence(error: CycloptsError, command: str) -> str:
     if isinstance(error, UnusedCliTokensError):
         return f"{command} does not take {' '.join(error.unused_tokens or ())}."
+    if isinstance(error, UnknownOptionError) and command != "fpsboost":
+        flag = error.token.keyword or error.token.value.partition("=")[0]
+        if any(flag in argument.names for argument in app.assemble_argument_collection()):
+            return f"{command} does not take {flag}, an option of conversions."
     name = getattr(error.argument, "name", "-")
     return str(error) if name.startswith("-") or not isinstance(error, MissingArgumentError) else f"{name} is missing."
 

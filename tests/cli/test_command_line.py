@@ -473,6 +473,8 @@ def test_no_command_ends_in_a_traceback(fpsboost_, clip, tmp_path, snapshot, mon
         ("help", "did you mean fpsboost --help?"),
         ("compare", "IN is missing. See fpsboost compare --help."),
         ("compare in.mp4 --bogus", "See fpsboost compare --help."),
+        ("compare in.mp4 --retime=0=0", "not take --retime, an option of conversions. See fpsboost compare --help."),
+        ("plan a b --uncertain blend", "not take --uncertain, an option of conversions. See fpsboost plan --help."),
         ("doctor extra", "fpsboost doctor does not take extra. See fpsboost doctor --help."),
     ],
 )
