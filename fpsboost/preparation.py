@@ -503,8 +503,8 @@ def _adapt_audio(
     video = stream.video
     name = video.name if video is not None and encoding.audio and "sound" in video.companions else None
     if curve is not None and curve.sounding and output_rate.slow_motion_sound != "drop":
-        is_silent = name is not None and len(curve.sounding) < len(curve.segments)
-        lost = f"{name} has sound, which is left out where its speed is not constant, below 0.5 or above 2."
+        is_silent = name is not None and curve.sounding != list(curve.segments)
+        lost = f"{name} has sound, left out where its speed is not constant, below 0.5 or above 2, or where it repeats."
         return encoding, [lost] * is_silent
     is_kept = output_rate.stretch == 1 or output_rate.slow_motion_sound == "stretch"
     if not encoding.audio or (curve is None and is_kept):

@@ -168,9 +168,10 @@ class OutputRate:
             curve = parse_speeds(self.speed, info.rate)
         else:
             return None
-        if info.duration is not None and not curve.is_open and curve.top > info.duration + 1 / info.rate:
-            places = f"goes to {format_time(curve.top)} of {info.name}, which ends at {format_time(info.duration)}"
-            raise OptionError(f"`retime` {places}; lower the source's times.")
+        latest = max(each.source0 for each in curve.segments) if curve.is_open else curve.top
+        if info.duration is not None and latest > info.duration + 1 / info.rate:
+            places = f"goes to {format_time(latest)} of {info.name}, which ends at {format_time(info.duration)}"
+            raise OptionError(f"`{'speed' if self.retime is None else 'retime'}` {places}; lower the source's times.")
         return None if curve.is_plain(info.duration) else curve
 
     @property

@@ -14,10 +14,10 @@ from fpsboost.timing.time_map import TimeMap
 
 def read_curve(text: str) -> str:
     """Return a curve that is written as points, or in the file of this name."""
-    if "=" in text or "\n" in text.strip():
+    if "=" in text or "\n" in text.strip() or not text.strip():
         return text
     with explained(OptionError, "read", text, "name a file, or write points like 0=0 2s=2s 3s=2.25s"):
-        return Path(text).read_text("utf-8", errors="replace")
+        return Path(text).read_text("utf-8-sig", errors="replace")
 
 
 def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_number: int = 1) -> TimeMap:
@@ -30,14 +30,17 @@ def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_n
     point that cannot be read, is not after the one before, or is before the source's first frame.
     """
     points, plain = list[tuple[Fraction, Fraction]](), re.sub("#.*", "", text)
-    is_numbered, ending = not re.search(r"\d[sf:]", plain), re.search(r"\sx(\S+)\s*$", plain)
+    is_smooth, ending = "smooth" in plain.split(), re.search(r"\sx(\S+)\s*$", plain)
     onward = None if ending is None else parse_number(ending[1], "`retime`, speed at the end,")
     if onward is not None and onward <= 0:
         raise OptionError(f"`retime` does not lead to the source's end with x{onward}; give a speed above 0.")
-    unit, lines = ("line", plain.splitlines()) if "\n" in text.strip() else ("point", plain.split())
+    plain = plain if ending is None else plain[: ending.start()]
+    is_numbered = not re.search(r"\d[sf:]", plain) and re.search("[1-9]", plain) is not None
+    is_listed = "\n" in text.strip()
+    unit, lines = ("line", plain.splitlines()) if is_listed else ("point", plain.replace(",", " ").split())
     for number, line in enumerate(lines, 1):
-        where, words = f"`retime`, {unit} {number}", re.findall(r"[^\s=,]+", line)
-        if not words or words[0] == "smooth" or (len(words) == 1 and words[0].startswith("x")):
+        where, words = f"`retime`, {unit} {number}", [w for w in re.findall(r"[^\s=,]+", line) if w != "smooth"]
+        if not words:
             continue
         if len(words) != 2:
             raise OptionError(f"{where}: {line.strip()!r} must be an output time and a source time, such as 3s 2s.")
@@ -49,12 +52,15 @@ def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_n
         if len(points) > 1 and points[-1][0] <= points[-2][0]:
             raise OptionError(f"{where}: {words[0]} is not after the point before it; output times must increase.")
         if points[-1][1] < 0:
-            raise OptionError(f"{where}: {words[1]} is before the source's first frame, {first_number} as in Nuke.")
+            raise OptionError(
+                f"{where}: {words[1]} is before the source's first frame, {first_number} as in Nuke; write seconds as "
+                "2s, and frames from 0 on as 48f."
+            )
     if len(points) < 2 - (onward is not None):
         raise OptionError("`retime` needs at least two points; write them like 0=0 2s=2s 3s=2.25s.")
     if is_numbered:
         points.append((points[-1][0] + 1 / output_rate, points[-1][1]))
-    return TimeMap.through(points, smooth="smooth" in plain.split(), onward=onward)
+    return TimeMap.through(points, smooth=is_smooth, onward=onward)
 
 
 def _parse_place(word: str, where: str, *, is_frame: bool) -> Position:
@@ -73,7 +79,7 @@ def parse_speeds(text: str, source_rate: Fraction) -> TimeMap:
         if not Fraction(1, 1000) <= speed <= 1000:
             raise OptionError(f"`speed` {word!r} must be from 0.001 to 1000; freeze and reverse with `retime`.")
         time, source = points[-1]
-        if onward != 1 or (begin or 0) < source or (end is not None and end <= (begin or 0)):
+        if onward != 1 or place.count("-") > 1 or (begin or 0) < source or (end is not None and end <= (begin or 0)):
             raise OptionError(f"`speed` {word!r} must be a part after those before it; write it like 0.25@1:00-1:05.")
         if begin is not None and begin > source:
             time, source = time + begin - source, begin

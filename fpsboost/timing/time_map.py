@@ -154,13 +154,19 @@ class TimeMap:
 
     @cached_property
     def sounding(self) -> list[Segment]:
-        """Segments whose sound can be stretched at its pitch; what is shown again is silent."""
+        """Segments, or parts, whose sound can be stretched at its pitch; what is shown again is silent."""
         if self.is_steady:
             return list(self.segments)
         slowest, fastest = SOUND_SPEEDS
-        tops = zip(self.segments, [Fraction(0), *self._tops], strict=False)
-        heard = (each for each, top in tops if each.source0 >= top and each.end - each.begin >= MIN_SOUND)
-        return [each for each in heard if each.speed is not None and slowest <= each.speed <= fastest]
+        heard = list[Segment]()
+        for each, top in zip(self.segments, [Fraction(0), *self._tops], strict=False):
+            if each.speed is None or not slowest <= each.speed <= fastest:
+                continue
+            source0 = max(top, each.source0)
+            begin = each.begin + (source0 - each.source0) / each.speed
+            if each.end - begin >= MIN_SOUND:
+                heard.append(replace(each, begin=begin, source0=source0))
+        return heard
 
 
 def _slopes(lengths: Sequence[Fraction], speeds: Sequence[Fraction]) -> list[Fraction]:

@@ -91,6 +91,8 @@ def test_smooth_slopes_are_those_of_pchip():
     [
         ("0=0 2s=2s 3s=2.25s", [(0, 0), (2, 2), (3, Fraction(9, 4))]),
         ("# ramp\n0 0\n\n48f 24f  # half\n0:03 1.5s\n", [(0, 0), (2, 1), (3, Fraction(3, 2))]),
+        ("smooth 0s 0s\r\n2s\t2s\r\n", [(0, 0), (2, 2)]),
+        ("0=0,2s=1s,3s=1s", [(0, 0), (2, 1), (3, 1)]),
         ("1 1\n24 12.5\n48 36", [(0, 0), (Fraction(23, 24), Fraction(23, 48)), (Fraction(47, 24), Fraction(35, 24))]),
     ],
 )
@@ -110,6 +112,9 @@ def test_points_are_times_or_frames(text, expected):
         ("0=0 2s=three", "point 2 'three' is no place"),
         ("0=0s", "at least two points"),
         ("0=0s x0", "does not lead to the source's end"),
+        ("0=0s x2 1s=1s", "point 2: 'x2' must be an output time"),
+        ("\ufeff0s 0s\n9s 18s\nx1", "goes to 0:18.000"),
+        (" ", "at least two points"),
         ("0=0 1=1", "point 1: 0 is before the source's first frame, 1"),
         ("0=0 9s=9s", "ends at 0:02.000"),
     ],
@@ -132,7 +137,7 @@ def test_speeds_are_a_curve(text):
         Fraction(3, 2),
         Fraction(15, 2),
     ]
-    for wrong in ("2@1-2,2@1.5-3", "2@2-1", "0", "2,2@3-"):
+    for wrong in ("2@1-2,2@1.5-3", "2@2-1", "0", "2,2@3-", "2@1-2-3"):
         with pytest.raises(OptionError, match="`speed`"):
             parse_speeds(wrong, RATE)
 
@@ -176,16 +181,16 @@ def test_a_curve_of_slope_one_gives_the_plain_output(tmp_path, clip):
 
 
 def test_sound_is_stretched_where_the_speed_allows_it(tmp_path, clip):
-    """At half and double speed, and silent while the picture is frozen; dropped if asked, and always said."""
-    curve = {"retime": "0=0 1s=.5s 2s=.5s 2.5s=1.5s"}
+    """At half and double speed, and silent while the picture stands or repeats; dropped if asked, and always said."""
+    curve = {"retime": "0=0 1s=.5s 1.5s=.5s 2s=0s 3s=2s"}
     summary = convert(str(clip), str(tmp_path / "out.mkv"), method="nearest", encoding=FAST, **grouped(**curve))
     assert any("left out where its speed" in remark for remark in summary.remarks)
     with av.open(str(tmp_path / "out.mkv")) as file:
         frames = [(frame.time, frame.samples / frame.rate) for frame in file.decode(audio=0)]
     silent = [(before[0] + before[1], after[0]) for before, after in pairwise(frames) if after[0] - sum(before) > 0.1]
-    assert silent == [pytest.approx((1, 2), abs=0.03)]
-    assert sum(frames[-1]) == pytest.approx(2.5, abs=0.03)
-    assert len(pictures_of(tmp_path / "out.mkv")) == 63
+    assert silent == [pytest.approx((1, 2.25), abs=0.03)]
+    assert sum(frames[-1]) == pytest.approx(3, abs=0.03)
+    assert len(pictures_of(tmp_path / "out.mkv")) == 75
     for number, options in enumerate([curve | {"slow_motion_sound": "drop"}, {"retime": "0=1s 1s=0"}]):
         path = tmp_path / f"{number}.mkv"
         summary = convert(str(clip), str(path), method="nearest", encoding=FAST, **grouped(**options))
