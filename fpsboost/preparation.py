@@ -308,8 +308,9 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
         if curve is not None and curve.reverses:
             times = source.frame_times() if isinstance(source, RandomAccess) and whole.stream_info.files else None
             if times is None or isinstance(interpolator.cuts, CutList) or rate.replace is not None:
-                what = "a file that lists its frames, such as mp4" if times is None else "no `cuts` and no `replace`"
-                raise OptionError(f"`retime` plays {whole.info.name} backwards, which needs {what}; let no time fall.")
+                what = "a file that says when each frame is shown" if times is None else "no `cuts` and no `replace`"
+                advice = "let no time fall, or convert it with `factor=1` first" if times is None else "leave them out"
+                raise OptionError(f"`retime` plays {whole.info.name} backwards, which needs {what}; {advice}.")
             forwards = replace(job, rate=replace(rate, retime=None, slow_motion_sound=None))
             order, shown, curve = curve.unfolded(times)
             info = replace(info, frame_count=len(order), duration=None)
@@ -504,7 +505,7 @@ def _adapt_audio(
     name = video.name if video is not None and encoding.audio and "sound" in video.companions else None
     if curve is not None and curve.sounding and output_rate.slow_motion_sound != "drop":
         is_silent = name is not None and curve.sounding != list(curve.segments)
-        lost = f"{name} has sound, left out where its speed is not constant, below 0.5 or above 2, or where it repeats."
+        lost = f"{name} has sound, left out where it repeats or its speed is not constant, from 0.5 to 2, for 0.25 s."
         return encoding, [lost] * is_silent
     is_kept = output_rate.stretch == 1 or output_rate.slow_motion_sound == "stretch"
     if not encoding.audio or (curve is None and is_kept):

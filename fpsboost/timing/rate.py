@@ -221,7 +221,7 @@ class OutputRate:
         if not isinstance(schedule, ByRate) or self.fill_gaps:
             return []
         remarks = []
-        if self.fps is None and frame_intervals.varies(info):
+        if self.fps is None and not self.retimes and frame_intervals.varies(info):
             slowest, fastest = (
                 rounded(float(1 / each), 4) for each in (frame_intervals.longest, frame_intervals.shortest)
             )

@@ -184,7 +184,7 @@ def test_sound_is_stretched_where_the_speed_allows_it(tmp_path, clip):
     """At half and double speed, and silent while the picture stands or repeats; dropped if asked, and always said."""
     curve = {"retime": "0=0 1s=.5s 1.5s=.5s 2s=0s 3s=2s"}
     summary = convert(str(clip), str(tmp_path / "out.mkv"), method="nearest", encoding=FAST, **grouped(**curve))
-    assert any("left out where its speed" in remark for remark in summary.remarks)
+    assert any("left out where it repeats" in remark for remark in summary.remarks)
     with av.open(str(tmp_path / "out.mkv")) as file:
         frames = [(frame.time, frame.samples / frame.rate) for frame in file.decode(audio=0)]
     silent = [(before[0] + before[1], after[0]) for before, after in pairwise(frames) if after[0] - sum(before) > 0.1]
@@ -199,13 +199,13 @@ def test_sound_is_stretched_where_the_speed_allows_it(tmp_path, clip):
         assert any("sound, which the retime curve leaves out" in remark for remark in summary.remarks)
 
 
-@pytest.mark.parametrize("curve", ["0=2s 2s=0", "0=0 24f=40f 40f=24.5f 60f=49f", "smooth 0=1s 20f=.3s 40f=.3s 50f=0"])
+@pytest.mark.parametrize("curve", ["0=1.99s 2s=0", "0=0 24f=40f 40f=24.5f 60f=49f", "smooth 0=1s 9f=.3s 40f=.3s 50f=0"])
 def test_a_clip_plays_backwards(tmp_path, curve):
     """Every frame shows the time of the curve; in parts, the packets are the same."""
     pictures = [np.full((48, 64, 3), 20 + 4 * number, np.uint8) for number in range(50)]
     clip = write_clip(tmp_path / "in.mkv", times=range(50), picture=lambda number, *_: pictures[number])
     options: dict[str, Any] = {"method": STEADY, "encoding": FAST, "rate": OutputRate(Fraction(6), retime=curve)}
-    convert(str(clip), str(tmp_path / "out.mkv"), **options)
+    assert not convert(str(clip), str(tmp_path / "out.mkv"), **options).remarks
     rate, wanted = Fraction(150), parse_curve(curve, Fraction(150), Fraction(25))
     times = [float(wanted.source(k / rate) * 25) for k in range(math.ceil(wanted.length * rate))]
     before, after = (
