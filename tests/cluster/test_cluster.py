@@ -116,10 +116,11 @@ def video(tmp_path_factory) -> Clip:
 
 @pytest.fixture(scope="module")
 def images(tmp_path_factory) -> Clip:
-    """A clip that becomes a folder of images, whose parts may be small."""
+    """A clip that becomes a folder of images, whose parts may be small, by a curve that turns back."""
     folder = tmp_path_factory.mktemp("images")
     clip = write_clip(folder / "in.mp4", times=range(20))
-    job = ConversionJob(str(clip), str(folder / "whole/"), OutputRate(Fraction(2)), find_method("blend"))
+    rate = OutputRate(retime="0=0 20f=19f 39f=.5f")
+    job = ConversionJob(str(clip), str(folder / "whole/"), rate, find_method("blend"))
     convert_job(job)
     return Clip(job, folder / "whole")
 
@@ -333,7 +334,8 @@ def test_an_output_that_exists_is_refused_before_anything_is_made(client, video,
 
 def test_workers_of_this_machine_on_the_command_line(fpsboost_, images, output):
     """The same images."""
-    result = fpsboost_(images.job.input, f"{output}/", "--method", "blend", "--cluster", "local")
+    curve = images.job.rate.retime
+    result = fpsboost_(images.job.input, f"{output}/", "--retime", curve, "--method", "blend", "--cluster", "local")
     assert result.code == 0, result.err
     assert images.is_whole(output)
 
