@@ -26,7 +26,7 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pyav import pyav_version
 from fpsboost.memory import MemoryLimit
 from fpsboost.method_table import find_method
-from fpsboost.parts.plan import plan_part, share_index
+from fpsboost.parts.plan import enter, plan_part, share_index
 from fpsboost.preparation import ConversionJob, closing_remarks, prepared
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import interpolate_frames, run_conversion
@@ -139,7 +139,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
                     observer,
                     stretch=job.rate.stretch,
                     threads=threads,
-                    outputs=replace(OutputRange() if part is None else part.outputs, skip=there),
+                    outputs=replace(enter(ready, OutputRange()) if part is None else part.outputs, skip=there),
                 )
             if part is not None:
                 part.summary = summary

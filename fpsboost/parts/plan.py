@@ -47,6 +47,8 @@ GROWTH = 4  # factor by which that number grows until there is one
 REPLACED_BEFORE = 2 * (MAX_RUN + 1) + CERTAIN_AFTER
 """Number of frames before one that have a say in it where frames are replaced: those of its group and of the group
 before, from the first that is certainly grouped as in one run."""
+LATE = 30
+"""Time of the source at which a curve begins, seconds, from which on the frames before are left out."""
 NO_TIME = np.iinfo(np.int64).min  # number in a list of frames for a time that is not known
 
 
@@ -74,9 +76,9 @@ def plan_part(ready: Preparation) -> PartPlan:
     Parts are whole chunks of a video, in which its encoder begins anew, or any frames of images. All runs cut a job in
     the same way. Raises `OptionError` if the input or the output cannot be cut into parts.
     """
-    job, run, clip = ready.job, ready.run, ready.clip
+    run = ready.run
     assert run.chunk is not None
-    source, folder = clip.source, run.chunk.folder(ready.target.path)
+    folder = run.chunk.folder(ready.target.path)
     times, total, unit = _measured(ready)
     outputs = outputs_of(run.chunk, total, unit)
     plan: PartPlan
@@ -86,21 +88,32 @@ def plan_part(ready: Preparation) -> PartPlan:
 
     frames = (total if outputs.stop is None else outputs.stop) - outputs.first
     plan = PartPlan(run.chunk, outputs, OutputPart(folder, outputs.first, frames, complete))
-    if outputs.first == 0 or plan.is_empty:
-        return plan
-    if times is None or not isinstance(source, RandomAccess):
-        plan.remarks.append(
-            f"{source.info.name} does not list its frames, so that all those before a part were decoded for it."
-        )
-        return plan
+    if not plan.is_empty:
+        plan.outputs = enter(ready, outputs)
+    if outputs.first > 0 and not plan.is_empty and times is None:
+        name = ready.clip.source.info.name
+        plan.remarks.append(f"{name} does not list its frames, so that all those before a part were decoded for it.")
+    return plan
+
+
+def enter(ready: Preparation, outputs: OutputRange) -> OutputRange:
+    """Begin to read the source near the first of some output frames, unless that is soon; return them with the entry.
+
+    Where the times of the source's frames are not known, it is read from its beginning.
+    """
+    job, source, curve = ready.job, ready.clip.source, ready.clip.curve
+    is_late = outputs.first > 0 or (curve is not None and curve.source(Fraction(0)) >= LATE)
+    times = source.frame_times() if is_late and isinstance(source, RandomAccess) else None
+    if times is None:
+        return outputs
+    assert isinstance(source, RandomAccess)
     detector = None if ready.interpolator.needs_every_frame else ready.interpolator.duplicates
     schedule = exposed(ready.base_schedule, job.rate)
     before = 1 if ready.interpolator.replacement is None else REPLACED_BEFORE
-    read_from = partial(read_again, job, run, clip.whole)
+    read_from = partial(read_again, job, ready.run, ready.clip.whole)
     entry = find_entry(times, schedule, detector, outputs.first, read_from, before)
     source.begin_at(entry.number)
-    plan.outputs = replace(outputs, entry=entry)
-    return plan
+    return replace(outputs, entry=entry)
 
 
 def find_entry(

@@ -13,7 +13,7 @@ from conversion_options import grouped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_pipeline import BLEND, FAST, FakeSink, FakeSource, regular
-from video_truth import packets_of, pictures_of, write_clip
+from video_truth import packets_of, pictures_of, scene, write_clip
 
 from fpsboost.contracts import OutputRange
 from fpsboost.conversion import convert, stream
@@ -217,6 +217,18 @@ def test_a_clip_plays_backwards(tmp_path, curve):
         convert(str(clip), str(tmp_path / "parts.mkv"), **options, run=RunOptions(chunk=Part(number, 2)))
     join(str(tmp_path / "parts.mkv"), [str(tmp_path / "parts.mkv.parts")])
     assert packets_of(tmp_path / "parts.mkv", "video") == packets_of(tmp_path / "out.mkv", "video")
+
+
+def test_what_lies_long_before_a_curve_is_not_decoded(tmp_path, monkeypatch):
+    """The packets are those of reading from the beginning, where frames repeat, too."""
+    picture = {"picture": lambda number, *size: scene(9 * (number // 3), *size), "options": {"g": "12"}}
+    clip, read = write_clip(tmp_path / "in.mkv", times=range(120), **picture), []
+    for late, name in ((99, "all.mkv"), (0, "few.mkv")):
+        monkeypatch.setattr("fpsboost.parts.plan.LATE", late)
+        options = grouped(retime="smooth 0=91f 9f=95.5f 30f=101f")
+        read.append(convert(str(clip), str(tmp_path / name), method="blend", encoding=FAST, **options).frames_in)
+    assert packets_of(tmp_path / "few.mkv", "video") == packets_of(tmp_path / "all.mkv", "video")
+    assert read[1] < 60 < read[0]
 
 
 def test_what_is_read_once_does_not_play_backwards(tmp_path):
