@@ -85,10 +85,10 @@ def compare(
     inputs, hiding = [input, *more], hiding_of(frames, decoding)
     others = name_others(contest.frames_of, contest.peer)
     check_several(inputs, contest)
-    folder = contest.rendered.folder
-    folder = folder and match_vectors(input, folder)
-    ours, skipped = choose(contest.methods, folder)
-    ours = with_cuts(ours, at_cuts)
+    rendered = {clip: contest.rendered.of_clip(clip) for clip in inputs}
+    folders = {clip: each.folder and match_vectors(clip, each.folder) for clip, each in rendered.items()}
+    chosen = {clip: choose(contest.methods, folder) for clip, folder in folders.items()}
+    ours, skipped = chosen[input]
     if results.fail_under is not None:
         if not math.isfinite(results.fail_under):
             raise OptionError(f"--fail-under must be a number of decibels, not {results.fail_under}.")
@@ -104,16 +104,18 @@ def compare(
         for clip in inputs:
             with Progressing(quiet=results.quiet) as progress:
                 intervals = partial(hiding.intervals, clip)
-                contestants = ours | dict(others.contestants(intervals, Path(scratch), progress.begin))
+                ours, skipped = chosen[clip]
+                given = others.contestants(intervals, Path(scratch), progress.begin)
+                contestants = with_cuts(ours, at_cuts) | dict(given)
                 comparison = run(
                     clip,
                     contestants,
                     hiding,
                     progress,
                     skipped=skipped,
-                    rendered=tuple(words_of_options(contest.rendered)),
+                    rendered=tuple(words_of_options(rendered[clip])),
                     others=others.words(),
-                    vectors=folder,
+                    vectors=folders[clip],
                     cuts=at_cuts.applied_to(find_method("nlm")).cuts,
                     cut_options=tuple(words_of_options(at_cuts)),
                     metrics=metrics,
@@ -171,9 +173,11 @@ def check_several(inputs: Sequence[str], contest: ContestOptions) -> None:
     """Raise `OptionError` if there are several clips and an option is about one, or one is named twice."""
     if len(inputs) == 1:
         return
-    of_one = [*["--vectors"] * (contest.rendered.vectors is not None), *["--frames"] * bool(contest.frames_of)]
-    if of_one:
-        raise OptionError(f"{' and '.join(of_one)} goes with one clip; compare several one by one.")
+    if contest.frames_of:
+        raise OptionError("--frames goes with one clip; compare several one by one.")
+    rendered = contest.rendered
+    if any("{in}" not in path for path in (rendered.vectors, rendered.depth) if path is not None):
+        raise OptionError("--vectors and --depth are of one clip; for several, write {in} for it, as in {in}/vectors.")
     twice = next((input for input in inputs if inputs.count(input) > 1), None)
     if twice is not None:
         raise OptionError(f"{twice} is named twice; name it once.")

@@ -63,6 +63,11 @@ class RenderedOptions:
 
         return None if self.vectors is None else VectorFolder(self.vectors, self.depth, self.vector_convention)
 
+    def of_clip(self, clip: str) -> RenderedOptions:
+        """Return what belongs to a clip, whose name replaces ``{in}``."""
+        vectors, depth = (path and path.replace("{in}", clip) for path in (self.vectors, self.depth))
+        return replace(self, vectors=vectors, depth=depth)
+
 
 @dataclass(frozen=True)
 class MethodOptions:

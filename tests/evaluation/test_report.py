@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import pytest
 from comparison_truth import HEIGHT, NAMES, WIDTH, Nobody, scored
+from vector_truth import save_translation
 
 from fpsboost.cli.options import ContestOptions
 from fpsboost.colour import as_shown
@@ -217,14 +218,17 @@ def test_command_compares_several_clips(comparison, fpsboost_, tmp_path):
     shutil.copytree(comparison.clip, tmp_path / "first")
     for number in range(2):
         (tmp_path / "second" / f"{number:04d}.png").unlink()
-    arguments = ("-m", "blend,nearest", "--report", "page", "--json", "x.json", "--csv", "x.csv")
+    for name, count in (("first", 7), ("second", 5)):
+        save_translation(tmp_path / name / "of", count, (HEIGHT, WIDTH), 1, 0)
+    arguments = ["-m", "blend,nearest", "--report", "page", "--json", "x.json", "--csv", "x.csv"]
+    arguments += ["--vectors", "{in}/of"]
     result = fpsboost_("compare", "first", "second", *arguments)
     assert result.code == 0, result.err
     assert "2 clips" in result.out
     assert result.out.splitlines()[-1] == f"Page: {Path('page', 'index.html')}"
     assert re.search(r"^Take blend: best picture in the mean of 2 clips, [\d.]+ dB ahead of nearest", result.out, re.M)
     data = json.loads((tmp_path / "x.json").read_text())
-    assert [each["clip"] for each in data["clips"]] == ["first", "second"]
+    assert [each["rendered"] for each in data["clips"]] == [["--vectors", f"{name}/of"] for name in ("first", "second")]
     of_clips = data["mean"]["blend"]["psnr_of_clips"]
     assert of_clips == [each["methods"][0]["mean"]["psnr"] for each in data["clips"]]
     assert math.isclose(data["mean"]["blend"]["psnr"], sum(of_clips) / 2)
@@ -239,10 +243,9 @@ def test_several_clips_are_checked_before_any_work(comparison, fpsboost_, tmp_pa
     missing = fpsboost_("compare", comparison.clip, "missing", "-m", "blend")
     assert (missing.code, missing.out, missing.err.count("\n")) == (1, "", 1)
     assert missing.err.startswith("fpsboost: missing ")
-    for option in ("--vectors", "--frames"):
+    for option, said in (("--vectors", "write {in} for it, as in {in}/vectors"), ("--frames", "one by one")):
         refused = fpsboost_("compare", comparison.clip, "other", option, "x=y")
-        assert refused.code == 2
-        assert refused.err == f"fpsboost: {option} goes with one clip; compare several one by one.\n"
+        assert (refused.code, refused.err.endswith(f"{said}.\n")) == (2, True)
     twice = fpsboost_("compare", comparison.clip, comparison.clip)
     assert (twice.code, twice.err) == (2, f"fpsboost: {comparison.clip} is named twice; name it once.\n")
 
