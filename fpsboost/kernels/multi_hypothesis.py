@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,13 +62,29 @@ class ValueRange(NamedTuple):
     """Whether to divide all other planes by the last one."""
 
 
+class Target(NamedTuple):
+    """Planes to write, as a flat array: every layout of three axes would be compiled by itself."""
+
+    values: NDArray[Any]
+    """(size,)."""
+    shape: tuple[int, ...]
+    """Number of planes, rows and columns."""
+    steps: tuple[int, ...]
+    """Distance from one plane, row and column to the next in `values`."""
+
+    @classmethod
+    def of(cls, planes: NDArray[Any]) -> Self:
+        """Return (C, H, W) planes that fill their memory without gaps, in any order of the axes."""
+        return cls(planes.ravel(order="K"), planes.shape, tuple(step // planes.itemsize for step in planes.strides))
+
+
 class Blended(NamedTuple):
     """Generated frame."""
 
-    image: NDArray[Any]
-    """Planes at full resolution, (C, height, width)."""
-    further: NDArray[Any]
-    """Planes that are sampled along, (any number, rows, columns)."""
+    image: Target
+    """Planes at full resolution."""
+    further: Target
+    """Planes that are sampled along, any number."""
     confidence: NDArray[Any]
     """(height, width) float32; has no columns if the confidence is not requested."""
 
@@ -240,9 +256,10 @@ def finish_layer(layer, first, last, top, rows, value_range, image):
 
 @njit(**FINITE_JIT)
 def finish_rows(band, first, last, top, value_range, image):
-    """Normalise rows of a band in place, and write them to the image, (C, height, width); the band begins at `top`."""
+    """Normalise rows of a band in place, and write them to the image; the band begins at `top`."""
     white, offset, lowest, highest, straight_alpha = value_range
-    channels, _, width = image.shape
+    to, (channels, _, width), (plane, row, column) = image.values, image.shape, image.steps
+    column = Index(column)
     for j in range(first, last):
         weight = band[channels, j]
         for c in range(channels):
@@ -250,14 +267,14 @@ def finish_rows(band, first, last, top, value_range, image):
             for x in range(width):
                 values[x] /= weight[x]
         for c in range(channels):
-            values, alpha, to = band[c, j], band[channels - 1, j], image[c, top + j]
+            values, alpha, begin = band[c, j], band[channels - 1, j], Index(c * plane + (top + j) * row)
             divides = straight_alpha and c < channels - 1
             for x in range(Index(width)):
                 value = values[x]
                 if divides:
                     value /= max(alpha[x], np.float32(1e-6))
                 value = min(max(value * white + offset, lowest), highest)
-                to[x] = image.dtype.type(value)
+                to[begin + x * column] = to.dtype.type(value)
 
 
 @njit(**FINITE_JIT)

@@ -32,6 +32,7 @@ from fpsboost.kernels.multi_hypothesis import (
     SPARE,
     Blended,
     SampledImage,
+    Target,
     ValueRange,
     blend_hypotheses,
     window_shape,
@@ -256,7 +257,7 @@ class MultiHypothesis:
                 self._weighting(frame_pair.image0.pixels),
                 listed.surroundings,
                 ValueRange(np.float32(1), np.float32(0), numbers.min, numbers.max, False),
-                Blended(pixels, output, nobody_asks),
+                Blended(Target.of(pixels), Target.of(output), nobody_asks),
             )
             if surfaces is not None:
                 along, _ = surfaces.motion.mix(sampled0.coefficients, sampled1.coefficients)
@@ -319,7 +320,7 @@ class MultiHypothesis:
             self._weighting(image0),
             listed.surroundings,
             ValueRange(view(image0).white, rounding_offset(image0), *_value_range(frame_pair), straight_alpha),
-            Blended(pixels, chroma, confidence),
+            Blended(Target.of(pixels), Target.of(chroma), confidence),
         )
         if straight_alpha:
             colour_unseen(view(output).array(), view(image0).array(), view(image1).array(), listed.t)

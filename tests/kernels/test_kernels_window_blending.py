@@ -14,6 +14,7 @@ from fpsboost.kernels.multi_hypothesis import (
     SPARE,
     Blended,
     SampledImage,
+    Target,
     ValueRange,
     blend_hypotheses,
     finish_rows,
@@ -85,7 +86,7 @@ def blend(image0, image1, t, candidates, *, scale, sharpness, enough, negligible
         Weighting(*numbers, window_shape(spacing), *fusion_coefficients()),
         None,
         ValueRange(*bounds, False),
-        Blended(image, further, confidence),
+        Blended(Target.of(image), Target.of(further), confidence),
     )
     image, further = (np.moveaxis(each, 0, 2) for each in (image, further))
     return (image, confidence) if chroma is None else (image, further, confidence)
@@ -357,7 +358,8 @@ def test_finished_rows_equal_their_slow_twin(dtype, white, channels):
     image = np.full((24, 13, channels), 77, dtype)
     half = 0 if dtype == np.float32 else 0.5
     bounds = (np.float32(value) for value in (white, half, lowest, highest))
-    compiled(finish_rows)(band, first, last, top, ValueRange(*bounds, straight_alpha), image.transpose(2, 0, 1))
+    target = Target.of(image.transpose(2, 0, 1))
+    compiled(finish_rows)(band, first, last, top, ValueRange(*bounds, straight_alpha), target)
     found = image[top + first : top + last].astype(float).transpose(2, 0, 1)
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=half + 1e-5)
     assert (np.delete(image, range(top + first, top + last), axis=0) == 77).all()
