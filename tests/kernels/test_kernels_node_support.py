@@ -15,7 +15,8 @@ def landings_of(points, t):
     """Count the landings of points 8 pixels apart that move by (dx, dy)."""
     rows, columns = points.shape[:2]
     counts = np.empty((rows, columns), np.float32)
-    count_landings(np.dstack([points, np.zeros((rows, columns, 3))]).astype(np.float32), np.float32(t), 8, counts)
+    motion = np.dstack([points, np.zeros((rows, columns, 3))]).astype(np.float32)
+    count_landings(motion, np.float32(t), np.float32(8), counts)
     return counts
 
 

@@ -14,7 +14,8 @@ def mark(images, motion, spacing, shortest=1.0, same=8, different=25):
     marks = np.full(images[0].shape, 77, np.uint8)
     told = np.empty(1, np.bool_)
     room = np.empty_like(images[0][0])
-    mark_overlay(Frames(*images), np.float32(motion), spacing, np.float32(shortest), same, different, room, marks, told)
+    motion, shortest = np.array(motion, np.float32), np.float32(shortest)
+    mark_overlay(Frames(*images), motion, spacing, shortest, same, different, room, marks, told)
     assert told[0] == (marks == STANDS_OUT).any()
     return marks
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from truth import frozen
 from twins import smaller_change, way_there_and_back
 
 from fpsboost.kernels.points import (
@@ -13,7 +14,7 @@ from fpsboost.kernels.points import (
 )
 
 HEIGHT, WIDTH = 20, 27
-Y, X = np.array([2, 7, 12, 19]), np.array([0, 5, 13, 26])
+Y, X = frozen(np.array([2, 7, 12, 19])), frozen(np.array([0, 5, 13, 26]))  # as `point_places` has them
 CONSISTENT = 1.5
 
 
@@ -35,7 +36,7 @@ def test_trips_equal_their_slow_twin(seed):
         assert distance[i, j] == np.float32(expected)
 
 
-@pytest.mark.parametrize("ratio", [1, 0.5, 2.0])
+@pytest.mark.parametrize("ratio", [1.0, 0.5, 2.0])
 def test_accelerations_equal_their_slow_twin(ratio):
     """Where vectors of both pairs lead into the frame and come back, their change; nothing elsewhere."""
     motion = np.array([3.2, -2.1])

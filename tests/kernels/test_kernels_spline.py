@@ -14,7 +14,7 @@ BEYOND = 40
 
 def planes_of(image, scale=1.0):
     """One plane a channel, scaled."""
-    return image.transpose(2, 0, 1).astype(np.float32) * np.float32(scale)
+    return np.ascontiguousarray(image.transpose(2, 0, 1), np.float32) * np.float32(scale)
 
 
 def coefficients_of(planes, unit=1.0, spare=3, precision=2**-19):
