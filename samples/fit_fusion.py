@@ -238,25 +238,18 @@ def mix_square(rows, outputs, features, swapped, priors, mixed, change, shape, s
 
 
 @njit(nogil=True, fastmath=True)
+def make_fit_work(rows, kept):
+    """Return the arrays that `mix_square` writes: sums, weights, their sums by node, and the mixture."""
+    return np.zeros((4, kept, rows, 2)), np.zeros((4, kept, 3)), np.ones(4), np.zeros(12)
+
+
+@njit(nogil=True, fastmath=True)
 def measure(rows, outputs, features, swapped, priors, mixed, change, shape, truth, errors):
     """Write the mean squared error of each square."""
-    kept = priors.shape[2]
-    sums, weights, totals, mean = np.zeros((4, kept, len(rows), 2)), np.zeros((4, kept, 3)), np.ones(4), np.zeros(12)
+    work = make_fit_work(rows.shape[0], priors.shape[2])
+    mean = work[3]
     for i in range(truth.shape[0]):
-        mix_square(
-            rows,
-            outputs,
-            features[i],
-            swapped[i],
-            priors[i],
-            mixed[i],
-            change[i],
-            shape[i],
-            sums,
-            weights,
-            totals,
-            mean,
-        )
+        mix_square(rows, outputs, features[i], swapped[i], priors[i], mixed[i], change[i], shape[i], *work)
         error = 0.0
         for p in range(12):
             off = min(max(mean[p], 0.0), 255.0) - truth[i, p]
@@ -298,23 +291,11 @@ def differentiate(
 ):
     """Add the gradient of the errors, each times its price, with respect to the rows and the outputs."""
     kept = priors.shape[2]
-    sums, weights, totals, mean = np.zeros((4, kept, len(rows), 2)), np.zeros((4, kept, 3)), np.ones(4), np.zeros(12)
+    work = make_fit_work(rows.shape[0], kept)
+    sums, weights, totals, mean = work
     slope, here, pull = np.zeros(12), np.zeros(12), np.zeros(3)
     for i in range(truth.shape[0]):
-        total = mix_square(
-            rows,
-            outputs,
-            features[i],
-            swapped[i],
-            priors[i],
-            mixed[i],
-            change[i],
-            shape[i],
-            sums,
-            weights,
-            totals,
-            mean,
-        )
+        total = mix_square(rows, outputs, features[i], swapped[i], priors[i], mixed[i], change[i], shape[i], *work)
         for p in range(12):
             inside = 0 <= mean[p] <= 255
             slope[p] = price[i] * 2 * (mean[p] - truth[i, p]) / 12 if inside else 0.0
