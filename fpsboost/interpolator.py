@@ -129,6 +129,8 @@ class Interpolator:
         check_choice("`uncertain`", self.uncertain, get_args(Uncertain))
         if not 0 <= self.below <= 1:
             raise OptionError(f"`below` must be 0 to 1, not {self.below}.")
+        if self.uncertain == "keep" and self.below != type(self).below:
+            raise OptionError("`below` goes with `uncertain`; give that too, or leave it out.")
 
     @property
     def takes_planes(self) -> bool:

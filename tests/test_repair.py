@@ -46,7 +46,7 @@ def test_frames_are_listed_by_numbers_and_times(tmp_path, text, numbers):
     found = Replacement.parse(text)
     assert [each for each in range(40) if found.includes(each, each / RATE, (each + 1) / RATE)] == numbers
     assert Replacement.parse(found.as_option()) == found
-    (tmp_path / "list.txt").write_text("# bad ones\n" + text.replace(",", "\n") + "  # so\n")
+    (tmp_path / "list.txt").write_text("\ufeff" + text.replace(",", "\n") + "  # so\n")
     assert Replacement.parse(str(tmp_path / "list.txt")) == found
 
 

@@ -241,7 +241,7 @@ class Reporter(ExitStack):
 
     def say_summary(self, summary: Summary) -> None:
         assert self._info is not None, "a summary comes after opening"
-        frames = f"{summary.frames_in} -> {summary.frames_out} frames"
+        frames = f"{summary.frames_in} -> {summary.frames_out} frame{'s' if summary.frames_out != 1 else ''}"
         if summary.duplicates:
             frames += f", {summary.duplicates} duplicate frame{'s' if summary.duplicates > 1 else ''}"
         if summary.scene_cuts:
@@ -262,7 +262,8 @@ class Reporter(ExitStack):
         self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({_speed(summary):.1f} frames/s){where}")
         if summary.unsure_frames:
             share = rounded(100 * summary.unsure_pixels / summary.unsure_frames, 2)
-            self._say(f"Unsure: {share} % of the pixels of {summary.unsure_frames} frames, where motion is not used.")
+            unsure = f"{summary.unsure_frames} frame{'s' if summary.unsure_frames > 1 else ''}"
+            self._say(f"Unsure: {share} % of the pixels of {unsure}, where motion is not used.")
         if summary.replaced:
             self._say(f"Replaced: {as_ranges(summary.replaced)}.")
         for remark in summary.remarks:

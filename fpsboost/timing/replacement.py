@@ -70,7 +70,10 @@ class Replacement:
         """
         lines = [text]
         if os.path.isfile(text):
-            with explained(InputError, "read", text, f"check {option}"), open(text, errors="replace") as file:
+            with (
+                explained(InputError, "read", text, f"check {option}"),
+                open(text, encoding="utf-8-sig", errors="replace") as file,
+            ):
                 lines = file.read(MAX_CHARACTERS).splitlines()
         items = {item.strip(): None for line in lines for item in line.partition("#")[0].split(",") if item.strip()}
         if not items:
