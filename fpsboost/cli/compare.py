@@ -11,7 +11,6 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -33,7 +32,7 @@ from fpsboost.options import words_of_options
 if TYPE_CHECKING:
     from fpsboost.evaluation.contestants import Contestant
     from fpsboost.evaluation.export import Row
-    from fpsboost.evaluation.hidden_frames import Hiding, Interval
+    from fpsboost.evaluation.hidden_frames import Interval
     from fpsboost.evaluation.results import ComparedClip, Comparison
     from fpsboost.render.folder import VectorFolder
 
@@ -42,14 +41,6 @@ EXIT_BELOW_LIMIT = 3  # exit code of a comparison that ends below ``--fail-under
 
 
 frames_group = Group("Which frames", sort_key=1)
-
-
-def hiding_of(options: HidingOptions, decoding: DecodeOptions) -> Hiding:
-    """Return which frames are hidden, and how the clip is read."""
-    from fpsboost.evaluation.hidden_frames import Hiding, parse_range  # noqa: PLC0415
-
-    first, last = parse_range(options.range or ":")
-    return Hiding(options.skip, first, last, decoding, options.duplicates)
 
 
 @with_flags
@@ -77,17 +68,18 @@ def compare(
     """
     from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
     from fpsboost.evaluation.further_metrics import choose_metrics  # noqa: PLC0415
+    from fpsboost.evaluation.hidden_frames import Hiding, parse_range  # noqa: PLC0415
     from fpsboost.evaluation.results import ComparedClip  # noqa: PLC0415
     from fpsboost.evaluation.verdict import means_over_clips  # noqa: PLC0415
     from fpsboost.method_table import find_method  # noqa: PLC0415
 
     console = Console(highlight=False, quiet=results.quiet)
-    inputs, hiding = [input, *more], hiding_of(frames, decoding)
+    inputs, hiding = [input, *more], Hiding(frames.skip, *parse_range(frames.range or ":"), decoding, frames.duplicates)
     others = name_others(contest.frames_of, contest.peer)
     check_several(inputs, contest)
     rendered = {clip: contest.rendered.of_clip(clip) for clip in inputs}
     folders = {clip: each.folder and match_vectors(clip, each.folder) for clip, each in rendered.items()}
-    chosen = {clip: choose(contest.methods, folder) for clip, folder in folders.items()}
+    chosen = {clip: choose(contest.methods, folder, at_cuts) for clip, folder in folders.items()}
     ours, skipped = chosen[input]
     if results.fail_under is not None:
         if not math.isfinite(results.fail_under):
@@ -106,7 +98,7 @@ def compare(
                 intervals = partial(hiding.intervals, clip)
                 ours, skipped = chosen[clip]
                 given = others.contestants(intervals, Path(scratch), progress.begin)
-                contestants = with_cuts(ours, at_cuts) | dict(given)
+                contestants = ours | dict(given)
                 comparison = run(
                     clip,
                     contestants,
@@ -181,18 +173,6 @@ def check_several(inputs: Sequence[str], contest: ContestOptions) -> None:
     twice = next((input for input in inputs if inputs.count(input) > 1), None)
     if twice is not None:
         raise OptionError(f"{twice} is named twice; name it once.")
-
-
-def with_cuts(contestants: Mapping[str, Contestant], at_cuts: CutOptions) -> dict[str, Contestant]:
-    """Return the contestants, with the scene-cut options applied to the methods of this package."""
-    from fpsboost.evaluation.contestants import InterpolatorContestant  # noqa: PLC0415
-
-    return {
-        name: replace(contestant, interpolator=at_cuts.applied_to(contestant.interpolator))
-        if isinstance(contestant, InterpolatorContestant)
-        else contestant
-        for name, contestant in contestants.items()
-    }
 
 
 def match_vectors(clip: str, vectors: VectorFolder) -> VectorFolder:
@@ -322,7 +302,9 @@ def _with_option(method: NamedMethod, text: str, part: str) -> NamedMethod:
     return NamedMethod(text, method.name, {**method.options, option: value})
 
 
-def choose(texts: Sequence[str], vectors: VectorFolder | None) -> tuple[dict[str, Contestant], dict[str, str]]:
+def choose(
+    texts: Sequence[str], vectors: VectorFolder | None, cuts: CutOptions = CutOptions()
+) -> tuple[dict[str, Contestant], dict[str, str]]:
     """Return the methods of ``--methods``, and those that cannot be run with the reason."""
     from fpsboost.evaluation.contestants import method_names  # noqa: PLC0415
     from fpsboost.method_table import vector_methods  # noqa: PLC0415
@@ -337,11 +319,11 @@ def choose(texts: Sequence[str], vectors: VectorFolder | None) -> tuple[dict[str
             if candidate.name in vector_methods and vectors is None:
                 skipped[candidate.text] = "it needs the renderer's motion vectors (--vectors)"
                 continue
-            contestants[candidate.text] = _make(candidate, vectors)
+            contestants[candidate.text] = _make(candidate, vectors, cuts)
     return contestants, skipped
 
 
-def _make(method: NamedMethod, vectors: VectorFolder | None) -> Contestant:
+def _make(method: NamedMethod, vectors: VectorFolder | None, cuts: CutOptions) -> Contestant:
     from fpsboost.evaluation.contestants import MINTERPOLATE, InterpolatorContestant, Minterpolate  # noqa: PLC0415
     from fpsboost.method_table import configure, find_method, may_use_vectors, methods, read_options  # noqa: PLC0415
 
@@ -356,9 +338,10 @@ def _make(method: NamedMethod, vectors: VectorFolder | None) -> Contestant:
     interpolator = find_method(method.name, vectors)
     options = read_options(interpolator, method.name, texts)
     try:
-        return InterpolatorContestant(configure(interpolator, method.name, options))
+        configured = configure(interpolator, method.name, options)
     except OptionError as error:
         raise OptionError(f"In {method.text}: {error}") from None
+    return InterpolatorContestant(cuts.applied_to(configured))
 
 
 class Others(NamedTuple):

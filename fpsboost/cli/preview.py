@@ -91,11 +91,11 @@ def _methods(options: PreviewOptions, cuts: CutOptions) -> dict[str, Interpolato
     from fpsboost.evaluation.contestants import InterpolatorContestant  # noqa: PLC0415
     from fpsboost.interpolator import Interpolator  # noqa: PLC0415
 
-    contestants, skipped = choose(options.methods, None)
+    contestants, skipped = choose(options.methods, None, cuts)
     methods, others = dict[str, Interpolator](), list(skipped)
     for name, contestant in contestants.items():
         if isinstance(contestant, InterpolatorContestant):
-            method = replace(cuts.applied_to(contestant.interpolator), match_grain=options.match_grain)
+            method = replace(contestant.interpolator, match_grain=options.match_grain)
             methods[name] = method if options.duplicates == "interpolate" else replace(method, duplicates=None)
         else:
             others.append(name)

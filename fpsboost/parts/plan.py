@@ -97,10 +97,7 @@ def plan_part(ready: Preparation) -> PartPlan:
 
 
 def enter(ready: Preparation, outputs: OutputRange) -> OutputRange:
-    """Begin to read the source near the first of some output frames, unless that is soon; return them with the entry.
-
-    Where the times of the source's frames are not known, it is read from its beginning.
-    """
+    """Begin to read a source that lists its frames near the first of some output frames, which get this entry."""
     job, source, curve = ready.job, ready.clip.source, ready.clip.curve
     is_late = outputs.first > 0 or (curve is not None and curve.source(Fraction(0)) >= LATE)
     times = source.frame_times() if is_late and isinstance(source, RandomAccess) else None
