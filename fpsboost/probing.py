@@ -207,7 +207,7 @@ def probe(
     size_change: SizeChange = "scale" if may_change else "stop"
     decoding = DecodeOptions(input_fps=input_fps, stream=stream, allow_playlists=allow_playlists)
     decoding = replace(decoding, size_change=size_change, force_colours=may_change)
-    with open_source(path, requirements=TargetRequirements(layers=True), decoding=decoding) as source:
+    with open_source(path, requirements=TargetRequirements(layers=True, planes=True), decoding=decoding) as source:
         beside = source.stream_info
         has_clock = beside.images is None
         refused: str | None = None
