@@ -301,7 +301,7 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
         _check_layers(whole.stream_info.images, interpolator, rate)
         may_skip = not counts_frames(interpolator.cuts) and rate.replace is None
         trim, images = job.decoding.trim, whole.stream_info.images
-        info = _with_duration(whole) if rate.retimes else whole.info
+        info = with_duration(whole) if rate.retimes else whole.info
         curve = rate.time_map(trim.of_info(info), 1 if images is None else images.first_number)
         clip_curve = curve
         source, window = trim_source(whole, trim, may_skip=may_skip, curve=curve or rate.slow_map)
@@ -313,7 +313,7 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
                 raise OptionError(f"`retime` plays {whole.info.name} backwards, which needs {what}; {advice}.")
             forwards = replace(job, rate=replace(rate, retime=None, slow_motion_sound=None))
             order, shown, curve = curve.unfolded(times)
-            info = replace(info, frame_count=len(order), duration=None)
+            info = replace(info, frame_count=len(order), duration=shown[-1] + 1 / info.rate)
             source = FoldedSource(info, list(whole.remarks), order, shown, partial(read_again, forwards, run, whole))
         yield OpenedClip(whole, source, window, curve, clip_curve)
 
@@ -330,11 +330,11 @@ def read_again(job: ConversionJob, run: RunOptions, whole: FrameSource, number: 
         yield again.source
 
 
-def _with_duration(source: FrameSource) -> ClipInfo:
+def with_duration(source: FrameSource) -> ClipInfo:
     """Return the properties of a source with its duration, by the times of its frames if the header does not say."""
     info = source.info
     times = source.frame_times() if info.duration is None and isinstance(source, RandomAccess) else None
-    return replace(info, duration=times[-1] - times[0] + 1 / info.rate) if times else info
+    return replace(info, duration=times[-1] - times[0] + 1 / info.rate, frame_count=len(times)) if times else info
 
 
 @dataclass

@@ -13,12 +13,14 @@ from rich.table import Table
 from fpsboost.cli.batch import last_image_remarks
 from fpsboost.cli.messages import literal, readable, sentence
 from fpsboost.errors import OptionError, rounded
+from fpsboost.frame import ClipInfo
 from fpsboost.io.opening import PIPES
-from fpsboost.preparation import ConversionJob, Preparation, prepared
+from fpsboost.preparation import ConversionJob, Preparation, prepared, with_duration
 from fpsboost.preview.page import Preview, estimate_sentence, preview
 from fpsboost.probing import as_prospect, expected_losses, list_streams
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Position, format_time
+from fpsboost.timing.schedule import count_frames
 
 PLACES = (Fraction(1, 4), Fraction(1, 2), Fraction(3, 4))
 """Places of the passages that are tried, as parts of the clip; where motion is largest, they would be too large."""
@@ -39,15 +41,18 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
     reading = Console(stderr=True)
     with reading.status("reading"), prepared(job, replace(run, resume=False)) as ready:
         details, remarks = expected_losses(ready)
-        kept, places = _kept(ready, remarks), _places(ready)
-    source, output, is_images = ready.clip.source.info, ready.output, ready.target.kind == "images"
-    frames, rate = output.expected_frames, output.timing.rate
+        source, output, is_images = ready.clip.source.info, ready.output, ready.target.kind == "images"
+        frames, rate = output.expected_frames, output.timing.rate
+        if frames is None:
+            source = job.decoding.trim.of_info(with_duration(ready.clip.whole))
+            frames = count_frames(ready.base_schedule, source, holds_last_frame=not is_images)
+        kept, places = _kept(ready, remarks), _places(ready, source)
     with reading.status("trying passages"):
         tried = replace(job, output="images/" if is_images else job.output)
         trial = preview(tried, {"": job.method}, RunOptions(limit=run.limit, threads=run.threads), at=places)
-    made = [output.path, "frames" if frames is None else f"{frames} frames"]
+    made = [output.path, *([] if frames is None else [f"{frames} frame{'s' if frames > 1 else ''}"])]
     if ready.target.has_rate:
-        made[-1] += f" at {readable(rate)} fps"
+        made[-1] += f"{',' if frames is None else ' at'} {readable(rate)} fps"
         made += [] if frames is None else [format_time(frames / rate)]
     made += filter(None, details.split(", ")[:2])
     size = _size(trial, frames if not run.in_place or frames is None else frames - (source.frame_count or 0))
@@ -88,9 +93,8 @@ def _kept(ready: Preparation, remarks: Sequence[str]) -> list[str]:
     return kept
 
 
-def _places(ready: Preparation) -> list[Position]:
+def _places(ready: Preparation, info: ClipInfo) -> list[Position]:
     """Return where passages begin that are tried; none where motion or a curve decides, as in short clips."""
-    info = ready.clip.source.info
     duration = info.duration or (None if info.frame_count is None else info.frame_count / info.rate)
     if duration is None or duration < MIN_SECONDS or ready.job.rate.retimes:
         return []
