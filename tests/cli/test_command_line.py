@@ -147,8 +147,15 @@ def test_compiling_is_said_when_kernels_are_compiled_and_only_then(fpsboost_, cl
     assert lines == [2, 1]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("module", ["fpsboost.cli.app", "cyclopts", "numba", "fpsboost.io"])
+@pytest.mark.parametrize(
+    ("number", "module"),
+    [
+        (signal.SIGINT, "fpsboost.cli.app"),
+        (signal.SIGTERM, "cyclopts"),
+        (signal.SIGINT, "numba"),
+        (signal.SIGTERM, "fpsboost.io"),
+    ],
+)
 def test_it_can_be_stopped_while_modules_are_imported(clip, tmp_path, tmp_path_factory, number, module):
     """One sentence and exit code 130, whichever module is about to be imported; compiling may have been announced."""
     code = f"""if True:

@@ -75,11 +75,16 @@ def opened(path: Path, kind: str) -> FrameSource:
 
 
 def test_frames_come_in_order(clip, tmp_path, snapshot):
-    """Every frame once, alike, from one to the next at the clock's times; no remark, and no file changed or added."""
+    """Every frame once, alike, from one to the next at the clock's times; no remark, and no file changed or added.
+
+    Name, size, rate and count are known before the first frame and right after the last.
+    """
     kind, path, dtype = clip
     before = snapshot(tmp_path)
     with opened(path, kind) as source:
+        info = source.info
         frames = list(source)
+        assert source.info == info
     assert len(frames) == COUNT
     assert source.remarks == []
     assert snapshot(tmp_path) == before
@@ -96,21 +101,12 @@ def test_frames_come_in_order(clip, tmp_path, snapshot):
     assert all(abs(a.time + a.duration - b.time) <= source.info.time_base for a, b in pairwise(frames))
     assert frames[-1].duration > 0
 
-
-def test_info_tells_the_truth(clip):
-    """Name, size, rate and count are known before the first frame and right after the last."""
-    kind, path, _ = clip
-    with opened(path, kind) as source:
-        before = source.info
-        frames = list(source)
-        assert source.info == before
-    assert before.name == (INPUT_NAME if kind.endswith("pipe") else str(path))
-    assert (before.height, before.width) == frames[0].image.shape[:2]
-    assert before.frame_count in (COUNT, None)
-    assert before.frame_count == COUNT or kind in ("mkv", "webm", "pipe", "deep pipe")
+    assert info.name == (INPUT_NAME if kind.endswith("pipe") else str(path))
+    assert (info.height, info.width) == frames[0].image.shape[:2]
+    assert info.frame_count == (None if kind in ("mkv", "webm", "pipe", "deep pipe") else COUNT)
     if kind != "uneven":
         total = frames[-1].time + frames[-1].duration - frames[0].time
-        assert abs(total - COUNT / before.rate) <= before.time_base
+        assert abs(total - COUNT / info.rate) <= info.time_base
 
 
 @pytest.mark.parametrize("frames_read", [0, 2, COUNT])
@@ -258,16 +254,10 @@ def test_output_appears_whole_at_the_end(source_path, target, tmp_path, snapshot
     assert snapshot(tmp_path / "in") == source_before
 
 
-def test_preparing_touches_nothing(source_path, target, tmp_path, snapshot):
-    """A sink that is never entered leaves no trace."""
-    before = snapshot(tmp_path)
-    source, _ = open_pair(source_path, target)
-    source.close()
-    assert snapshot(tmp_path) == before
-
-
-@pytest.mark.parametrize("overwrite", [False, True])
-@pytest.mark.parametrize(("fail_at", "kind"), [(0, RuntimeError), (3, KeyboardInterrupt), (COUNT, OutputError)])
+@pytest.mark.parametrize(
+    ("fail_at", "kind", "overwrite"),
+    [(0, RuntimeError, True), (3, KeyboardInterrupt, False), (3, RuntimeError, True), (COUNT, OutputError, False)],
+)
 def test_an_exception_leaves_no_trace(source_path, target, tmp_path, snapshot, fail_at, kind, overwrite):
     """Whenever it comes, it goes through, and every folder is as it was, without hidden files and with old ones."""
     if overwrite:
@@ -278,19 +268,17 @@ def test_an_exception_leaves_no_trace(source_path, target, tmp_path, snapshot, f
     assert snapshot(tmp_path) == before
 
 
-def test_what_exists_is_refused(source_path, target, tmp_path, snapshot):
-    """Without `overwrite=True` an existing target is an OutputError that names it, and stays untouched."""
+def test_what_exists_is_replaced_only_if_told_and_at_the_end(source_path, target, tmp_path, snapshot):
+    """Without `overwrite=True`, an `OutputError` names it, and it stays; with it, it stands until the new one is whole.
+
+    Other files in a folder stay for good.
+    """
     put_something(target)
     before = snapshot(tmp_path)
     with pytest.raises(OutputError, match=r"`overwrite=True`") as caught:
         copy(source_path, target)
     assert str(tmp_path / "out") in str(caught.value)
     assert snapshot(tmp_path) == before
-
-
-def test_overwriting_replaces_only_at_the_end(source_path, target, tmp_path, snapshot):
-    """With `overwrite=True` the old output stands until the new one is whole; other files in a folder stay for good."""
-    put_something(target)
     old = {name for name in visible(tmp_path / "out") if not name.endswith(".txt")}
     watched: list[bytes] = []
 
@@ -313,9 +301,10 @@ def is_of_this_run(name: str, source_path: Path) -> bool:
 
 
 def test_without_frames_there_is_no_output(source_path, target, tmp_path, snapshot):
-    """A sink that gets no frame leaves nothing behind, with an error or without."""
+    """A sink that is never entered leaves no trace, nor does one that gets no frame, with an error or without."""
     before = snapshot(tmp_path)
     source, sink = open_pair(source_path, target)
+    assert snapshot(tmp_path) == before
     with source, suppress(FpsboostError), sink:
         pass
     assert snapshot(tmp_path) == before

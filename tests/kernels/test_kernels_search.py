@@ -55,7 +55,7 @@ def test_fused_search_equals_its_slow_twin(window, height, width, radius):
 @pytest.mark.parametrize("window", ["box", "gaussian"])
 @pytest.mark.parametrize(
     ("height", "width", "radius", "patch_radius"),
-    [(19, 23, 4, 1), (5, 9, 5, 10), (30, 11, 2, 5), (3, STRIP_WIDTH + 21, 1, 2), (12, 50, 1, 20)],
+    [(19, 23, 4, 1), (30, 11, 2, 5), (3, STRIP_WIDTH + 21, 1, 2), (12, 50, 1, 20)],
 )
 def test_fused_search_equals_full_image_passes(window, height, width, radius, patch_radius):
     """The kernel and the report's passes agree, over many rows and strips of columns, for patches of any size."""

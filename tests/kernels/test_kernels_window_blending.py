@@ -182,7 +182,7 @@ def test_planes_of_half_the_size_equal_their_slow_twin(size, down, t, largest, s
     assert_planes_blend(two_frames(size, 1), two_frames(size, 2, 3, (down, 2)), t, candidates, spacing)
 
 
-@settings(max_examples=6)
+@settings(max_examples=3)
 @given(
     st.integers(2, 40),
     st.integers(2, 40),

@@ -12,7 +12,7 @@ import sys
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict
 from http.client import HTTPConnection
-from itertools import chain
+from itertools import chain, product
 from pathlib import Path
 from threading import Event, Thread
 
@@ -57,8 +57,7 @@ def films(tmp_path):
     """A folder with one clip of ten frames, in a folder with another clip."""
     folder = tmp_path / "films"
     folder.mkdir()
-    for path in (folder / "clip.mp4", tmp_path / "secret.mp4"):
-        write_clip(path)
+    shutil.copy(write_clip(folder / "clip.mp4"), tmp_path / "secret.mp4")
     return folder.resolve()
 
 
@@ -118,34 +117,31 @@ def until(queue, state, frame=0):
 # ---------------------------------------------------------------- who may use it
 
 
-@pytest.mark.parametrize("path", [*POSTS, *GETS])
-@pytest.mark.parametrize("token", [None, "another", TOKEN[:-1]])
-def test_token_is_needed(desk, path, token):
+def test_token_is_needed(desk):
     """Every request needs the token of this run, in a header or in the address."""
     client = TestClient(make_app(desk), base_url=ADDRESS, headers={"origin": ADDRESS})
-    method = "POST" if path in POSTS else "GET"
-    answer = client.request(method, path, params={} if token is None else {"token": token})
-    assert answer.status_code == 403
-    assert answer.json()["notice"].startswith("The token is not that of this run")
+    for path, token in product([*POSTS, *GETS], [None, "another", TOKEN[:-1]]):
+        method = "POST" if path in POSTS else "GET"
+        answer = client.request(method, path, params={} if token is None else {"token": token})
+        assert answer.status_code == 403
+        assert answer.json()["notice"].startswith("The token is not that of this run")
 
 
-@pytest.mark.parametrize(
-    "host", ["example.com", f"example.com:{PORT}", "127.0.0.1", "127.0.0.1:1", f"0.0.0.0:{PORT}", ""]
-)
-def test_no_other_name_leads_here(client, host):
+def test_no_other_name_leads_here(client):
     """Requests under another name than this machine's own are refused, even with the token."""
-    assert client.get("/", headers={"host": host}).status_code == 403
+    for host in ("example.com", f"example.com:{PORT}", "127.0.0.1", "127.0.0.1:1", f"0.0.0.0:{PORT}", ""):
+        assert client.get("/", headers={"host": host}).status_code == 403
 
 
-@pytest.mark.parametrize("path", POSTS)
 @pytest.mark.parametrize(
     "origin", ["http://example.com", "null", f"https://127.0.0.1:{PORT}", "http://127.0.0.1:1", ""]
 )
-def test_no_other_page_asks_for_anything(client, path, origin):
+def test_no_other_page_asks_for_anything(client, origin):
     """What changes or reads anything must come from the page itself, even with the token."""
-    answer = client.post(path, json={}, headers={"origin": origin})
-    assert answer.status_code == 403
-    assert answer.json()["notice"].startswith("Another page has sent this")
+    for path in POSTS:
+        answer = client.post(path, json={}, headers={"origin": origin})
+        assert answer.status_code == 403
+        assert answer.json()["notice"].startswith("Another page has sent this")
 
 
 def test_page_is_kept_by_nobody_and_runs_its_own_script_alone(client):
@@ -273,10 +269,10 @@ def test_input_that_became_a_link_is_not_converted(desk, client, films):
     assert "lies outside of" in until(desk.queue, "failed")["message"]
 
 
-@pytest.mark.parametrize("name", ["../out.mp4", "a/b.mp4", "..", "../", ".", "", "a\\b.mp4", "/out.mp4", "a\0.mp4"])
-def test_output_is_a_name_in_its_folder(client, films, name):
+def test_output_is_a_name_in_its_folder(client, films):
     """The name of an output leads nowhere else."""
-    assert notice(client, "/check", form(client, films, name=name)).startswith(f"{name!r} is no name of a file")
+    for name in ("../out.mp4", "a/b.mp4", "..", "../", ".", "", "a\\b.mp4", "/out.mp4", "a\0.mp4"):
+        assert notice(client, "/check", form(client, films, name=name)).startswith(f"{name!r} is no name of a file")
 
 
 def test_output_is_no_link(client, films):
@@ -351,9 +347,9 @@ def test_bad_clips_are_said_as_on_the_command_line(client, films, fpsboost_, pat
     assert f"fpsboost: {notice(client, '/pick', {'path': str(films / path)})}\n" == expected.err
 
 
-@pytest.mark.parametrize(
-    ("path", "body"),
-    [
+def test_nonsense_is_answered_with_a_sentence(client):
+    """A request that no page would send ends with a sentence and not with an error of the server."""
+    for path, body in [
         ("/folder", b"{"),
         ("/find", b'{"files": ["clip.mp4"]}'),
         ("/pick", b"[]"),
@@ -372,26 +368,23 @@ def test_bad_clips_are_said_as_on_the_command_line(client, films, fpsboost_, pat
         ("/folder", b'{"path": "\xff"}'),
         ("/folder", b"[" * 50_000),
         ("/look", b'{"choices": {}, "time": 1e999}'),
-    ],
-)
-def test_nonsense_is_answered_with_a_sentence(client, path, body):
-    """A request that no page would send ends with a sentence and not with an error of the server."""
-    answer = client.post(path, content=body)
-    assert answer.status_code == 400
-    assert answer.json()["notice"].endswith(".")
+    ]:
+        answer = client.post(path, content=body)
+        assert answer.status_code == 400
+        assert answer.json()["notice"].endswith(".")
 
 
-@pytest.mark.parametrize("number", ["9" * 5000, "-1", "x", "%ff", "%C2%B2"])
-def test_numbers_of_results_are_checked(client, number):
+def test_numbers_of_results_are_checked(client):
     """A result is asked for by the number of a job."""
-    assert client.get(f"/result/{number}").json()["notice"].startswith("There is no job 0")
+    for number in ("9" * 5000, "-1", "x", "%ff", "%C2%B2"):
+        assert client.get(f"/result/{number}").json()["notice"].startswith("There is no job 0")
 
 
-@pytest.mark.parametrize("query", ["token=%ff", "token=%C3%A9", "token=\udcff", "%ff=", "token"])
-def test_tokens_need_not_be_text(desk, query):
+def test_tokens_need_not_be_text(desk):
     """A token that is no ASCII is as wrong as any other."""
-    scope = {"query_string": query.encode("utf-8", "surrogateescape"), "headers": [(b"host", ADDRESS[7:].encode())]}
-    assert "is not that of this run" in str(Guard(make_app(desk), TOKEN, PORT)._refusal({**scope, "method": "GET"}))
+    guard, scope = Guard(make_app(desk), TOKEN, PORT), {"headers": [(b"host", ADDRESS[7:].encode())], "method": "GET"}
+    for query in (b"token=%ff", b"token=%C3%A9", b"token=\xff", b"%ff=", b"token"):
+        assert "is not that of this run" in str(guard._refusal({**scope, "query_string": query}))
 
 
 def test_client_may_hang_up(desk):
@@ -414,11 +407,11 @@ def test_names_need_not_be_unicode(client, films):
     assert check(client, choices)["frames"] == 20
 
 
-@pytest.mark.parametrize("time", [-1, float("nan"), 1e30, True, "1"])
-def test_times_are_checked(client, films, time):
+def test_times_are_checked(client, films):
     """A place in a clip is a number of seconds."""
-    answer = client.post("/look", content=json.dumps({"choices": form(client, films), "time": time}))
-    assert answer.json() == {"notice": "The page has sent no valid time; load it anew."}
+    for time in (-1, float("nan"), 1e30, True, "1"):
+        answer = client.post("/look", content=json.dumps({"choices": form(client, films), "time": time}))
+        assert answer.json() == {"notice": "The page has sent no valid time; load it anew."}
 
 
 # ---------------------------------------------------------------- what it says and shows
@@ -540,20 +533,19 @@ def picture(uri):
 
 
 def test_look_shows_the_frame_between(client, films):
-    """Blending is the mean of the two frames around the time, and the method's own frame stands beside it."""
-    found = client.post("/look", json={"choices": form(client, films), "time": 0.1}).json()
+    """Blending is the mean of the two frames around the time, and the method's own frame stands beside it.
+
+    The first pair is shown as well, and the last one behind it.
+    """
+    choices, last = form(client, films), "between 0:00.320 and 0:00.360"
+    found = client.post("/look", json={"choices": choices, "time": 0.1}).json()
     blended, made = map(picture, found["images"])
     frames = [scene(number).astype(float) for number in (2, 3)]
     assert np.abs(blended - sum(frames) / 2).mean() < 4
     assert min(np.abs(made - each).mean() for each in frames) < 4
     assert (found["between"], found["is_cut"]) == ("between 0:00.080 and 0:00.120", False)
-
-
-@pytest.mark.parametrize("time", [0, 0.36, 99])
-def test_look_at_the_ends(client, films, time):
-    """The first pair is shown as well, and the last one behind it."""
-    found = client.post("/look", json={"choices": form(client, films), "time": time}).json()
-    assert found["between"] == ("between 0:00.320 and 0:00.360" if time else "between 0:00.000 and 0:00.040")
+    for time, pair in {0: "between 0:00.000 and 0:00.040", 0.36: last, 99: last}.items():
+        assert client.post("/look", json={"choices": choices, "time": time}).json()["between"] == pair
 
 
 # ---------------------------------------------------------------- the queue
