@@ -66,7 +66,7 @@ EXAMPLES = """
   fpsboost in.mp4 out.mkv --fps 59.94 --crf 16         a rate, not a factor
   fpsboost renders/ doubled/                           a folder of images
   fpsboost renders/ --fill-gaps --in-place             the missing images
-  fpsboost in.mp4 out.mp4 --replace 120-123,340        bad frames made anew
+  fpsboost in.mp4 out.mp4 --replace 120-123,340        damaged frames
   fpsboost shot_####.png out.mp4 --input-fps 24        images to video
   fpsboost in.mp4 out.mp4 --start 1:30 --end 2:00      a part of it
   fpsboost in.mp4 out.mp4 --factor 4 --slow-motion     four times as long
@@ -82,7 +82,7 @@ EXAMPLES = """
   fpsboost probe in.mp4                                what a clip is
   fpsboost preview in.mp4                              before and after
   fpsboost plan renders/ plan/ --budget 10%            regions to render
-  fpsboost merge doubled/ regions/ out/ --plan plan/   put into the frames
+  fpsboost merge doubled/ regions/ out/ --plan plan/   regions into frames
   fpsboost compare in.mp4 --report page/               methods scored
 """
 
@@ -159,7 +159,7 @@ def convert(
     more
         Further names; the last one is the folder.
     dry_run
-        Say what would be made and take, and write nothing.
+        Write nothing; say what it would make and take.
     """
     gc.disable()  # until kernels are compiled or loaded: importing and loading them makes many objects and few cycles
     # imported here so that --help and --version need not wait for OpenCV, numba and FFmpeg

@@ -248,7 +248,7 @@ class PreviewOptions:
 
     at: tuple[Position, ...] = option(
         (),
-        "Start of a passage: 90, 1:30.5, or frame 120f; else\nwhere motion is largest. Repeatable.",
+        "Start of a passage: 90, 1:30.5, or frame 120f; else\nwhere motion is largest, or speed changes. Repeatable.",
         metavar="TIME",
         parse=parse_positions,
     )

@@ -85,13 +85,13 @@ class OutputRate:
     fps: Fraction | int | None = option(None, "Output frames per second: 60, 59.94, 60000/1001.", parse=parse_rate)
     keep_timing: bool = option(False, "Keep a variable rate: multiply each interval.")
     slow_motion: bool = option(False, "Keep the rate and play `factor` times as long.")
-    slow_motion_sound: SlowSound | None = option(None, "Audio of slow motion: drop or stretch; else drop.")
-    retime: str | None = option(None, "Times OUT=IN, 0=0 2s=2s 3s=2.25s, or a file.", metavar="CURVE")
+    slow_motion_sound: SlowSound | None = option(None, "Audio at other speeds: drop or stretch.")
+    retime: str | None = option(None, "Speed ramp OUT=IN: 0=0 2s=2s 3s=2.25s, or a file.", metavar="CURVE")
     speed: str | None = option(None, "Speed of parts of the input: 0.25@1:00-1:05.", metavar="SPEEDS")
     fill_gaps: bool = option(False, "Interpolate only the missing image numbers.", group="Input")
     replace: Replacement | str | None = option(
         None,
-        "Frames made anew: 120-123,340,1:02.5, FILE or auto.",
+        "Damaged frames: 120-123,340,1:02.5, FILE or auto.",
         metavar="FRAMES",
         group="Input",
         parse=Replacement.parse,
