@@ -69,11 +69,6 @@ def absolute_error(truth: Image, image: Image) -> NDArray[Any]:
     return error
 
 
-def mean_scores(scores: Sequence[Scores]) -> Scores:
-    """Return the mean of every figure; PSNR as the mean of decibels, as benchmarks have it."""
-    return Scores(**means([asdict(each) for each in scores]))
-
-
 def mean(values: Sequence[float]) -> float:
     """Return the mean of the finite values; NaN if there are none."""
     finite = [value for value in values if np.isfinite(value)]
@@ -191,8 +186,8 @@ class Comparison:
         return [frame for frame in method.frames if frame.number not in left_out]
 
     def means(self, method: MethodResult) -> Scores:
-        """Return the mean scores of a method."""
-        return mean_scores([frame.scores for frame in self.counted(method)])
+        """Return the mean scores of a method; PSNR as the mean of decibels, as benchmarks have it."""
+        return Scores(**means([asdict(frame.scores) for frame in self.counted(method)]))
 
     def low_psnr(self, method: MethodResult) -> float:
         """Return the 5th percentile of a method's PSNR over the frames that count, dB."""

@@ -12,7 +12,7 @@ from fpsboost.colour import composite_on_black
 from fpsboost.errors import InputError
 from fpsboost.evaluation.contestants import InterpolatorContestant
 from fpsboost.evaluation.hidden_frames import Hiding
-from fpsboost.evaluation.results import Scores, absolute_error, low_percentile, mean, mean_scores, means, score
+from fpsboost.evaluation.results import Scores, absolute_error, mean, means, score
 from fpsboost.method_table import find_method
 
 
@@ -64,14 +64,6 @@ def test_means_leave_out_what_is_no_number():
     assert mean([1.0, math.nan, 3.0]) == 2
     assert math.isnan(mean([math.nan]))
     assert means([{"a": 1.0, "b": math.nan}, {"a": 2.0, "b": 4.0}]) == {"a": 1.5, "b": 4.0}
-    assert mean_scores([Scores(1, 2, 3, 4), Scores(3, 4, 5, 6)]) == Scores(2, 3, 4, 5)
-
-
-def test_the_low_percentile_lies_below_95_of_100_frames():
-    """One bad frame in twenty is what it shows, interpolated to the next, and a lone frame is its own."""
-    assert low_percentile([20.0] + [30.0] * 20) == pytest.approx(30)
-    assert low_percentile([20.0] + [30.0] * 10) == pytest.approx(25)
-    assert low_percentile([31.0]) == 31
 
 
 GOLDEN = json.loads(Path(__file__).parents[1].joinpath("golden_scores.json").read_text())

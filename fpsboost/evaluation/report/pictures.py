@@ -181,7 +181,8 @@ def find_spots(errors: Sequence[NDArray[Any]]) -> list[Spot]:
     """Return the square where all methods together err most, and one beside it where the best is farthest ahead."""
     height, width = errors[0].shape
     size = min(max(MIN_CROP, width // 10), height, width)
-    means = np.stack([_window_means(error, size) for error in errors])
+    blurred = np.stack([cv2.blur(error.astype(np.float64), (size, size), anchor=(0, 0)) for error in errors])
+    means = blurred[:, : height - size + 1, : width - size + 1]
     together = means.mean(axis=0)
     y, x = np.unravel_index(int(together.argmax()), together.shape)
     spots = [Spot(int(x), int(y), size, "largest error")]
@@ -194,12 +195,6 @@ def find_spots(errors: Sequence[NDArray[Any]]) -> list[Spot]:
         y, x = np.unravel_index(int(np.where(beside, leads, -1).argmax()), leads.shape)
         spots.append(Spot(int(x), int(y), size, "methods differ most" if several else "next largest error"))
     return spots
-
-
-def _window_means(error: NDArray[Any], size: int) -> NDArray[Any]:
-    """Return means over all squares that lie inside, by their upper left corner."""
-    sums = cv2.integral(error.astype(np.float32), sdepth=cv2.CV_64F)
-    return (sums[size:, size:] - sums[:-size, size:] - sums[size:, :-size] + sums[:-size, :-size]) / size**2
 
 
 def in_colour(flow: NDArray[Any], edge: float) -> NDArray[Any]:
