@@ -91,26 +91,26 @@ def collect_candidates(points, sign, t, step, support, tolerance, height, width,
     vectors, gradients, accelerations, trust = points
     count, votes, places, sums, total, spacing = collected
     rows, columns, capacity = votes.shape
-    one, half, per_cell = np.float32(1), np.float32(0.5), np.float32(1) / np.float32(spacing)
+    one, half = np.float32(1), np.float32(0.5)
     middle = half * np.float32(spacing)
     curve = t * (one - t) * half
     for i in range(vectors.shape[0]):
         y = np.float32(min(i * step + step // 2, height - 1)) + half  # relative to the frame corner
         for j in range(vectors.shape[1]):
-            if trust[i, j] <= 0:
-                continue
             x = np.float32(min(j * step + step // 2, width - 1)) + half
             certainty, ax, ay = accelerations[i, j, 0], accelerations[i, j, 1], accelerations[i, j, 2]
             landing_x = x + t * vectors[i, j, 0] - curve * ax
             landing_y = y + t * vectors[i, j, 1] - curve * ay
-            top = max(math.ceil((landing_y - middle - support) * per_cell), 0)
-            bottom = min(math.floor((landing_y - middle + support) * per_cell), rows - 1)
-            left = max(math.ceil((landing_x - middle - support) * per_cell), 0)
-            right = min(math.floor((landing_x - middle + support) * per_cell), columns - 1)
+            first_y, last_y = seen_by_both(vectors[i, j, 1], t, height)
+            first_x, last_x = seen_by_both(vectors[i, j, 0], t, width)
+            top, bottom = nodes_within(landing_y, support, first_y, last_y, spacing, rows)
+            left, right = nodes_within(landing_x, support, first_x, last_x, spacing, columns)
             for row in range(top, bottom + 1):
-                down = one - abs(landing_y - middle - np.float32(row * spacing)) / support
+                y_of_node = min(max(middle + np.float32(row * spacing), first_y), last_y)
+                down = one - abs(landing_y - y_of_node) / support
                 for column in range(left, right + 1):
-                    across = one - abs(landing_x - middle - np.float32(column * spacing)) / support
+                    x_of_node = min(max(middle + np.float32(column * spacing), first_x), last_x)
+                    across = one - abs(landing_x - x_of_node) / support
                     # extrapolate zoom and rotation to the node
                     apart_x = middle + np.float32(column * spacing) - landing_x
                     apart_y = middle + np.float32(row * spacing) - landing_y
@@ -151,6 +151,31 @@ def collect_candidates(points, sign, t, step, support, tolerance, height, width,
                     its[3] += vote * ax
                     its[4] += vote * ay
                     its[5] += vote * (ax * ax + ay * ay)
+
+
+@njit(**JIT)
+def seen_by_both(motion, t, size):
+    """Return from where to where, along one axis, what moves like this is within both frames.
+
+    `motion` is that from a frame to the other, `t` the distance in time from this frame.
+    """
+    zero, one = np.float32(0), np.float32(1)
+    first = max(t * motion, (t - one) * motion, zero)
+    last = np.float32(size) - max(-t * motion, (one - t) * motion, zero)
+    return first, max(first, last)
+
+
+@njit(**JIT)
+def nodes_within(landing, support, first, last, spacing, count):
+    """Return the first and the last node in whose support a motion lands; beyond `first` and `last` all are as these.
+
+    What moves in from outside, or out, is seen by one frame alone, and no motion is found for it: it is likely to move
+    as what is next to it.
+    """
+    middle, per_cell = np.float32(0.5) * np.float32(spacing), np.float32(1) / np.float32(spacing)
+    top = max(math.ceil((landing - middle - support) * per_cell), 0) if landing - support > first else 0
+    bottom = min(math.floor((landing - middle + support) * per_cell), count - 1)
+    return top, bottom if landing + support < last else count - 1
 
 
 @njit(cache=True, **JIT)
