@@ -135,7 +135,7 @@ class MultiHypothesis:
     node_spacing: int = 16
     support_radius: float = 24
     merge_distance: float = 0.5
-    max_candidates: int = 12
+    max_candidates: int = 8
     min_weight: float = 0.04
     bandwidth: float = 0.3
     sharpness: float = 18
