@@ -258,6 +258,13 @@ def spline_at(coefficients: Array, beyond: int, y: float, x: float) -> float:
     )
 
 
+def seen_by_both(place: float, motion: float, t: float, length: int) -> float:
+    """The nearest place along an axis whose start and end, by a motion, are within both frames."""
+    first = max(0, t * motion, (t - 1) * motion)
+    last = min(length, length + t * motion, length - (1 - t) * motion)
+    return first if place < first else max(first, last) if place > last else place
+
+
 def collected(
     vectors: Array,
     gradients: Array,
@@ -278,9 +285,10 @@ def collected(
 
     Cells are `spacing` pixels wide. The eleven are votes; sums of dx and dy; of votes whose acceleration is known,
     votes, ax, ay and ax^2 + ay^2; and sums of how dx and dy change along x, then along y. A point votes at every node
-    nearer to where it lands than `support`, along x and y, the less the farther and the less it is trusted. Its vote,
-    for its motion and what its gradients add on the way to the node, is for the first candidate whose mean is near, or
-    a new one as long as there is room.
+    nearer to where it lands than `support`, along x and y, the less the farther and the less it is trusted; a node that
+    the motion brings in or takes out counts as the nearest place that both frames have. Its vote, for its motion and
+    what its gradients add on the way to the node, is for the first candidate whose mean is near, or a new one as long
+    as there is room.
     """
     height, width = size
     for i, j in np.ndindex(*trust.shape):
@@ -291,8 +299,8 @@ def collected(
         landing_y = y + 0.5 + t * here_y - t * (1 - t) / 2 * ay
         for row, column in np.ndindex(*candidates.shape):
             node_x, node_y = spacing * column + spacing / 2, spacing * row + spacing / 2
-            down = max(1 - abs(landing_y - node_y) / support, 0)
-            across = max(1 - abs(landing_x - node_x) / support, 0)
+            down = max(1 - abs(landing_y - seen_by_both(node_y, here_y, t, height)) / support, 0)
+            across = max(1 - abs(landing_x - seen_by_both(node_x, here_x, t, width)) / support, 0)
             vote = float(trust[i, j]) * down * across
             if vote == 0:
                 continue

@@ -87,8 +87,8 @@ def test_candidates_equal_their_slow_twin(height, width, step, largest, capacity
 def test_a_bent_path_lands_beside_a_straight_one():
     """What speeds up is behind the straight path at half of the way, by an eighth of the acceleration."""
     vectors, changes = np.zeros((1, 5, 2), np.float32), np.zeros((1, 5, 3), np.float32)
-    vectors[0, 0, 0], changes[0, 0] = 32, (1, 64, 0)
-    for accelerations, landing in ((np.zeros_like(changes), 24.5), (changes, 16.5)):
+    vectors[0, 1, 0], changes[0, 1] = 32, (1, 64, 0)
+    for accelerations, landing in ((np.zeros_like(changes), 40.5), (changes, 32.5)):
         frame = Votes(vectors, np.zeros((1, 5, 2, 2), np.float32), accelerations, np.ones((1, 5), np.float32))
         _, votes, sums = collect([frame], [0.5], (16, 80))
         shares = np.where(sums[0, ..., 0] > 0, votes[0], 0).sum(axis=1)
@@ -123,7 +123,7 @@ def candidate(vote, dx, dy, known=0.0, ax=0.0, ay=0.0, variance=0.0, gradient=(0
 @given(
     st.integers(0, 8),
     st.integers(1, 8),
-    st.sampled_from([0.1, 1, 30]),
+    st.sampled_from([0.5, 1, 30]),  # of a tenth, squares of accelerations leave too few digits
     st.sampled_from([0, 0.02, 0.5]),
     st.integers(0, 2**32),
 )
