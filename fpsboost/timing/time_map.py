@@ -130,6 +130,16 @@ class TimeMap:
         """Return when the source first reaches a time; to a millisecond while speed changes, else exactly."""
         return self._place(source, Fraction(1000)) / 1000
 
+    def end_of(self, begin: Fraction, end: Fraction) -> Fraction:
+        """Return when the source first reaches `end`; if it turns back before, when it is last not before `begin`."""
+        if not begin <= self.top < end:
+            return self.time_of(end)
+        mirrored, length = list[Segment](), self.length
+        for each in reversed(self.segments):
+            slopes = -each.slope1, -each.slope0
+            mirrored.append(Segment(length - each.end, length - each.begin, each.source1, each.source0, *slopes))
+        return length - TimeMap(tuple(mirrored)).time_of(begin)
+
     def frames_before(self, source: Fraction, rate: Fraction) -> int:
         """Return how many output frames are shown before the source reaches a time."""
         return math.ceil(self._place(source, rate))

@@ -242,6 +242,10 @@ def test_slow_motion_of_a_file(tmp_path):
         assert [(p.pts, p.duration) for p in file.demux(subtitles=0) if p.size] == [(400, 800)]
         assert [(each["start"], each["end"]) for each in file.chapters()] == [(0, 800 * 10**6)]
         assert not file.streams.audio
+    turned = grouped(retime="0=0s .5s=.25s 1s=0s")  # turns back amid the words, which end where they began
+    convert(str(clip), str(tmp_path / "turned.mkv"), **turned, method="nearest", encoding=LOSSLESS)
+    with av.open(str(tmp_path / "turned.mkv")) as file:
+        assert [(p.pts, p.duration) for p in file.demux(subtitles=0) if p.size] == [(200, 600)]
 
 
 def with_times(path: Path, times: list[int]) -> Path:

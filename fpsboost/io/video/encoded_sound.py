@@ -387,8 +387,11 @@ def _traits_of(frame: av.AudioFrame) -> Traits:
     return frame.sample_rate, frame.format.name, named_layout(frame.layout.name, frame.layout.nb_channels)
 
 
-def output_time(time: Fraction, window: Window | None) -> Fraction:
-    """Return when a time of the source is shown, seconds."""
+def output_time(time: Fraction, window: Window | None, begin: Fraction | None = None) -> Fraction:
+    """Return when a time of the source is shown, seconds; of the end of what begins at `begin`, when that ends."""
     if window is None:
         return time
-    return time - window.begin if window.curve is None else window.curve.time_of(time - window.begin)
+    at = time - window.begin
+    if window.curve is None:
+        return at
+    return window.curve.time_of(at) if begin is None else window.curve.end_of(begin - window.begin, at)

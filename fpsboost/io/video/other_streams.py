@@ -275,7 +275,7 @@ class OtherStreams:
             begin, end = max(begin, window.begin), end if window.end is None else min(end, window.end)
             packet.pts = packet.dts = round(output_time(begin, window) / tick)
             if packet.duration:
-                packet.duration = round(output_time(end, window) / tick) - packet.pts
+                packet.duration = round(output_time(end, window, begin) / tick) - packet.pts
                 if not packet.duration:  # not in the part that the curve shows
                     return False
         return packet.pts >= 0 or is_exact or leads
@@ -329,7 +329,8 @@ def _chapters_within(file: av.container.InputContainer, window: Window | None, s
         begin, end = max(chapter["start"] * tick - start, window.begin), chapter["end"] * tick - start
         end = end if window.planned_end is None else min(end, window.planned_end)
         if begin < end:
-            times = {name: round(output_time(time, window) / tick) for name, time in (("start", begin), ("end", end))}
+            shown = {"start": output_time(begin, window), "end": output_time(end, window, begin)}
+            times = {name: round(time / tick) for name, time in shown.items()}
             if times["start"] < times["end"]:
                 kept.append({**chapter, **times, "metadata": printable(chapter["metadata"])})
     return kept
