@@ -302,8 +302,7 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
         may_skip = not counts_frames(interpolator.cuts) and rate.replace is None
         trim, images = job.decoding.trim, whole.stream_info.images
         info = with_duration(whole) if rate.retimes else whole.info
-        curve = rate.time_map(trim.of_info(info), 1 if images is None else images.first_number)
-        clip_curve = curve
+        clip_curve = curve = rate.time_map(trim.of_info(info), 1 if images is None else images.first_number)
         source, window = trim_source(whole, trim, may_skip=may_skip, curve=curve or rate.slow_map)
         if curve is not None and curve.reverses:
             times = source.frame_times() if isinstance(source, RandomAccess) and whole.stream_info.files else None

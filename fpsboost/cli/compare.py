@@ -97,8 +97,7 @@ def compare(
             with Progressing(quiet=results.quiet) as progress:
                 intervals = partial(hiding.intervals, clip)
                 ours, skipped = chosen[clip]
-                given = others.contestants(intervals, Path(scratch), progress.begin)
-                contestants = ours | dict(given)
+                contestants = ours | dict(others.contestants(intervals, Path(scratch), progress.begin))
                 comparison = run(
                     clip,
                     contestants,

@@ -100,10 +100,8 @@ def enter(ready: Preparation, outputs: OutputRange) -> OutputRange:
     """Begin to read a source that lists its frames near the first of some output frames, which get this entry."""
     job, source, curve = ready.job, ready.clip.source, ready.clip.curve
     is_late = outputs.first > 0 or (curve is not None and curve.source(Fraction(0)) >= LATE)
-    times = source.frame_times() if is_late and isinstance(source, RandomAccess) else None
-    if times is None:
+    if not is_late or not isinstance(source, RandomAccess) or (times := source.frame_times()) is None:
         return outputs
-    assert isinstance(source, RandomAccess)
     detector = None if ready.interpolator.needs_every_frame else ready.interpolator.duplicates
     schedule = exposed(ready.base_schedule, job.rate)
     before = 1 if ready.interpolator.replacement is None else REPLACED_BEFORE

@@ -218,8 +218,7 @@ class LeastCertain(NamedTuple):
 def write_page(path: Path, preview: Preview, command: str, *, overwrite: bool = False) -> None:
     """Write a page, which appears whole or not at all; `command` is the command line of the whole conversion."""
     check_writable(path, str(path), overwrite=overwrite)
-    text = make_page(preview, command)
-    write_whole(path, text.encode())
+    write_whole(path, make_page(preview, command).encode())
 
 
 def make_page(preview: Preview, command: str) -> str:
