@@ -114,26 +114,16 @@ def test_the_task_has_run_at_the_end(tmp_path):
     assert (tmp_path / "done").exists()
 
 
-def test_nothing_is_started_if_nothing_is_compiled(started):
-    """All kernels come from the cache."""
+def test_nothing_is_started_in_vain(started, monkeypatch):
+    """All kernels come from the cache; the task cannot be pickled; Python is part of a program, which would start."""
     with compiled_aside(partial(time.sleep, 600)):
         pass
-    assert not started
-
-
-def test_nothing_is_started_where_python_is_part_of_another_program(started, monkeypatch):
-    """That program would be started in its place."""
+    with compiled_aside(lambda: None):
+        tell_listeners()
     for executable in ("/usr/bin/vspipe", "", None):
         monkeypatch.setattr(sys, "executable", executable)
         with compiled_aside(partial(time.sleep, 600)):
             tell_listeners()
-    assert not started
-
-
-def test_a_task_that_cannot_be_sent_is_left_out(started):
-    """As with an estimator of the caller's own that cannot be pickled."""
-    with compiled_aside(lambda: None):
-        tell_listeners()
     assert not started
 
 
