@@ -58,16 +58,12 @@ def test_huge_images_are_refused_before_they_are_decoded(tmp_path, ending):
 
 
 def test_huge_openexr_is_refused_before_it_is_decoded(tmp_path):
-    """All chunks of a narrow image are there, and yet it is too large."""
+    """All chunks of a narrow image are there, and yet it is too large; all channels count, also where one is read."""
     plane = np.zeros((3000, 8), np.float32)
     (tmp_path / "a.exr").write_bytes(encode_exr({"Y": plane}))
     assert read_exr(tmp_path / "a.exr")["Y"].shape == (3000, 8)
     with pytest.raises(InputError, match=r"a\.exr is 8x3000, which takes"):
         read_exr(tmp_path / "a.exr", limit=SMALL)
-
-
-def test_all_channels_of_openexr_count(tmp_path):
-    """OpenEXR's library decodes all of them, also where one is asked for."""
     path, plane = tmp_path / "a.exr", np.zeros((48, 64), np.float32)
     path.write_bytes(encode_exr({name: plane for name in ("Y", "Z", "id")}, half=False))
     enough = SMALL.bytes + 3 * plane.nbytes
@@ -113,20 +109,13 @@ def test_frames_beyond_the_canvas_are_not_decoded(tmp_path):
     assert "damaged" in source.remarks[-1]
 
 
-@pytest.mark.parametrize(
-    ("text", "size"),
-    [("8G", 8 * 10**9), ("500M", 5 * 10**8), ("1.5g", 15 * 10**8), ("16 GB", 16 * 10**9), ("2T", 2 * 10**12), ("7", 7)],
-)
-def test_sizes_as_people_write_them(text, size):
-    """Letters in any case, with and without B."""
-    assert parse_memory(text) == MemoryLimit(size)
-
-
-@pytest.mark.parametrize("text", ["", "much", "8X", "-1G", "G", "1e9", "0", "0G", "nan", "8GG", "9" * 30])
-def test_other_sizes_are_refused(text):
-    """With the option's name."""
-    with pytest.raises(OptionError, match="`limit`"):
-        parse_memory(text)
+def test_sizes_as_people_write_them():
+    """Letters in any case, with and without B; others are refused with the option's name."""
+    sizes = {"8G": 8e9, "500M": 5e8, "1.5g": 15e8, "16 GB": 16e9, "2T": 2e12, "7": 7}
+    assert {text: parse_memory(text).bytes for text in sizes} == sizes
+    for text in ("", "much", "8X", "-1G", "G", "1e9", "0", "0G", "nan", "8GG", "9" * 30):
+        with pytest.raises(OptionError, match="`limit`"):
+            parse_memory(text)
 
 
 def test_available_memory_of_any_system(monkeypatch):
@@ -157,18 +146,13 @@ def test_the_option_reaches_every_kind_of_input(fpsboost_, tmp_path, save_images
     assert fpsboost_("in.mp4", "x.mp4", "--max-memory", "lots").code == 2
 
 
-@pytest.mark.parametrize(("cores", "further", "threads"), [(8, 0, 1), (8, -5, 1), (8, 2, 3), (2, 100, 2)])
-def test_as_many_threads_as_memory_reaches_for(cores, further, threads):
-    """One always, and one more for each time that its share is left."""
-    pixels = 640 * 480
-    left = further * BYTES_PER_PIXEL_OF_A_THREAD * pixels
-    limit = MemoryLimit(AT_LEAST + BYTES_PER_PIXEL * pixels + left)
-    assert limit.affordable_threads(640, 480, cores) == threads
-
-
-def test_a_conversion_takes_no_more_threads_than_memory_reaches_for(tmp_path, monkeypatch):
-    """Unless it is told how many."""
-    taken = []
+def test_as_many_threads_as_memory_reaches_for(tmp_path, monkeypatch):
+    """One always, and one more for each time that its share is left; a conversion takes no more unless it is told."""
+    pixels, taken = 640 * 480, []
+    for cores, further, threads in ((8, 0, 1), (8, -5, 1), (8, 2, 3), (2, 100, 2)):
+        left = further * BYTES_PER_PIXEL_OF_A_THREAD * pixels
+        limit = MemoryLimit(AT_LEAST + BYTES_PER_PIXEL * pixels + left)
+        assert limit.affordable_threads(640, 480, cores) == threads
 
     def take(*_: object, threads: int, **__: object) -> None:
         taken.append(threads)
