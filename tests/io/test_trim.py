@@ -270,7 +270,7 @@ def test_subtitles_of_the_part(tmp_path):
 
 
 def test_images_of_the_part(tmp_path, save_images):
-    """Only those files are read; numbering begins as the input's does."""
+    """Only those files are read; numbering begins as the input's does; seconds, unlike numbers, need --input-fps."""
     images = save_images(tmp_path / "in", count=8)
     (tmp_path / "in" / "shot_0002.png").write_bytes(b"broken")
     summary = convert_part(tmp_path / "in", tmp_path / "out", "3f", "6f", encoding=None)
@@ -278,14 +278,9 @@ def test_images_of_the_part(tmp_path, save_images):
     assert (summary.frames_in, names) == (3, [f"shot_{number:04d}.png" for number in range(1, 6)])
     for name, image in zip(names[::2], images[3:6], strict=True):
         assert np.array_equal(cv2.imread(str(tmp_path / "out" / name), cv2.IMREAD_UNCHANGED), image)
-
-
-def test_times_of_images_need_a_rate(tmp_path, save_images):
-    """Frames have numbers without one; seconds need --input-fps."""
-    save_images(tmp_path / "in", count=8)
     with pytest.raises(OptionError, match="`input_fps`"):
-        convert_part(tmp_path / "in", tmp_path / "out", "0.1", encoding=None)
-    summary = convert_part(tmp_path / "in", tmp_path / "out", "0.1", input_fps=25, encoding=None)
+        convert_part(tmp_path / "in", tmp_path / "more", "0.1", encoding=None)
+    summary = convert_part(tmp_path / "in", tmp_path / "more", "0.1", input_fps=25, encoding=None)
     assert summary.frames_in == 5
     with pytest.raises(InputError, match="has 8 images and ends before `start`"):
         trim_source(open_source(str(tmp_path / "in")), trim("8f"))
