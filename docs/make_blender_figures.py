@@ -164,7 +164,7 @@ def as_seen(folder: Path, number: int) -> Image.Image:
 
 
 def save(name: str, rows: list[list[tuple[str, Image.Image]]]) -> Path:
-    """Save rows of pictures with titles as a PNG with 256 colours; return its path."""
+    """Save rows of pictures with titles as a WebP file; return its path."""
     step = SIZE[0] + GAP, SIZE[1] + LINE + GAP // 2
     drawn = Image.new("RGB", (step[0] * len(rows[0]) + GAP, step[1] * len(rows) + GAP // 2), "white")
     pen, font = ImageDraw.Draw(drawn), ImageFont.load_default(12)
@@ -173,8 +173,8 @@ def save(name: str, rows: list[list[tuple[str, Image.Image]]]) -> Path:
             left, top = GAP + i * step[0], j * step[1] + GAP // 2
             pen.text((left, top), title, "#222222", font)
             drawn.paste(picture, (left, top + LINE))
-    path = FIGURES / f"{name}.png"
-    drawn.quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+    path = FIGURES / f"{name}.webp"
+    drawn.save(path, quality=90, method=6)
     return path
 
 
