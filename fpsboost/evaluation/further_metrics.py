@@ -11,7 +11,6 @@ import gc
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from importlib.util import find_spec
@@ -29,6 +28,7 @@ from fpsboost.evaluation import steadiness
 from fpsboost.evaluation.hidden_frames import Hidden, Interval
 from fpsboost.evaluation.steadiness import FrameMeter
 from fpsboost.image import Image
+from fpsboost.io.video.pictures import pulled
 from fpsboost.io.video.ycc import assumed_color_space, from_bgr
 
 HIGHEST = 120.0
@@ -72,8 +72,7 @@ class _Graph:
         self._entries = [self._graph.add("buffer", **picture) for _ in range(2)]
         for place, entry in enumerate(self._entries):
             entry.link_to(comparing, 0, place)
-        self._exit = self._graph.add("buffersink")
-        comparing.link_to(self._exit)
+        comparing.link_to(self._graph.add("buffersink"))
         self._graph.configure()
 
     def push(self, first: Image, second: Image) -> list[av.VideoFrame]:
@@ -85,22 +84,13 @@ class _Graph:
             picture.pts, picture.time_base = self._passed, self._clock
             entry.push(picture)
         self._passed += 1
-        return self._pull()
+        return list(pulled(self._graph))
 
     def end(self) -> list[av.VideoFrame]:
         """End both videos, and return the last pictures."""
         for entry in self._entries:
             entry.push(None)
-        return self._pull()
-
-    def _pull(self) -> list[av.VideoFrame]:
-        pictures: list[av.VideoFrame] = []
-        with suppress(av.BlockingIOError, av.EOFError):
-            while True:
-                picture = self._exit.pull()
-                assert isinstance(picture, av.VideoFrame)
-                pictures.append(picture)
-        return pictures
+        return list(pulled(self._graph))
 
 
 class _FilterMeter:

@@ -283,11 +283,8 @@ def _score(stream: av.VideoStream) -> tuple[int, bool]:
     if context is None:
         return -1, False
     is_default = bool(stream.disposition & av.stream.Disposition.default)
-    return context.width * context.height + DEFAULT_STREAM_SCORE * is_default, not _is_gray(stream)
-
-
-def _is_gray(stream: av.VideoStream) -> bool:
-    return stream.codec_context is not None and (stream.codec_context.pix_fmt or "").startswith("gray")
+    is_gray = (context.pix_fmt or "").startswith("gray")
+    return context.width * context.height + DEFAULT_STREAM_SCORE * is_default, not is_gray
 
 
 def clock_may_jump(container: av.container.InputContainer) -> bool:

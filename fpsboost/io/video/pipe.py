@@ -84,7 +84,8 @@ class PipeSource(ClosesOnExit):
         keeps_planes: bool = False,
         limit: MemoryLimit | None = None,
     ) -> None:
-        self._waiting = _standard_input() if stream is None else None
+        advice = "pipe a YUV4MPEG2 stream into it"
+        self._waiting = None if stream else _descriptor(sys.stdin, InputError, INPUT_NAME, advice)
         self._file = CountingReader(stream or self._waiting)
         self._for_images = for_images
         self._started = False
@@ -216,7 +217,8 @@ class PipeSink:
             )
         self._timing, self._encoding, self._info = output.timing, encoding, output.info
         self._traits = output.stream.traits
-        self._waiting = _standard_output() if stream is None else None
+        advice = "pipe it into a program"
+        self._waiting = None if stream else _descriptor(sys.__stdout__, OutputError, OUTPUT_NAME, advice)
         self._stream: Any = stream or self._waiting
         self._header = ""
         self._coding: Coding
@@ -357,14 +359,6 @@ class Descriptor:
             if os.name == "nt" or any(select.select(*ends, [], POLL_INTERVAL)):  # Windows can ask sockets only
                 with suppress(BlockingIOError):
                     return transfer()
-
-
-def _standard_input() -> Descriptor:
-    return _descriptor(sys.stdin, InputError, INPUT_NAME, "pipe a YUV4MPEG2 stream into it")
-
-
-def _standard_output() -> Descriptor:
-    return _descriptor(sys.__stdout__, OutputError, OUTPUT_NAME, "pipe it into a program")
 
 
 def _descriptor(stream: TextIO | None, kind: type[FpsboostError], name: str, advice: str) -> Descriptor:
