@@ -230,8 +230,11 @@ def count_frames(schedule: Schedule, info: ClipInfo, holds_last_frame: bool) -> 
     """Return the number of output frames if the source's header is right; None if the header does not say."""
     if isinstance(schedule, RetimeSchedule) and not schedule.curve.is_open:
         return math.ceil(schedule.curve.length * schedule.frames_per_second)
-    if isinstance(schedule, ByRate) and info.duration is not None:
-        end = schedule.presentation_time(Fraction(0), info.duration)
+    duration = info.duration
+    if isinstance(schedule, RetimeSchedule) and duration is None and info.frame_count is not None:
+        duration = info.frame_count / info.rate
+    if isinstance(schedule, ByRate) and duration is not None:
+        end = schedule.presentation_time(Fraction(0), duration)
         if not holds_last_frame:
             end -= 1 / info.rate
         shown = schedule.curve.time_of(end) if isinstance(schedule, RetimeSchedule) else end

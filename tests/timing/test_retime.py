@@ -23,6 +23,7 @@ from fpsboost.run_options import Part, RunOptions
 from fpsboost.streaming import run_conversion
 from fpsboost.timing.rate import OutputRate, exposed
 from fpsboost.timing.retime import parse_curve, parse_speeds
+from fpsboost.timing.schedule import count_frames
 from fpsboost.timing.time_map import TimeMap
 
 RATE = Fraction(24)
@@ -130,6 +131,9 @@ def test_speeds_are_a_curve(text):
         Fraction(3, 2),
         Fraction(15, 2),
     ]
+    info = replace(FakeSource(regular(9)).info, frame_count=50, duration=None)
+    schedule = OutputRate(speed=text).schedule(info, curve=curve)
+    assert count_frames(schedule, info, holds_last_frame=True) == math.ceil(3.5 * info.rate)
     for wrong in ("2@1-2,2@1.5-3", "2@2-1", "0", "2,2@3-", "2@1-2-3"):
         with pytest.raises(OptionError, match="`speed`"):
             parse_speeds(wrong, RATE)
