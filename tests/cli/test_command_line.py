@@ -74,15 +74,8 @@ def test_a_terminal_gets_a_bar(fpsboost_, clip, monkeypatch):
     assert re.search(name + " .*[0-9]+/12", plain)
     assert re.search(SUMMARY.format(name, 6, 12), plain)
     assert "\x1b[?25h" in result.err.split("\x1b[?25l")[-1]  # the cursor is back
-
-
-def test_a_terminal_without_a_frame_count(fpsboost_, tmp_path, monkeypatch):
-    """A file that does not say how many frames it has gets a bar too."""
-    write_clip(tmp_path / "in.h264", times=range(6), container="h264")
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    result = fpsboost_("in.h264", "out.mp4", *CHEAP)
-    assert result.code == 0
-    assert "/?" in result.err
+    write_clip(clip.with_name("in.h264"), times=range(6), container="h264")  # which does not say how many frames it has
+    assert "/?" in fpsboost_("in.h264", "out.mp4", *CHEAP).err
 
 
 def test_verbose_says_what_is_used(fpsboost_, clip):
