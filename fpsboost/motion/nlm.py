@@ -107,7 +107,7 @@ class CoarseToFine:
 
     takes_planes: ClassVar[bool] = True
 
-    max_motion_share: float = 1 / 8
+    max_motion_share: float = 1 / 6
     patch_radius: int = 5
     v: float = 0.09
     labels: int = 8
