@@ -99,7 +99,7 @@ class Replacement:
 
     def check(self, info: ClipInfo) -> None:
         """Raise `OptionError` for the last frame and those behind it, if the header of a clip says how many it has."""
-        latest = max((last.value for _, last in self.ranges if last.is_frame), default=Fraction(0))
+        latest = max((last.value for _, last in self.ranges if last.is_frame), default=Fraction(-1))
         if info.frame_count is not None and latest >= info.frame_count - 1:
             raise OptionError(
                 f"`replace` has frame {latest}, and {info.name} ends with frame {info.frame_count - 1}, which has no "
