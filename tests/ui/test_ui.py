@@ -874,6 +874,11 @@ def test_from_start_to_result(chromium, films, tmp_path, width, height, scheme):
             page.get_by_label("Point 2").press("ArrowUp")
             expect(page.get_by_label("Point 2")).to_be_focused()
             expect(page.locator("[name=value]")).to_have_value("0s=0s 0.2s=0.3s 0.4s=0.3s")
+            page.locator("[name=value]").fill("smooth 0=0 0.2s=0.1s 0.22s=0.1s 0.24s=.1s")
+            page.get_by_label("Point 3").press("ArrowLeft")
+            expect(page.locator("[name=value]")).to_have_value("smooth 0s=0s 0.2s=0.1s 0.21s=0.1s 0.24s=0.1s")
+            page.locator("[name=value]").fill("1=1 9=5")  # frames as in Nuke, no seconds
+            expect(page.get_by_label("Point 2")).to_be_hidden()
             page.get_by_label("Twice as many").check()
             page.get_by_label("Mix neighbours").check()
             expect(page.locator("#picture .tag.right")).to_have_text("blend")

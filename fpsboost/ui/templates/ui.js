@@ -312,7 +312,7 @@ function length() {
 /** Points of a curve in seconds; null if it is written in other units. */
 function pointsOf(text) {
   const words = text.trim().split(/\s+/).filter((word) => word !== "smooth");
-  const points = words.map((word) => /^([\d.]+)s?=([\d.]+)s?$/.exec(word)?.slice(1).map(Number));
+  const points = words.map((word) => /^(0|\d*\.?\d+(?=s))s?=(0|\d*\.?\d+(?=s))s?$/.exec(word)?.slice(1).map(Number));
   return points.length > 1 && points.every(Boolean) ? points : null;
 }
 
@@ -331,6 +331,7 @@ function setCurve(points, place) {
 function drawCurve() {
   const svg = byId("ramp").querySelector("svg"), points = pointsOf(form.elements.value.value);
   svg.toggleAttribute("hidden", !points);
+  if (points) byId("smooth").checked = /\bsmooth\b/.test(form.elements.value.value);
   if (!points || state.drags) return points && place(points);
   const draw = (name, attributes) => {
     const element = document.createElementNS("http://www.w3.org/2000/svg", name);
@@ -423,7 +424,8 @@ function place(points) {
 
 /** Move a point; output times keep their order, the first one stays at 0, and no time leaves the clip. */
 function move(points, number, x, y) {
-  const before = number ? points[number - 1][0] + 0.05 : 0, after = number ? (points[number + 1]?.[0] ?? Infinity) - 0.05 : 0;
+  const last = number ? points[number - 1][0] : 0, next = number ? points[number + 1]?.[0] ?? Infinity : 0;
+  const gap = Math.min(0.05, (next - last) / 4), before = number ? last + gap : 0, after = next - gap;
   points[number] = [Math.min(Math.max(x, before), after), Math.min(Math.max(y, 0), length())];
   setCurve(points, number);
 }
