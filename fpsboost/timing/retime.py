@@ -52,10 +52,7 @@ def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_n
         if len(points) > 1 and points[-1][0] <= points[-2][0]:
             raise OptionError(f"{where}: {words[0]} is not after the point before it; output times must increase.")
         if points[-1][1] < 0:
-            raise OptionError(
-                f"{where}: {words[1]} is before the source's first frame, {first_number} as in Nuke; write seconds as "
-                "2s, and frames from 0 on as 48f."
-            )
+            raise OptionError(f"{where}: {words[1]} is before Nuke's first frame, {first_number}; write seconds as 2s.")
     if len(points) < 2 - (onward is not None):
         raise OptionError("`retime` needs at least two points; write them like 0=0 2s=2s 3s=2.25s.")
     if is_numbered:
