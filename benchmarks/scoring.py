@@ -116,8 +116,10 @@ def read_clip(name: str, path: str, largest: int) -> Clip:
     intervals = [_in_three_colours(each) for each in hiding.intervals(path)]
     rate = 2 * len(intervals) / (intervals[-1].shown1.time - intervals[0].shown0.time)
     shown = [FrameCache(intervals[0].shown0.array), *(FrameCache(each.shown1.array) for each in intervals)]
-    cuts = CutDetector().find_cuts([CutDetector().match_score(*pair) for pair in pairwise(shown)])
-    return Clip(name, intervals, [index for index, cut in enumerate(cuts) if not cut], rate)
+    scores = [CutDetector().match_score(*pair) for pair in pairwise(shown)]
+    around = [[*scores[max(k - 1, 0) : k], *scores[k + 1 : k + 2]] for k in range(len(scores))]
+    kept = [k for k, score in enumerate(scores) if not CutDetector().is_cut(score, *around[k])]
+    return Clip(name, intervals, kept, rate)
 
 
 def _in_three_colours(interval: Interval) -> Interval:

@@ -273,10 +273,10 @@ def draw_cut() -> Path:
         axes.plot(match_score, color="#2f6f9f", marker="o", markersize=3, linewidth=1)
         axes.axhline(detector.threshold, color="#b5532a", linewidth=1, linestyle="--")
         axes.text(0, detector.threshold + 0.02, f"threshold {detector.threshold}", color="#b5532a", va="bottom")
-        for number in np.flatnonzero(detector.find_cuts(match_score)):
-            axes.annotate(
-                "cut", (number, match_score[number]), (8, 0), textcoords="offset points", va="center", color="#222222"
-            )
+        for number, score in enumerate(match_score):
+            if not detector.is_cut(score, *match_score[max(number - 1, 0) : number], *match_score[number + 1 :][:1]):
+                continue
+            axes.annotate("cut", (number, score), (8, 0), textcoords="offset points", va="center", color="#222222")
         axes.set(ylim=(0, 1), xlabel="pair of frames", ylabel="match score", xlim=(-1, len(match_score)))
         axes.spines[["top", "right"]].set_visible(False)
         path = FIGURES / "cut.svg"

@@ -6,6 +6,7 @@ only the command line prints and chooses an exit code (2 for `OptionError`, 1 fo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -62,6 +63,24 @@ def notes_of(error: BaseException) -> str:
 def rounded(number: float, digits: int) -> str:
     """Return a number with so many significant digits, and no power of ten: 0.012, 12,000."""
     return f"{float(f'{number:.{digits}g}'):,.15g}"
+
+
+def say_seconds(seconds: float) -> str:
+    """Return a time as people say it, with two figures that count.
+
+    Examples
+    --------
+    >>> say_seconds(0.0123), say_seconds(7.25), say_seconds(95.0), say_seconds(5000.0)
+    ('0.012 s', '7.2 s', '95 s', '1 h 23 min')
+    """
+    if seconds >= 3600:
+        hours, minutes = divmod(round(seconds / 60), 60)
+        return f"{hours} h {minutes} min"
+    if seconds >= 120:
+        return f"{round(seconds / 60)} min"
+    if 0 < seconds < 10:
+        return f"{seconds:.{max(0, 1 - math.floor(math.log10(seconds)))}f} s"
+    return f"{seconds:.0f} s"
 
 
 def check_choice(option: str, value: str, choices: Collection[str]) -> None:

@@ -35,7 +35,7 @@ plain_interpolator = partial(Interpolator, curved=False, compensate_illumination
 
 methods: Mapping[str, Interpolator] = MappingProxyType(
     {
-        "nlm": Interpolator(CoarseToFine(), MultiHypothesis(fusion="learnt")),
+        "nlm": Interpolator(CoarseToFine(), MultiHypothesis(fusion="learnt", max_candidates=8)),
         "nlm-fast": Interpolator(
             CoarseToFine(patch_radius=3, coarsest_side=40, finest_level=1),
             MultiHypothesis(step=16, node_spacing=24, support_radius=32, sufficient_similarity=0.95),

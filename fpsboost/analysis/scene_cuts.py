@@ -6,7 +6,7 @@ import csv
 import math
 import os
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -139,13 +139,6 @@ class CutDetector:
         """
         some_alike = CERTAIN_CUT_FRACTION * self.threshold <= match_score and self.threshold < 1
         return some_alike and min(across, default=1.0) < GRADUAL_CHANGE_FRACTION * match_score
-
-    def find_cuts(self, match_scores: Sequence[float]) -> list[bool]:
-        """Return `is_cut` for each pair of a sequence."""
-        neighbours = (
-            [*match_scores[max(k - 1, 0) : k], *match_scores[k + 1 : k + 2]] for k in range(len(match_scores))
-        )
-        return [self.is_cut(each, *around) for each, around in zip(match_scores, neighbours, strict=True)]
 
     def is_flash(self, match_score: float, across: float, *neighbours: float) -> bool:
         """Return whether a frame that matches the one beside it poorly only hides a scene that continues.

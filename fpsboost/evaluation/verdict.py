@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpsboost.errors import say_seconds
 from fpsboost.evaluation.results import Comparison
 
 MAX_STANDARD_ERRORS = 2.0  # mean difference in standard errors up to which two methods are level: about 95 %
@@ -179,24 +180,6 @@ def _leads(ahead: Sequence[Difference]) -> str:
 def listed(words: Sequence[str]) -> str:
     """Return words as a list of a sentence: ``a, b and c``."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
-
-
-def say_seconds(seconds: float) -> str:
-    """Return a time as people say it, with two figures that count.
-
-    Examples
-    --------
-    >>> say_seconds(0.0123), say_seconds(7.25), say_seconds(95.0), say_seconds(5000.0)
-    ('0.012 s', '7.2 s', '95 s', '1 h 23 min')
-    """
-    if seconds >= 3600:
-        hours, minutes = divmod(round(seconds / 60), 60)
-        return f"{hours} h {minutes} min"
-    if seconds >= 120:
-        return f"{round(seconds / 60)} min"
-    if 0 < seconds < 10:
-        return f"{seconds:.{max(0, 1 - math.floor(math.log10(seconds)))}f} s"
-    return f"{seconds:.0f} s"
 
 
 class MeanOverClips(NamedTuple):

@@ -34,7 +34,7 @@ from fpsboost import (
     open_sink,
 )
 from fpsboost.contracts import SilentObserver
-from fpsboost.errors import rounded
+from fpsboost.errors import rounded, say_seconds
 from fpsboost.evaluation.report.self_contained import PlayerData, as_heat, data_uri, encode, templates_of
 from fpsboost.io.new_output import check_writable, write_whole
 from fpsboost.preparation import prepared
@@ -293,17 +293,9 @@ def estimate_sentence(estimate: Estimate) -> str:
     each = f"{speeds} on {cores} core{'s' * (cores > 1)}, {rounded(estimate.cpu, 2)} s of CPU time a frame"
     if estimate.frames is None:
         return f"{each}; the length of the clip is not known beforehand."
-    least, most = (_as_duration(estimate.frames * seconds) for seconds in (estimate.least, estimate.most))
-    if least.split()[1] == most.split()[1]:
-        least = least.split()[0]
-    span = f"about {most}" if least in most.split() else f"{least} to {most}"
+    least, most = (say_seconds(estimate.frames * seconds) for seconds in (estimate.least, estimate.most))
+    span = f"about {most}" if least == most else f"{least} to {most}"
     return f"{span} for {estimate.frames:,} frames: {each}."
-
-
-def _as_duration(seconds: float) -> str:
-    if seconds < 90:
-        return f"{seconds:.2g} s" if seconds < 10 else f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def write_video(path: str, preview: Preview, *, overwrite: bool = False) -> None:

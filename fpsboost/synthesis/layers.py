@@ -1,16 +1,18 @@
 """Layers of in-between frames: each mixed, or taken from one of the frames, as what it is.
 
 Linear layers share their weights and everything else with the picture, so that what is composed of them by sums is the
-same before and after. A spline overshoots at edges; where a layer would leave the range of its two frames, *all* linear
-layers of that pixel are moved towards samples that cannot, by one share.
+same before and after. A spline overshoots at edges; where a layer would leave its range, *all* linear layers of that
+pixel are moved towards samples that cannot, by one share.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,6 +28,9 @@ Planes = Sequence[NDArray[Any]]
 AGREEMENT = np.float32(4)
 """Largest difference between a motion and that of a frame's own pixel for the two to agree, pixels: motion that changes
 across a surface differs by less, that of something in front of it by more."""
+
+NEAR, RINGING = np.ones((3, 3), np.uint8), np.ones((17, 17), np.uint8)
+"""Pixels around one within whose range it stays, and as far as a spline rings."""
 
 ONE_SURFACE = 0.1
 """Largest difference between two distances on one surface, as a share of the smaller."""
@@ -73,6 +78,14 @@ class Sources(NamedTuple):
         values: NDArray[Any] = np.where(self.is_second, plane1[self.place1], plane0[self.place0])
         return values
 
+    def limits(self, plane0: NDArray[Any], plane1: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return the range around each pixel's places where a spline rings, near values above 1; elsewhere infinity."""
+        sources = (plane0, self.place0), (plane1, self.place1)
+        lows, highs = ([around(plane, NEAR)[place] for plane, place in sources] for around in (cv2.erode, cv2.dilate))
+        high, no_limit = np.maximum(*highs), np.float32(np.inf)
+        rings = cv2.dilate(high, RINGING) > 1
+        return np.where(rings, np.minimum(*lows), -no_limit), np.where(rings, high, no_limit)
+
     def depth(self, plane0: NDArray[Any], plane1: NDArray[Any]) -> NDArray[Any]:
         """Return distances like `nearest`, mixed by time only on one surface: between two, there is nothing."""
         value0, value1 = (
@@ -104,7 +117,8 @@ def mix_layers(
         if layer0.kind == "linear"
         for name in layer0.planes
     ]
-    mixed = _mix_linear([*zip(*colours, strict=True), *linear], mix)
+    find_sources = cache(find_sources)
+    mixed = _mix_linear([*zip(*colours, strict=True), *linear], mix, find_sources)
     colour = np.stack(mixed[: len(colours[0])], axis=-1)
     linear_made = iter(mixed[len(colours[0]) :])
     sources = find_sources() if any(layer.kind in ("depth", "nearest") for layer in layered[0].layers) else None
@@ -133,10 +147,15 @@ def _like(layer: Layer, values: Planes) -> Layer:
     return replace(layer, planes={name: each.astype(plane.dtype, copy=False) for (name, plane), each in planes})
 
 
-def _mix_linear(pairs: Sequence[tuple[NDArray[Any], NDArray[Any]]], mix: Callable[[Planes, Planes], Mixed]) -> Planes:
-    """Return mixed planes, none of which leaves the range of its two frames, and all of which are moved by one share.
+def _mix_linear(
+    pairs: Sequence[tuple[NDArray[Any], NDArray[Any]]],
+    mix: Callable[[Planes, Planes], Mixed],
+    find_sources: Callable[[], Sources],
+) -> Planes:
+    """Return mixed planes, none of which leaves its range, and all of which are moved by one share.
 
-    Largest share of the spline s for which ``smooth + s (sharp - smooth)`` is within the range of every plane.
+    Largest share of the spline s for which ``smooth + s (sharp - smooth)`` is within the range of every plane: that of
+    its two frames or, around what is brighter than white, of the places where each pixel comes from.
     """
     share, results, ranges = None, list[Mixed](), list[tuple[np.float32, np.float32]]()
     for begin in range(0, len(pairs), PLANES_AT_ONCE):
@@ -147,9 +166,12 @@ def _mix_linear(pairs: Sequence[tuple[NDArray[Any], NDArray[Any]]], mix: Callabl
         for (plane0, plane1), sharp, smooth in zip(group, *mixed, strict=True):
             lowest, highest = min(plane0.min(), plane1.min()), max(plane0.max(), plane1.max())
             ranges.append((lowest, highest))
+            if highest > 1:
+                lows, highs = find_sources().limits(plane0, plane1)
+                lowest, highest = np.maximum(lows, lowest), np.minimum(highs, highest)
             beyond = (sharp < lowest) | (sharp > highest)
             if beyond.any():
-                limit = np.where(sharp[beyond] > highest, highest, lowest)
+                limit = np.where(sharp > highest, highest, lowest)[beyond]
                 span = sharp[beyond] - smooth[beyond]
                 allowed = np.divide(limit - smooth[beyond], span, out=np.zeros_like(span), where=span != 0)
                 share[beyond] = np.minimum(share[beyond], allowed.clip(0, 1))

@@ -135,7 +135,7 @@ class MultiHypothesis:
     node_spacing: int = 16
     support_radius: float = 24
     merge_distance: float = 0.5
-    max_candidates: int = 8
+    max_candidates: int = 12
     min_weight: float = 0.04
     bandwidth: float = 0.3
     sharpness: float = 18
@@ -191,18 +191,19 @@ class MultiHypothesis:
         for listed in self._listed(frame_pair, times):
             confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
             output = InterpolatedImage(self._fused(frame_pair, listed, confidence), confidence)
-            yield output if self.vectors is None else self._with_surfaces(output, frame_pair, listed.t, self.vectors)
+            yield output if self.vectors is None else self._with_surfaces(output, frame_pair, listed, self.vectors)
 
     def _with_surfaces(
-        self, output: InterpolatedImage, frame_pair: FramePair, t: float, vectors: RenderedVectors
+        self, output: InterpolatedImage, frame_pair: FramePair, listed: _Listed, vectors: RenderedVectors
     ) -> InterpolatedImage:
         """Mix the image with the one along the renderer's motion, each weighted by the agreement of the frames."""
         image0, image1 = frame_pair.image0, frame_pair.image1
-        surfaces = self._find_surfaces(output.confidence, frame_pair, t, vectors)
+        surfaces = self._find_surfaces(output.confidence, frame_pair, listed.t, vectors)
         colours = premultiplied(view(output.image).array())
         along = (surfaces.mixed * view(image0.pixels).white).clip(*_value_range(frame_pair))
         colours += surfaces.share[..., np.newaxis] * (along.transpose(1, 2, 0) - colours)
-        return InterpolatedImage(as_image(colours, image0.array, image1.array, t), surfaces.confidence)
+        self._limit_highlights(colours, frame_pair, listed, surfaces)
+        return InterpolatedImage(as_image(colours, image0.array, image1.array, listed.t), surfaces.confidence)
 
     def _find_surfaces(
         self, confidence: NDArray[Any], frame_pair: FramePair, t: float, vectors: RenderedVectors
@@ -324,7 +325,20 @@ class MultiHypothesis:
         )
         if straight_alpha:
             colour_unseen(view(output).array(), view(image0).array(), view(image1).array(), listed.t)
+        if self.vectors is None:
+            self._limit_highlights(output, frame_pair, listed, None)
         return output
+
+    def _limit_highlights(
+        self, output: Pixels, frame_pair: FramePair, listed: _Listed, surfaces: _Surfaces | None
+    ) -> None:
+        """Keep what is around values above white in float frames within their range: a spline rings there."""
+        if frame_pair.image0.pixels.dtype != np.float32 or _value_range(frame_pair)[1] <= 1:
+            return
+        sources = self._find_sources(frame_pair, listed, surfaces)
+        planes = (np.moveaxis(normalised(image.array), 2, 0) for image in (frame_pair.image0, frame_pair.image1))
+        for values, *both in zip(np.moveaxis(view(output).array(), 2, 0), *planes, strict=True):
+            values.clip(*sources.limits(*both), out=values)
 
     def _candidates(self, votes_of_both: Sequence[Votes], size: tuple[int, int], t: float) -> Candidates:
         """Return the candidates around each node at time t."""

@@ -20,7 +20,6 @@ from fpsboost.preparation import ConversionJob
 from fpsboost.preview.page import (
     LABEL_HEIGHT,
     Estimate,
-    _as_duration,
     estimate_sentence,
     preview,
     write_page,
@@ -134,11 +133,10 @@ def test_passage_has_the_frames_of_the_whole_conversion(clip, tmp_path):
 
 def test_estimate_is_said_with_units():
     """Short times in seconds, long ones in hours; one figure where both are alike; none without a length."""
-    assert estimate_sentence(Estimate(1000, 0.5, 1, 1)).startswith("8 to 17 min for 1,000 frames: 1 to 2 frames a")
+    assert estimate_sentence(Estimate(1000, 0.5, 1, 1)).startswith("8 min to 17 min for 1,000 frames: 1 to 2 frames a")
     assert estimate_sentence(Estimate(10, 1, 1, 1)).startswith("about 10 s for 10 frames")
     assert ": 1 to 120 frames a second on " in estimate_sentence(Estimate(10, 1 / 123, 1, 0.1))
     assert "length of the clip is not known" in estimate_sentence(Estimate(None, 1, 1, 1))
-    assert _as_duration(20000) == "5.6 h"
 
 
 def test_least_certain_frame_has_its_confidence(short, shown):

@@ -90,6 +90,22 @@ def test_no_linear_layer_leaves_its_range(made):
         assert made[name].max() <= max(each.max() for each in both)
 
 
+def test_nothing_rings_around_highlights():
+    """Two pixels from a spot a hundred times as bright as white, a picture and its layers are as its surroundings."""
+    ground, images = 0.04 + 0.02 * texture(4), []
+    for x in (40, 45):
+        plane = np.roll(ground, x - 40, 1)
+        plane[30:32, x : x + 3] = 100
+        images.append(plane)
+    layers = (LayeredImage(plane[..., np.newaxis], (Layer("Y", "linear", {"Y": plane}),)) for plane in images)
+    layer = between(methods["nlm"], *layers)
+    alone = fpsboost.interpolate(*(np.dstack([plane] * 3) for plane in images), 0.5)
+    for found in (layer.colour[..., 0], layer.planes()["Y"], alone[..., 0]):
+        assert found[30:32, 43:45].min() > 90
+        found[29:33, 41:47] = ground.mean()
+        assert ground.min() * 0.99 <= found.min() <= found.max() <= ground.max() * 1.01
+
+
 def test_numbers_of_objects_are_never_mixed(made):
     """Every pixel has one of the frames' numbers, and all channels of a layer have theirs from one place."""
     assert set(np.unique(made["IndexOB.X"])) == {1, 2}
