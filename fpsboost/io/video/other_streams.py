@@ -249,9 +249,10 @@ class OtherStreams:
                 yield packet
 
     def _is_hidden(self, packet: av.Packet[av.stream.Stream]) -> bool:
-        """Return whether the edit list of the source hides a packet, the output cannot, and no decoder needs it."""
+        """Return whether the edit list hides a packet that is copied, the output cannot, and no decoder needs it."""
         end = ((packet.pts or 0) + (packet.duration or 0)) * Fraction(packet.time_base)
-        return packet.is_discard and self._container not in EXACT_TIME_BASE_CONTAINERS and end < -MAX_PRIMING
+        is_copied = packet.stream.index not in self._sounds and self._container not in EXACT_TIME_BASE_CONTAINERS
+        return packet.is_discard and is_copied and end < -MAX_PRIMING
 
     def _is_past(self, packet: av.Packet[av.stream.Stream]) -> bool:
         """Return whether a packet is so far after the window that all later packets of any stream are after it too."""
