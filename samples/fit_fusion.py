@@ -76,7 +76,7 @@ class Squares:
     features: NDArray[np.float32]
     """(squares, 4, KEPT, FEATURES)."""
     priors: NDArray[np.float32]
-    """(squares, 4, KEPT); 0 where there is no candidate."""
+    """Times the gain of what is in front, (squares, 4, KEPT); 0 where there is no candidate."""
     mixed: NDArray[np.float32]
     """Samples of both frames, mixed, levels of 255, (squares, 4, KEPT, 12)."""
     change: NDArray[np.float32]
@@ -90,8 +90,10 @@ class Squares:
 
 
 @njit
-def describe_node(layer, window, t, motions, priors, support, weighting, around, work, sums, features, mixed, change):
-    """Write the features and samples of the candidates of a node that the method compares; return their number."""
+def describe_node(
+    layer, window, t, motions, priors, support, weighting, around, work, sums, features, gains, mixed, change
+):
+    """Write features, gains and samples of the candidates of a node that the method compares; return their number."""
     start_node(sums)
     spread = np.empty(SQUARES_PER_WINDOW, np.float32)
     least, alike, count = np.float32(0), np.float32(0), 0
@@ -112,7 +114,8 @@ def describe_node(layer, window, t, motions, priors, support, weighting, around,
         for n in range(SCALAR_FEATURES):
             features[count, SQUARE_FEATURES + CELL_FEATURES + n] = room.scalars[n]
         mixed[count], change[count] = layer.mixed, layer.change
-        least, alike = weigh_features(priors[k], t, weighting, work, sums)
+        least, alike = weigh_features(priors[k], motions[k], t, weighting, work, sums)
+        gains[count] = work.gain
         count += 1
     return count
 
@@ -152,7 +155,7 @@ def draw_squares(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[A
     layer = make_layer(*_full_samples(pair), (1, 1), 0, 0)
     weighting, work, sums = synthesizer._weighting(pair.image0.pixels), make_work(), make_sums()
     room = listed.candidates.weights.shape[2]
-    features = np.zeros((room, FEATURES, SQUARES_PER_WINDOW), np.float32)
+    features, gains = (np.zeros((room, *size, SQUARES_PER_WINDOW), np.float32) for size in ((FEATURES,), ()))
     mixed, change = (np.zeros((room, 3, WINDOW * WINDOW), np.float32) for _ in range(2))
     for (row, column), squares in wanted.items():
         window = Window(row * 16 - 8, column * 16 - 8, *truth.shape[:2])
@@ -161,14 +164,14 @@ def draw_squares(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[A
         motions, around = listed.candidates.motions[row, column, :number], listed.surroundings
         support, half = around.support[row, column], np.float32(0.5)
         found = describe_node(
-            layer, window, half, motions, priors, support, weighting, around, work, sums, features, mixed, change
+            layer, window, half, motions, priors, support, weighting, around, work, sums, features, gains, mixed, change
         )
         priors = priors[priors > 0][:found]
         for i, slot, square in squares:
             order = np.argsort(-priors * np.exp(18 * features[:found, 0, square]), kind="stable")[:KEPT]
             n = order.size
             out.features[i, slot, :n] = features[order, :, square]
-            out.priors[i, slot, :n] = priors[order]
+            out.priors[i, slot, :n] = priors[order] * gains[order, square]
             first = square // SQUARES_PER_ROW * 2 * WINDOW + square % SQUARES_PER_ROW * 2
             places = [first, first + 1, first + WINDOW, first + WINDOW + 1]
             out.mixed[i, slot, :n] = (255 * mixed[order][:, :, places]).reshape(n, 12)

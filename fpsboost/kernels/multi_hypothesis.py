@@ -188,7 +188,7 @@ def weigh_candidate(prior, window, node, k, motion, t, weighting, around, work, 
         return weigh_plainly(prior, weighting, work, sums)
     support = around.support[node[0], node[1], k]
     describe_candidate(work.squared, weighting.scale, window, motion, prior, support, t, around, work.features)
-    return weigh_features(prior, t, weighting, work, sums)
+    return weigh_features(prior, motion, t, weighting, work, sums)
 
 
 @njit(**FINITE_JIT)

@@ -7,6 +7,7 @@ squares of two by two pixels, and interpolated.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from fpsboost.kernels.candidates import VALUES_PER_MOTION
 from fpsboost.kernels.fusion_features import (
+    CELL,
     CELL_FEATURES,
     CELLS,
     SCALAR_FEATURES,
@@ -44,6 +46,18 @@ MIN_WEIGHT_SUM = np.float32(1e-30)
 
 HIGHEST_LOGIT = np.float32(20)
 """Logarithms of weights are limited to this."""
+
+FOREGROUND_SCALE = np.float32(4)
+"""Factor on squared differences for a bandwidth of 0.15 instead of 0.3, at which thin things count as matched."""
+
+FOREGROUND_SHARPNESS = np.float32(10)
+"""Logarithm of the factor on the weight of what is certainly in front of the dominant motion of its window."""
+
+HIGHEST_GAIN = np.float32(math.exp(10))
+"""Factor itself."""
+
+FOREGROUND_AGREEMENT = np.float32(3)
+"""Factor on the agreement with the motion fields, which is 1 up to 2 pixels: along an edge motion is ambiguous."""
 
 
 class Weighting(NamedTuple):
@@ -79,6 +93,10 @@ class NodeSums(NamedTuple):
     """Largest similarity of any candidate."""
     reached: NDArray[Any]
     """Plain weights, by which further candidates are skipped."""
+    mismatch: NDArray[Any]
+    """Mismatch along the dominant motion, that of the candidate which matches most of the window, 0 to 1."""
+    dominant: NDArray[Any]
+    """Sum of the matches of that candidate, its motion and its acceleration, (5,) float32."""
 
 
 class Work(NamedTuple):
@@ -94,6 +112,8 @@ class Work(NamedTuple):
     """Weight of a candidate, or of the window."""
     lean: NDArray[Any]
     """Weight of the difference of frame 1 from frame 0, as one of them alone weighs more than its share by time."""
+    gain: NDArray[Any]
+    """Factor on the weights of a candidate; see `find_foreground`."""
     options: NDArray[Any]
     """Weights of both frames and of either alone, (3 * SQUARES_PER_WINDOW,) float32."""
     upsampled: NDArray[Any]
@@ -107,11 +127,11 @@ class Work(NamedTuple):
 @njit(**FINITE_JIT)
 def start_node(sums):
     """Clear the sums over the candidates of a node."""
-    weights, similarities, most_similar, reached = sums
-    weights[:] = MIN_WEIGHT_SUM
-    similarities[:] = 0
-    most_similar[:] = 0
-    reached[:] = 0
+    sums.weights[:] = MIN_WEIGHT_SUM
+    sums.similarities[:] = 0
+    sums.most_similar[:] = 0
+    sums.reached[:] = 0
+    sums.dominant[:] = 0
 
 
 @njit(**FINITE_JIT)
@@ -142,7 +162,7 @@ def weigh_plainly(prior, weighting, work, sums):
     Return the least weight of any square so far, and the least of the largest similarities.
     """
     squared, similarity, weight = work.squared, work.similarity, work.weight
-    weights, similarities, most_similar, _ = sums
+    weights, similarities, most_similar = sums.weights, sums.similarities, sums.most_similar
     sharpness, exponentials = weighting.sharpness, work.lean
     write_decay(squared, 0, np.float32(0), weighting.scale, np.float32(1), exponentials, 0)
     average_patches(exponentials, 0, work.features, similarity, 0)
@@ -155,17 +175,20 @@ def weigh_plainly(prior, weighting, work, sums):
 
 
 @njit(**FINITE_JIT)
-def weigh_features(prior, t, weighting, work, sums):
+def weigh_features(prior, motion, t, weighting, work, sums):
     """Compute the learnt weights of a candidate from its features; see `weigh_plainly`."""
     features, weight, lean, options, room = work.features, work.weight, work.lean, work.options, work.squared
-    weights, similarities, most_similar, reached = sums
+    weights, similarities, most_similar, reached = sums.weights, sums.similarities, sums.most_similar, sums.reached
     one, count, similar = np.float32(1), Index(SQUARES_PER_WINDOW), features.squares
     sharpness, share1 = weighting.sharpness, np.float32(2) * t
+    find_foreground(weighting.scale, motion, t, work, sums)
     sum_features(weighting, features, options)
     for option in range(3):
         share, at = one if option == 0 else np.float32(2) - share1 if option == 1 else share1, option * count
         write_decay(options, at, HIGHEST_LOGIT, -one, share * prior, options, at)
     second, third = Index(SQUARES_PER_WINDOW), Index(2 * SQUARES_PER_WINDOW)
+    for i in range(count):
+        options[i] *= work.gain[i]
     for i in range(count):
         lean[i] = (one - t) * options[third + i] - t * options[second + i]
         weight[i] = options[i] + options[second + i] + options[third + i]
@@ -177,6 +200,60 @@ def weigh_features(prior, t, weighting, work, sums):
     for i in range(count):
         reached[i] += room[i]
     return smallest(reached, room), smallest(most_similar, room)
+
+
+@njit(**FINITE_JIT)
+def find_foreground(scale, motion, t, work, sums):
+    """Write the factor by which a candidate gains where it shows what is in front of the dominant motion of the window.
+
+    A thin thing that moves by more than its width leaves no gap in what is behind it: there, both frames agree along
+    either motion, and similarity cannot tell which is in front. But what is seen of the thing in both frames disagrees
+    along the dominant motion, so it must have moved by another, and must be shown. The squares where both ends of a
+    candidate are such squares are its foreground; it gains where its own match holds over the foreground around.
+    """
+    room, gain, match, both = work.features, work.gain, work.similarity, work.weight
+    cells, alone, means, one, half = room.cells, room.sums, room.means, np.float32(1), np.float32(0.5)
+    dominant, mismatch = sums.dominant, sums.mismatch
+    write_decay(work.squared, 0, np.float32(0), scale * FOREGROUND_SCALE, one, match, 0)
+    matched = np.float32(0)
+    for i in range(SQUARES_PER_WINDOW):
+        matched += match[i]
+        gain[i] = one
+    if matched > dominant[0]:
+        dominant[0], dominant[1:] = matched, motion[:4]
+        for i in range(SQUARES_PER_WINDOW):
+            mismatch[i] = one - match[i]
+        return
+    dx, dy, curve = motion[0] - dominant[1], motion[1] - dominant[2], t * (one - t) * half
+    apart = min(max(abs(dx), abs(dy)) - one, one)
+    if apart <= 0:
+        return
+    bent_x, bent_y = curve * (motion[2] - dominant[3]), curve * (motion[3] - dominant[4])
+    find_mismatch(mismatch, (bent_y - t * dy) * half, (bent_x - t * dx) * half, alone)
+    find_mismatch(mismatch, (bent_y + (one - t) * dy) * half, (bent_x + (one - t) * dx) * half, both)
+    for i in range(SQUARES_PER_WINDOW):
+        cell = 2 * (i // SQUARES_PER_ROW) // CELL * CELLS_PER_ROW + 2 * (i % SQUARES_PER_ROW) // CELL
+        agreement = min(cells[3 * CELLS + cell], cells[4 * CELLS + cell])
+        alone[i] = min(alone[i], both[i]) * apart * min(FOREGROUND_AGREEMENT * agreement, one)
+        both[i] = alone[i] * match[i]
+    average_patches(both, 0, room, gain, 0)
+    average_patches(alone, 0, room, means, 0)
+    for i in range(SQUARES_PER_WINDOW):
+        gain[i] = alone[i] * gain[i] / (means[i] + np.float32(0.02))
+    write_decay(gain, 0, FOREGROUND_SHARPNESS, -FOREGROUND_SHARPNESS, HIGHEST_GAIN, gain, 0)
+
+
+@njit(**FINITE_JIT)
+def find_mismatch(mismatch, down, across, moved):
+    """Write the mismatch, bilinearly, of the place so many squares on from each square; 0 outside of the window."""
+    top, left, size = math.floor(down), math.floor(across), SQUARES_PER_ROW
+    below, right = down - np.float32(top), across - np.float32(left)
+    moved[:] = 0
+    for y, share in ((top, np.float32(1) - below), (top + 1, below)):
+        for x, part in ((left, np.float32(1) - right), (left + 1, right)):
+            for j in range(max(0, -y), min(size, size - y)):
+                for i in range(max(0, -x), min(size, size - x)):
+                    moved[j * size + i] += share * part * mismatch[(j + y) * size + i + x]
 
 
 @njit(**FINITE_JIT)
@@ -250,7 +327,7 @@ def make_work() -> Work:
     """Return the work arrays for a node."""
     room = Room(*(np.empty(size, np.float32) for size in ((WINDOW + 3) * WINDOW, AREA, AREA, 16, (4, WINDOW))))
     squares, areas = (
-        [np.empty(size, np.float32) for _ in range(count)] for size, count in ((SQUARES_PER_WINDOW, 4), (AREA, 3))
+        [np.empty(size, np.float32) for _ in range(count)] for size, count in ((SQUARES_PER_WINDOW, 5), (AREA, 3))
     )
     squared, *others = squares
     options, motion = np.empty(3 * SQUARES_PER_WINDOW, np.float32), np.empty(VALUES_PER_MOTION, np.float32)
@@ -259,4 +336,4 @@ def make_work() -> Work:
 
 def make_sums() -> NodeSums:
     """Return the sums over the candidates of a node."""
-    return NodeSums(*(np.empty(SQUARES_PER_WINDOW, np.float32) for _ in range(4)))
+    return NodeSums(*(np.empty(SQUARES_PER_WINDOW, np.float32) for _ in range(5)), np.empty(5, np.float32))

@@ -42,6 +42,8 @@ clips: dict[str, Clip] = {
     "doorway": Clip(depth.make_doorway, "leaves zoom 12 % in front of a zoom of 3 %", blur=0.5),
     "hair": Clip(depth.make_hair, "hairs of 1 and 2 swing; behind 7", supersampling=4, noise=1),
     "crane": Clip(depth.make_crane, "lattices of 1.25 turn 3 to 5°, wires of 1 and 2; behind -7", supersampling=4),
+    "rods": Clip(partial(depth.make_rods, leaves=6, grain=0.12), "rods, legs of 2 to 8, 5 to 20; behind 3", noise=1),
+    "rods-plain": Clip(partial(depth.make_rods, leaves=0.2, grain=0.02), "the same over almost flat ground", blur=0.5),
     # large surfaces
     "face": Clip(surfaces.make_face, "a face, up to 5, blinks", noise=1.5, blur=0.6),
     "cloth": Clip(surfaces.make_cloth, "cloth ripples, up to 5, lamps light up"),

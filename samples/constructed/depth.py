@@ -9,6 +9,7 @@ import numpy as np
 from .layers import Motion, Show, backdrop, pan, stack, wave
 from .raster import Array, Raster, Texture, enlarge, find_places, shift, to_bytes, to_floats, turn
 from .textures import (
+    EARTH,
     EVENING,
     GARDEN,
     INDOORS,
@@ -169,6 +170,41 @@ def make_crane(random: Random, raster: Raster) -> Show:
             wires.append(np.stack([sag * 280, level], axis=1))
         raster.stroke(canvas, wires[:3], [read_colour("16181b")] * 3, 1)
         raster.stroke(canvas, wires[3:], [read_colour("22252a"), read_colour("d8d8d4")], 2)
+        return to_floats(canvas)
+
+    return show
+
+
+def make_rods(random: Random, raster: Raster, leaves: float, grain: float) -> Show:
+    """Move rods, wires, strings and legs of 2 to 8 units by 5 to 20 a pair, straight and on curves, over what pans."""
+    behind = backdrop(random, raster, EARTH, leaves=leaves, grain=grain)
+    # thickness, place, length, slope in radians, units a pair
+    straight = [(2, -190, 220, 0.15, 8), (4, -120, 260, -0.3, 14), (8, 150, 200, 0.4, -20), (3, 40, 300, 1.2, 6)]
+    # thickness, place, length, reach in radians, period
+    pendulums = [
+        (3, -40, 170, 0.5, 17),
+        (5, 70, 200, 0.35, 13),
+        (2, 190, 150, 0.6, 19),
+    ]  # thickness, place, length, reach in radians, period
+
+    def show(time: float) -> Array:
+        canvas = to_bytes(raster.fill(behind, shift(-3 * (time - 2), 1.5 * (time - 2))))
+        for i, (thickness, place, length, slope, speed) in enumerate(straight):
+            along = np.array([math.sin(slope), math.cos(slope)]) * length / 2
+            middle = np.array([place + speed * (time - 2), -20.0])
+            paint = read_colour(("191512", "e8e2d0", "7a2323", "20303a")[i])
+            raster.stroke(canvas, [np.stack([middle - along, middle + along])], [paint], thickness)
+        for i, (thickness, place, length, reach, period) in enumerate(pendulums):
+            slope = reach * wave(time, period, 0.21 + 0.3 * i)
+            top = np.array([place, -140.0])
+            foot = top + length * np.array([math.sin(slope), math.cos(slope)])
+            raster.stroke(canvas, [np.stack([top, foot])], [read_colour(("141414", "dcd6c8", "2b1a10")[i])], thickness)
+        for i in range(2):  # legs that walk: knees bend
+            step, hip = 0.5 * wave(time, 6, 0.5 * i), np.array([-60 + 9 * (time - 2), 30.0])
+            knee = hip + 45 * np.array([math.sin(step), math.cos(step)])
+            bend = step - 0.5 * max(wave(time, 6, 0.5 * i + 0.2), 0)
+            leg = np.stack([hip, knee, knee + 45 * np.array([math.sin(bend), math.cos(bend)])])
+            raster.stroke(canvas, [leg], [read_colour("2a2430")], 7)
         return to_floats(canvas)
 
     return show

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from test_synthesis import true_transition
 from truth import moving_object
 
@@ -33,3 +34,13 @@ def test_frames_near_a_frame_are_like_it():
     first, last = LEARNT.synthesize(true_transition(clip), [0.001, 0.999])
     assert np.abs(first.astype(int) - clip.image0).mean() < 0.5
     assert np.abs(last.astype(int) - clip.image1).mean() < 0.5
+
+
+@pytest.mark.parametrize("width", [6, 8])
+@pytest.mark.parametrize("dx", [12, 16])
+def test_a_thin_thing_stays_in_front(width, dx):
+    """A bar that moves by more than its width is shown halfway, although both frames agree on the ground behind it."""
+    clip = moving_object(96, 112, box=(20, 40, 76, 40 + width), dx=dx, dy=0)
+    (image,) = LEARNT.synthesize(true_transition(clip), [0.5])
+    bar = slice(24, 72), slice(40 + dx // 2, 40 + dx // 2 + width)
+    assert np.abs(image[bar].astype(int) - clip.at(0.5)[bar]).mean() < 15
