@@ -88,9 +88,8 @@ def colour_components(image: NDArray[Any]) -> NDArray[Any]:
 
 def clipped(values: NDArray[Any]) -> NDArray[Any]:
     """Return the values clipped to MAX_VALUE: damaged files hold float32's largest numbers, whose sums overflow."""
-    if np.abs(values).max(initial=0) <= MAX_VALUE:
-        return values
-    return values.clip(-MAX_VALUE, MAX_VALUE)
+    needs_none = np.abs(values).max(initial=0) <= MAX_VALUE
+    return values if needs_none else values.clip(-MAX_VALUE, MAX_VALUE)
 
 
 def compared_colours(image: NDArray[Any]) -> NDArray[Any]:

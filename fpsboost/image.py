@@ -168,9 +168,8 @@ class ImageView:
     def comparable(self) -> NDArray[Any]:
         """Return values to compare, (H, W, C) float32: black and white 1 apart, straight alpha premultiplied."""
         values = premultiplied(self.array())
-        if self.dtype == np.float32:  # damaged files hold numbers whose squares overflow
-            return values.clip(-MAX_VALUE, MAX_VALUE)
-        return values / self.white
+        # damaged files hold numbers whose squares overflow
+        return values.clip(-MAX_VALUE, MAX_VALUE) if self.dtype == np.float32 else values / self.white
 
     def channels(self) -> list[Plane]:
         """Return luma and chroma, or all channels but alpha, in the image's own type."""

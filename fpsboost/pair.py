@@ -177,6 +177,5 @@ class Pair:
 
 def as_bgr(image: FrameCache) -> FrameCache:
     """Return an image with its pixels as an array, converted to BGR from YCbCr."""
-    if view(image.pixels).coding is None:
-        return image
-    return image.with_image(view(image.pixels).to_bgr())
+    is_bgr = view(image.pixels).coding is None
+    return image if is_bgr else image.with_image(view(image.pixels).to_bgr())

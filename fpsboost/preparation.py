@@ -31,10 +31,10 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.render.folder import VectorFolder, fit_vectors
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import beginning
-from fpsboost.timing.position import Position, Trim
+from fpsboost.timing.position import Position, Trim, format_time
 from fpsboost.timing.rate import FrameIntervals, OutputRate
 from fpsboost.timing.schedule import Schedule, count_frames
-from fpsboost.timing.time_map import TimeMap
+from fpsboost.timing.time_map import FOREVER, TimeMap
 
 BLOCK = 16
 """Frames that are in memory at a time where a source plays backwards."""
@@ -364,7 +364,7 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
     if rate.replacement is not None:
         rate.replacement.check(clip.whole.info)
     heard = clip.window.curve if clip.window is not None and clip.curve is not None else None
-    encoding, lost = _adapt_audio(job.encoding, stream, rate, heard)
+    encoding, lost = _adapt_audio(job.encoding, stream, rate, heard, target.path)
     schedule = rate.schedule(info, has_clock=target.has_clock, curve=clip.curve)
     multiple = schedule.rate(info.rate) / info.rate
     images = stream.images
@@ -408,18 +408,17 @@ def _check_layers(images: NumberedImages | None, interpolator: Interpolator, rat
         return
     first = images.files[0].name
     names = ", ".join(layer.name for layer in images.layers[:3]) + (", ..." if len(images.layers) > 3 else "")
-    if interpolator.at_cuts == "extrapolate":
+    given = {
+        "`at_cuts='extrapolate'`": interpolator.at_cuts == "extrapolate",
+        "`match_grain`": interpolator.match_grain,
+        "`shutter`": rate.shutter is not None,
+        "`uncertain`": interpolator.uncertain != "keep",
+    }
+    for option in (option for option, is_given in given.items() if is_given):
         raise OptionError(
-            f"`at_cuts='extrapolate'` makes no layers, and {first} has some ({names}); give `at_cuts='repeat'`, or "
-            "`passes='beauty'` for the picture alone."
+            f"{option} changes the picture alone, and {first} has layers ({names}); leave it out, or give "
+            "`passes='beauty'`."
         )
-    given = {"`match_grain`": interpolator.match_grain, "`shutter`": rate.shutter is not None}
-    for option, is_given in {**given, "`uncertain`": interpolator.uncertain != "keep"}.items():
-        if is_given:
-            raise OptionError(
-                f"{option} changes the picture alone, and {first} has layers ({names}); leave it out, or give "
-                "`passes='beauty'`."
-            )
     raise OptionError(
         f"The method makes no layers, and {first} has some ({names}); choose nlm, nlm-fast, dis, farneback, tvl1, "
         "blend or nearest, or give `passes='beauty'` for the picture alone."
@@ -494,8 +493,14 @@ def _compared_frames(images: NumberedImages, factor: Fraction) -> Iterator[tuple
         yield frame(index), frame(index + 1)
 
 
+def _describe_silence(begin: Fraction, end: Fraction, reasons: Sequence[str]) -> str:
+    """Return when the output is silent, and why: ``from 0:01 to 0:05.500 (speed 0.25)``."""
+    first, last = (format_time(time).removesuffix(".000") for time in (begin, end))
+    return f"from {first} to {last if end < FOREVER else 'the end'} ({', '.join(dict.fromkeys(reasons))})"
+
+
 def _adapt_audio(
-    encoding: Encoding, stream: StreamInfo, output_rate: OutputRate, curve: TimeMap | None
+    encoding: Encoding, stream: StreamInfo, output_rate: OutputRate, curve: TimeMap | None, path: str
 ) -> tuple[Encoding, list[str]]:
     """Drop the audio of slow motion unless it is to be stretched; return a remark if audio is lost."""
     if output_rate.slow_motion_sound == "stretch" and not encoding.audio:
@@ -503,9 +508,8 @@ def _adapt_audio(
     video = stream.video
     name = video.name if video is not None and encoding.audio and "sound" in video.companions else None
     if curve is not None and curve.sounding and output_rate.slow_motion_sound != "drop":
-        is_silent = name is not None and curve.sounding != list(curve.segments)
-        lost = f"{name} has sound, left out where it repeats or its speed is not constant, from 0.5 to 2, for 0.25 s."
-        return encoding, [lost] * is_silent
+        passages = ", ".join(_describe_silence(*each) for each in curve.silences)
+        return encoding, [f"{path} has no sound {passages}."] if name is not None and passages else []
     is_kept = output_rate.stretch == 1 or output_rate.slow_motion_sound == "stretch"
     if not encoding.audio or (curve is None and is_kept):
         return encoding, []

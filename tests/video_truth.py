@@ -153,13 +153,28 @@ def _line(stream: Any, start: int, length: int, text: bytes) -> Any:
 
 def tone(stream: Any, start: int = 0, samples: int = 19200) -> list[Any]:
     """Encode a tone of 48 kHz that begins at sample `start`."""
-    wave = (np.sin(np.arange(samples) / 20) * 0.3).astype(np.float32)
-    packets = []
-    for at in range(0, samples, 960):
-        part = np.ascontiguousarray(np.stack([wave[at : at + 960]] * 2))
-        frame = av.AudioFrame.from_ndarray(part, format="fltp", layout="stereo")
-        frame.sample_rate, frame.pts, frame.time_base = 48000, start + at, Fraction(1, 48000)
-        packets += stream.encode(frame)
+    return sound_packets(stream, (np.sin(np.arange(samples) / 20) * 0.3).astype(np.float32), start=start)
+
+
+def sound_packets(
+    stream: Any,
+    samples: NDArray[Any],
+    *,
+    layout: str = "stereo",
+    start: int = 0,
+    size: int = 960,
+    left_out: tuple[float, float] = (0, 0),
+) -> list[Any]:
+    """Encode samples (N,), int16 or float32, alike in all channels, `size` at a time from sample `start` on.
+
+    Those between the times `left_out`, seconds from the first one, are missing.
+    """
+    packets, format = list[Any](), "s16" if samples.dtype == np.int16 else "flt"
+    for at in range(0, len(samples), size):
+        part = np.repeat(samples[None, at : at + size], av.AudioLayout(layout).nb_channels, axis=1)
+        frame = av.AudioFrame.from_ndarray(part, format=format, layout=layout)
+        frame.sample_rate, frame.pts, frame.time_base = stream.rate, start + at, Fraction(1, stream.rate)
+        packets += [] if left_out[0] <= at / stream.rate < left_out[1] else stream.encode(frame)
     return packets + stream.encode(None)
 
 

@@ -28,7 +28,7 @@ from fpsboost.evaluation import steadiness
 from fpsboost.evaluation.hidden_frames import Hidden, Interval
 from fpsboost.evaluation.steadiness import FrameMeter
 from fpsboost.image import Image
-from fpsboost.io.video.pictures import pulled
+from fpsboost.io.video.pyav import pulled
 from fpsboost.io.video.ycc import assumed_color_space, from_bgr
 
 HIGHEST = 120.0

@@ -173,7 +173,7 @@ def from_json(kind: Any, value: Any) -> Any:
     kinds = get_args(kind)
     if value is None:
         return None
-    if Fraction in (kind, *kinds):
+    if Fraction in (kind, *kinds) and get_origin(kind) not in (dict, list, set, tuple):
         return Fraction(value)
     if type(None) in kinds:
         return from_json(next(each for each in kinds if each is not type(None)), value)

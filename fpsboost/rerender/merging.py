@@ -268,9 +268,8 @@ def _choose(folder: Path, frame: PlannedFrame, whole: Sequence[str], parts: Mapp
             f"{folder} holds several images for one part of frame {frame.number} ({', '.join(several[:2])}); keep one."
         )
     if whole:
-        if len(frame.regions) > 1 or frame.whole:
-            return _Rendered(folder / whole[0], {})
-        return _Rendered(None, {1: folder / whole[0]})
+        is_whole = len(frame.regions) > 1 or frame.whole
+        return _Rendered(folder / whole[0], {}) if is_whole else _Rendered(None, {1: folder / whole[0]})
     missing = [place for place in range(1, len(frame.regions) + 1) if place not in parts]
     if missing:
         what = f"region {missing[0]} of frame {frame.number}" if parts else f"frame {frame.number}"

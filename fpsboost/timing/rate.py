@@ -28,7 +28,7 @@ from fpsboost.timing.schedule import (
     parse_rate,
     representable,
 )
-from fpsboost.timing.time_map import TimeMap
+from fpsboost.timing.time_map import ALL_SPEEDS, TimeMap
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame import ClipInfo, Frame
@@ -54,7 +54,8 @@ class OutputRate:
         Play `factor` times as long, at the source's rate or at `fps`.
     slow_motion_sound : {'drop', 'stretch'}, optional
         Whether the audio of slow motion is dropped, the default, or stretched at its own pitch; with `retime` or
-        `speed`, it is stretched by default where the speed is constant and from 0.5 to 2, and silent elsewhere.
+        `speed`, it is stretched by default where the speed is constant and from 0.5 to 2, with ``stretch`` at any
+        constant speed above 0, and silent elsewhere.
     retime : str, optional
         Which time of the source each output time shows, ``0=0 2s=2s 3s=2.25s``, or the name of a file; see
         `fpsboost.timing.retime.parse_curve`. The output has the source's rate, unless `factor` or `fps` is given.
@@ -172,6 +173,8 @@ class OutputRate:
         if info.duration is not None and latest > info.duration + 1 / info.rate:
             places = f"goes to {format_time(latest)} of {info.name}, which ends at {format_time(info.duration)}"
             raise OptionError(f"`{'speed' if self.retime is None else 'retime'}` {places}; lower the source's times.")
+        if self.slow_motion_sound == "stretch":
+            curve = replace(curve, sound_speeds=ALL_SPEEDS)
         return None if curve.is_plain(info.duration) else curve
 
     @property

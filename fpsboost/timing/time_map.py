@@ -13,7 +13,9 @@ from itertools import accumulate, pairwise
 FOREVER = Fraction(10**9)
 """Seconds for which a curve goes on that has no end of its own; any clip is shorter."""
 SOUND_SPEEDS = Fraction(1, 2), Fraction(2)
-"""Lowest and highest speed at which sound is stretched at its pitch."""
+"""Lowest and highest speed at which sound is stretched at its pitch, unless that is asked for at all speeds."""
+ALL_SPEEDS = Fraction(1, 1000), Fraction(1000)
+"""Lowest and highest speed at which sound can be stretched."""
 MIN_SOUND = Fraction(1, 4)
 """Shortest time of a constant speed for which sound is stretched, seconds: a few windows of the filter."""
 
@@ -51,6 +53,8 @@ class TimeMap:
     segments: tuple[Segment, ...]
     is_open: bool = False
     """Whether the output ends with the source, in the last segment."""
+    sound_speeds: tuple[Fraction, Fraction] = SOUND_SPEEDS
+    """Lowest and highest constant speed at which sound is stretched."""
 
     @classmethod
     def through(
@@ -164,10 +168,10 @@ class TimeMap:
 
     @cached_property
     def sounding(self) -> list[Segment]:
-        """Segments, or parts, whose sound can be stretched at its pitch; what is shown again is silent."""
+        """Segments, or their ends, whose sound can be stretched at its pitch; what is shown again is silent."""
         if self.is_steady:
             return list(self.segments)
-        slowest, fastest = SOUND_SPEEDS
+        slowest, fastest = self.sound_speeds
         heard = list[Segment]()
         for each, top in zip(self.segments, [Fraction(0), *self._tops], strict=False):
             if each.speed is None or not slowest <= each.speed <= fastest:
@@ -177,6 +181,22 @@ class TimeMap:
             if each.end - begin >= MIN_SOUND:
                 heard.append(replace(each, begin=begin, source0=source0))
         return heard
+
+    @property
+    def silences(self) -> list[tuple[Fraction, Fraction, list[str]]]:
+        """Passages of the output without sound: where each begins and ends, seconds, and the reasons for it."""
+        times = [Fraction(0), *(time for each in self.sounding for time in (each.begin, each.end)), self.length]
+        return [
+            (begin, end, [self._why_silent(each) for each in self.segments if each.begin < end and begin < each.end])
+            for begin, end in zip(times[::2], times[1::2], strict=True)
+            if begin < end
+        ]
+
+    def _why_silent(self, segment: Segment) -> str:
+        speed, (slowest, fastest) = segment.speed, self.sound_speeds
+        if speed is None:
+            return "changing speed"
+        return "shown again, or too short" if slowest <= speed <= fastest else f"speed {float(speed):.4g}"
 
 
 def _slopes(lengths: Sequence[Fraction], speeds: Sequence[Fraction]) -> list[Fraction]:

@@ -79,9 +79,8 @@ def as_webp(image: NDArray[Any], quality: int) -> bytes:
 def not_too_wide(image: NDArray[Any]) -> NDArray[Any]:
     """Return an image, reduced if it is wider than a page can use."""
     height, width = image.shape[:2]
-    if width <= MAX_WIDTH:
-        return image
-    return cv2.resize(image, (MAX_WIDTH, max(1, round(height * MAX_WIDTH / width))), interpolation=cv2.INTER_AREA)
+    size = MAX_WIDTH, max(1, round(height * MAX_WIDTH / width))
+    return image if width <= MAX_WIDTH else cv2.resize(image, size, interpolation=cv2.INTER_AREA)
 
 
 def as_heat(values: NDArray[Any]) -> NDArray[Any]:

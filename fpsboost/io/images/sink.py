@@ -124,10 +124,9 @@ class ImageSink(NumberedSink):
                 self._refuse_inputs(path, images)
             # Inside an existing folder rather than beside it: the folder may be a mount point, the parent read-only.
             self._is_new = not folder.is_dir()
+            called = folder.name if self._is_new else IN_EXISTING_FOLDER
             if output.in_place or not (self._is_new or self._is_folder):
                 called = self._numbering.pattern
-            else:
-                called = folder.name if self._is_new else IN_EXISTING_FOLDER
             place = hidden_place(folder.parent if self._is_new else folder, called)
             self._replaced, self._moving = place / "replaced", place / MOVING
             super().__init__(output, names, StagingDirectory(place, "output", path, output.job))

@@ -199,10 +199,9 @@ class Assembly:
             raise OutputError(
                 f"{self._name} was begun by an encoder that works differently; leave `resume` out to start anew."
             )
-        self._mux(self._output, chunks)
+        end = self._mux(self._output, chunks)
         if self._others is not None:
-            self._others.copy_until(None)
-            self._others.close()
+            self._others.finish(end * self._time_base)
         output, self._output = self._output, None
         output.close()
         sync(self._path)
@@ -223,8 +222,8 @@ class Assembly:
         with contextlib.suppress(av.error.FFmpegError, OSError, ValueError):
             output.close()
 
-    def _mux(self, output: av.container.OutputContainer, chunks: Sequence[Chunk]) -> None:
-        """Mux the packets of the video, and those of the other streams that are due before each of them."""
+    def _mux(self, output: av.container.OutputContainer, chunks: Sequence[Chunk]) -> int:
+        """Mux the packets of the video, and those of the other streams due before each; return its end in ticks."""
         begin: tuple[int, int] | None = None
         end_pts = 0
         for packet, following in pairwise(chain(timed_packets(chunks), (None,))):
@@ -241,6 +240,7 @@ class Assembly:
             output.mux(packet)
         if begin is None:
             raise OutputError(f"{self._name} was not written because its encoder made nothing; try another `codec`.")
+        return end_pts
 
 
 def timed_packets(chunks: Sequence[Chunk]) -> Iterator[av.Packet[Any]]:

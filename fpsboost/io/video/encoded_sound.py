@@ -3,6 +3,9 @@
 Audio is decoded, passed through FFmpeg's filters, and encoded. Each run of audio without a gap has its own filter
 graph. After a gap, or where packets are lost, a new run begins at the source's timestamp, so that no drift accumulates
 in long clips. Samples decoded beyond the end of the last packet are encoder padding and are cut off.
+
+Whatever lies before, between and behind the runs is encoded as silence. A jump of the timestamps would not do:
+browsers, and every program that reads samples one after the other, play what follows too early.
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Collection, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from operator import attrgetter
@@ -29,9 +32,8 @@ from fpsboost.errors import OptionError
 from fpsboost.io.output import Window
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoding import check_holds, find_encoder
-from fpsboost.timing.time_map import Segment
-
-COPY = "copy"  # value of ``--audio-codec`` that copies audio without re-encoding it
+from fpsboost.io.video.pyav import pulled
+from fpsboost.timing.time_map import FOREVER, Segment
 
 sound_encoders = {
     **{"aac": "aac", "opus": "libopus", "mp3": "libmp3lame", "ac3": "ac3", "eac3": "eac3"},
@@ -49,14 +51,18 @@ STANDARD_LAYOUTS = ("mono", "stereo", "3.0", "quad", "5.0", "5.1", "6.1", "7.1")
 """Standard channel layouts for one channel, two, ..."""
 MIN_GAP = Fraction(1, 50)
 """Minimum distance of audio from the end of its run that is a gap, seconds: above jitter, and a lost packet."""
+MAX_PADDING = Fraction(1, 5)  # duration of padding at the end of a source, at most, seconds: a long packet
+MAX_DELAY = 1  # duration after the end of a part of a curve in which its last samples are certainly decoded, seconds
 PREROLL = Fraction(1, 2)  # duration that is decoded before the start of the window, since decoders need it, seconds
 FLUSH_SILENCE = Fraction(1, 4)
 """Duration in the output of the silence appended to a run to flush the filters, at least, seconds."""
 SKIP_SAMPLES_STRUCT = struct.Struct("<IIBB")
 """Layout of FFmpeg's AV_PKT_DATA_SKIP_SAMPLES: samples to skip at the start and at the end, and a reason for each."""
 SKIP_SAMPLES_TYPE = get_args(PktSideDataT).index("skip_samples")
-MIN_TIME = Fraction(-(2**40))  # time before the start of any file, seconds
-WHOLE = Segment(MIN_TIME, -MIN_TIME, MIN_TIME, -MIN_TIME, Fraction(1), Fraction(1))
+WHOLE = Segment(-FOREVER, FOREVER, -FOREVER, FOREVER, Fraction(1), Fraction(1))
+"""All of a source, with what lies before time 0."""
+FROM_START = Segment(Fraction(0), FOREVER, Fraction(0), FOREVER, Fraction(1), Fraction(1))
+"""All of a part at its own speed."""
 
 Traits = tuple[int, str, str]
 """Sample rate, sample format and channel layout of audio."""
@@ -65,19 +71,19 @@ Traits = tuple[int, str, str]
 def choose_sound_encoder(encoding: Encoding, container: str, name: str) -> str | None:
     """Return FFmpeg's encoder for the audio codec that was asked for, or None if audio is to be copied."""
     asked = encoding.audio_codec
-    if asked is None or asked.lower() == COPY:
+    if asked is None or asked.lower() == "copy":
         return None
     encoder = sound_encoders.get(asked.lower(), asked)
     if find_encoder(encoder, "audio") is None:
         raise OptionError(
-            f"`audio_codec={asked!r}` is unknown here; use {', '.join(sound_encoders)}, {COPY}, or the exact name of "
-            "an FFmpeg sound encoder."
+            f"`audio_codec={asked!r}` is unknown here; use {', '.join(sound_encoders)}, copy, or the exact name of an "
+            "FFmpeg sound encoder."
         )
     check_holds(container, encoder, name, f"`audio_codec={asked!r}`", sound_encoders)
     return encoder
 
 
-def traits_for(encoder: str, source: Traits, channels: int) -> Traits:
+def traits_for(encoder: str, source: Traits) -> Traits:
     """Return the source's sample rate, format and layout if the encoder supports them, else those that lose least.
 
     These are the next higher rate, the standard layout of as many channels or else stereo, and a format with at least
@@ -93,14 +99,15 @@ def traits_for(encoder: str, source: Traits, channels: int) -> Traits:
     enough = [format for format in offered if format.bytes >= av.AudioFormat(source[1]).bytes]
     format = str((min(enough, key=size) if enough else max(offered, key=size)).name)
     target = OPUS_SAMPLE_RATE if codec.canonical_name == "opus" else rate, format
+    channels = av.AudioLayout(source[2]).nb_channels
     layouts = (source[2], *STANDARD_LAYOUTS[channels - 1 : channels])
     return *target, next((name for name in layouts if _takes(encoder, (*target, name))), "stereo")
 
 
-def named_layout(layout: str, channels: int) -> str:
-    """Return the standard channel layout if `layout` gives only the number of channels, else `layout`."""
-    says_nothing = layout.endswith("channels") or layout.endswith("channel")
-    return STANDARD_LAYOUTS[channels - 1] if says_nothing and channels <= len(STANDARD_LAYOUTS) else layout
+def named_layout(layout: av.AudioLayout) -> str:
+    """Return the name of a layout; of one that gives only the number of channels, that of the standard layout."""
+    says_nothing = layout.name.endswith(("channels", "channel")) and layout.nb_channels <= len(STANDARD_LAYOUTS)
+    return STANDARD_LAYOUTS[layout.nb_channels - 1] if says_nothing else layout.name
 
 
 def is_lossless(encoder: str) -> bool:
@@ -125,9 +132,9 @@ def can_encode(stream: av.stream.Stream, encoder: str) -> bool:
     context: Any = stream.codec_context
     if context is None or context.sample_rate <= 0:
         return False
-    traits, channels = _traits_of_stream(stream)
+    traits = _traits_of(context)
     try:
-        _graph(traits, Fraction(2), traits_for(encoder, traits, channels))
+        _graph(traits, Fraction(2), traits_for(encoder, traits))
     except (UnknownCodecError, av.error.FFmpegError, ValueError):
         return False
     return True
@@ -137,8 +144,10 @@ class EncodedSound:
     """Audio stream that is re-encoded in another format, or at another duration.
 
     It is added to an output whose header is not written yet. The window is read when packets arrive; without one, all
-    of the source is taken at its own duration. The output is silent where `lost_packets` could not be decoded.
-    `changes` end a sentence about what the encoder does not support: ``, its 7.1.4 as stereo``.
+    of the source is taken at its own duration. The output begins at time 0 and has no gap: it is silent where the
+    source has no sound, where its curve leaves sound out, and where `lost_packets` could not be decoded, unless sound
+    begins again after `silent_until`, seconds. `changes` end a sentence about what the encoder does not support:
+    ``, its 7.1.4 as stereo``.
     """
 
     def __init__(
@@ -147,8 +156,8 @@ class EncodedSound:
         self.lost_packets = 0
         self._output, self._window = output, window
         self._source: Any = stream.codec_context
-        traits, channels = _traits_of_stream(stream)
-        self._target = traits_for(encoder, traits, channels)
+        traits = _traits_of(self._source)
+        self._target = traits_for(encoder, traits)
         self._rate, format, layout = self._target
         self.changes = "" if layout == traits[2] else f", its {traits[2]} as {layout}"
         if self._rate != traits[0]:
@@ -164,42 +173,62 @@ class EncodedSound:
         self.stream: Any = target
         self._run: _Run | None = None
         self._next_pts: int | None = None
-        self._latest: tuple[av.AudioFrame, Fraction | None] | None = None
-        self._packets_end = Fraction(0)
-        self._tick = Fraction(0)
-
-    @property
-    def is_empty(self) -> bool:
-        return self._next_pts is None
+        self._latest: av.AudioFrame | None = None
+        self._packets_end = self._tick = Fraction(0)
+        self.silent_until = FOREVER
 
     def take(self, packet: av.Packet[Any]) -> None:
+        """Decode a packet, and encode what is complete with it; packets that nothing heard depends on are ignored."""
         assert packet.dts is not None
         self._tick = tick = Fraction(packet.time_base)
         pts = packet.dts if packet.pts is None else packet.pts
         begin, end = pts * tick, (pts + (packet.duration or 0)) * tick
-        first, last = self._span
-        if end < first - PREROLL or (last is not None and begin >= last):
+        needing = [piece for piece in self._pieces if piece.source0 - PREROLL <= end and begin < piece.source1]
+        if not needing:
             return
         self._packets_end = end if packet.duration else Fraction(0)
+        self._decode(packet, begin, is_heard=end > needing[0].source0)
+
+    def drain(self) -> None:
+        """Encode what the decoder and the filters still hold, after the last packet; may be called again."""
+        self._decode(None, self._packets_end, is_heard=True)
+        self._end_run(self._packets_end)
+        self._pieces = []
+
+    def _decode(self, packet: av.Packet[Any] | None, begin: Fraction, *, is_heard: bool) -> None:
+        """Decode a packet, or what the decoder still holds, and encode what is complete with it."""
         try:
-            frames: list[Any] = packet.decode()
+            frames: list[Any] = self._source.decode(packet)
+        except av.error.EOFError:  # all was decoded before
+            return
         except av.error.FFmpegError:
-            self.lost_packets += end > first
+            self.lost_packets += is_heard
             return
         for frame in frames:
-            self._wait(frame, begin)
+            self._take(frame, begin)
 
-    def finish(self) -> None:
-        try:
-            frames: list[Any] = self._source.decode(None)
-        except av.error.FFmpegError:
-            frames, self.lost_packets = [], self.lost_packets + 1
-        for frame in frames:
-            self._wait(frame, None)
-        self._take_latest(self._packets_end)
+    def be_silent_until(self, time: Fraction) -> None:
+        """Encode the silence of a curve that is certain when pictures are shown up to an output time, seconds.
+
+        So silence lies beside its pictures in the file, although no packet of the source is due while it lasts.
+        """
+        curve = None if self._window is None else self._window.curve
+        later = [piece for piece in self._pieces if piece.end + MAX_DELAY >= time]
+        is_ahead = self._next_pts is not None and self._next_pts >= time * self._rate
+        if curve is None or curve.is_steady or is_ahead or (later and later[0].begin < time):
+            return
         self._end_run()
-        if self._next_pts is not None:
-            self._output.mux(self._with_padding_marked(self.stream.encode(None)))
+        self._fill(time)
+
+    def finish(self, end: Fraction) -> bool:
+        """Encode the rest, by a curve up to the end of the pictures, seconds; return whether there was any sound."""
+        self.drain()
+        self.be_silent_until(end)
+        if self._latest is None:
+            return False
+        self._output.mux(self.stream.encode(self._latest))
+        self._output.mux(self._with_padding_marked(self.stream.encode(None)))
+        return True
 
     def _with_padding_marked(self, packets: list[av.Packet[Any]]) -> list[av.Packet[Any]]:
         """Return the last packets with padding marked, as not all encoders do, by duration or samples to skip."""
@@ -218,128 +247,127 @@ class EncodedSound:
                 last.set_sidedata(discarded)
         return packets
 
-    @property
-    def _span(self) -> tuple[Fraction, Fraction | None]:
-        return (MIN_TIME, None) if self._window is None else (self._window.begin, self._window.end)
-
-    def _wait(self, frame: av.AudioFrame, begin: Fraction | None) -> None:
-        """Process the frame before, which is not the last one, and let this one wait."""
-        self._take_latest(None)
-        self._latest = frame, begin
-
-    def _take_latest(self, end: Fraction | None) -> None:
-        """Process the waiting frame up to `end`, where the source's packets end; None for all of it, 0 if unknown.
-
-        A packet's time and duration may both be rounded to the file's time base, and are then not exact to the sample.
-        """
-        if self._latest is None:
-            return
-        (frame, begin), self._latest = self._latest, None
-        if end and frame.pts is not None and frame.time_base:
-            beyond = frame.pts * frame.time_base + Fraction(frame.samples, frame.sample_rate) - end
-            padding = math.floor(beyond * frame.sample_rate)
-            if beyond > 2 * self._tick and 0 < padding < frame.samples:
-                time, base = frame.pts, frame.time_base
-                frame = _slice_samples(frame, 0, frame.samples - padding)
-                frame.pts, frame.time_base = time, base
-        self._take(frame, begin)
-
-    def _take(self, frame: av.AudioFrame, begin: Fraction | None) -> None:
+    def _take(self, frame: av.AudioFrame, begin: Fraction) -> None:
         """Stretch and encode new samples in the window; `begin`, of the packet, is the time of a frame without one."""
         run = self._run
         time = begin if frame.pts is None else frame.pts * Fraction(frame.time_base or 1)
-        if time is None or (run is not None and abs(time - run.end) < MIN_GAP):
-            if run is None:
-                return
+        if run is not None and abs(time - run.end) < MIN_GAP:
             time = run.end
-        earliest, end = self._span
-        earliest = earliest if run is None else max(earliest, run.end)
-        first = max(0, math.ceil((earliest - time) * frame.sample_rate))
-        last = frame.samples if end is None else min(frame.samples, math.ceil((end - time) * frame.sample_rate))
+        first = 0 if run is None else max(0, math.ceil((run.end - time) * frame.sample_rate))
         for piece in self._pieces:
             since, until = (math.ceil((each - time) * frame.sample_rate) for each in (piece.source0, piece.source1))
-            if max(first, since) < min(last, until):
-                self._stretch(frame, time, max(first, since), min(last, until), piece)
-            if first <= until < last:
+            if max(first, since) < min(frame.samples, until):
+                self._stretch(frame, time, max(first, since), min(frame.samples, until), piece)
+            if first <= until < frame.samples:
                 self._end_run()
 
     @cached_property
     def _pieces(self) -> list[Segment]:
-        """Parts of the source that are heard, at its own times."""
-        curve, begin = (None, Fraction(0)) if self._window is None else (self._window.curve, self._window.begin)
-        kept = [WHOLE] if curve is None else curve.sounding
-        return [replace(each, source0=begin + each.source0, source1=begin + each.source1) for each in kept]
+        """Parts of the source that are heard, at its own times; none after its end."""
+        if self._window is None:
+            return [WHOLE]
+        begin, curve = self._window.begin, self._window.curve
+        last = begin + FOREVER if self._window.end is None else self._window.end
+        heard = [FROM_START] if curve is None else curve.sounding
+        return [replace(x, source0=begin + x.source0, source1=min(begin + x.source1, last)) for x in heard]
 
     def _stretch(self, frame: av.AudioFrame, time: Fraction, first: int, last: int, piece: Segment) -> None:
         """Stretch and encode some samples of a frame that begins at a time."""
-        run, stretch = self._run, 1 / piece.slope0
+        run, stretch, traits = self._run, 1 / piece.slope0, _traits_of(frame)
         time += Fraction(first, frame.sample_rate)
-        if run is None or time > run.end or not run.fits(frame, stretch):
+        if run is None or time > run.end or (run.traits, run.stretch) != (traits, stretch):
             self._end_run()
             try:
-                run = self._run = _Run(frame, time, stretch, self._target)
+                graph = _graph(traits, stretch, self._target)
             except (av.error.FFmpegError, ValueError):  # a channel layout decoded from damaged data
                 self.lost_packets += 1
                 return
-            pts = round((piece.begin + (time - piece.source0) * stretch) * self._rate)
-            self._next_pts = pts if self._next_pts is None else max(pts, self._next_pts)
-        self._encode(run.stretched(_slice_samples(frame, first, last)))
+            run = self._run = _Run(
+                graph, traits, stretch, time, self._fill(piece.begin + (time - piece.source0) * stretch)
+            )
+        part = _slice_samples(frame, first, last)
+        part.pts, part.time_base = run.taken, Fraction(1, traits[0])
+        run.taken += part.samples
+        run.graph.push(part)
+        self._encode(pulled(run.graph))
 
-    def _end_run(self) -> None:
+    def _end_run(self, end: Fraction | None = None) -> None:
+        """Encode what the filters still hold, cut so that the run has its exact duration.
+
+        What was decoded beyond `end`, where the source's packets end, is padding; 0 if unknown. A packet's time and
+        duration may both be rounded to the file's time base, and are then not exact to the sample.
+        """
         run, self._run = self._run, None
         if run is not None:
-            self._encode(run.finish())
+            padding = run.end - end if end else Fraction(0)
+            padding = padding if 2 * self._tick < padding < MAX_PADDING else Fraction(0)
+            samples = run.taken - math.floor(padding * run.traits[0])
+            run.graph.push(None)
+            self._encode(pulled(run.graph), run.pts + round(samples * run.stretch * self._rate / run.traits[0]))
 
-    def _encode(self, frames: Iterator[av.AudioFrame]) -> None:
+    def _fill(self, time: Fraction) -> int:
+        """Encode silence from where the output has come to, or else from its start, up to an output time, seconds.
+
+        After `silent_until` the output's time stamps jump instead. Returns the number of the sample that comes next.
+        """
+        end = round(time * self._rate)
+        if self._next_pts is None:
+            self._next_pts = min(0, end)
+        if time > self.silent_until:
+            self._next_pts = max(self._next_pts, end)
+        if self._next_pts < end:
+            self._encode(_silence(end - self._next_pts, self._target))
+        return self._next_pts
+
+    def _encode(self, frames: Iterator[av.AudioFrame], end: int | None = None) -> None:
+        """Encode frames behind those before them, up to a sample of the output; the latest one waits.
+
+        It may be the last one, and have padding, which is cut off then.
+        """
         for frame in frames:
             assert self._next_pts is not None
-            frame.pts, frame.time_base = self._next_pts, Fraction(1, self._rate)
-            self._next_pts += frame.samples
-            self._output.mux(self.stream.encode(frame))
+            left = frame.samples if end is None else end - self._next_pts
+            if left > 0:
+                latest, self._latest = self._latest, _slice_samples(frame, 0, min(left, frame.samples))
+                self._latest.pts, self._latest.time_base = self._next_pts, Fraction(1, self._rate)
+                self._next_pts += self._latest.samples
+                self._output.mux([] if latest is None else self.stream.encode(latest))
+        if end is not None and self._latest is not None and self._next_pts is not None and self._next_pts > end:
+            kept = max(1, self._latest.samples - (self._next_pts - end))
+            self._latest, self._next_pts = _slice_samples(self._latest, 0, kept), end
 
 
+@dataclass
 class _Run:
-    """Filter graph for one run of audio without a gap, which starts at `start` seconds of the source."""
+    """One run of audio without a gap: its filter graph, where it starts, and how much of it was taken so far."""
 
-    def __init__(self, frame: av.AudioFrame, start: Fraction, stretch: Fraction, target: Traits) -> None:
-        self._start, self._stretch, self._target = start, stretch, target
-        self._traits = _traits_of(frame)
-        self._rate_in = frame.sample_rate
-        self._taken = self._given = 0
-        self._graph = _graph(self._traits, stretch, target)
+    graph: av.filter.Graph
+    traits: Traits
+    stretch: Fraction
+    start: Fraction
+    """Time in the source, seconds."""
+    pts: int
+    """Number of the output's first sample of the run."""
+    taken: int = 0
+    """Samples of the source."""
 
     @property
     def end(self) -> Fraction:
         """End of the samples taken so far, as a time in the source, seconds."""
-        return self._start + Fraction(self._taken, self._rate_in)
+        return self.start + Fraction(self.taken, self.traits[0])
 
-    def fits(self, frame: av.AudioFrame, stretch: Fraction) -> bool:
-        return (_traits_of(frame), stretch) == (self._traits, self._stretch)
 
-    def stretched(self, frame: av.AudioFrame) -> Iterator[av.AudioFrame]:
-        frame.pts, frame.time_base = self._taken, Fraction(1, self._rate_in)
-        self._taken += frame.samples
-        self._graph.push(frame)
-        for ready in self._ready():
-            self._given += ready.samples
-            yield ready
-
-    def finish(self) -> Iterator[av.AudioFrame]:
-        """Yield the remaining frames, cut so that the run has its exact duration."""
-        missing = round(self._taken * self._stretch * self._target[0] / self._rate_in) - self._given
-        self._graph.push(None)
-        for ready in self._ready():
-            if missing > 0:
-                yield _slice_samples(ready, 0, min(missing, ready.samples))
-            missing -= ready.samples
-
-    def _ready(self) -> Iterator[av.AudioFrame]:
-        while True:
-            try:
-                frame: Any = self._graph.pull()
-            except (av.error.BlockingIOError, av.error.EOFError):
-                return
-            yield frame
+def _silence(samples: int, target: Traits) -> Iterator[av.AudioFrame]:
+    """Yield frames of silence, few samples at a time."""
+    graph = av.filter.Graph()
+    nodes = [
+        graph.add("anullsrc", "sample_rate={0}:channel_layout={2}".format(*target)),
+        graph.add("aformat", f"sample_fmts={target[1]}"),
+        graph.add("atrim", f"end_sample={samples}"),
+        graph.add("abuffersink"),
+    ]
+    graph.link_nodes(*nodes).configure()
+    return pulled(graph)
 
 
 def _graph(source: Traits, stretch: Fraction, target: Traits) -> av.filter.Graph:
@@ -366,25 +394,20 @@ def _graph(source: Traits, stretch: Fraction, target: Traits) -> av.filter.Graph
 
 
 def _slice_samples(frame: av.AudioFrame, first: int, last: int) -> av.AudioFrame:
+    """Return some samples of a frame; the time is that of the whole frame."""
     if (first, last) == (0, frame.samples):
         return frame
     width = 1 if frame.format.is_planar else frame.layout.nb_channels
     samples: NDArray[Any] = np.ascontiguousarray(frame.to_ndarray()[:, first * width : last * width])
     part = av.AudioFrame.from_ndarray(samples, format=frame.format.name, layout=frame.layout.name)
-    part.sample_rate = frame.sample_rate
+    part.sample_rate, part.pts, part.time_base = frame.sample_rate, frame.pts, frame.time_base
     return part
 
 
-def _traits_of_stream(stream: av.stream.Stream) -> tuple[Traits, int]:
-    """Return the traits of an audio stream and its number of channels; the sample format is fltp if not known yet."""
-    context: Any = stream.codec_context
-    channels = context.layout.nb_channels
-    format = context.format.name if context.format is not None else "fltp"
-    return (context.sample_rate, format, named_layout(context.layout.name, channels)), channels
-
-
-def _traits_of(frame: av.AudioFrame) -> Traits:
-    return frame.sample_rate, frame.format.name, named_layout(frame.layout.name, frame.layout.nb_channels)
+def _traits_of(sound: Any) -> Traits:
+    """Return the traits of a frame, or of a decoder, whose sample format is taken for fltp if it is not known yet."""
+    format = "fltp" if sound.format is None else sound.format.name
+    return sound.sample_rate, format, named_layout(sound.layout)
 
 
 def output_time(time: Fraction, window: Window | None, begin: Fraction | None = None) -> Fraction:

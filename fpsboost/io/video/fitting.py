@@ -225,9 +225,8 @@ def headers_in(source: VideoFile) -> dict[int, tuple[bool, bool]]:
 def is_text(stream: av.stream.Stream) -> bool:
     """Return whether a stream is text subtitles rather than bitmap subtitles."""
     context: Any = stream.codec_context
-    if stream.type != "subtitle" or context is None:
-        return False
-    return Properties.TEXT_SUB in Properties(context.codec.properties)
+    is_known = stream.type == "subtitle" and context is not None
+    return is_known and Properties.TEXT_SUB in Properties(context.codec.properties)
 
 
 def codec_of(stream: av.stream.Stream) -> str:

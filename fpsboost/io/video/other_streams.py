@@ -62,7 +62,7 @@ class OtherStreams:
         self._targets: dict[int, av.stream.Stream] = {}
         self._labels: dict[int, Labels] = {}
         self._last_dts: dict[int, int] = {}
-        self._covers: list[av.stream.Stream] = []
+        self._covers: list[av.Packet[Any]] = []
         self._converters: dict[int, TextConverter] = {}
         self._sounds: dict[int, EncodedSound] = {}
         self.tags = tags_for(self._input.metadata, container)
@@ -100,13 +100,17 @@ class OtherStreams:
         while True:
             packet, self._ahead = self._ahead or next(self._packets, None), None
             if packet is None or (time is None and self._is_past(packet)):
-                self._finish_sounds()
+                for sound in self._sounds.values():
+                    sound.drain()
                 break
             assert packet.dts is not None
             if time is not None and output_time(packet.dts * Fraction(packet.time_base), self._window) > time:
                 self._ahead = packet
                 break
             self._copy(packet)
+        if time is not None:
+            for sound in self._sounds.values():
+                sound.be_silent_until(time)
         for index, converter in self._converters.items():
             self._mux(index, "subtitle", converter.until(time))
             if time is None and converter.lost_lines:
@@ -114,11 +118,7 @@ class OtherStreams:
 
     def copy_cover(self) -> None:
         """Mux the attached pictures, which mp4 requires directly after its header."""
-        for stream in self._covers:
-            packet = _attached_picture(self._source, stream.index)
-            if packet is not None:
-                packet.stream = self._targets[stream.index]
-                self._output.mux(packet)
+        self._output.mux(self._covers)
 
     def check_labels(self, path: Path) -> None:
         with open_input(str(path.absolute())) as file:
@@ -173,27 +173,31 @@ class OtherStreams:
         sound = EncodedSound(stream, self._output, encoder, self._window)
         self._sounds[stream.index] = sound
         self._add_target(stream, sound.stream)
-        speed = None if self._curve is None else self._curve.segments[0].speed
         stretched = "" if self._curve is None else "stretched as its pictures and "
-        if self._curve is not None and self._curve.is_steady and speed:
+        if self._curve is not None and self._curve.is_steady and (speed := self._curve.segments[0].speed):
             stretched = f"stretched to {1 / speed} times its length and "
         self._remark(
             f"holds stream {stream.index} ({codec_of(stream)} sound) of its source {stretched}encoded anew as "
             f"{codec_of(sound.stream)}{sound.changes}."
         )
 
-    def _finish_sounds(self) -> None:
-        """Mux the remaining packets of re-encoded audio, and add remarks on packets that could not be decoded."""
+    def finish(self, end: Fraction) -> None:
+        """Mux all remaining packets, and add remarks on what could not be decoded.
+
+        Sound of a curve is silent up to `end`, which is the end of the pictures in the output, seconds.
+        """
+        for sound in self._sounds.values():  # far behind the pictures only damaged time stamps lead
+            sound.silent_until = end + MAX_INTERLEAVING
+        self.copy_until(None)
         for index, sound in self._sounds.items():
-            sound.finish()
-            if not sound.is_empty:
+            if sound.finish(end):
                 self.written[index] = "audio"
             if sound.lost_packets:
                 self.remarks.append(
                     f"{self._source.name} is damaged: {counted(sound.lost_packets, 'packet')} of sound in stream "
                     f"{index} could not be decoded, where {self._name} is silent; listen to it."
                 )
-        self._sounds = {}
+        self.close()
 
     def _copy_timecode(self, video: av.VideoStream) -> bool:
         """Write the timecode of the first frame, or remark that it is lost; return whether the source has one."""
@@ -215,31 +219,28 @@ class OtherStreams:
         return True
 
     def _add_cover(self, stream: av.stream.Stream) -> None:
-        packet = _attached_picture(self._source, stream.index) if self._container == "matroska" else None
-        if packet is not None:
+        packet = _attached_picture(self._source, stream.index)
+        if packet is not None and self._container == "matroska":
             kind, tags = "png" if stream.name == "png" else "jpeg", stream.metadata
             name, mimetype = tags.get("filename", f"cover.{kind}"), tags.get("mimetype", f"image/{kind}")
             self._output.add_attachment(name, mimetype, bytes(packet))
-            return
-        if self._container == "mp4" and stream.name in ("png", "mjpeg"):
-            target = self._output.add_stream_from_template(stream, opaque=True)
-            target.disposition = av.stream.Disposition.attached_pic
-            self._targets[stream.index] = target
-            self._covers.append(stream)
-            return
-        keeping = [suffix for suffix, container in containers.items() if container in ("mp4", "matroska")]
-        self.remarks.append(not_held_remark(self._name, "the cover picture", keeping))
+        elif packet is not None and self._container == "mp4" and stream.name in ("png", "mjpeg"):
+            packet.stream = self._output.add_stream_from_template(stream, opaque=True)
+            packet.stream.disposition = av.stream.Disposition.attached_pic
+            self._covers.append(packet)
+        else:
+            keeping = [suffix for suffix, container in containers.items() if container in ("mp4", "matroska")]
+            self.remarks.append(not_held_remark(self._name, "the cover picture", keeping))
 
     def _read(self) -> Iterator[av.Packet[av.stream.Stream]]:
-        wanted = set(self._targets) - {stream.index for stream in self._covers}
-        if not wanted:
+        if not self._targets:
             return
         damage = Damage()
         sentence = (
             f"{self._source.name} is damaged where sound, subtitles or data lie, so some may be missing in "
             f"{self._name}; listen to it."
         )
-        for packet in read_packets(self._input, wanted, damage):
+        for packet in read_packets(self._input, set(self._targets), damage):
             if damage.unreadable and sentence not in self.remarks:
                 self.remarks.append(sentence)
             if packet.dts is not None and not self._is_hidden(packet):
@@ -316,9 +317,8 @@ class OtherStreams:
 
 
 def _keeps(container: str, stream: av.stream.Stream) -> bool:
-    if stream.type == "attachment":
-        return container == "matroska"
-    return stream.type == "data" and keeps_data(container, stream)
+    is_kept_file = stream.type == "attachment" and container == "matroska"
+    return is_kept_file or (stream.type == "data" and keeps_data(container, stream))
 
 
 def _chapters_within(file: av.container.InputContainer, window: Window | None, start: Fraction) -> list[Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator
-from contextlib import suppress
 from fractions import Fraction
 from itertools import chain, groupby, pairwise
 from typing import Any, Self, cast
@@ -18,7 +17,7 @@ from av.video.reformatter import VideoReformatter
 from fpsboost.errors import InputError
 from fpsboost.image import Image
 from fpsboost.io.video.clock import VideoClock
-from fpsboost.io.video.pyav import as_fraction
+from fpsboost.io.video.pyav import as_fraction, pulled
 from fpsboost.io.video.remarks import Damage, counted, interlaced_remark, lost_alpha_remark
 from fpsboost.io.video.side_data import Crop
 from fpsboost.io.video.traits import VideoTraits, primaries, tag_name, transfers
@@ -267,13 +266,6 @@ class _Graphs:
             self._graphs[key] = graph_of(picture, (name, options), time_base=self._time_base)
         self._graphs[key].vpush(picture)
         return self._graphs[key].vpull()
-
-
-def pulled(graph: av.filter.Graph) -> Iterator[av.VideoFrame]:
-    """Yield the pictures that are ready."""
-    with suppress(av.error.BlockingIOError, av.error.EOFError):
-        while True:
-            yield graph.vpull()
 
 
 def cropped(pictures: Iterable[av.VideoFrame], crop: Crop, time_base: Fraction, name: str) -> Iterator[av.VideoFrame]:

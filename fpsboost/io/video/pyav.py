@@ -7,7 +7,7 @@ UTF-8 as surrogates, which cannot be printed; PyAV 18 raises for them, or replac
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from fractions import Fraction
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,6 +15,8 @@ from typing import Any, Literal
 
 import av
 import av.container
+import av.error
+import av.filter
 from av.codec.codec import UnknownCodecError
 
 KEEPS_UNDECODABLE_BYTES = int(av.__version__.partition(".")[0]) >= 19
@@ -41,6 +43,13 @@ def open_input(file: Any, *, playlists: bool = False) -> av.container.InputConta
     return container
 
 
+def pulled(graph: av.filter.Graph) -> Iterator[Any]:
+    """Yield the pictures or sounds that a filter graph has ready."""
+    with suppress(av.error.BlockingIOError, av.error.EOFError):
+        while True:
+            yield graph.pull()
+
+
 @contextmanager
 def trial_file() -> Iterator[Path]:
     """Yield the path of a file for a trial; from PyAV's calls of a file object no KeyboardInterrupt comes through."""
@@ -59,9 +68,7 @@ def printable(tags: Mapping[str, str]) -> dict[str, str]:
 
 def as_fraction(value: Any) -> Fraction | None:
     """Convert a rational of FFmpeg, which may also be absent, 0/1 or 1/0, into an exact Fraction or None."""
-    if not value:
-        return None
-    return Fraction(value.numerator, value.denominator)
+    return Fraction(value.numerator, value.denominator) if value else None
 
 
 def pyav_version() -> str:

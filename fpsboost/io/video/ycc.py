@@ -63,10 +63,8 @@ def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None, 
     if is_gray(picture.format):
         # not through 4:4:4, where the scaler applies a matrix to gray too and shifts it
         name = full_chroma(bits).replace("yuv444p", "gray")
-        if picture.format.name != name:
-            gray = scaler.reformat(picture, format=name, interpolation=SCALER_FLAGS)
-        else:
-            gray = picture
+        is_ready = picture.format.name == name
+        gray = picture if is_ready else scaler.reformat(picture, format=name, interpolation=SCALER_FLAGS)
         (levels,), most = plane_arrays(gray), 2 ** _bits(gray) - 1
         image = cv2.merge([levels if top == most else np.rint(levels * (top / most)).astype(dtype)] * 3)
     else:

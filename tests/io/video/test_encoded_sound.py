@@ -11,7 +11,7 @@ import pytest
 from conversion_options import grouped
 from numpy.typing import NDArray
 from test_stretched_sound import CLICK, CLICKS, clicks_of, heard, slow, write_sounds
-from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, tone, write_clip
+from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, sound_packets, tone, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError, OutputError
@@ -36,20 +36,13 @@ def noise(samples: int = SAMPLES) -> NDArray[np.int16]:
     return np.rint(smooth / np.abs(smooth).max() * 16000).astype(np.int16)
 
 
-def write_noise(
-    path: Path, codec: str = "pcm_s16le", rate: int = RATE, format: str = "s16", packet: int = 960
-) -> NDArray[np.int16]:
+def write_noise(path: Path, codec: str = "pcm_s16le", rate: int = RATE, packet: int = 960) -> NDArray[np.int16]:
     """Write 25 frames and noise, with the video encoder that every container takes; return the noise."""
     samples = noise()
     with av.open(str(path), "w") as output:
         _, packets = add_pictures(output, 25, codec="mpeg4")
         sound: Any = output.add_stream(codec, rate=rate, layout="mono", bit_rate=96000)
-        for at in range(0, len(samples), packet):
-            frame = av.AudioFrame.from_ndarray(samples[None, at : at + packet], format="s16", layout="mono")
-            frame.sample_rate, frame.pts, frame.time_base = rate, at, Fraction(1, rate)
-            for ready in av.AudioResampler(format=format).resample(frame):
-                packets += sound.encode(ready)
-        packets += sound.encode(None)
+        packets += sound_packets(sound, samples, layout="mono", size=packet)
         mux_in_order(output, packets)
     return samples
 
@@ -83,7 +76,7 @@ def test_matroska_holds_what_its_list_leaves_out(tmp_path, codec):
     """Sound that Matroska names as Windows does is copied into .mkv packet by packet."""
     suffix = ".asf" if codec == "wmav2" else ".avi"
     clip, target = tmp_path / f"in{suffix}", tmp_path / "it's [out] | of.mkv"
-    write_noise(clip, codec, 44100 if codec == "wmav2" else RATE, "fltp" if codec == "wmav2" else "s16")
+    write_noise(clip, codec, 44100 if codec == "wmav2" else RATE)
     assert not [remark for remark in double(clip, target) if "sound" in remark]
     before, after = packets_of(clip, "audio"), packets_of(target, "audio")
     assert [data for _, data in after] == [data for _, data in before]
@@ -114,7 +107,7 @@ def test_chapters_that_do_not_go_along_are_said(tmp_path):
 def test_what_cannot_be_held_names_the_option_first(tmp_path, codec, suffix, ways):
     """Encoding anew, then other containers, then leaving out; before any frame is read."""
     clip = tmp_path / ("in.asf" if codec == "wmav2" else "in.mp4")
-    write_noise(clip, codec, 44100, "fltp")
+    write_noise(clip, codec, 44100)
     with pytest.raises(OutputError, match=f"cannot hold the {codec} sound of .*; {ways}"):
         double(clip, tmp_path / f"out{suffix}", "copy")
     assert not (tmp_path / f"out{suffix}").exists()
@@ -189,8 +182,7 @@ def test_streams_are_chosen_by_their_numbers(tmp_path):
 @pytest.mark.parametrize(("codec", "suffix"), [("alac", ".mov"), ("aac", ".mov"), ("aac", ".nut"), ("flac", ".nut")])
 def test_sound_that_lacks_its_headers_is_refused(tmp_path, codec, suffix):
     """Before any frame is read, in every container; encoded anew where its decoder does without them."""
-    formats = {"aac": "fltp", "alac": "s16p", "flac": "s16"}
-    write_noise(tmp_path / "whole.mp4", codec, format=formats[codec])
+    write_noise(tmp_path / "whole.mp4", codec)
     clip = copy_packets(tmp_path / "whole.mp4", tmp_path / f"in{suffix}", sound_headers=False)
     for target in (tmp_path / "out.mp4", tmp_path / "out.mov", tmp_path / "out.mkv"):
         with pytest.raises(OutputError, match=f"cannot hold the {codec} sound of .*; .*leave the sound out with"):
@@ -275,6 +267,15 @@ def test_encoded_sound_is_in_its_place_and_as_long(tmp_path, name, suffix, canon
             assert stream.duration * stream.time_base == pytest.approx(SAMPLES / RATE, abs=0.5 / RATE)
 
 
+def test_a_time_stamp_far_ahead_is_no_silence_of_hours(tmp_path):
+    """A gap behind the last picture, as damaged time stamps make it, stays a gap of the time stamps."""
+    clip, target = tmp_path / "in.mkv", tmp_path / "out.mkv"
+    write_noise(tmp_path / "whole.mkv")
+    copy_packets(tmp_path / "whole.mkv", clip, lambda _, it: setattr(it, "pts", it.pts + 10**7 * (it.pts > 1000)))
+    double(clip, target, "flac")
+    assert 0.9 * SAMPLES < len(heard(target)[0]) <= SAMPLES
+
+
 def test_packets_shorter_than_the_clock(tmp_path):
     """Sound of which several packets share a millisecond, as TrueHD in Matroska, is encoded whole."""
     clip, target = tmp_path / "in.mkv", tmp_path / "out.mov"
@@ -305,7 +306,7 @@ def test_rates_and_speakers_that_an_encoder_does_not_take(tmp_path):
 def test_lost_bits_are_said(tmp_path):
     """24 bits become 16 with a word about it, and stay 24 where the encoder has them."""
     clip = tmp_path / "in.mkv"
-    write_noise(clip, "pcm_s24le", format="s32")
+    write_noise(clip, "pcm_s24le")
     (remark,) = double(clip, tmp_path / "out.mkv", "pcm")
     assert remark.endswith("(pcm_s24le sound) of its source encoded anew as pcm_s16le, in 16 bits.")
     (remark,) = double(clip, tmp_path / "deep.mkv", "flac")

@@ -1,6 +1,7 @@
 """Sound of slow motion: clicks where their pictures are, the same pitch, the same tracks, and what is said of it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from conversion_options import grouped
 from numpy.typing import NDArray
-from video_truth import add_pictures, mux_in_order, packets_of, pictures_of, spoil_packets, write_clip
+from video_truth import add_pictures, mux_in_order, packets_of, pictures_of, sound_packets, spoil_packets, write_clip
 
 from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.conversion import convert
@@ -50,15 +51,8 @@ def write_sounds(
         sounds: list[Any] = [output.add_stream(codec, rate=rate, layout=layout) for layout in layouts]
         for track, sound in enumerate(sounds):
             samples = np.rint(wave(track, seconds, rate) * 32767).astype(np.int16)
-            channels = av.AudioLayout(layouts[track]).nb_channels
-            for at in range(0, len(samples), 960):
-                if left_out[0] * rate <= at < left_out[1] * rate:
-                    continue
-                part = np.ascontiguousarray(np.repeat(samples[at : at + 960], channels)[None])
-                frame = av.AudioFrame.from_ndarray(part, format="s16", layout=layouts[track])
-                frame.sample_rate, frame.pts, frame.time_base = rate, at + round(start * rate), Fraction(1, rate)
-                packets += sound.encode(frame)
-            packets += sound.encode(None)
+            begin = round(start * rate)
+            packets += sound_packets(sound, samples, layout=layouts[track], start=begin, left_out=left_out)
         mux_in_order(output, packets)
     return path
 
@@ -71,21 +65,11 @@ def slow(source: Path, target: Path, factor: Fraction | int = 2, **more: Any) ->
 
 
 def heard(path: Path, track: int = 0) -> tuple[NDArray[np.float64], int]:
-    """The sound of a track from time 0 on, mixed to one channel, and its rate."""
+    """The samples of a track one after the other, whatever their time stamps, mixed to one channel, and its rate."""
     with av.open(str(path)) as file:
-        stream = file.streams.audio[track]
-        rate, parts = stream.rate, []
-        resampler = av.AudioResampler(format="flt", layout="mono")
-        for frame in file.decode(stream):
-            assert frame.pts is not None
-            assert frame.time_base is not None
-            time = frame.pts * frame.time_base
-            parts += [(round(time * rate), each.to_ndarray()[0]) for each in resampler.resample(frame)]
-    sound = np.zeros(max(at + len(part) for at, part in parts))
-    for at, part in parts:
-        skipped = max(0, -at)
-        sound[at + skipped : at + len(part)] = part[skipped:]
-    return sound, rate
+        stream, resampler = file.streams.audio[track], av.AudioResampler(format="flt", layout="mono")
+        parts = [each.to_ndarray()[0] for frame in file.decode(stream) for each in resampler.resample(frame)]
+        return np.concatenate(parts).astype(np.float64), stream.rate
 
 
 def band(sound: NDArray[np.float64], rate: int, low: float, high: float) -> NDArray[np.float64]:
@@ -186,27 +170,69 @@ def test_a_part_of_it(tmp_path, suffix):
 @pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
 @pytest.mark.parametrize("start", [Fraction(1, 2), Fraction(-1, 4)], ids=["late", "early"])
 def test_sound_that_starts_at_another_time(tmp_path, start, suffix):
-    """Late sound starts late; of early sound nothing is heard before the first picture."""
+    """Before late sound there is silence; of early sound nothing is heard before the first picture."""
     clip, target = write_sounds(tmp_path / "in.mp4", codec="aac", start=start), tmp_path / f"out{suffix}"
     slow(clip, target)
     expected = [2 * (float(start) + click + CLICK / 2) for click in CLICKS]
     assert clicks_of(target, expected, 0.25) == pytest.approx(expected, abs=0.03)
-    begins = [float(packets_of(path, "audio")[0][0]) for path in (clip, target)]
-    assert begins[1] == pytest.approx(max(0, 2 * begins[0]), abs=0.03)
     with av.open(str(target)) as file:
         assert next(file.decode(video=0)).pts == 0
 
 
-@pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
-def test_a_pause_stays_a_pause(tmp_path, suffix):
-    """Where the sound is interrupted, what comes behind is where it belongs."""
-    clip, target = write_sounds(tmp_path / "in.mkv", left_out=(0.5, 0.8)), tmp_path / f"out{suffix}"
-    slow(clip, target)
-    expected = [2 * click + CLICK for click in CLICKS]
-    assert clicks_of(target, expected, 0.25) == pytest.approx(expected, abs=0.03)
-    sound, rate = heard(target)
-    assert np.abs(sound[round(1.1 * rate) : round(1.5 * rate)]).max() == 0
-    assert len(sound) / rate == pytest.approx(4, abs=1024 / rate)
+SLOW = {"speed": "0.25@0.7-1.3"}
+TWICE = {"factor": 2, "slow_motion": True, "slow_motion_sound": "stretch"}
+NEITHER = {"start": Fraction(1, 2), "seconds": 1.2}
+
+
+@pytest.mark.parametrize(
+    ("suffix", "codec", "source", "curve", "silent", "clicks", "reasons"),
+    [
+        (".mp4", None, {}, SLOW, [(0.7, 3.1)], [0.405, 3.405], "from 0:00.700 to 0:03.100 (speed 0.25)"),
+        (".mp4", "ac3", {"layouts": ["5.1"]}, SLOW, [(0.7, 3.1)], [0.405, 3.405], "from 0:00.700 to 0:03.100 (speed"),
+        (".mkv", "flac", {}, {**SLOW, "slow_motion_sound": "stretch"}, [], [0.405, 1.92, 3.405], None),
+        (".mp4", None, {"left_out": (0.5, 0.8)}, TWICE, [(1, 1.6)], [0.81, 2.01, 3.21], None),
+        (".mkv", None, {"left_out": (0.5, 0.8)}, TWICE, [(1, 1.6)], [0.81, 2.01, 3.21], None),
+        (
+            *(".mov", "pcm", {}, {"retime": "0=0 2s=2s 3.6s=2s"}),
+            *([(2, 3.6)], [0.405, 1.005, 1.605], "from 0:02 to 0:03.600 (speed 0)"),
+        ),
+        (
+            *(".mkv", "opus", {}, {"retime": "0=0 1.3s=1.3s 2s=.6s 2.7s=1.3s 3.4s=2s"}),
+            *([(1.3, 2.7)], [0.405, 1.005, 3.005], "from 0:01.300 to 0:02.700 (speed -1, shown again, or too short)"),
+        ),
+        (
+            *(".webm", None, {}, {"retime": "0=0 1s=0 1.5s=.5s 2.5s=.75s 3.75s=2s"}, [(0, 1), (1.5, 2.5), (3.75, 3.8)]),
+            *([1.405, 2.755, 3.355], "from 0:00 to 0:01 (speed 0), from 0:01.500 to 0:02.500 (speed 0.25)"),
+        ),
+        (
+            *(".mkv", "mp3", NEITHER, {"retime": "0=0 1s=1s 2s=1s 3s=2s"}),
+            *([(0, 0.5), (1, 2), (2.7, 3)], [0.905, 2.505], "from 0:01 to 0:02 (speed 0)"),
+        ),
+        (
+            *(".mov", "pcm", NEITHER, {"retime": "0=0 1s=1s 15s=1s 16s=2s"}),
+            *([(0, 0.5), (1, 15), (15.7, 16)], [0.905, 15.505], "from 0:01 to 0:15 (speed 0)"),
+        ),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_what_a_curve_leaves_out_is_silence(tmp_path, suffix, codec, source, curve, silent, clicks, reasons):
+    """Samples, decoded one after the other, are silent there, and in the source's own pauses; clicks are in place."""
+    clip = write_sounds(tmp_path / "in.mkv", **{"layouts": ["mono", "stereo"], **source})
+    target, encoding = tmp_path / f"out{suffix}", Encoding(preset="8" if suffix == ".webm" else "ultrafast")
+    summary = convert(
+        str(clip), str(target), method="nearest", **grouped(**curve, encoding=replace(encoding, audio_codec=codec))
+    )
+    notes = [remark for remark in summary.remarks if "has no sound" in remark]
+    assert notes == [] if reasons is None else notes[0].startswith(f"{target} has no sound {reasons}")
+    length = len(pictures_of(target)) / 5
+    for track in range(len(source.get("layouts", "12"))):
+        sound, rate = heard(target, track)
+        assert len(sound) / rate == pytest.approx(length, abs=1536 / rate)
+        assert clicks_of(target, clicks, 0.25, track) == pytest.approx(clicks, abs=0.03)
+        for begin in np.arange(0.1, length - 0.1, 0.05):
+            level = np.sqrt(np.mean(sound[round(begin * rate) : round((begin + 0.05) * rate)] ** 2))
+            inside, near = (any(b - d < begin < e + d - 0.05 for b, e in silent) for d in (-0.05, 0.1))
+            assert (level < 1e-3) if inside else (near or level > 0.01)
 
 
 def test_channels_without_names(tmp_path):
