@@ -21,7 +21,7 @@ from fpsboost.errors import EncryptedError, OptionError, OutputError
 from fpsboost.io.output import Output, VideoFile
 from fpsboost.io.video.demuxer import open_video, scrambled_place
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.encoded_sound import can_encode, choose_sound_encoder, defaults, sound_encoders
+from fpsboost.io.video.encoded_sound import can_encode, choose_sound_encoder, defaults, named_layout, sound_encoders
 from fpsboost.io.video.encoding import containers, holds
 from fpsboost.io.video.pyav import open_input, trial_file
 from fpsboost.io.video.remarks import encrypted_stream_sentence
@@ -222,6 +222,19 @@ def headers_in(source: VideoFile) -> dict[int, tuple[bool, bool]]:
         return {stream.index: _headers_of(stream) for stream in file.streams}
 
 
+def add_copied(output: av.container.OutputContainer, stream: av.stream.Stream, container: str) -> av.stream.Stream:
+    """Add a stream for the packets of another one to an output.
+
+    FFmpeg's mp4 takes PCM only with a named channel layout, which AVI, Matroska and MXF do not give: there two channels
+    are taken for stereo and one for mono, as players do. More channels have no such usual order, and stay as they are.
+    """
+    target = output.add_stream_from_template(stream)
+    context: Any = target.codec_context if container == "mp4" and stream.type == "audio" else None
+    if context is not None and context.layout.nb_channels in (1, 2):
+        context.layout = named_layout(context.layout)
+    return target
+
+
 def is_text(stream: av.stream.Stream) -> bool:
     """Return whether a stream is text subtitles rather than bitmap subtitles."""
     context: Any = stream.codec_context
@@ -264,7 +277,7 @@ def _muxed(
     with trial_file() as path:
         try:
             with open_muxer(path, container, any_codec=any_codec) as output:
-                target = output.add_stream_from_template(stream)
+                target = add_copied(output, stream, container)
                 output.start_encoding()
                 packet: av.Packet[Any] = av.Packet(sample or bytes(64))
                 packet.stream, packet.pts, packet.dts, packet.duration = target, 0, 0, 1

@@ -22,7 +22,7 @@ from fpsboost.io.output import Output, VideoFile, Window
 from fpsboost.io.video.demuxer import is_cover_art, is_encrypted, open_video, read_packets
 from fpsboost.io.video.encoded_sound import EncodedSound, output_time
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, containers
-from fpsboost.io.video.fitting import Fitting, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
+from fpsboost.io.video.fitting import Fitting, add_copied, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
 from fpsboost.io.video.pyav import open_input, printable
 from fpsboost.io.video.remarks import Damage, counted, encrypted_stream_sentence, not_held_remark
 from fpsboost.io.video.tags import Labels, at_rate, copy_labels, find_timecode, frames_later, lost_labels, tags_for
@@ -144,7 +144,7 @@ class OtherStreams:
         elif is_kept and is_text(stream) and not fits(self._container, stream, None):
             self._add_converted(stream)
         elif is_kept or (stream.type == "data" and keeps_data(self._container, stream)):
-            self._add_target(stream, self._output.add_stream_from_template(stream))
+            self._add_target(stream, add_copied(self._output, stream, self._container))
         elif stream.type == "attachment" and _keeps(self._container, stream):
             self._output.add_stream_from_template(stream)
         elif stream.type == "data" and find_timecode(stream.metadata) and self._has_timecode:

@@ -276,6 +276,16 @@ def test_a_time_stamp_far_ahead_is_no_silence_of_hours(tmp_path):
     assert 0.9 * SAMPLES < len(heard(target)[0]) <= SAMPLES
 
 
+@pytest.mark.parametrize("layout", ["mono", "stereo"])
+@pytest.mark.parametrize("suffix", [".avi", ".mkv"])
+def test_pcm_without_a_named_layout_goes_into_mp4(tmp_path, suffix, layout):
+    """AVI and Matroska name no layout of PCM, and mp4 needs one: two channels are stereo, one is mono."""
+    clip, target = write_sounds(tmp_path / f"in{suffix}", [layout]), tmp_path / "out.mp4"
+    assert av.open(str(clip)).streams.audio[0].layout.name in ("1 channels", "2 channels")
+    assert double(clip, target) == []
+    assert np.array_equal(heard(target)[0], heard(clip)[0])
+
+
 def test_packets_shorter_than_the_clock(tmp_path):
     """Sound of which several packets share a millisecond, as TrueHD in Matroska, is encoded whole."""
     clip, target = tmp_path / "in.mkv", tmp_path / "out.mov"
