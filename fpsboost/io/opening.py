@@ -21,7 +21,7 @@ from fpsboost.io.images.source import ImageReading, ImageSource, is_pattern
 from fpsboost.io.output import Output
 from fpsboost.io.video.capture import CaptureSource
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.demuxer import check_is_no_playlist
+from fpsboost.io.video.demuxer import check_is_no_playlist, open_video
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES, containers, encodes_alpha
 from fpsboost.io.video.pipe import PipeSink, PipeSource
@@ -146,6 +146,10 @@ def _open_file(
     if Path(path).is_fifo():
         raise InputError(f"{path} is a named pipe, which is read only once; give it as standard input: - < {path}.")
     animated = is_animation(Path(path))
+    if extension_of(path) == ".jxl":
+        with open_video(Path(path), path) as file:
+            if file.format.name == "jpegxl_anim":
+                raise InputError(f"{path} is an animated JPEG XL, which cannot be read; convert it to .apng by djxl.")
     if not animated and Path(path).suffix.lower() in (*IMAGE_SUFFIXES, ".apng"):
         raise InputError(f"{path} is a single image; give its folder, or a pattern like shot_####.png.")
     _check_has_own_rate(decoding, path)

@@ -112,11 +112,12 @@ class AnimationSource(ClosesOnExit):
         if self._format == "GIF":  # which counts the repeats
             self.plays = 1 if loop is None else loop + 1 if loop else 0
         limit.check(self._name, *image.size)
+        self._first = int(getattr(image, "default_image", False))  # which an APNG has for viewers without animation
         try:
             for pixels, delay in self._decoded():
                 self._has_alpha |= bool((pixels[..., 3] < 255).any())
                 self._delays.append(delay)
-            is_whole = self._format == "GIF" or len(self._delays) == getattr(image, "n_frames", 1)
+            is_whole = self._format == "GIF" or self._first + len(self._delays) == getattr(image, "n_frames", 1)
         except Exception:
             is_whole = False
         if not self._delays:
@@ -154,7 +155,7 @@ class AnimationSource(ClosesOnExit):
             return
         file = opened(self._file)
         with suppress(EOFError):
-            for index in count():
+            for index in count(self._first):
                 file.seek(index)
                 image = np.ascontiguousarray(np.asarray(file.convert("RGBA"))[..., [2, 1, 0, 3]])
                 milliseconds = Fraction(file.info.get("duration") or 100)

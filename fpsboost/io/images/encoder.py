@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from fpsboost.errors import OutputError
-from fpsboost.frame import ClipInfo, Frame
+from fpsboost.frame import Frame
 from fpsboost.image import Image, type_names, view
 from fpsboost.io.images.exr import ExrHeader, encode_exr, read_exr_header
 from fpsboost.io.images.files import content_of, extension_of, keeps_alpha, types_kept
@@ -30,16 +30,6 @@ from fpsboost.io.images.sequence import NumberedImages
 _jpeg = ("JPEG", {"quality": 95})
 _webp = ("WEBP", {"lossless": True, "exact": True, "quality": 70})  # of the search for a small file
 _pillow_types: dict[str, tuple[str, dict[str, Any]]] = {".jpg": _jpeg, ".jpeg": _jpeg, ".webp": _webp}
-_largest_side = {".jpg": 65500, ".jpeg": 65500, ".webp": 16383}
-
-
-def check_size(target: str, extension: str, info: ClipInfo) -> None:
-    """Raise `OutputError`, which calls the images `target`, where they are too large for their type of file."""
-    largest = _largest_side.get(extension)
-    if largest is not None and max(info.height, info.width) > largest:
-        raise OutputError(
-            f"{target} cannot hold {info.width}x{info.height} pixels, {extension} ends at {largest}; use .png."
-        )
 
 
 def encode_image(path: Path, image: Image, *, half: bool = True, metadata: ImageMetadata | None = None) -> bytes:

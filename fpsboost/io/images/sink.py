@@ -14,7 +14,7 @@ from typing import Self
 
 from fpsboost.errors import CompleteAlreadyError, OptionError, OutputError, explained
 from fpsboost.frame import Frame
-from fpsboost.io.images.encoder import ImageEncoder, check_size
+from fpsboost.io.images.encoder import ImageEncoder
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
 from fpsboost.io.images.sequence import NumberedImages, Numbering
 from fpsboost.io.images.source import MOVING, is_pattern
@@ -270,13 +270,12 @@ class ImagePartSink(NumberedSink):
 
 
 def _check_type(output: Output, names: ImageNames) -> None:
-    """Raise `OutputError` unless the names are those of images that can be written, in this size."""
+    """Raise `OutputError` unless the names are those of images that can be written."""
     extension = extension_of(names.path(0).name)
     if extension not in IMAGE_SUFFIXES:
         raise OutputError(
             f"{output.path} names no type of image that can be written; use one of {', '.join(IMAGE_SUFFIXES)}."
         )
-    check_size(output.path, extension, output.info)
 
 
 def _is_folder(path: str) -> bool:
