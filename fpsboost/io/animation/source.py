@@ -157,7 +157,9 @@ class AnimationSource(ClosesOnExit):
         with suppress(EOFError):
             for index in count(self._first):
                 file.seek(index)
-                image = np.ascontiguousarray(np.asarray(file.convert("RGBA"))[..., [2, 1, 0, 3]])
+                # of 16-bit gray Pillow would clip all that is no 8-bit level
+                shown = file.point(lambda level: level * (1 / 256)) if file.mode == "I;16" else file
+                image = np.ascontiguousarray(np.asarray(shown.convert("RGBA"))[..., [2, 1, 0, 3]])
                 milliseconds = Fraction(file.info.get("duration") or 100)
                 # of an APNG, the quotient of two 16-bit numbers as float
                 yield image, (milliseconds / 1000).limit_denominator(MAX_DELAY_TERM)

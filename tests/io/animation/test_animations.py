@@ -8,7 +8,6 @@ import av
 import numpy as np
 import pytest
 from animation_truth import disc, plays_of, read_animation, write_animation
-from PIL import Image as Pictures
 from video_truth import pictures_of, scene, write_clip
 
 import fpsboost
@@ -74,6 +73,13 @@ def test_deep_apng(tmp_path):
     with AnimationSource(str(tmp_path / "out.apng")) as source:
         assert all(np.array_equal(frame.image, image >> 8) for frame, image in zip(source, images, strict=True))
         assert "16 bits per channel" in source.remarks[0]
+
+
+def test_deep_gray_apng(tmp_path):
+    """Gray of 16 bits is read as dark and as bright as FFmpeg shows it."""
+    path = write_clip(tmp_path / "in.apng", times=range(3), codec="apng", pixel_format="gray16be", container="apng")
+    truth = [picture.to_ndarray(format="gray").astype(int) for picture in pictures_of(path)]
+    assert all(np.abs(frame.image[..., 0] - gray).max() <= 1 for frame, gray in zip(read(path), truth, strict=True))
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -346,11 +352,9 @@ def test_an_animation_that_cannot_be_read_back_is_not_published(tmp_path, monkey
 
 def test_a_default_image_is_no_frame(tmp_path):
     """What an APNG shows where nothing moves is left out, if it is not part of the animation."""
-    images = [Pictures.fromarray(scene(index)) for index in range(3)]
-    images[0].save(tmp_path / "in.png", save_all=True, append_images=images[1:], default_image=True, duration=[70, 200])
-    frames = read(tmp_path / "in.png")
+    frames = read(write_animation(tmp_path / "in.png", list(map(scene, range(3))), [70, 200], default_image=True))
     assert [frame.duration for frame in frames] == [Fraction(7, 100), Fraction(1, 5)]
-    assert np.array_equal(frames[0].image, scene(1)[..., ::-1])
+    assert np.array_equal(frames[0].image, scene(1))
 
 
 def test_an_animated_jpeg_xl_is_refused(tmp_path):
