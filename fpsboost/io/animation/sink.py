@@ -104,9 +104,7 @@ class GifWriter(AnimationWriter):
     tick, shortest, longest = Fraction(1, 100), SHORTEST_GIF_DELAY, Fraction(65535, 100)
     largest_side, most_plays = 65535, 65536
 
-    def __init__(self, file: BinaryIO, plays: int, tick: Fraction) -> None:
-        super().__init__(file, plays, tick)
-        self._graph: av.filter.Graph | None = None
+    _graph: av.filter.Graph | None = None
 
     def loops(self, plays: int) -> int:
         return {0: 0, 1: -1}.get(plays, plays - 1)  # of FFmpeg: 0 for ever again, -1 for no repeat

@@ -29,6 +29,7 @@ from fpsboost.io.images.sequence import NumberedImages
 
 _jpeg = ("JPEG", {"quality": 95})
 _webp = ("WEBP", {"lossless": True, "exact": True, "quality": 70})  # of the search for a small file
+_short_names = {".jpeg": ".jpg", ".tiff": ".tif"}
 _pillow_types: dict[str, tuple[str, dict[str, Any]]] = {".jpg": _jpeg, ".jpeg": _jpeg, ".webp": _webp}
 
 
@@ -143,8 +144,8 @@ class ImageEncoder:
         if isinstance(frame.original, ImageFile):
             source = frame.original.path
             data = content_of(source, "leave the input as it is until all is done")
-            is_same = _one_name(extension_of(source.name)) == _one_name(extension_of(path.name))
-            if self.passes(source, frame.array, is_same=is_same):
+            ours, theirs = (_short_names.get(name, name) for name in map(extension_of, (path.name, source.name)))
+            if self.passes(source, frame.array, is_same=ours == theirs):
                 return data
         elif isinstance(frame.preceding, ImageFile) and frame.preceding.path != self._followed:
             self._follow(frame.preceding.path)
@@ -188,8 +189,3 @@ class ImageEncoder:
 
     def _remark(self, remarks: list[str]) -> None:
         self.remarks += [remark for remark in remarks if remark not in self.remarks]
-
-
-def _one_name(extension: str) -> str:
-    """Return the shorter of two extensions that stand for one type of file."""
-    return {".jpeg": ".jpg", ".tiff": ".tif"}.get(extension, extension)

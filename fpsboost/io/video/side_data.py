@@ -16,10 +16,11 @@ import av.filter
 from fpsboost.io.video.pyav import trial_file
 from fpsboost.io.video.ycc import graph_of
 
-unnamed_types = {28: "LCEVC", 29: "VIEW_ID", 30: "THREE_D_REFERENCE_DISPLAYS", 31: "EXIF"}
-"""Names of FFmpeg's types, by their numbers, that PyAV 18 has no name for; PyAV 19 has these."""
+ICC_PROFILE = 15  # FFmpeg's number of the type
+unnamed_types = {ICC_PROFILE: "ICC_PROFILE", 28: "LCEVC", 29: "VIEW_ID", 30: "THREE_D_REFERENCE_DISPLAYS", 31: "EXIF"}
+"""Names of FFmpeg's types, by their numbers, that PyAV is not asked for: PyAV 18 has no name for those from 28 on."""
 
-LAST_TYPE = 40  # number of the last type that is looked for; FFmpeg 8 has 33
+FIRST_UNNAMED, LAST_TYPE = 28, 40  # numbers of the types that are looked for; FFmpeg 8 ends at 33
 
 DYNAMIC_HDR, MASTERING = "dynamic HDR metadata", "HDR mastering data"
 words = {
@@ -88,13 +89,16 @@ def side_data_of(picture: av.VideoFrame) -> list[tuple[str, bytes]]:
     """Return the side data of a picture, by the name of its type in FFmpeg: ``DISPLAYMATRIX``.
 
     PyAV 18 gives none if it has no name for a type (EXIF of JPEG); FFmpeg's filter takes those away, which are empty.
+    So is the ICC profile of a PNG: its name belongs to FFmpeg, and PyAV would free it, too.
     """
     others: list[int] = []
+    if not picture.format.name.startswith("yuv") and filtered(picture, ["mode=select:type=ICC_PROFILE"]) is not None:
+        others, picture = [ICC_PROFILE], filtered(picture, ["mode=delete:type=ICC_PROFILE"]) or picture
     try:
         sides: Any = picture.side_data
     except ValueError:
-        numbers = range(min(unnamed_types), LAST_TYPE + 1)
-        others = [number for number in numbers if filtered(picture, [f"mode=select:type={number}"])]
+        numbers = range(FIRST_UNNAMED, LAST_TYPE + 1)
+        others += [number for number in numbers if filtered(picture, [f"mode=select:type={number}"])]
         named = filtered(picture, [f"mode=delete:type={number}" for number in others])
         sides = [] if named is None else named.side_data
     items: list[Any] = []

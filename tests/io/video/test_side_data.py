@@ -1,5 +1,6 @@
 """What files say of their pictures beside the samples: applied, kept, or named where an output lacks it."""
 
+import gc
 import struct
 from collections.abc import Sequence
 from fractions import Fraction
@@ -9,7 +10,8 @@ from typing import Any
 import av
 import numpy as np
 import pytest
-from video_truth import pictures_of, scene, write_clip
+from PIL import Image, ImageCms
+from video_truth import copy_packets, pictures_of, scene, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import InputError
@@ -53,17 +55,6 @@ def add_box(path: Path, addition: bytes) -> Path:
     data[end:end] = addition
     path.write_bytes(data)
     return path
-
-
-def remuxed(source: Path, target: Path) -> Path:
-    """The same video in another container, with the side data of its stream."""
-    with av.open(str(source)) as file, av.open(str(target), "w") as output:
-        stream = output.add_stream_from_template(file.streams.video[0], opaque=True)
-        for packet in file.demux(file.streams.video[0]):
-            if packet.size:
-                packet.stream = stream
-                output.mux(packet)
-    return target
 
 
 def message(kind: int, payload: bytes) -> bytes:
@@ -112,7 +103,7 @@ def test_a_crop_is_applied_and_said(tmp_path, suffix, pixel_format, crop):
     whole = [plane_arrays(picture) for picture in pictures_of(plain)]
     clip = add_box(plain, aperture)
     if suffix != ".mp4":
-        clip = remuxed(clip, tmp_path / f"in{suffix}")
+        clip = copy_packets(clip, tmp_path / f"in{suffix}")
     target = tmp_path / "out.mp4"
     encoding = Encoding(lossless=True, codec="h264")
     summary = convert(str(clip), str(target), method="blend", encoding=encoding)
@@ -223,6 +214,14 @@ def test_a_type_without_a_name_hides_no_other(tmp_path, orientation, matrix):
     assert probe(str(clip)).frames == 3
 
 
+def test_the_profile_of_a_png_is_found(tmp_path):
+    """Its name belongs to FFmpeg: PyAV, which would free it too, is not asked for it."""
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    Image.fromarray(scene(0)).save(tmp_path / "in.png", icc_profile=profile)
+    assert "ICC_PROFILE" in sides_of(tmp_path / "in.png")
+    gc.collect()  # else it would end the process at any time
+
+
 @pytest.mark.parametrize(
     ("kind", "data", "said"),
     [
@@ -258,7 +257,7 @@ def test_dolby_vision_without_ordinary_colours_is_refused(tmp_path, profile, com
     """It takes an option to convert it, and then a remark says that colours are wrong; `probe` says it beforehand."""
     clip = add_box(write_clip(tmp_path / "plain.mp4", times=range(3)), dolby_vision(profile, compatibility))
     if suffix != ".mp4":
-        clip = remuxed(clip, tmp_path / f"in{suffix}")
+        clip = copy_packets(clip, tmp_path / f"in{suffix}")
     if not is_refused:
         assert "Dolby Vision" not in remarks_of(clip, str(tmp_path / "out.mp4"), "h264")
         return
