@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
 from pathlib import Path
 
 
@@ -83,8 +84,22 @@ def say_seconds(seconds: float) -> str:
     return f"{seconds:.0f} s"
 
 
+def choose_one(value: str, choices: Collection[str]) -> str:
+    """Return the end of a message about a value that is none of many choices: the most similar one, or all.
+
+    Examples
+    --------
+    >>> choose_one("nml", ["nlm", "nlm-fast", "blend"])
+    "did you mean 'nlm'?"
+    >>> choose_one("magic", ["nlm", "blend"])
+    'choose one of nlm, blend.'
+    """
+    meant = get_close_matches(value.lower(), choices, 1)
+    return f"did you mean {meant[0]!r}?" if meant else f"choose one of {', '.join(choices)}."
+
+
 def check_choice(option: str, value: str, choices: Collection[str]) -> None:
-    """Raise `OptionError` unless a value is one of the choices; the message lists them."""
+    """Raise `OptionError` unless a value is one of a few choices; the message lists them."""
     if value not in choices:
         raise OptionError(f"{option} must be one of {', '.join(choices)}, not {value!r}.")
 

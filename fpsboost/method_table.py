@@ -13,7 +13,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 import numpy as np
 
 from fpsboost.analysis.scene_cuts import CutPolicy
-from fpsboost.errors import OptionError
+from fpsboost.errors import OptionError, check_choice, choose_one
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, view
 from fpsboost.interpolator import Interpolator
@@ -73,29 +73,71 @@ def find_method(method: str | Interpolator, vectors: RenderedVectors | None = No
     Parameters
     ----------
     method : str or Interpolator
-        A name from `fpsboost.methods`, or one that needs vectors: ``reproject-image`` or ``reproject-scene``. An object
-        is returned as it is.
+        A name from `fpsboost.methods`, or one that needs vectors: ``reproject-image`` or ``reproject-scene``. Options
+        of its estimator and synthesizer may follow: ``nlm:fusion=plain,patch-radius=4``. An object is returned as it
+        is.
     vectors : RenderedVectors, optional
         Such as a `VectorFolder`.
 
     Raises
     ------
     OptionError
-        The method is unknown, or vectors are missing or do not apply.
+        The method is unknown, or has no such option, or vectors are missing or do not apply.
 
     Examples
     --------
     >>> find_method("nlm") is methods["nlm"]
     True
+    >>> find_method("nlm:patch-radius=4").estimator.patch_radius
+    4
     """
     if isinstance(method, Interpolator):
         return method
+    name, options = split_method(method)
+    if name in methods and may_use_vectors(methods[name]) and "vectors" in options:
+        check_choice(f"In {method}: vectors", answer := options.pop("vectors"), ("yes", "no"))
+        vectors = vectors if answer == "yes" else None
+    interpolator = _named(name, vectors)
+    values = read_options(interpolator, name, options)
+    try:
+        return configure(interpolator, name, values) if values else interpolator
+    except OptionError as error:
+        raise OptionError(f"In {method}: {error}") from None
+
+
+def split_method(text: str) -> tuple[str, dict[str, str]]:
+    """Split ``NAME:option=value,option=value`` into the name of a method and its options, whose names get dashes.
+
+    Raises `OptionError` if an option has no value, or is given twice.
+
+    Examples
+    --------
+    >>> split_method("nlm:fusion=plain,patch-radius=4")
+    ('nlm', {'fusion': 'plain', 'patch-radius': '4'})
+    """
+    name, colon, rest = text.partition(":")
+    options = dict[str, str]()
+    for part in rest.split(",") if colon else ():
+        option, equals, value = (word.strip() for word in part.partition("="))
+        option = option.replace("_", "-")
+        if not (option and equals and value):
+            raise OptionError(f"{text!r} has an option without a value; write {name}:OPTION=VALUE.")
+        if option in options:
+            raise OptionError(f"{text!r} gives {option} twice; give it once.")
+        options[option] = value
+    return name.strip(), options
+
+
+def _named(method: str, vectors: RenderedVectors | None) -> Interpolator:
+    """Return the method of a plain name; see `find_method`."""
     if method in vector_methods:
         if vectors is None:
-            raise OptionError(f"The method {method!r} needs the renderer's motion vectors; give `vectors=DIR`.")
+            raise OptionError(
+                f"The method {method!r} needs the renderer's motion vectors; give `vectors=DIR`, or name another one."
+            )
         return vector_methods[method](vectors)
     if method not in methods:
-        raise OptionError(f"There is no method {method!r}; choose one of {', '.join([*methods, *vector_methods])}.")
+        raise OptionError(f"There is no method {method!r}; {choose_one(method, [*methods, *vector_methods])}")
     if vectors is None:
         return methods[method]
     if not may_use_vectors(methods[method]):
@@ -119,14 +161,16 @@ def configure(interpolator: Interpolator, method: str, options: Mapping[str, Any
     """
     estimator: Any = interpolator.estimator
     synthesizer: Any = interpolator.synthesizer
-    for name, value in options.items():
-        if name in {field.name for field in fields(estimator)}:
-            estimator = replace(estimator, **{name: value})
-        elif name in {field.name for field in fields(synthesizer)}:
-            synthesizer = replace(synthesizer, **{name: value})
-        else:
-            raise OptionError(f"`{name}` does not apply to the method {method!r}; leave it out.")
-    return replace(interpolator, estimator=estimator, synthesizer=synthesizer)
+    of_estimator, of_synthesizer = ({field.name for field in fields(part)} for part in (estimator, synthesizer))
+    for name in options.keys() - of_estimator - of_synthesizer:
+        raise OptionError(f"`{name}` does not apply to the method {method!r}; leave it out.")
+    return replace(
+        interpolator,
+        estimator=replace(estimator, **{name: value for name, value in options.items() if name in of_estimator}),
+        synthesizer=replace(
+            synthesizer, **{name: value for name, value in options.items() if name not in of_estimator}
+        ),
+    )
 
 
 def read_options(interpolator: Interpolator, method: str, texts: Mapping[str, str]) -> dict[str, Any]:
@@ -135,16 +179,11 @@ def read_options(interpolator: Interpolator, method: str, texts: Mapping[str, st
     Raises `OptionError` if the method has no such option, or a value is of another type.
     """
     types = {**_settable(interpolator.synthesizer), **_settable(interpolator.estimator)}
-    options = {}
-    for text, value in texts.items():
-        name = text.replace("-", "_")
-        if name not in types:
-            names = ", ".join(sorted(each.replace("_", "-") for each in types))
-            raise OptionError(
-                f"The method {method!r} has no option {text!r}; " + (f"it has {names}." if names else "it has none.")
-            )
-        options[name] = _read_value(text, value, types[name])
-    return options
+    types = {name.replace("_", "-"): kinds for name, kinds in types.items()}
+    for text in texts.keys() - types:
+        known = ", ".join(sorted(types)) or "none"
+        raise OptionError(f"The method {method!r} has no option {text!r}; it has {known}.")
+    return {text.replace("-", "_"): _read_value(text, value, types[text]) for text, value in texts.items()}
 
 
 def _settable(part: object) -> dict[str, tuple[Any, ...]]:
@@ -159,16 +198,12 @@ def _settable(part: object) -> dict[str, tuple[Any, ...]]:
 
 
 def _read_value(option: str, text: str, kinds: tuple[Any, ...]) -> Any:
-    choices = [choice for kind in kinds for choice in get_args(kind)]
+    is_switch = kinds == (bool,)
+    choices = ("true", "false") if is_switch else [choice for kind in kinds for choice in get_args(kind)]
     if choices:
-        if text not in choices:
-            raise OptionError(f"The option {option} must be one of {', '.join(choices)}, not {text!r}.")
-        return text
+        check_choice(f"The option {option}", text, choices)
+        return text == "true" if is_switch else text
     (kind,) = kinds
-    if kind is bool:
-        if text not in ("true", "false"):
-            raise OptionError(f"The option {option} must be true or false, not {text!r}.")
-        return text == "true"
     try:
         value = kind(text)
     except ValueError:

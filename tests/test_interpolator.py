@@ -401,8 +401,8 @@ def test_options_reach_the_estimator_and_the_synthesizer():
         ("block", {"pattern": "spiral"}, "`pattern` must be one of"),
         ("dis", {"cuts": None}, "`cuts` does not apply"),
         ("nlm", {"patch_radius": 99}, "`patch_radius` must be"),
-        ("nlm-exhaustive", {"iterations": 0}, "`iterations` must be"),
-        ("nlm-exhaustive", {"search": "magic"}, "`search` must be one of"),
+        ("nlm-exhaustive", {"iterations": 0}, "iterations must be"),
+        ("nlm-exhaustive", {"search": "magic"}, "search must be one of"),
     ],
 )
 def test_options_of_other_methods_and_bad_values_are_refused(method, options, message):

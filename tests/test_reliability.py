@@ -175,7 +175,7 @@ def test_names_that_are_too_long(fpsboost_, tmp_path, arguments):
     ("name", "sentence"),
     [
         ("fifo.mp4", "is a named pipe"),
-        ("folder.mp4", "holds no images"),
+        ("folder.mp4", "is empty"),
         ("loop.mp4", "Too many levels|does not exist"),
         ("dangling.mp4", "does not exist"),
         ("/dev/zero", "is not a video file"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 import atexit
 import gc
 import os
+import re
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -22,8 +23,10 @@ from traceback import walk_stack
 from types import FrameType
 from typing import Annotated, Literal
 
-from cyclopts import App, CycloptsError, Group, MissingArgumentError, Parameter, UnusedCliTokensError
+from cyclopts import App, CoercionError, CycloptsError, Group, MissingArgumentError, Parameter, UnusedCliTokensError
 from cyclopts.exceptions import UnknownOptionError
+from rich.console import Console
+from rich.table import Table
 
 from fpsboost.__main__ import stop_signals
 from fpsboost.cli.messages import (
@@ -40,12 +43,14 @@ from fpsboost.cli.messages import (
 )
 from fpsboost.cli.options import (
     GROUPS,
+    MAIN,
     CutOptions,
     JoinOptions,
     MessageOptions,
     MethodOptions,
     PathName,
     TuningOptions,
+    check_named_once,
     default_text,
     with_flags,
 )
@@ -86,6 +91,18 @@ EXAMPLES = """
   fpsboost compare in.mp4 --report page/               methods scored
 """
 
+SHORT_EXAMPLES = """
+[bold]Examples[/]
+  fpsboost in.mp4                                      twice: in-2x.mp4
+  fpsboost in.mp4 --fps 60                             a rate, not a factor
+  fpsboost in.mp4 --factor 4 --slow-motion             four times as long
+  fpsboost in.mp4 --speed 0.25@1:00-1:05               slower for 5 seconds
+  fpsboost in.mp4 out.mp4 --codec hevc --crf 26        a small file
+  fpsboost renders/ --in-place                         the missing images
+  fpsboost preview in.mp4                              before and after
+
+fpsboost --help lists all options, fpsboost COMMAND --help those of a command."""
+
 Shell = Literal["bash", "zsh", "fish"]
 
 SPLIT_AT_SPACES = 'COMPREPLY=( $(compgen -f -- "${cur}") )'
@@ -120,6 +137,7 @@ app = App(
     usage="Usage: fpsboost [OPTIONS] IN [OUT]\n       fpsboost [OPTIONS] IN... FOLDER\n       fpsboost COMMAND",
     help_epilogue=EXAMPLES.strip(),
     help_format="rich",
+    help_flags=("--help",),
     suppress_keyboard_interrupt=False,
     version=f"fpsboost {__version__}",
     group_commands=Group("Commands", sort_key=len(GROUPS) + 1),
@@ -205,6 +223,7 @@ def convert(
             raise OptionError(f"{input} is no command, and no file; did you mean fpsboost {names[meant]}?")
     paths = [input, *([] if output is None else [output]), *more]
     inputs = paths if run_options.in_place else paths[:-1]
+    check_named_once(inputs)
     if len(inputs) <= 1:
         run(input, None if run_options.in_place else output or batch.output_beside(input, rate))
         return
@@ -304,6 +323,33 @@ def completion_script(shell: Shell) -> str:
     return script + ZSH_ENTRY if shell == "zsh" else script
 
 
+def print_short_help() -> None:
+    """Print the main options, the commands and a few examples, on standard output."""
+    table = Table.grid(padding=(0, 2))
+    for argument in app.assemble_argument_collection().filter_by(group=GROUPS[MAIN]):
+        given = argument.parameter
+        table.add_row("", " ".join(filter(None, [*argument.names, given.metavar])), literal(given.help or ""))
+    commands = ", ".join(name for name in app if not name.startswith("-"))
+    parts = app.usage, f"\n{app.help}\n\n[bold]{MAIN}[/]", table, f"\n[bold]Commands[/]\n  {commands}", SHORT_EXAMPLES
+    Console(highlight=False).print(*parts, sep="\n")
+
+
+def check_dashes(tokens: Sequence[str]) -> None:
+    """Raise `OptionError` where a long option has one dash, which the parser takes for short ones: ``-fps`` for -f ps.
+
+    Or a longer dash, which programs that set text make of two.
+    """
+    for token, following in pairwise([*tokens, ""]):
+        found = re.fullmatch("[-\N{HYPHEN}-\N{HORIZONTAL BAR}\N{MINUS SIGN}]([a-z][a-z-]+)(=.*)?", token)
+        if found is None:
+            continue
+        _, apps, _ = app.parse_commands(tokens)
+        arguments = {name: each for each in apps[-1].assemble_argument_collection() for name in each.names}
+        for meant in get_close_matches(f"--{found[1]}", arguments, 1, 0.8):
+            value = found[2] or ("" if arguments[meant].hint is bool or following[:1] == "-" else f" {following}")
+            raise OptionError(f"{token} is no option; write {meant}{value.rstrip()}, with two dashes.")
+
+
 def _end_at_once() -> None:
     """Leave out searches for cycles at the end, a second with numba; OpenImageIO prints what of it is left, so one."""
     gc.disable()
@@ -324,19 +370,29 @@ def main() -> None:
         run_command(texts)
 
 
+def execute(tokens: Sequence[str]) -> None:
+    """Run the command that some words of the command line ask for, or print its help."""
+    check_dashes(tokens)
+    if tokens[0] in app:
+        tokens = ["--help" if token == "-h" else token for token in tokens]
+        if tokens[0] != "join":  # the others have no details to say but tracebacks
+            tokens = [token for token in tokens if token != "--verbose"]
+    if "-h" in tokens:
+        print_short_help()
+    else:
+        app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
+
+
 def run_command(texts: LibraryTexts) -> None:
     """Run the command line; exit with a code above 0 unless it succeeds."""
     errors = console()
-    tokens = [PIPE if token == "-" else token for token in sys.argv[1:]] or ["--help"]
+    tokens = [PIPE if token == "-" else token for token in sys.argv[1:]] or ["-h"]
     quiet = bool({"--quiet", "-q"} & set(tokens))
     in_json = "--progress=json" in tokens or ("--progress", "json") in pairwise(tokens)
     verbose = "--verbose" in tokens
-    commands = [name for name in app if not name.startswith("-")]
-    if tokens[0] in commands and tokens[0] != "join":  # the others have no details to say but tracebacks
-        tokens = [token for token in tokens if token != "--verbose"]
     try:
-        with all_explained([token for token in tokens if token not in commands]), standard_output_finished():
-            app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
+        with all_explained([token for token in tokens if token not in app]), standard_output_finished():
+            execute(tokens)
         if texts.sentence() and in_json:
             print_object(remarks=[texts.sentence()])
         elif texts.sentence() and not quiet:
@@ -372,6 +428,9 @@ def _usage_sentence(error: CycloptsError, command: str) -> str:
         if any(flag in argument.names for argument in app.assemble_argument_collection()):
             return f"{command} does not take {flag}, an option of conversions."
     name = getattr(error.argument, "name", "-")
+    if isinstance(error, CoercionError) and error.token is not None and error.target_type in (int, float):
+        number = "a whole number" if error.target_type is int else "a number"
+        return f"{name} must be {number}, not {error.token.value!r}."
     return str(error) if name.startswith("-") or not isinstance(error, MissingArgumentError) else f"{name} is missing."
 
 

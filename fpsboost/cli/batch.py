@@ -39,15 +39,13 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
     looks_like_file = not is_folder and extension_of(folder) in (*OUTPUT_SUFFIXES, *IMAGE_SUFFIXES)
     if is_file or looks_like_file or is_pattern(folder):
         raise OptionError(f"{folder} is no folder, and {len(inputs)} inputs need one; name a folder last.")
-    outputs: dict[str, str] = {}
+    outputs = [_choose_output(path, Path(folder)) for path in inputs]
     by_output: dict[str, str] = {}
-    for path in inputs:
-        output = _choose_output(path, Path(folder))
+    for path, output in zip(inputs, outputs, strict=True):
         clash = by_output.setdefault(output.casefold(), path)  # many file systems ignore case
-        if path in outputs or clash != path:
+        if clash != path:
             raise OptionError(f"{clash} and {path} would both become {output}; convert one of them by itself.")
-        outputs[path] = output
-    return list(outputs.values())
+    return outputs
 
 
 def output_beside(input: str, rate: OutputRate) -> str:

@@ -23,8 +23,17 @@ from rich.table import Column, Table
 
 from fpsboost.cli import messages
 from fpsboost.cli.messages import literal, sentence
-from fpsboost.cli.options import GROUPS, ContestOptions, CutOptions, HidingOptions, PathName, ResultOptions, with_flags
-from fpsboost.errors import OptionError
+from fpsboost.cli.options import (
+    GROUPS,
+    ContestOptions,
+    CutOptions,
+    HidingOptions,
+    PathName,
+    ResultOptions,
+    check_named_once,
+    with_flags,
+)
+from fpsboost.errors import OptionError, choose_one
 from fpsboost.io.new_output import check_new_folder, check_writable
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.options import words_of_options
@@ -84,7 +93,7 @@ def compare(
     if results.fail_under is not None:
         if not math.isfinite(results.fail_under):
             raise OptionError(f"--fail-under must be a number of decibels, not {results.fail_under}.")
-        asked = split_methods(contest.methods)[0].text
+        asked = split_methods(contest.methods)[0]
         if ours and asked in skipped:
             raise OptionError(f"--fail-under asks about {asked}, which cannot be run here; name another method first.")
     metrics = choose_metrics(results.metrics)
@@ -169,9 +178,7 @@ def check_several(inputs: Sequence[str], contest: ContestOptions) -> None:
     rendered = contest.rendered
     if any("{in}" not in path for path in (rendered.vectors, rendered.depth) if path is not None):
         raise OptionError("--vectors and --depth are of one clip; for several, write {in} for it, as in {in}/vectors.")
-    twice = next((input for input in inputs if inputs.count(input) > 1), None)
-    if twice is not None:
-        raise OptionError(f"{twice} is named twice; name it once.")
+    check_named_once(inputs)
 
 
 def match_vectors(clip: str, vectors: VectorFolder) -> VectorFolder:
@@ -247,11 +254,15 @@ class Progressing(ExitStack):
         super().__init__()
         console = Console(stderr=True)
         columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} frames")
-        hidden = quiet or not console.is_terminal
-        progress = Progress(
-            *columns, TimeRemainingColumn(compact=True), console=console, transient=True, disable=hidden
+        self._progress = self.enter_context(
+            Progress(
+                *columns,
+                TimeRemainingColumn(compact=True),
+                console=console,
+                transient=True,
+                disable=quiet or not console.is_terminal,
+            )
         )
-        self._progress = self.enter_context(progress)
         self._task: TaskID | None = None
 
     def begin(self, name: str, frames: int | None) -> None:
@@ -262,43 +273,24 @@ class Progressing(ExitStack):
             self._progress.advance(self._task)
 
 
-class NamedMethod(NamedTuple):
-    """Method given by ``--methods``."""
-
-    text: str
-    """Text as the user wrote it, which names the method in tables."""
-    name: str
-    options: dict[str, str]
-
-
-def split_methods(texts: Sequence[str]) -> list[NamedMethod]:
-    """Parse ``--methods``: names separated by commas, each with options after a colon.
+def split_methods(texts: Sequence[str]) -> list[str]:
+    """Split ``--methods`` into methods with their options, as `fpsboost.method_table.split_method` reads them.
 
     No name contains an equals sign and every option does, so commas can separate both methods and options.
     """
-    methods: list[NamedMethod] = []
+    methods: list[str] = []
     for text in texts:
         for place, part in enumerate(word.strip() for word in text.split(",")):
-            name, colon, option = part.partition(":")
-            if "=" in part and not (colon and "=" not in name):  # an option of the method before
-                if place == 0 or ":" not in methods[-1].text:
+            name = part.partition(":")[0]
+            if "=" in name:  # an option of the method before
+                if place == 0 or ":" not in methods[-1]:
                     raise OptionError(f"{part!r} belongs to no method; write METHOD:{part}.")
-                methods[-1] = _with_option(methods[-1], f"{methods[-1].text},{part}", part)
-                continue
-            if not name:
+                methods[-1] += f",{part}"
+            elif not name:
                 raise OptionError(f"--methods {text!r} lacks a name; write names with commas between them.")
-            method = NamedMethod(part, name.strip(), {})
-            methods.append(_with_option(method, part, option) if colon else method)
+            else:
+                methods.append(part)
     return methods
-
-
-def _with_option(method: NamedMethod, text: str, part: str) -> NamedMethod:
-    option, equals, value = (word.strip() for word in part.partition("="))
-    if not (option and equals and value):
-        raise OptionError(f"{method.text!r} has an option without a value; write {method.name}:OPTION=VALUE.")
-    if option in method.options:
-        raise OptionError(f"{text!r} gives {option} twice; give it once.")
-    return NamedMethod(text, method.name, {**method.options, option: value})
 
 
 def choose(
@@ -306,41 +298,33 @@ def choose(
 ) -> tuple[dict[str, Contestant], dict[str, str]]:
     """Return the methods of ``--methods``, and those that cannot be run with the reason."""
     from fpsboost.evaluation.contestants import method_names  # noqa: PLC0415
-    from fpsboost.method_table import vector_methods  # noqa: PLC0415
+    from fpsboost.method_table import split_method, vector_methods  # noqa: PLC0415
 
     names = method_names()
     contestants: dict[str, Contestant] = {}
     skipped: dict[str, str] = {}
     for method in split_methods(texts):
-        for candidate in [NamedMethod(name, name, {}) for name in names] if method.text == "all" else [method]:
-            if candidate.name not in names:
-                raise OptionError(f"There is no method {candidate.name!r}; choose from {', '.join(names)}, or all.")
-            if candidate.name in vector_methods and vectors is None:
-                skipped[candidate.text] = "it needs the renderer's motion vectors (--vectors)"
+        for text in names if method == "all" else [method]:
+            name, options = split_method(text)
+            if name not in names:
+                raise OptionError(f"There is no method {name!r}; {choose_one(name, [*names, 'all'])}")
+            if name in vector_methods and vectors is None:
+                skipped[text] = "it needs the renderer's motion vectors (--vectors)"
                 continue
-            contestants[candidate.text] = _make(candidate, vectors, cuts)
+            contestants[text] = _make(text, name, options, vectors, cuts)
     return contestants, skipped
 
 
-def _make(method: NamedMethod, vectors: VectorFolder | None, cuts: CutOptions) -> Contestant:
+def _make(text: str, name: str, options: dict[str, str], vectors: VectorFolder | None, cuts: CutOptions) -> Contestant:
+    """Return a method of ``--methods``, whose text is split into its name and options."""
     from fpsboost.evaluation.contestants import MINTERPOLATE, InterpolatorContestant, Minterpolate  # noqa: PLC0415
-    from fpsboost.method_table import configure, find_method, may_use_vectors, methods, read_options  # noqa: PLC0415
+    from fpsboost.method_table import find_method, may_use_vectors, methods  # noqa: PLC0415
 
-    if method.name == MINTERPOLATE:
-        return Minterpolate.with_options(method.options)
-    texts = dict(method.options)
-    if method.name in methods:  # as in conversions, vectors are used where they can be
-        answer = texts.pop("vectors", "yes") if may_use_vectors(methods[method.name]) else "no"
-        if answer not in ("yes", "no"):
-            raise OptionError(f"In {method.text}: vectors must be yes or no, not {answer!r}.")
-        vectors = vectors if answer == "yes" else None
-    interpolator = find_method(method.name, vectors)
-    options = read_options(interpolator, method.name, texts)
-    try:
-        configured = configure(interpolator, method.name, options)
-    except OptionError as error:
-        raise OptionError(f"In {method.text}: {error}") from None
-    return InterpolatorContestant(cuts.applied_to(configured))
+    if name == MINTERPOLATE:
+        return Minterpolate.with_options(options)
+    if name in methods and not may_use_vectors(methods[name]):
+        vectors = None
+    return InterpolatorContestant(cuts.applied_to(find_method(text, vectors)))
 
 
 class Others(NamedTuple):
@@ -376,19 +360,19 @@ def name_others(frames: Sequence[str], peers: Sequence[str]) -> Others:
     from fpsboost.evaluation.contestants import method_names  # noqa: PLC0415
     from fpsboost.evaluation.peers import split_command  # noqa: PLC0415
 
-    taken = set(method_names()) | {"all", "truth"}
-    by_option: dict[str, dict[str, str]] = {"--frames": {}, "--peer": {}}
-    for option, value, text in [
-        *(("--frames", "FOLDER", word) for word in frames),
-        *(("--peer", "'COMMAND {in} {out}'", word) for word in peers),
-    ]:
-        name, equals, rest = (word.strip() for word in text.partition("="))
-        if not (name and equals and rest):
-            raise OptionError(f"{option} {text!r} lacks a name or what it names; write {option} NAME={value}.")
-        if name in taken or ":" in name:
-            raise OptionError(f"{option} {name!r} is the name of another method; choose one of your own.")
-        taken.add(name)
-        by_option[option][name] = rest
-    for name, command in by_option["--peer"].items():
+    others = Others({}, {})
+    taken = {*method_names(), "all", "truth"}
+    for option, texts, value, found in (
+        ("--frames", frames, "FOLDER", others.folders),
+        ("--peer", peers, "'COMMAND {in} {out}'", others.commands),
+    ):
+        for text in texts:
+            name, _, rest = (word.strip() for word in text.partition("="))
+            if not (name and rest):
+                raise OptionError(f"{option} {text!r} lacks a name or what it names; write {option} NAME={value}.")
+            if name in taken | others.folders.keys() | others.commands.keys() or ":" in name:
+                raise OptionError(f"{option} {name!r} is the name of another method; choose one of your own.")
+            found[name] = rest
+    for name, command in others.commands.items():
         split_command(name, command)
-    return Others(by_option["--frames"], by_option["--peer"])
+    return others

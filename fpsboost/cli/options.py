@@ -6,8 +6,9 @@ Heavy modules are imported only when an option is used, so that --help need not 
 from __future__ import annotations
 
 import inspect
+import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin, get_type_hints
@@ -35,12 +36,25 @@ else:
     PathName = str | Path
 
 
-METHODS = (
-    *("nlm", "nlm-fast", "blend", "nearest", "nlm-exhaustive", "nlm-brute-force", "nlm-passes"),
-    *("reproject-image", "reproject-scene", "dis", "farneback", "tvl1", "dis-warp", "tvl1-warp", "farneback-warp"),
-    "block",
+METHOD_KINDS = {
+    "": ("nlm", "nlm-fast", "blend", "nearest"),
+    'of the report "Image-based Reprojection Using a Non-local Means Algorithm"': (
+        *("nlm-exhaustive", "nlm-brute-force", "nlm-passes"),
+    ),
+    "with --vectors": ("reproject-image", "reproject-scene"),
+    "for comparison": ("dis", "farneback", "tvl1", "dis-warp", "tvl1-warp", "farneback-warp", "block"),
+}
+"""Methods by what they are for, as the help lists them: those of `fpsboost.method_table`,
+which takes a second to import."""
+
+METHODS = tuple(name for names in METHOD_KINDS.values() for name in names)
+"""Names that a shell proposes."""
+
+METHOD_HELP = (
+    "Methods: "
+    + "; ".join(f"{kind}: {', '.join(names)}".removeprefix(": ") for kind, names in METHOD_KINDS.items())
+    + ".\nOptions of a method follow its name: nlm:fusion=plain,patch-radius=4."
 )
-"""Names that a shell proposes; those of `fpsboost.method_table`, which takes a second to import."""
 
 
 @dataclass(frozen=True)
@@ -70,18 +84,34 @@ class RenderedOptions:
 
 
 @dataclass(frozen=True)
+class TuningOptions:
+    """Some options of methods as flags: ``--patch-radius 4`` stands for ``--method nlm:patch-radius=4``.
+
+    They are named like the fields of estimators and synthesizers. None leaves what the method has.
+    """
+
+    patch_radius: int | None = option(None, "nlm*: patch radius, pixels.")
+    v: float | None = option(None, "nlm*: similarity bandwidth, for colours from 0 to 1.")
+    search_radius: int | None = option(None, "nlm-exhaustive: largest motion, pixels; else auto.")
+    block_size: int | None = option(None, "block: block size, pixels.")
+    search_range: int | None = option(None, "block: largest motion, pixels.")
+    pattern: Literal["full", "three-step", "diamond"] | None = option(
+        None, "block: search pattern, full, three-step or diamond."
+    )
+
+    def behind(self, method: str) -> str:
+        """Return a method with the options that are given behind its name and its own."""
+        given = ",".join(f"{name}={value}" for name, value in asdict(self).items() if value is not None)
+        return f"{method}{',' if ':' in method else ':'}{given}" if given else method
+
+
+@dataclass(frozen=True)
 class MethodOptions:
     """Method by name, and what it gets beside the frames."""
 
     method: str = option(
         "nlm",
-        "nlm, nlm-fast, blend or nearest;\n"
-        'of the report "Image-based Reprojection Using a\n'
-        'Non-local Means Algorithm": nlm-exhaustive,\n'
-        "nlm-brute-force, nlm-passes (slow, OpenCV alone);\n"
-        "with --vectors: reproject-image, reproject-scene;\n"
-        "for comparison: dis, farneback, tvl1, dis-warp,\n"
-        "tvl1-warp, farneback-warp, block, codec.",
+        "nlm, nlm-fast, blend...; --help lists all.",
         short="m",
         choices=METHODS,
     )
@@ -91,36 +121,12 @@ class MethodOptions:
     below: float = option(0.4, "Motion is unsure below this confidence.")
     rendered: RenderedOptions = RenderedOptions()
 
-    def interpolator(self, tuning: TuningOptions) -> Interpolator:
-        from fpsboost.method_table import configure, find_method  # noqa: PLC0415
+    def interpolator(self, tuning: TuningOptions = TuningOptions()) -> Interpolator:
+        from fpsboost.method_table import find_method  # noqa: PLC0415
 
-        interpolator = configure(find_method(self.method, self.rendered.folder), self.method, tuning.given)
+        interpolator = find_method(tuning.behind(self.method), self.rendered.folder)
         interpolator = replace(interpolator, match_grain=self.match_grain, uncertain=self.uncertain, below=self.below)
         return interpolator if self.duplicates == "interpolate" else replace(interpolator, duplicates=None)
-
-
-@dataclass(frozen=True)
-class TuningOptions:
-    """Options of single methods, named like the fields of their estimators and synthesizers; None for their own."""
-
-    patch_radius: int | None = option(None, "nlm*: patch radius, pixels.")
-    v: float | None = option(None, "nlm*: similarity bandwidth, for colours from 0 to 1.")
-    search_radius: int | None = option(None, "nlm-exhaustive: largest motion, pixels; else auto.")
-    window: Literal["box", "gaussian"] | None = option(None, "nlm-exhaustive: patch window, box or gaussian.")
-    implementation: Literal["fused", "passes"] | None = option(None, "nlm-exhaustive: fused kernel or OpenCV passes.")
-    search: Literal["iterative", "brute-force"] | None = option(
-        None, "Search for source pixels: iterative or brute-force."
-    )
-    iterations: int | None = option(None, "Limit of the iterative search; else 10.")
-    block_size: int | None = option(None, "block: block size, pixels.")
-    search_range: int | None = option(None, "block: largest motion, pixels.")
-    pattern: Literal["full", "three-step", "diamond"] | None = option(
-        None, "block: search pattern, full, three-step or diamond."
-    )
-
-    @property
-    def given(self) -> dict[str, Any]:
-        return {name: value for name, value in asdict(self).items() if value is not None}
 
 
 @dataclass(frozen=True)
@@ -128,7 +134,7 @@ class CutOptions:
     """Options for where scenes end, and for what is shown there."""
 
     at_cuts: Literal["repeat", "blend", "extrapolate"] = option("repeat", "At a cut: repeat, blend or extrapolate.")
-    cut_threshold: float | None = option(None, "Largest match score of a cut, 0 to 1; else 0.5.")
+    cut_threshold: float | None = option(None, "Frames less alike than this are a cut: 0 to 1; else 0.5.")
     no_cuts: bool = option(False, "Treat the clip as one scene.")
     cuts: str | None = option(None, "Cut list: a time or frame per line, or PySceneDetect's.", metavar="FILE")
 
@@ -272,6 +278,15 @@ option_classes = (
     *(PlanOptions, PlannedMethodOptions, MergeOptions, JoinOptions, PreviewOptions),
 )
 
+
+def check_named_once(inputs: Sequence[str]) -> None:
+    """Raise `OptionError` if one of several clips is named twice, in whatever way."""
+    places = [os.path.realpath(path) for path in inputs]
+    twice = next((path for path, place in zip(inputs, places, strict=True) if places.count(place) > 1), None)
+    if twice is not None:
+        raise OptionError(f"{twice} is named twice; name it once.")
+
+
 QUOTES = "'\""
 
 flag_names = {flag.field: flag.name for cls in option_classes for flag in flags_of(cls)}
@@ -294,13 +309,22 @@ def in_flags(sentence: str) -> str:
 
 PATH_METAVARS = ("DIR", "FILE", "IN")  # placeholders of options that are names of files and folders
 
+MAIN = "Main options"
+
 GROUPS = {
-    name: Group(name, sort_key=place)
+    name: Group(name, METHOD_HELP if name == "Method" else "", sort_key=place)
     for place, name in enumerate(
-        ["Input", "Rate", "Method", "Scenes", "Encoding", "Streams", "Side outputs", "Run", "Method options"], start=1
+        [
+            *(MAIN, "Rate", "Method", "Encoding", "Input", "Scenes", "Streams", "Side outputs", "Run"),
+            "Method options",
+        ],
+        start=1,
     )
 }
 """Groups of options in the help of a conversion."""
+
+MAIN_OPTIONS = ("--factor", "--fps", "--slow-motion", "--speed", "--method", "--codec", "--crf", "--in-place")
+"""Options that come first in the help of a conversion, and alone in the short one: those that README explains."""
 
 _metavars = {
     **{"Literal": "HOW", "Fraction": "RATE", "Position": "TIME", "MemoryLimit": "SIZE"},
@@ -358,10 +382,12 @@ def parameter_of(flag: Flag, group: Group | None) -> inspect.Parameter:
         if flag.option.choices:
             proposed: Any = Literal[flag.option.choices] | str  # parsed like a text, with choices for a shell
             kind = tuple[proposed, ...] if get_origin(kind) is tuple else proposed
+    group = GROUPS[flag.option.group] if flag.option.group else group
+    is_main = group in GROUPS.values() and flag.name in MAIN_OPTIONS
     more = Parameter(
         name=[flag.name, f"-{flag.option.short}"] if flag.option.short else flag.name,
         help=in_flags(flag.option.help),
-        group=GROUPS[flag.option.group] if flag.option.group else group,
+        group=GROUPS[MAIN] if is_main else group,
         metavar=metavar or None,
     )
     return inspect.Parameter(

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from fpsboost.cli.messages import console, literal, sentence
-from fpsboost.cli.options import MethodOptions, PathName, PlannedMethodOptions, TuningOptions, with_flags
+from fpsboost.cli.options import MethodOptions, PathName, PlannedMethodOptions, with_flags
 from fpsboost.rerender.options import MergeOptions, PlanOptions
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def plan(
     """
     from fpsboost.rerender.planning import plan_rerender  # noqa: PLC0415
 
-    interpolator = MethodOptions(motion.method, rendered=motion.rendered).interpolator(TuningOptions())
+    interpolator = MethodOptions(motion.method, rendered=motion.rendered).interpolator()
     with Console(stderr=True, quiet=motion.quiet).status("making frames whose truth is known"):
         table = plan_table(plan_rerender(input, folder, options, method=interpolator), folder)
     if not motion.quiet:

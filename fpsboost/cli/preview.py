@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Group, Parameter
 from rich.console import Console
 
 from fpsboost.cli.batch import clip_name, output_beside
-from fpsboost.cli.compare import choose, split_methods
+from fpsboost.cli.compare import split_methods
 from fpsboost.cli.messages import literal, sentence
-from fpsboost.cli.options import GROUPS, CutOptions, PathName, PreviewOptions, in_flags, with_flags
+from fpsboost.cli.options import GROUPS, CutOptions, MethodOptions, PathName, PreviewOptions, in_flags, with_flags
 from fpsboost.errors import OptionError
 from fpsboost.io.new_output import check_writable
 from fpsboost.io.opening import PIPES
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.options import words_of, words_of_options
+from fpsboost.options import words_of_options
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import OutputRate
-
-if TYPE_CHECKING:
-    from fpsboost.interpolator import Interpolator
 
 
 @with_flags
@@ -34,7 +30,7 @@ def preview(
     *,
     options: Annotated[PreviewOptions, Group("Preview", sort_key=0)],
     decoding: Annotated[DecodeOptions, GROUPS["Input"]],
-    rate: Annotated[OutputRate, GROUPS["Rate"]],
+    rate: Annotated[OutputRate, Group("Rate", sort_key=1)],
     cuts: Annotated[CutOptions, GROUPS["Scenes"]],
 ) -> None:
     """Show passages of a clip before and after, and estimate the time of the whole conversion.
@@ -59,7 +55,8 @@ def preview(
     check_writable(place, str(place), [Path(input)], options.overwrite)
     if options.side_by_side is not None:
         check_video(Target.parse(options.side_by_side), [Path(input)], overwrite=options.overwrite)
-    methods = _methods(options, cuts)
+    motions = [MethodOptions(text, options.duplicates, options.match_grain) for text in split_methods(options.methods)]
+    methods = {motion.method: cuts.applied_to(motion.interpolator()) for motion in motions}
     output = output_beside(input, rate)
     job = ConversionJob(input, output, rate, next(iter(methods.values())), decoding)
     console = Console(highlight=False, quiet=options.quiet)
@@ -73,7 +70,7 @@ def preview(
         )
         result.remarks = [in_flags(remark) for remark in result.remarks]
         status.update("writing the page")
-        words = ["fpsboost", input, output, *_method_words(options), *words_of_options(decoding, rate, cuts)]
+        words = ["fpsboost", input, output, *words_of_options(motions[0], decoding, rate, cuts)]
         write_page(place, result, shlex.join(words), overwrite=options.overwrite)
         if options.side_by_side is not None:
             write_video(options.side_by_side, result, overwrite=options.overwrite)
@@ -84,30 +81,3 @@ def preview(
     if options.side_by_side is not None:
         console.print(f"Video: {literal(options.side_by_side)}", soft_wrap=True)
     console.print(f"Page: {literal(str(place))}", soft_wrap=True)
-
-
-def _methods(options: PreviewOptions, cuts: CutOptions) -> dict[str, Interpolator]:
-    """Return the methods by their names; raise `OptionError` if one is none of this package."""
-    from fpsboost.evaluation.contestants import InterpolatorContestant  # noqa: PLC0415
-    from fpsboost.interpolator import Interpolator  # noqa: PLC0415
-
-    contestants, skipped = choose(options.methods, None, cuts)
-    methods, others = dict[str, Interpolator](), list(skipped)
-    for name, contestant in contestants.items():
-        if isinstance(contestant, InterpolatorContestant):
-            method = replace(contestant.interpolator, match_grain=options.match_grain)
-            methods[name] = method if options.duplicates == "interpolate" else replace(method, duplicates=None)
-        else:
-            others.append(name)
-    if others:
-        raise OptionError(f"A preview cannot show {', '.join(others)}; leave it out of --methods.")
-    return methods
-
-
-def _method_words(options: PreviewOptions) -> list[str]:
-    first = split_methods(options.methods)[0]
-    chosen = {"--method": first.name, **{f"--{name}": value for name, value in first.options.items()}}
-    if first.text == "nlm":
-        chosen = {}
-    kept = {"--duplicates": options.duplicates if options.duplicates == "keep" else None}
-    return list(words_of({**chosen, **kept, "--match-grain": options.match_grain}))

@@ -121,7 +121,7 @@ class Minterpolate:
         for text, value in texts.items():
             name = text.replace("-", "_")
             if not re.fullmatch(r"\w+", name) or not re.fullmatch(r"[\w.+-]+", value) or name == "fps":
-                raise OptionError(f"minterpolate takes no {text}={value} here; see ffmpeg -h filter=minterpolate.")
+                raise OptionError(f"minterpolate takes no {name}={value} here; see ffmpeg -h filter=minterpolate.")
             options[name] = value
         return cls(":".join(f"{name}={value}" for name, value in options.items()))
 

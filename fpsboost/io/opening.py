@@ -17,7 +17,7 @@ from fpsboost.io.animation.source import AnimationSource, is_animation
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, keeps_alpha
 from fpsboost.io.images.layers import ALL, BEAUTY
 from fpsboost.io.images.sink import ImagePartSink, ImageSink
-from fpsboost.io.images.source import ImageReading, ImageSource, is_pattern
+from fpsboost.io.images.source import ImageReading, ImageSource, find_images, is_pattern
 from fpsboost.io.output import Output
 from fpsboost.io.video.capture import CaptureSource
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -80,7 +80,6 @@ def open_source(
     if input_fps is not None and not MIN_IMAGE_RATE <= input_fps <= MAX_IMAGE_RATE:
         raise OptionError(f"`input_fps` must be 0.001 to 100000, not {input_fps}.")
     with explained(InputError, "read", path, "check the name and the permissions"):
-        is_images = stands_for_images(path)
         given = {"`fill_gaps`": fill_gaps, "`passes`": decoding.passes is not None, "`view`": decoding.view != "none"}
         for option in (option for option, is_given in given.items() if is_given):
             check_images(path, option)
@@ -88,9 +87,10 @@ def open_source(
             _check_decoding(decoding, "standard input", "let the program before the pipe do that")
             _check_has_own_rate(decoding, "standard input")
             return PipeSource(for_images=requirements.pictures_alone, keeps_planes=requirements.planes, limit=limit)
-        if is_images:
+        if stands_for_images(path):
             _check_decoding(decoding, f"{path}, which holds images", "leave it out")
             if input_fps is None and requirements.needs_rate:
+                find_images(path)  # where there are none, that is what to say
                 raise OptionError(
                     f"{path} holds images, which have no frame rate; say it with `input_fps`, for example 24."
                 )
@@ -117,8 +117,10 @@ def open_source(
 def _check_light_and_layers(path: str, decoding: DecodeOptions, requirements: TargetRequirements) -> None:
     """Raise OptionError if `passes` or `view` is given where the output cannot hold layers, or holds their light."""
     if not requirements.layers and decoding.passes not in (None, BEAUTY):
-        advice = "name a folder or a pattern such as shot_####.exr, or leave it out."
-        raise OptionError(f"`passes` makes layers of OpenEXR images, which the output of {path} cannot hold; {advice}")
+        raise OptionError(
+            f"`passes` makes layers of OpenEXR images, which the output of {path} cannot hold; name a folder or a "
+            "pattern such as shot_####.exr, or leave it out."
+        )
     if decoding.view != "none" and requirements.layers:
         raise OptionError(f"`view` is for videos and animations, and the images made of {path} keep their light.")
 

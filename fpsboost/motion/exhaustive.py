@@ -94,8 +94,8 @@ class ExhaustiveSearch:
             raise OptionError(f"`patch_radius` must be 1 to {MAX_PATCH_RADIUS} pixels, not {self.patch_radius}.")
         if not self.v > 0:
             raise OptionError(f"`v` must be above 0, not {self.v}.")
-        check_choice("`window`", self.window, get_args(Window))
-        check_choice("`implementation`", self.implementation, get_args(Implementation))
+        check_choice("window", self.window, get_args(Window))
+        check_choice("implementation", self.implementation, get_args(Implementation))
 
     def with_vectors(self, vectors: RenderedVectors) -> ExhaustiveSearch:
         return replace(self, vectors=vectors)

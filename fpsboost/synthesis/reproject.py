@@ -42,9 +42,9 @@ class Reproject:
     iterations: int = 10
 
     def __post_init__(self) -> None:
-        check_choice("`search`", self.search, get_args(SourceSearch))
+        check_choice("search", self.search, get_args(SourceSearch))
         if self.iterations < 1:
-            raise OptionError(f"`iterations` must be at least 1, not {self.iterations}.")
+            raise OptionError(f"iterations must be at least 1, not {self.iterations}.")
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """Generate images on linear trajectories; see `fpsboost.synthesis.Synthesizer.synthesize`."""

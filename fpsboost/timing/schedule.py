@@ -11,6 +11,7 @@ into motion blur.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -269,9 +270,12 @@ def parse_rate(text: str, option: str = "frame rate") -> Fraction:
 
 
 def parse_number(text: str, option: str) -> Fraction:
-    """Parse a whole number, a decimal or a fraction such as ``5/2`` exactly; messages name it by `option`."""
+    """Parse a number as Python writes it (``2``, ``2.5``, ``1e3``) or a fraction such as ``5/2`` exactly.
+
+    Messages name it by `option`.
+    """
     try:
-        if "e" in text.lower():  # a large exponent would take all memory
+        if re.search(r"e[+-]?\d{3}", text, re.IGNORECASE):  # the number would take all memory
             raise ValueError
         value = Fraction(text.strip())
     except (ValueError, ZeroDivisionError):

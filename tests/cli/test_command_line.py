@@ -20,6 +20,7 @@ from video_truth import packets_of, pictures_of, spoil_packets, write_clip
 import fpsboost
 from fpsboost.cli import app, messages
 from fpsboost.cli.compare import choose
+from fpsboost.cli.options import MAIN_OPTIONS
 from fpsboost.interpolator import Interpolator
 from fpsboost.kernels.jit import Kernel
 from fpsboost.method_table import methods, vector_methods
@@ -225,12 +226,14 @@ def test_it_can_be_stopped_while_llvm_calls_back(clip, tmp_path):
     assert b"Traceback" not in result.stderr
 
 
-def test_without_arguments_there_is_the_help(fpsboost_):
-    """On standard output, as with --help, and exit code 0; the version is name and number, nothing else."""
+def test_without_arguments_there_is_the_short_help(fpsboost_):
+    """The main options, on standard output, as with -h, and exit code 0; the version is name and number."""
     alone = fpsboost_()
-    assert (alone.code, alone.err) == (0, "")
-    assert alone.out == fpsboost_("--help").out
-    assert "Usage: fpsboost" in alone.out
+    assert (alone.code, alone.err, len(alone.out.splitlines())) == (0, "", 29)
+    assert alone == fpsboost_("-h") == fpsboost_("in.mp4", "-h")
+    assert re.findall(r"^  (--[a-z-]+)", alone.out, re.MULTILINE) == [*MAIN_OPTIONS]
+    assert all(name in alone.out for name in app.app if not name.startswith("-"))
+    assert fpsboost_("join", "-h") == fpsboost_("join", "--help")
     assert fpsboost_("--version") == Result(0, f"fpsboost {fpsboost.__version__}\n", "")
 
 
@@ -268,6 +271,9 @@ def test_video_options_reach_the_encoder(fpsboost_, tmp_path):
 FAILURES: dict[str, tuple[str, str]] = {
     "missing file": ("none.mp4 out.mp4", "none.mp4"),
     "missing folder": ("none/ out", "none"),
+    "empty folder": ("empty out", "empty is empty"),
+    "empty folder, to a video": ("empty out.mp4", "empty is empty"),
+    "folder without images": ("notes out", "notes holds no images"),
     "not a video": ("text.mp4 out.mp4", "text.mp4"),
     "zero bytes": ("zero.mp4 out.mp4", "zero.mp4"),
     "a video cut before its index": ("cut.mp4 out.mp4", "cut.mp4"),
@@ -287,7 +293,8 @@ MISTAKES: dict[str, tuple[str, str]] = {
     "factor 1e5000": ("in.mp4 out.mp4 --factor 1e5000", "--factor"),
     "fps fast": ("in.mp4 out.mp4 --fps fast", "--fps"),
     "images without a rate": ("single out.mp4", "--input-fps"),
-    "option of another method": ("in.mp4 out.mp4 --method dis --search-radius 8", "--search-radius"),
+    "option of another method": ("in.mp4 out.mp4 --method dis --search-radius 8", "search-radius"),
+    "option given twice": ("in.mp4 out.mp4 --method nlm:v=0.1 --v 0.2", "gives v twice"),
     "search radius 0": ("in.mp4 out.mp4 --method nlm-exhaustive --search-radius 0", "--search-radius"),
     "bad pixel format": ("in.mp4 out.mp4 --pix-fmt magic", "--pix-fmt"),
     "codec in the wrong place": ("in.mp4 out.webm --codec h264", "--codec"),
@@ -298,6 +305,8 @@ MISTAKES: dict[str, tuple[str, str]] = {
     "at-cuts": ("in.mp4 out.mp4 --at-cuts jump", "--at-cuts"),
     "unknown option": ("in.mp4 out.mp4 --faster 2", "--faster"),
     "option without value": ("in.mp4 out.mp4 --fps", "--fps"),
+    "the same folder twice": ("other other/ --in-place", "other is named twice; name it once"),
+    "the same video twice": ("in.mp4 ./in.mp4 out", "in.mp4 is named twice; name it once"),
     "three names": ("in.mp4 out.mp4 more.mp4", "more.mp4"),
     "no output": ("-", "OUT"),
     "trial of a pipe": ("- out.mp4 --dry-run", "--dry-run"),
@@ -315,6 +324,8 @@ def material(tmp_path, save_images) -> None:
     (tmp_path / "zero.mp4").touch()
     (tmp_path / "cut.mp4").write_bytes((tmp_path / "in.mp4").read_bytes()[:1500])
     (tmp_path / "there.mp4").write_bytes(b"precious")
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "notes" / "more").mkdir(parents=True)
     save_images(tmp_path / "single", count=1)
     save_images(tmp_path / "other", count=2)
 
@@ -472,6 +483,17 @@ def test_no_command_ends_in_a_traceback(fpsboost_, clip, tmp_path, snapshot, mon
         ("compare in.mp4 --bogus", "See fpsboost compare --help."),
         ("compare in.mp4 --retime=0=0", "not take --retime, an option of conversions. See fpsboost compare --help."),
         ("plan a b --uncertain blend", "not take --uncertain, an option of conversions. See fpsboost plan --help."),
+        ("in.mp4 -fps 60", "-fps is no option; write --fps 60, with two dashes."),
+        ("in.mp4 \N{EN DASH}factor=3", "\N{EN DASH}factor=3 is no option; write --factor=3, with two dashes."),
+        ("in.mp4 -overwrite out.mp4", "-overwrite is no option; write --overwrite, with two dashes."),
+        ("in.mp4 -methd nlm", "-methd is no option; write --method nlm, with two dashes."),
+        ("ui -port 1", "-port is no option; write --port 1, with two dashes."),
+        ("in.mp4 out.mp4 -m nml", "There is no method 'nml'; did you mean 'nlm'?"),
+        ("in.mp4 out.mp4 -m nlm:fusion=bare", "The option fusion must be one of learnt, plain, not 'bare'."),
+        ("in.mp4 out.mp4 --preset slwo", "did you mean 'slow'?"),
+        ("in.mp4 --at-cuts rpeat", 'Did you mean "repeat"? See fpsboost --help.'),
+        ("in.mp4 --crf 1e1", "--crf must be a whole number, not '1e1'. See fpsboost --help."),
+        ("in.mp4 --below low", "--below must be a number, not 'low'. See fpsboost --help."),
         ("doctor extra", "fpsboost doctor does not take extra. See fpsboost doctor --help."),
     ],
 )
@@ -549,22 +571,17 @@ def test_help_shows_everything(fpsboost_, monkeypatch):
     assert (result.code, result.err) == (0, "")
     for option in options():
         assert re.search(rf"{option}\b.*\s[A-Za-z].*", result.out), option
-    for name in (*methods, *vector_methods):
-        assert name in result.out
+    assert all(name in result.out for name in (*methods, *vector_methods))
     flat = re.sub(r"\s+", " ", result.out)
-    for line in app.EXAMPLES.splitlines()[2:]:
-        assert re.sub(r"\s+", " ", line.strip()) in flat
+    assert all(re.sub(r"\s+", " ", line.strip()) in flat for line in app.EXAMPLES.splitlines()[2:])
 
 
 def test_help_fits_a_small_terminal(fpsboost_, monkeypatch):
-    """At 80 columns every option but --method has one line, groups come as people think, and no example is broken."""
+    """At 80 columns every option has one line, groups come as people think, and no example is broken."""
     monkeypatch.setenv("COLUMNS", "80")
     lines = fpsboost_("--help").out.splitlines()
-    first = next(number for number, line in enumerate(lines) if "─ Input ─" in line)
-    rows = [line for line in lines[first:] if line.startswith("│")]
-    broken = [row for row in rows if row.startswith("│    ")]
-    method = next(number for number, row in enumerate(rows) if "--method" in row)
-    assert broken == rows[method + 1 : method + 7]
+    first = next(number for number, line in enumerate(lines) if "─ Main options ─" in line)
+    assert [line for line in lines[first:] if line.startswith("│    ") and line.strip("│ ")] == []
     assert lines[:3] == [
         "Usage: fpsboost [OPTIONS] IN [OUT]",
         "       fpsboost [OPTIONS] IN... FOLDER",
@@ -573,12 +590,11 @@ def test_help_fits_a_small_terminal(fpsboost_, monkeypatch):
     groups = re.findall(r"^╭─ (.*?) ─", "\n".join(lines), re.MULTILINE)
     assert groups == [
         "Arguments",
-        *("Input", "Rate", "Method", "Scenes", "Encoding", "Streams", "Side outputs", "Run"),
+        *("Main options", "Rate", "Method", "Encoding", "Input", "Scenes", "Streams", "Side outputs", "Run"),
         "Method options",
         "Commands",
     ]
-    shown = [line.rstrip() for line in lines]
-    assert all(line in shown for line in app.EXAMPLES.splitlines()[2:])
+    assert {*app.EXAMPLES.splitlines()[2:]} <= {line.rstrip() for line in lines}
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["compare", "--help"]])

@@ -9,8 +9,8 @@ from typing import get_type_hints
 import pytest
 
 import fpsboost
-from fpsboost import DecodeOptions, Encoding, OutputRate, RunOptions, methods
-from fpsboost.cli.options import TuningOptions, flag_names, in_flags, option_classes
+from fpsboost import DecodeOptions, Encoding, OutputRate, RunOptions, find_method, methods
+from fpsboost.cli.options import MethodOptions, TuningOptions, flag_names, in_flags, option_classes
 from fpsboost.options import flags_of
 
 PACKAGE = Path(fpsboost.__file__).parent
@@ -31,7 +31,6 @@ def test_every_field_has_a_flag(cls):
 def test_flags_are_spelled_once():
     """A field that two groups have has one flag in both, so that a message can name it."""
     flags = [(flag.field, flag.name) for cls in option_classes for flag in flags_of(cls)]
-    assert dict(flags) == flag_names
     assert set(flags) == set(flag_names.items())
 
 
@@ -39,10 +38,13 @@ def test_flags_are_spelled_once():
 def test_options_of_methods_are_fields_of_their_parts(flag):
     """With the same type and the same choices; None on the command line leaves what the part has."""
     parts = {type(part) for method in methods.values() for part in (method.estimator, method.synthesizer)}
-    kinds = [get_type_hints(part)[flag.field] for part in parts if flag.field in get_type_hints(part)]
-    assert kinds
-    for kind in kinds:
-        assert kind | None == flag.kind
+    assert {hints[flag.field] | None for hints in map(get_type_hints, parts) if flag.field in hints} == {flag.kind}
+
+
+def test_flags_of_methods_stand_for_options_behind_a_name():
+    """One grammar: what a flag sets, and what the name of a method has behind a colon, are the same."""
+    made = MethodOptions("nlm:fusion=plain").interpolator(TuningOptions(patch_radius=4, v=0.1))
+    assert made == find_method("nlm:fusion=plain,patch-radius=4,v=0.1") != methods["nlm"]
 
 
 @pytest.mark.parametrize(

@@ -86,7 +86,7 @@ def test_a_folder_that_does_not_fit_is_one_sentence(tmp_path, clip):
     with pytest.raises(InputError, match=r"made has 3 images, but none for frame 5; .*\(9 images\).*\(4\)"):
         find_frames("tool", folder, Hiding().intervals(clip))
     (tmp_path / "empty").mkdir()
-    with pytest.raises(InputError, match="empty holds no images"):
+    with pytest.raises(InputError, match="empty is empty"):
         find_frames("tool", tmp_path / "empty", Hiding().intervals(clip))
     with pytest.raises(InputError, match="nowhere does not exist"):
         find_frames("tool", tmp_path / "nowhere", Hiding().intervals(clip))

@@ -48,7 +48,7 @@ def test_a_folder_is_a_folder_whatever_its_name(tmp_path):
     """A folder that is there is taken for images even if it is called like a video."""
     (tmp_path / "clip.mp4").mkdir()
     assert Target.parse(str(tmp_path / "clip.mp4")).kind == "images"
-    with pytest.raises(InputError, match="holds no images"):
+    with pytest.raises(InputError, match="is empty"):
         open_source(str(tmp_path / "clip.mp4"), decoding=DecodeOptions(input_fps=Fraction(24)))
 
 

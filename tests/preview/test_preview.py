@@ -221,7 +221,7 @@ def test_input_is_left_alone_and_nothing_else_is_written(short, fpsboost_, tmp_p
         (["CLIP", "--at", "99"], 2, "--at 99 lies behind the end of"),
         (["CLIP", "--at", "soon"], 2, "--at 'soon' is no place in a clip"),
         (["CLIP", "-m", "best"], 2, "There is no method 'best'"),
-        (["CLIP", "-m", "reproject-image"], 2, "A preview cannot show reproject-image"),
+        (["CLIP", "-m", "reproject-image"], 2, "'reproject-image' needs the renderer's motion vectors"),
         (["CLIP", "--side-by-side", "out.png"], 2, "out.png"),
         (["CLIP", "--factor", "0"], 2, "--factor must be above 0"),
     ],

@@ -168,7 +168,7 @@ def test_methods_need_vectors_and_others_take_none(tmp_path):
     vectors = VectorFolder(save_translation(tmp_path, 3, (6, 8), 0, 0))
     for name in vector_methods:
         assert find_method(name, vectors) == find_method(name, vectors)
-        with pytest.raises(OptionError, match=rf"'{name}' needs the renderer's motion vectors; give `vectors=DIR`\."):
+        with pytest.raises(OptionError, match=rf"'{name}' needs the renderer's motion vectors; give `vectors=DIR`, or"):
             find_method(name)
         with pytest.raises(OptionError, match="`vectors=DIR`"):
             interpolate(noise(6, 8), noise(6, 8), method=name)
@@ -224,7 +224,7 @@ def test_the_command_line(renders, fpsboost_):
 @pytest.mark.parametrize(
     ("line", "code", "words"),
     [
-        ("--method reproject-scene", 2, "'reproject-scene' needs the renderer's motion vectors; give --vectors DIR."),
+        ("--method reproject-scene", 2, "'reproject-scene' needs the renderer's motion vectors; give --vectors DIR"),
         ("--method blend --vectors vectors", 2, "--vectors does not apply to the method 'blend'"),
         ("--depth vectors", 2, "--depth goes with"),
         ("--method reproject-image --vectors none", 1, "none is no folder with motion vectors"),

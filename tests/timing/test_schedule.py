@@ -124,13 +124,27 @@ def test_rates_are_read_as_people_write_them(text, rate):
     assert parse_rate(text) == rate
 
 
-@pytest.mark.parametrize(("text", "number"), [("2", 2), ("2.5", Fraction(5, 2)), ("-1", -1), ("0.1", Fraction(1, 10))])
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [
+        ("2", 2),
+        ("2.5", Fraction(5, 2)),
+        ("-1", -1),
+        ("0.1", Fraction(1, 10)),
+        ("1e3", 1000),
+        ("25E-2", Fraction(1, 4)),
+        ("1_000.", 1000),
+        ("+.5", Fraction(1, 2)),
+    ],
+)
 def test_numbers_are_read_exactly(text, number):
     """No float in between."""
     assert parse_number(text, "factor") == number
 
 
-@pytest.mark.parametrize("text", ["", "abc", "1/0", "2,5", "nan", "inf", "1/2/3", "0x10", "2x", "--2"])
+@pytest.mark.parametrize(
+    "text", ["", "abc", "1/0", "2,5", "nan", "inf", "1/2/3", "0x10", "2x", "--2", "1e999", "1e-5000"]
+)
 def test_what_is_no_number_is_refused(text):
     """The message says what the number was for and repeats it."""
     with pytest.raises(OptionError, match="frame rate"):

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
@@ -35,7 +34,7 @@ MAGNITUDE = 8  # ratio of the largest to the smallest value above which a logari
 WIDEST = 1e5
 """Ratio of the largest to the smallest value that a logarithmic scale shows: equal frames have next to no error."""
 
-rc_params: Mapping[str, Any] = {
+rc_params: Any = {
     "svg.fonttype": "none",  # text stays text: the page's fonts, and readable by machines
     "svg.hashsalt": "fpsboost",  # the same figure gets the same names
     "axes.spines.top": False,
@@ -118,16 +117,21 @@ def draw_lines(
     logarithmic = may_be_logarithmic and differ_much
     charts = []
     for form in FORMS:
-        with _styled(form):
+        with mpl.rc_context({**rc_params, "font.size": form.text}):
             figure, axes = _begin(form, f"{label}, logarithmic" if logarithmic else label)
             for (method, _, style), of_method in zip(series, values, strict=True):
-                (line,) = axes.plot(
-                    numbers, of_method, linewidth=1.6, linestyle=style.line, gid=f"series-{method}-line"
+                step = len(numbers) // MARKS_OF_A_LINE if len(numbers) > MARKED_FRAMES else 1
+                axes.plot(
+                    numbers,
+                    of_method,
+                    linewidth=1.6,
+                    linestyle=style.line,
+                    marker=MARKERS[style.mark],
+                    markersize=5.5,
+                    markeredgewidth=0,
+                    markevery=(method * step // len(MARKERS) % step, step),  # not all at the same frames
+                    gid=f"series-{method}-line",
                 )
-                line.set(marker=MARKERS[style.mark], markersize=5.5, markeredgewidth=0)
-                if len(numbers) > MARKED_FRAMES:
-                    step = len(numbers) // MARKS_OF_A_LINE
-                    line.set_markevery((method * step // len(MARKERS) % step, step))  # not all at the same frames
             for cut in cuts:
                 axes.axvline(cut, gid=f"cut-{cut}", linewidth=1, linestyle=(0, (2, 3)))
             _set_limits(axes, numbers, all_values, from_zero=from_zero and not logarithmic, logarithmic=logarithmic)
@@ -141,13 +145,20 @@ def draw_dots(name: str, label: str, across: str, dots: Sequence[Dot]) -> list[C
     """Draw one labelled dot a method, x logarithmic, in every form; `across` is the label of x."""
     charts = []
     for form in FORMS:
-        with _styled(form):
+        with mpl.rc_context({**rc_params, "font.size": form.text}):
             figure, axes = _begin(form, label)
             axes.set_xscale("log")
             axes.grid(axis="x")
             for dot in dots:
-                (mark,) = axes.plot([dot.x], [dot.y], MARKERS[dot.style.mark], markersize=9, markeredgewidth=0)
-                mark.set(gid=f"series-{dot.method}-dot", clip_on=False)
+                axes.plot(
+                    [dot.x],
+                    [dot.y],
+                    MARKERS[dot.style.mark],
+                    markersize=9,
+                    markeredgewidth=0,
+                    clip_on=False,
+                    gid=f"series-{dot.method}-dot",
+                )
             left, right = min(dot.x for dot in dots), max(dot.x for dot in dots)
             axes.set_xlim(left / 1.6, right * 1.6)
             axes.margins(y=0.18)
@@ -157,11 +168,6 @@ def draw_dots(name: str, label: str, across: str, dots: Sequence[Dot]) -> list[C
             is_labelled = _label(axes, dots, form.text)
             charts.append(_finish(figure, axes, name, form)._replace(is_labelled=is_labelled))
     return charts
-
-
-def _styled(form: Form) -> AbstractContextManager[None]:
-    settings: Any = {**rc_params, "font.size": form.text}
-    return mpl.rc_context(settings)
 
 
 def _begin(form: Form, label: str) -> tuple[Figure, Axes]:

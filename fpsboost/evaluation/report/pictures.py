@@ -112,10 +112,11 @@ def view_frame(sample: Sample, frames: Mapping[str, Image]) -> list[Strip]:
     strips = []
     for letter, spot in zip("AB", find_spots(errors), strict=False):
         window = np.s_[spot.y : spot.y + spot.size, spot.x : spot.x + spot.size]
-        crops = []
-        for name, index, image in images:
-            mae = None if index is None else float(errors[index][window].mean())
-            crops.append(Picture(name, index, encode(as_shown(image[window]), LOSSLESS), mae))
+        maes = [None, *(float(error[window].mean()) for error in errors)]
+        crops = [
+            Picture(name, index, encode(as_shown(image[window]), LOSSLESS), mae)
+            for (name, index, image), mae in zip(images, maes, strict=True)
+        ]
         strips.append(Strip(letter, spot, crops))
     return strips
 

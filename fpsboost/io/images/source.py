@@ -253,7 +253,8 @@ def find_images(path: str) -> FileSequence:
             name for name in list_files(place) if extension_of(name) in IMAGE_SUFFIXES and not name.startswith(".")
         ]
         if not names:
-            raise InputError(f"{place} holds no images ({', '.join(IMAGE_SUFFIXES)}); name a folder that does.")
+            lack = f"holds no images ({', '.join(IMAGE_SUFFIXES)})" if any(place.iterdir()) else "is empty"
+            raise InputError(f"{place} {lack}; name a folder that holds images.")
         return order_names(place, names)
     if is_pattern(path):
         return find_numbered(Numbering.parse(path))

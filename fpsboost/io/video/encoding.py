@@ -13,7 +13,7 @@ import cv2
 from av.codec.codec import UnknownCodecError
 from av.codec.context import OptionFlags
 
-from fpsboost.errors import OptionError
+from fpsboost.errors import OptionError, choose_one
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pyav import trial_file
 from fpsboost.io.video.ycc import has_alpha
@@ -197,7 +197,7 @@ def _options_of_known(known: Encoder, asked: str, encoding: Encoding) -> dict[st
         raise OptionError(f"`crf` must be 0 to {known.largest_crf} for {asked}, not {crf}.")
     preset = encoding.preset or known.preset
     if preset not in known.presets:
-        raise OptionError(f"`preset={preset!r}` is unknown to {asked}; use one of {', '.join(known.presets)}.")
+        raise OptionError(f"`preset={preset!r}` is unknown to {asked}; {choose_one(preset, known.presets)}")
     options = {known.preset_option: preset, **dict(known.fixed_options)}
     if encoding.lossless:
         _check_lossless(asked, bool(known.lossless))
@@ -270,9 +270,7 @@ def _check_pixel_format(codec: av.Codec, asked: str | None) -> None:
         return
     taken = pixel_formats(codec)
     if taken and asked not in taken:
-        raise OptionError(
-            f"`pixel_format={asked!r}` is nothing that {codec.name} takes; use one of {', '.join(taken)}."
-        )
+        raise OptionError(f"`pixel_format={asked!r}` is nothing that {codec.name} takes; {choose_one(asked, taken)}")
     try:
         av.VideoFormat(asked)
     except ValueError:

@@ -126,7 +126,7 @@ def test_names_without_numbers(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("names", "message"),
     [
-        ([], "holds no images"),
+        ([], "is empty"),
         (["0001.png", "0002.png", "0004.png"], "0003.png is missing"),
         (["a_1.png", "a_2.png", "b_1.png"], r"several sequences .*\(a_#.png, b_#.png\); choose one .*a_#.png"),
         (["1.png", "2.png", "1.jpg"], r"\(#.png, #.jpg\)"),
