@@ -328,7 +328,7 @@ def figure_9(measured: Measured) -> Finding:
         other = axes.twinx()
         radii = [frame.radius for frame in frames]
         other.step(numbers, radii, where="mid", color="#888888", linewidth=0.9, linestyle=":")
-        other.set(ylim=(0, 1.6 * max(radii)), ylabel="search radius (dotted)" if name == list(measured)[-1] else None)
+        other.set(ylim=(0, 1.6 * max(radii)), ylabel="search radius (dotted)")
         axes.set(xlabel="hidden frame", title=name, ylim=(0, None))
 
     every = [frame for frames in measured.values() for frame in frames]
@@ -460,20 +460,19 @@ def figure_11(clip: Clip, frame: FrameFigures) -> Finding:
     area = crop_around(clip.solids(frame.number))
     image = clip.images[frame.number - 1][area][..., ::-1]
     inside = clip.cube(frame.number - 1)
-    with rc_context({"svg.hashsalt": "fpsboost", "font.family": "sans-serif", "font.size": 9}):
-        drawn = Figure(figsize=(11, 3.7), layout="constrained")
-        for k, name in enumerate([*flows, "frame before"]):
-            axes = drawn.add_subplot(1, 3, k + 1)
-            axes.imshow(image)
-            axes.set_axis_off()
-            axes.set_title(name, loc="left")
-            if name in flows:
-                axes.images[0].set_alpha(0.35)
-                y, x = (each.ravel() for each in np.mgrid[2 : image.shape[0] : 5, 2 : image.shape[1] : 5])
-                x, y = (each[inside[area][y, x]] for each in (x, y))
-                arrows = flows[name][area][y, x]
-                axes.quiver(x, y, *arrows.T, angles="xy", scale_units="xy", scale=1, color="#a8231b", width=0.004)
-        figure = as_svg(drawn)
+
+    def draw(axes: Axes, name: str) -> None:
+        axes.imshow(image)
+        axes.set_axis_off()
+        axes.set_title(name, loc="left")
+        if name in flows:
+            axes.images[0].set_alpha(0.35)
+            y, x = (each.ravel() for each in np.mgrid[2 : image.shape[0] : 5, 2 : image.shape[1] : 5])
+            x, y = (each[inside[area][y, x]] for each in (x, y))
+            arrows = flows[name][area][y, x]
+            axes.quiver(x, y, *arrows.T, angles="xy", scale_units="xy", scale=1, color="#a8231b", width=0.004)
+
+    figure = panels([*flows, "frame before"], draw, "")
     ours, theirs = (each[inside].astype(float) for each in flows.values())
     lengths = [np.linalg.norm(each, axis=1) for each in (ours, theirs)]
     both = (lengths[0] > 1) & (lengths[1] > 1)
@@ -612,19 +611,20 @@ def crops_of(pictures: dict[str, Picture], columns: int) -> str:
 
 
 def panels(names: Sequence[str], draw: Callable[[Axes, str], None], label: str) -> str:
-    """Draw a panel for each scene side by side, with one legend."""
+    """Draw a panel for each name: side by side, or below each other on a narrow screen, so that text stays legible."""
+    drawn = []
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "fpsboost", "font.family": "sans-serif", "font.size": 9}):
-        figure = Figure(figsize=(11, 3.1), layout="constrained")
-        for k, name in enumerate(names):
-            axes = figure.add_subplot(1, len(names), k + 1)
+        for name in names:
+            figure = Figure(figsize=(3.7, 3.2), layout="constrained")
+            axes = figure.add_subplot()
             draw(axes, name)
             axes.spines[["top", "right"]].set_visible(False)
             axes.grid(axis="y", linewidth=0.4, color="#dddddd")
-            axes.set_axisbelow(True)
-            if k == 0:
-                axes.set_ylabel(label)
-                figure.legend(loc="outside upper right", ncols=4, frameon=False)
-        return as_svg(figure)
+            axes.set(axisbelow=True, ylabel=label)
+            if axes.get_legend_handles_labels()[1]:
+                figure.legend(loc="outside upper left", ncols=2, frameon=False)
+            drawn.append(as_svg(figure))
+    return f"<div class='panels'>{''.join(drawn)}</div>"
 
 
 def as_svg(figure: Figure) -> str:
@@ -647,12 +647,14 @@ body { max-width: 1120px; margin: 2em auto; padding: 0 1em }
 h1 { font-size: 1.7em; margin-bottom: .2em } h2 { font-size: 1.2em; margin: 0 0 .6em }
 section { border-top: 1px solid #ddd; padding: 1.4em 0 }
 svg { width: 100%; height: auto }
+.panels { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 300px), 1fr)); gap: .5em 1em }
 a { color: inherit }
 .sides { display: grid; grid-template-columns: 2fr 3fr; gap: 0 2em; margin-top: .8em } .sides p { margin: .2em 0 0 }
 .sides h3 { font-size: .85em; margin: 0; color: #666; font-weight: 600 }
 .verdict { font-size: 13px; font-weight: 600; padding: .1em .7em; border-radius: 1em; margin-left: .5em }
 .agrees { background: #d8eddc; color: #1d5a2c } .partly { background: #f8ecc8; color: #6b4e00 }
 .differs { background: #f6d9d3; color: #8a2513 }
+table { display: block; overflow-x: auto; margin-bottom: 1.2em }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums }
 th, td { padding: .25em 1.4em .25em 0; text-align: right }
 th:first-child, td:first-child { text-align: left } th { border-bottom: 1px solid #bbb; font-weight: 600 }
@@ -660,8 +662,11 @@ th:first-child, td:first-child { text-align: left } th { border-bottom: 1px soli
 figure { margin: 0 }
 figcaption { font-size: 13px; line-height: 1.3; margin-top: 3px }
 .crops img { width: 100%; image-rendering: pixelated; display: block }
-@media (max-width: 700px) { .sides { grid-template-columns: 1fr } table { font-size: .8em } }
-@media (max-width: 700px) { .crops { grid-template-columns: repeat(3, 1fr) } }
+@media (max-width: 700px) {
+  .sides { grid-template-columns: 1fr } .sides h3 { margin-top: .6em }
+  table { font-size: .8em } th, td { padding-right: .7em }
+  .crops { grid-template-columns: repeat(3, 1fr) }
+}
 """
 
 

@@ -209,7 +209,7 @@ def tables(comparison: Comparison) -> list[Table]:
     from fpsboost.evaluation.further_metrics import metrics  # noqa: PLC0415
 
     title = f"{literal(comparison.clip)}: {len(comparison.hidden)} frames of {comparison.kind}"
-    figures = ["PSNR", "PSNR P5", "SSIM", "MAE", "MSE", "s/frame", "CPU s"]
+    figures = ["PSNR", "PSNR P5", "SSIM", "MAE", "MSE", "CPU s", "wall s"]
     all_tables = [figure_table("method", title, figures, overall_rows(comparison))]
     if comparison.areas:
         areas = chain.from_iterable(comparison.areas)
@@ -237,7 +237,8 @@ def remarks(comparison: Comparison, contestants: Mapping[str, Contestant]) -> li
     from fpsboost.evaluation.further_metrics import metrics  # noqa: PLC0415
 
     shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in comparison.shares.items())
-    lines = [f"PSNR in dB, P5 its 5th percentile; MAE and MSE in levels of 255. Of the picture: {shares}."]
+    units = "PSNR in dB, P5 its 5th percentile; MAE and MSE in levels of 255; times of a frame."
+    lines = [f"{units} Of the picture: {shares}."]
     lines += [metrics[name].meaning for name in comparison.metrics]
     if comparison.cuts:
         are = "frame across a scene cut is" if len(comparison.cuts) == 1 else "frames across a scene cut are"

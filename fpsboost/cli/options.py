@@ -194,10 +194,11 @@ class ContestOptions:
     """Methods, frames of other tools, and vectors of a comparison."""
 
     methods: tuple[str, ...] = option(
-        ("nlm,nlm-fast,dis,minterpolate,blend",),
-        "Methods of conversions, minterpolate (FFmpeg) or all,\n"
-        "separated by commas, options after a colon:\n"
-        "dis,nlm-exhaustive:patch-radius=9,v=0.05. Repeatable.",
+        ("nlm,nlm-fast,dis,block,minterpolate,blend",),
+        "Methods of conversions, FFmpeg's minterpolate (block\n"
+        "matching, as is block) or all, separated by commas,\n"
+        "options after a colon: dis,nlm:patch-radius=9,v=0.05.\n"
+        "Repeatable.",
         short="m",
         choices=(*METHODS, "minterpolate", "all"),
         metavar="NAMES",

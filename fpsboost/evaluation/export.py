@@ -43,17 +43,15 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
         "verdict": asdict(judge(comparison)),
     }
     for row, method in zip(plain["methods"], comparison.methods, strict=True):
-        seconds, cpu_seconds = comparison.mean_seconds(method)
         row["mean"] = {
             **asdict(comparison.means(method)),
             "psnr_p5": comparison.low_psnr(method),
             "metrics": comparison.further(method),
-            "seconds": seconds,
-            "cpu_seconds": cpu_seconds,
+            **comparison.mean_seconds(method),
             "inside": {area: comparison.mean_error(method, area) for area in AREAS},
             "outside": {area: comparison.mean_error(method, area, inside=False) for area in AREAS},
         }
-    finite: dict[str, Any] = _without_nan(plain)
+    finite: dict[str, Any] = without_nan(plain)
     return finite
 
 
@@ -90,12 +88,12 @@ def rows_of(comparison: Comparison) -> Iterator[dict[str, Any]]:
             yield {name: "" if isinstance(each, float) and math.isnan(each) else each for name, each in row.items()}
 
 
-def _without_nan(value: Any) -> Any:
+def without_nan(value: Any) -> Any:
     """Return plain data with None for NaN and infinity, for which JSON has no word."""
     if isinstance(value, dict):
-        return {key: _without_nan(each) for key, each in value.items()}
+        return {key: without_nan(each) for key, each in value.items()}
     if isinstance(value, list):
-        return [_without_nan(each) for each in value]
+        return [without_nan(each) for each in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
@@ -114,8 +112,8 @@ COLUMNS = (
     Column("SSIM", "", 4, True),
     Column("MAE", "levels", 2, False),
     Column("MSE", "levels²", 1, False),
-    Column("Time", "s a frame", 3, False),
     Column("CPU time", "s a frame", 3, False),
+    Column("Wall time", "s a frame", 3, False),
 )
 
 
@@ -140,8 +138,8 @@ def overall_rows(comparison: Comparison) -> list[Row]:
     figures = []
     for method in comparison.methods:
         scores = comparison.means(method)
-        low = comparison.low_psnr(method)
-        figures.append([scores.psnr, low, scores.ssim, scores.mae, scores.mse, *comparison.mean_seconds(method)])
+        quality = scores.psnr, comparison.low_psnr(method), scores.ssim, scores.mae, scores.mse
+        figures.append([*quality, *comparison.mean_seconds(method).values()])
     rows = _rows(comparison.methods, figures, [(each.digits, each.high_is_good) for each in COLUMNS])
     return [rows[index] for index in sorted(range(len(rows)), key=lambda index: -figures[index][0])]
 

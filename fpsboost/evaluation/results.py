@@ -88,6 +88,9 @@ def means(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
 MIN_SHARE = 0.02
 """Smallest share of the picture of an area that is shown: a few pixels say more about chance than about a method."""
 
+TIMES = {"cpu_seconds": "CPU time", "seconds": "Wall time"}
+"""Times of a frame by their names in the data; verdicts go by the first."""
+
 MAX_NAMED = 8  # maximum number of frames that a note names; the data have all of them
 
 
@@ -197,10 +200,15 @@ class Comparison:
         """Return the further metrics of a method by name, means over the frames that count."""
         return means([frame.metrics for frame in self.counted(method)])
 
-    def mean_seconds(self, method: MethodResult) -> tuple[float, float]:
-        """Return the mean seconds and CPU seconds of a method per frame."""
-        frames = self.counted(method)
-        return mean([frame.seconds for frame in frames]), mean([frame.cpu_seconds for frame in frames])
+    def mean_seconds(self, method: MethodResult) -> dict[str, float]:
+        """Return the mean ``seconds`` and ``cpu_seconds`` of a method per frame; NaN if unknown."""
+        return means([{name: getattr(frame, name) for name in TIMES} for frame in self.counted(method)])
+
+    @property
+    def known_times(self) -> dict[str, str]:
+        """Those of `TIMES` that are known of any method."""
+        of_methods = [self.mean_seconds(method) for method in self.methods]
+        return {name: title for name, title in TIMES.items() if any(np.isfinite(each[name]) for each in of_methods)}
 
     def mean_error(self, method: MethodResult, area: str, inside: bool = True) -> float:
         """Return the mean absolute error of a method in an area or outside of it, levels of 255."""

@@ -84,7 +84,7 @@ def judge(comparison: Comparison) -> Verdict:
 def _cpu_seconds(comparison: Comparison) -> dict[str, float]:
     """Return the CPU time that each method takes for the whole range; NaN if unknown."""
     count = (comparison.clip_frames - 1) * comparison.hiding.skip
-    return {each.name: comparison.mean_seconds(each)[1] * count for each in comparison.methods}
+    return {each.name: comparison.mean_seconds(each)["cpu_seconds"] * count for each in comparison.methods}
 
 
 def _cheapest(best: str, ahead: Sequence[Difference], seconds: Mapping[str, float]) -> str:

@@ -270,7 +270,7 @@ def test_pointing_at_a_figure_reads_it(page, comparison):
     assert f"frame {comparison.hidden[1]}" in reading
     for method in comparison.methods:
         assert method.name in reading
-        assert f"{method.frames[1].scores.mse:.3g}"[:3] in reading
+        assert f"{method.frames[1].scores.psnr:.3g}"[:3] in reading
     centres = """(chart, chosen) => [...chart.querySelectorAll(chosen)].map(each => each.getBoundingClientRect())
         .map(box => box.y + box.height / 2 - chart.getBoundingClientRect().y).sort((one, other) => one - other)"""
     points = chart.evaluate(centres, ".point")
@@ -289,6 +289,19 @@ def test_legend_hides_a_method(page):
     assert page.locator('#times [data-toggles="1"]').get_attribute("aria-pressed") == "false"
     button.click()
     assert line.is_visible()
+
+
+def test_figures_open_on_what_the_verdict_goes_by(page):
+    """PSNR and CPU time; another measure of quality or another clock is a choice."""
+    for figure, first, other in (
+        ("errors", "psnr", "mse"),
+        ("times", "cpu_seconds", "seconds"),
+        ("quality", "cpu_seconds", "seconds"),
+    ):
+        shown = page.locator(f"#{figure} .metric:not(.later)")
+        assert shown.get_attribute("data-metric") == first
+        page.locator(f"#{figure} [data-shows='{other}']").click()
+        assert shown.get_attribute("data-metric") == other
 
 
 def test_sorting_starts_with_the_best(page):
@@ -313,14 +326,14 @@ def test_address_keeps_what_is_shown(opened, page, report_path):
     for key in ("End", "ArrowLeft", "3", "e"):
         page.keyboard.press(key)
     page.locator('[data-zoom="2"]').click()
-    page.locator('[data-shows="psnr"]').click()
-    page.wait_for_url(re.compile("metric=psnr"))
+    page.locator('[data-shows="mae"]').click()
+    page.wait_for_url(re.compile("metric=mae"))
     assert page.evaluate("history.length") == length  # back leads to where one was before the page
     other = opened(page.url)
     expect(other.locator(".place")).to_have_text(page.locator(".place").inner_text())
     assert left(other) == "difference of truth and nearest"
     assert other.locator('[data-zoom="2"]').get_attribute("aria-pressed") == "true"
-    assert other.locator('[data-metric="psnr"] .chart.wide').first.is_visible()
+    assert other.locator('[data-metric="mae"] .chart.wide').first.is_visible()
     opened(f"{report_path.as_uri()}#frame=999999&left=nobody&zoom=x&metric=%22]&clip=7")
 
 
@@ -363,7 +376,7 @@ def test_nothing_is_in_the_way_of_anybody(opened, several_path, scheme, width, h
 
 
 def test_a_phone_may_zoom_and_sees_every_label(opened, report_path):
-    """360 pixels wide: nothing is wider, no label is cut off, and two fingers zoom the page, or the picture."""
+    """360 pixels wide: nothing is wider, no label is cut off, no button broken, and two fingers zoom the page."""
     phone = opened(report_path.as_uri(), 360, 740)
     assert phone.evaluate("document.documentElement.scrollWidth") == 360
     words = phone.locator("meta[name=viewport]").get_attribute("content")
@@ -375,6 +388,14 @@ def test_a_phone_may_zoom_and_sees_every_label(opened, report_path):
     labels = phone.evaluate(texts)
     assert {"frame", *NAMES} <= {text for text, _, _ in labels}
     assert [text for text, begin, end in labels if begin < 0 or end > 360] == []
+    broken = """() => {
+        const more = "xpsnr wrong spurious missing flicker steps".split(" ");
+        const button = (name) => Object.assign(document.createElement("button"), { textContent: name });
+        document.querySelector("#errors .choice").append(...more.map(button));
+        return [...document.querySelectorAll(".chip, .choice button")].map((each) => each.getBoundingClientRect())
+            .filter((box) => box.right > 360 || box.height > box.width);
+    }"""
+    assert phone.evaluate(broken) == []
 
 
 def test_theme_can_be_chosen(page):

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from markupsafe import Markup
 
 from fpsboost.evaluation.contestants import MINTERPOLATE, Contestant, method_names
-from fpsboost.evaluation.export import COLUMNS, area_rows, further_rows, mean_rows, overall_rows
+from fpsboost.evaluation.export import COLUMNS, area_rows, further_rows, mean_rows, overall_rows, without_nan
 from fpsboost.evaluation.further_metrics import metrics
 from fpsboost.evaluation.hidden_frames import read_samples
 from fpsboost.evaluation.report.charts import Chart, Dot, Series, draw_dots, draw_lines
@@ -36,7 +36,7 @@ from fpsboost.evaluation.report.pictures import (
 )
 from fpsboost.evaluation.report.self_contained import templates_of
 from fpsboost.evaluation.report.styles import styles_of
-from fpsboost.evaluation.results import ComparedClip, Comparison
+from fpsboost.evaluation.results import TIMES, ComparedClip, Comparison
 from fpsboost.evaluation.verdict import judge, judge_all, listed
 from fpsboost.image import Image
 from fpsboost.io.new_output import new_folder, write_whole
@@ -98,7 +98,7 @@ def make_page(clips: Sequence[ComparedClip]) -> str:
         names=[_name_of(each) for each in comparisons],
         outcome=(judge(one).sentences if one else judge_all(comparisons))[0],
         means_sentences=[] if one else judge_all(comparisons)[1:],
-        has_times=has_times(comparisons[0]),
+        has_times=bool(comparisons[0].known_times),
         means=mean_rows(comparisons),
         bodies=[Markup(each) for each in bodies],
         styles=styles_of([method.name for method in comparisons[0].methods]),
@@ -120,9 +120,6 @@ def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
     exact = choose_exact(comparison, [*dict.fromkeys([opening, choices[0].number])], MAX_EXACT_PIXELS // clips)
     played = view_passages(comparison, contestants, passages, exact)
     played.opening = opening
-    times = list[Chart]()
-    if has_times(comparison):
-        times = _frame_charts(comparison, "seconds", "Time, seconds a frame", at, may_be_logarithmic=True)
     return {
         "at": at,
         "comparison": comparison,
@@ -138,8 +135,8 @@ def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
         "further": further_rows(comparison),
         "meanings": [metrics[name].meaning for name in comparison.metrics],
         "plots": frame_plots(comparison, at),
-        "timing": Plot("seconds", "Time", "s", times) if times else None,
-        "quality": quality_charts(comparison, at),
+        "timing": time_plots(comparison, at),
+        "quality": quality_plots(comparison, at),
         "values": frame_values(comparison),
         "shared_out": shared_out(comparison),
         "tabled": len(comparison.hidden) <= TABLED_FRAMES,
@@ -183,9 +180,11 @@ def choose_frames(comparison: Comparison) -> list[Choice]:
     """Choose the worst, the median and the best frame of the first method, and the one where methods differ most."""
     first = comparison.methods[0]
     ranked = sorted(comparison.counted(first), key=lambda frame: frame.scores.psnr)
-    reasons = {"the worst": ranked[0].number}
-    reasons["the median"] = ranked[(len(ranked) - 1) // 2].number
-    reasons["the best"] = ranked[-1].number
+    reasons = {
+        "the worst": ranked[0].number,
+        "the median": ranked[(len(ranked) - 1) // 2].number,
+        "the best": ranked[-1].number,
+    }
     if len(comparison.methods) > 1:
         frames = zip(*(comparison.counted(method) for method in comparison.methods), strict=True)
         errors = {each[0].number: [frame.scores.mae for frame in each] for each in frames}
@@ -211,11 +210,14 @@ def describe_hidden(comparison: Comparison) -> str:
 
 
 def frame_plots(comparison: Comparison, at: str = "") -> list[Plot]:
-    """Return the error of every frame, as three figures to choose from, and more with further metrics."""
+    """Return the quality of every frame, in three figures to choose from, and more with further metrics.
+
+    The first is the one that verdicts go by.
+    """
     choices = [
-        ("mse", "MSE", "levels²", "Mean squared error, levels of 255 squared", {"may_be_logarithmic": True}),
-        ("mae", "MAE", "levels", "Mean absolute error, levels of 255", {"may_be_logarithmic": True}),
         ("psnr", "PSNR", "dB", "PSNR, dB (higher is better)", {"from_zero": False}),
+        ("mae", "MAE", "levels", "Mean absolute error, levels of 255", {"may_be_logarithmic": True}),
+        ("mse", "MSE", "levels²", "Mean squared error, levels of 255 squared", {"may_be_logarithmic": True}),
     ]
     for name in comparison.metrics:
         metric = metrics[name]
@@ -228,9 +230,12 @@ def frame_plots(comparison: Comparison, at: str = "") -> list[Plot]:
     ]
 
 
-def has_times(comparison: Comparison) -> bool:
-    """Return whether the time of any method is known."""
-    return any(math.isfinite(comparison.mean_seconds(method)[0]) for method in comparison.methods)
+def time_plots(comparison: Comparison, at: str = "") -> list[Plot]:
+    """Return the time of every frame by each clock that is known."""
+    return [
+        Plot(key, title, "s", _frame_charts(comparison, key, f"{title}, s a frame", at, may_be_logarithmic=True))
+        for key, title in comparison.known_times.items()
+    ]
 
 
 def _frame_charts(comparison: Comparison, key: str, label: str, at: str, **how: bool) -> list[Chart]:
@@ -242,23 +247,29 @@ def _frame_charts(comparison: Comparison, key: str, label: str, at: str, **how: 
 
 def shared_out(comparison: Comparison) -> list[str]:
     """Return the methods whose time is that of another program's whole run, which nobody can tell frame by frame."""
-    ours = {*method_names()} - {MINTERPOLATE}
     return [
         method.name
         for method in comparison.methods
-        if method.name.partition(":")[0] not in ours and math.isfinite(comparison.mean_seconds(method)[0])
+        if method.name.partition(":")[0] not in {*method_names()} - {MINTERPOLATE}
+        and math.isfinite(comparison.mean_seconds(method)["seconds"])
     ]
 
 
-def quality_charts(comparison: Comparison, at: str = "") -> list[Chart]:
-    """Return one dot a method: quality against time."""
+def quality_plots(comparison: Comparison, at: str = "") -> list[Plot]:
+    """Return quality against time, one dot a method, by each clock that is known."""
     styles = styles_of([method.name for method in comparison.methods])
-    dots = [
-        Dot(index, method.name, comparison.mean_seconds(method)[0], comparison.means(method).psnr, styles[index])
-        for index, method in enumerate(comparison.methods)
-        if math.isfinite(comparison.mean_seconds(method)[0])
-    ]
-    return draw_dots("quality" + at, "PSNR, dB (higher is better)", "seconds a frame (farther left is faster)", dots)
+    plots = []
+    for key, title in comparison.known_times.items():
+        dots = [
+            Dot(index, method.name, seconds, comparison.means(method).psnr, styles[index])
+            for index, method in enumerate(comparison.methods)
+            if math.isfinite(seconds := comparison.mean_seconds(method)[key])
+        ]
+        charts = draw_dots(
+            f"quality-{key}{at}", "PSNR, dB (higher is better)", f"{title}, s a frame (farther left is faster)", dots
+        )
+        plots.append(Plot(key, title, "", charts))
+    return plots
 
 
 def frame_values(comparison: Comparison) -> dict[str, Any]:
@@ -271,7 +282,7 @@ def frame_values(comparison: Comparison) -> dict[str, Any]:
             {
                 "name": method.name,
                 **{name: [getattr(frame.scores, name) for frame in method.frames] for name in ("mse", "mae", "psnr")},
-                "seconds": [frame.seconds if math.isfinite(frame.seconds) else None for frame in method.frames],
+                **{name: without_nan([getattr(frame, name) for frame in method.frames]) for name in TIMES},
                 **{name: [frame.metrics[name] for frame in method.frames] for name in comparison.metrics},
             }
             for method in comparison.methods

@@ -32,11 +32,12 @@ NAMED = {
     "nlm-exhaustive": ("#399dba", "#46a5c5"),
     "nlm-brute-force": ("#673225", "#a37f4e"),
     "nearest": ("#464153", "#bbcfd7"),
+    "block": ("#8a20e6", "#8c3cf0"),
 }
 """Colours on light and on dark paper of the methods that are compared most.
 
-Found by a search for those that differ most in CIELAB, with full colour vision and without any one kind of cone: by 26
-and more among the first five, which are compared by default, and by 15 and more among all.
+Found by a search for those that differ most in CIELAB, with full colour vision and without any one kind of cone: by 25
+and more among those that are compared by default, and by 15 and more among all.
 """
 
 OTHER_COLOURS = """
