@@ -9,7 +9,7 @@ for (const chip of passages) {
 }
 player.element.addEventListener("shown", () => {
   const { passage } = player.frames[player.place];
-  for (const chip of passages) chip.ariaPressed = String(+chip.dataset.passage === passage);
+  choose(passages, (chip) => +chip.dataset.passage === passage);
 });
 for (const button of all("[data-place]")) {
   button.addEventListener("click", () => {

@@ -27,7 +27,7 @@ function toggleMethod(index) {
 
 function showMetric(button) {
   const plot = button.closest(".plot");
-  for (const other of all("[data-shows]", plot)) other.ariaPressed = String(other === button);
+  choose(all("[data-shows]", plot), (other) => other === button);
   for (const metric of all(".metric", plot)) metric.classList.toggle("later", metric.dataset.metric !== button.dataset.shows);
 }
 
@@ -168,7 +168,7 @@ class Clip {
   }
 
   get metric() {
-    return this.element.querySelector('[data-shows][aria-pressed="true"]').dataset.shows;
+    return this.element.querySelector('[data-shows][aria-checked="true"]').dataset.shows;
   }
 
   set metric(key) {
@@ -329,7 +329,7 @@ class Address {
     this.clip.player?.pause();
     this.current = place;
     this.clips.forEach((clip, index) => clip.element.classList.toggle("later", index !== place));
-    for (const button of all("[data-clip]")) button.ariaPressed = String(+button.dataset.clip === place);
+    choose(all("[data-clip]"), (button) => +button.dataset.clip === place);
     for (const link of all("[data-section]")) link.hash = link.dataset.section + (place ? `-${place + 1}` : "");
     this.clip.open();
   }

@@ -17,6 +17,27 @@ const HEAT = ["#000004", "#420a68", "#932667", "#dd513a", "#fca50a", "#fcffa4"];
 const BOOST = 4; // by which differences are enlarged
 const ZOOMS = [0, 1, 2, 4, 8, 16];
 
+/** Mark the one of several buttons that is chosen; as with radio buttons, the tab key stops at that one alone. */
+function choose(buttons, isChosen) {
+  const chosen = [...buttons].findIndex(isChosen);
+  buttons.forEach((button, place) => {
+    button.ariaChecked = String(place === chosen);
+    button.tabIndex = place === Math.max(0, chosen) ? 0 : -1;
+  });
+}
+
+/** Arrow keys choose the next or the previous of such buttons, before a player takes them for its frames. */
+document.addEventListener("keydown", (event) => {
+  const buttons = [...(event.target.closest("[role=radiogroup]")?.querySelectorAll("[role=radio]") ?? [])];
+  const by = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
+  if (!by || !buttons.length || event.ctrlKey || event.metaKey || event.altKey) return;
+  event.preventDefault();
+  event.stopPropagation();
+  const next = buttons.at((buttons.indexOf(event.target) + by) % buttons.length);
+  next.focus();
+  next.click();
+}, true);
+
 const between = (value, low, high) => Math.min(high, Math.max(low, value));
 
 /** 256 colours, red, green and blue of each, between the stops of the legend. */
@@ -288,9 +309,11 @@ class Player {
     this.stage.style.setProperty("--wipe", `${this.wipe.value}%`);
     this.stage.classList.toggle("is-zoomed", this.zoom > 0);
     this.element.classList.toggle("shows-error", this.mode === "error");
-    for (const each of this.element.querySelectorAll("[data-side]")) each.ariaPressed = String(this.sides[each.dataset.side] === +each.dataset.view);
-    for (const each of this.element.querySelectorAll("[data-mode]")) each.ariaPressed = String(each.dataset.mode === this.mode);
-    for (const each of this.element.querySelectorAll("[data-zoom]")) each.ariaPressed = String(+each.dataset.zoom === this.zoom);
+    for (const [side, view] of Object.entries(this.sides)) {
+      choose(this.element.querySelectorAll(`[data-side="${side}"]`), (chip) => +chip.dataset.view === view);
+    }
+    choose(this.element.querySelectorAll("[data-mode]"), ({ dataset }) => dataset.mode === this.mode);
+    choose(this.element.querySelectorAll("[data-zoom]"), ({ dataset }) => +dataset.zoom === this.zoom);
     const range = this.find(".range");
     if (range) range.value = this.range;
     this.draw();
