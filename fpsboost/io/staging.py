@@ -263,10 +263,10 @@ def complete_already(name: str) -> str:
     return f"{name} exists already and no run of it is unfinished, so it was left as it is."
 
 
-def write_safely(path: Path, data: bytes) -> None:
-    """Write a file atomically, even in case of a power cut."""
+def write_safely(path: Path, data: bytes, mode: int = 0o666) -> None:
+    """Write a file atomically, even in case of a power cut; `mode` says who may read it, less what the umask takes."""
     part = path.with_name(path.name + ".part")
-    with part.open("wb") as file:
+    with open(part, "wb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
         file.write(data)
         file.flush()
         os.fsync(file.fileno())

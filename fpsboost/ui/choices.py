@@ -50,8 +50,6 @@ PHRASES = {
 }
 """How sentences go on where the page has another way than an option."""
 
-FOR_COMMANDS = " What begins with -- is for a command line."
-
 CRF_STEPS = {"usual": 0, "smaller": 6, "higher": -4, "lossless": 0}
 """Difference from the usual constant rate factor by words for the quality; 6 is about half of the size."""
 
@@ -64,7 +62,7 @@ def on_page(sentence: str, *paths: str) -> str:
     for words, others in PHRASES.items():
         text = re.sub(words, others, text)
     text = re.sub(r"(?<![\w-])--([a-z-]+)", lambda flag: f"“{LABELS[flag[1]]}”" if flag[1] in LABELS else flag[0], text)
-    return text + FOR_COMMANDS * (re.search(r"(?<![\w-])--[a-z]", text) is not None)
+    return text + " What begins with -- is for a command line." * (re.search(r"(?<![\w-])--[a-z]", text) is not None)
 
 
 @dataclass(frozen=True)
@@ -108,8 +106,9 @@ class Choices:
         if name == "retime" and "=" not in self.value:  # the name of a file, for a command line
             raise OptionError("A speed ramp is at least two points, such as 0=0 4s=2s.")
         rate = options_from(OutputRate, {name: self.value, "slow_motion": self.rate == "slow"})
-        texts = {name: getattr(self, name) or None for name in ("input_fps", "start", "end")}
-        decoding = options_from(DecodeOptions, texts)
+        decoding = options_from(
+            DecodeOptions, {name: getattr(self, name) or None for name in ("input_fps", "start", "end")}
+        )
         return ConversionJob(self.input, output, rate, find_method(self.method), decoding, self.encoding)
 
     @property

@@ -10,7 +10,7 @@ from fractions import Fraction
 from itertools import islice
 from pathlib import Path
 from threading import Event
-from typing import Any, NamedTuple
+from typing import Any
 
 from fpsboost import (
     ClipInfo,
@@ -26,8 +26,9 @@ from fpsboost import (
     with_neighbours,
 )
 from fpsboost.cli.probe import facts
+from fpsboost.evaluation.report.self_contained import data_uri
 from fpsboost.io.opening import TargetRequirements, open_source, stands_for_images
-from fpsboost.preparation import opened_clip
+from fpsboost.preparation import opened_clip, trim_source
 from fpsboost.preview.places import View
 from fpsboost.probing import Findings, Probe, list_streams
 from fpsboost.ui.choices import first_choices, on_page
@@ -35,8 +36,6 @@ from fpsboost.ui.jobs import start_process
 
 QUICK_PIXELS = 1_500_000_000
 """Number of pixels in all frames of a clip up to which it is read to its end unasked, which takes seconds."""
-
-DROP_AFTER = 0.25  # time after which it is looked whether anybody still waits for a clip that is read, seconds
 
 
 def header(path: str) -> dict[str, Any]:
@@ -54,6 +53,7 @@ def header(path: str) -> dict[str, Any]:
         "says": ", ".join(says),
         "is_images": is_images,
         "last": None if duration is None else max(0.0, float(duration * unit - unit / info.rate)),
+        "length": None if duration is None else float(duration),
         "is_quick": count is not None and count * info.width * info.height <= QUICK_PIXELS,
         "remarks": [on_page(each, path) for each in remarks],
         "streams": [] if file is None else [asdict(each) for each in list_streams(file)],
@@ -66,9 +66,9 @@ def probe(path: str, is_dropped: Event) -> dict[str, Any]:
     process = start_process(["probe", path, "--json"], subprocess.PIPE)
     while True:
         try:
-            text, messages = process.communicate(timeout=DROP_AFTER)
+            text, messages = process.communicate(timeout=0.25)
             break
-        except subprocess.TimeoutExpired:
+        except subprocess.TimeoutExpired:  # does anybody still wait for it?
             if is_dropped.is_set():
                 process.terminate()
     if process.returncode != 0:
@@ -78,23 +78,25 @@ def probe(path: str, is_dropped: Event) -> dict[str, Any]:
         "facts": {name: value for name, value in facts(result).items() if not name.startswith("--")},
         "streams": [asdict(each) for each in result.streams],
         "remarks": [on_page(each, path) for each in (*result.remarks, *result.conversion.remarks)],
+        "length": result.duration,
         "last": result.frames - 1 if stands_for_images(path) else max(0.0, result.duration - 1 / result.rate),
     }
 
 
-class FrameBetween(NamedTuple):
-    """A frame between two of a clip as JPEG, the times or names of the two, and whether a scene ends there."""
+def poster(path: str) -> bytes:
+    """Return the frame in the middle of a clip as JPEG, by which a result is known before it is played."""
+    with open_source(path) as source:
+        shown, info = View(source.stream_info.traits), source.info
+        place = math.floor((_duration(info) or 0) * info.rate / 2) / info.rate
+        shown.add(next(iter(trim_source(source, Trim(Position(place)))[0])), Fraction(0))
+    return shown.pictures[0]
 
-    interpolated: bytes
-    blended: bytes
-    neighbours: list[str]
-    is_cut: bool
 
+def look_between(job: ConversionJob, time: Fraction) -> dict[str, Any]:
+    """Interpolate the frame in the middle between the two around a time, or between the last two; return plain data.
 
-def look_between(job: ConversionJob, time: Fraction) -> FrameBetween:
-    """Interpolate the frame in the middle between the two around a time, or between the last two.
-
-    For images, which have no rate, the time counts images.
+    These are both pictures, blended and interpolated, as data URIs of JPEG, the times or names of the two frames, and
+    whether a scene ends between them. For images, which have no rate, the time counts images.
     """
     run = RunOptions(overwrite=True)  # nothing is written
     with opened_clip(job.of_part(Trim()), run) as clip:
@@ -117,13 +119,16 @@ def look_between(job: ConversionJob, time: Fraction) -> FrameBetween:
         nearest = max((number for number in range(len(pairs)) if moments[number] <= time), default=0)
         before, pair, after = list(with_neighbours(pairs))[nearest]
         view = View(traits)
-        for method in (job.method, replace(methods["blend"], at_cuts="blend")):
+        for method in (replace(methods["blend"], at_cuts="blend"), job.method):
             image = next(iter(method.between(pair, [0.5], before, after).images))
             view.add(Frame(image, Fraction(0)), Fraction(0))
         is_cut, ends = pair.is_cut(before, after), moments[nearest : nearest + 2]
-    interpolated, blended = view.pictures
     names = [format_time(end) if images is None else images.files[round(end * info.rate)].name for end in ends]
-    return FrameBetween(interpolated, blended, names, is_cut)
+    return {
+        "images": [data_uri(each, "jpeg") for each in view.pictures],
+        "between": f"between {' and '.join(names)}",
+        "is_cut": is_cut,
+    }
 
 
 def _duration(info: ClipInfo) -> Fraction | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import secrets
 import socket
 import sys
@@ -16,8 +17,16 @@ from rich.console import Console
 
 from fpsboost import OptionError
 from fpsboost.cli.options import PathName
+from fpsboost.errors import InUseError
+from fpsboost.io.staging import write_safely
 
 options = Group("Options", sort_key=1)
+
+REDIRECTION = """<!doctype html>
+<html lang="en"><meta charset="utf-8"><title>fpsboost</title>
+<meta http-equiv="refresh" content="0; url={0}"><a href="{0}">The page of fpsboost</a></html>
+"""
+"""File that leads the browser to the page, whose address is thus not on a command line, which all users can read."""
 
 
 def ui(
@@ -32,7 +41,7 @@ def ui(
     Parameters
     ----------
     folder
-        Use nothing outside of this folder; else begin in the home folder.
+        Use nothing outside of this folder. Without it, begin in the home folder, or open the page that runs already.
     port
         Port of this machine; the queue is the same on each.
     no_browser
@@ -42,30 +51,41 @@ def ui(
         import platformdirs  # noqa: PLC0415 (of the extra, which may be missing)
         import uvicorn  # noqa: PLC0415
 
-        from fpsboost.ui.files import Files  # noqa: PLC0415
-        from fpsboost.ui.jobs import Queue  # noqa: PLC0415
-        from fpsboost.ui.server import Desk, make_app  # noqa: PLC0415
+        from fpsboost.ui import files, jobs, server  # noqa: PLC0415
     except ImportError as error:
         raise OptionError("The page needs more packages; install them with pip install 'fpsboost[ui]'.") from error
-    files = Files() if folder is None else Files(Files().inside(folder))
-    if files.root is not None and not files.root.is_dir():
+    allowed = files.Files() if folder is None else files.Files(files.Files().inside(folder))
+    if allowed.root is not None and not allowed.root.is_dir():
         raise OptionError(f"{folder} is no folder; name one, or leave it out.")
     console, token = Console(highlight=False), secrets.token_urlsafe(24)
-    path = platformdirs.user_state_path("fpsboost", appauthor=False) / "queue.json"
+    state = platformdirs.user_state_path("fpsboost", appauthor=False)
+    page = state / "page.html"
     try:
-        with closing(Queue(path, files)) as queue, _bound(port) as bound:
+        with closing(jobs.Queue(state / "queue.json", allowed)) as queue, _bound(port) as bound:
             port = bound.getsockname()[1]
-            desk = Desk(files, queue, files.root or Path.home(), token, port)
-            config = uvicorn.Config(make_app(desk), log_level="critical", access_log=False, timeout_graceful_shutdown=1)
-            address = f"http://127.0.0.1:{port}/?token={token}"
-            console.print(f"The page: {address}", soft_wrap=True)
-            console.print("Ctrl-C stops it; conversions that are not done can go on later.")
+            desk = server.Desk(allowed, queue, allowed.root or Path.home(), token, port)
+            config = uvicorn.Config(
+                server.make_app(desk), log_level="critical", access_log=False, timeout_graceful_shutdown=1
+            )
+            address = f"http://127.0.0.1:{port}/#{token}"
+            write_safely(page, REDIRECTION.format(address).encode(), jobs.PRIVATE)
+            console.print(
+                f"The page: {address}\nCtrl-C stops it; conversions that are not done can go on later.", soft_wrap=True
+            )
             if queue.outside:
-                count = len(queue.outside)
-                console.print(f"Earlier conversions outside of {files.root} do not go on from here: {count}.")
+                console.print(
+                    f"Earlier conversions outside of {allowed.root} do not go on from here: {len(queue.outside)}."
+                )
             if not no_browser:
-                webbrowser.open(address)
+                webbrowser.open(page.as_uri())
             uvicorn.Server(config).run(sockets=[bound])
+    except InUseError:
+        if folder is not None or not page.is_file():
+            raise
+        (address,) = set(re.findall(r'http:[^"]+', page.read_text()))
+        console.print(f"The page, which runs already: {address}", soft_wrap=True)
+        if not no_browser:
+            webbrowser.open(page.as_uri())
     except KeyboardInterrupt:
         console.print("Stopped.")
         sys.stdout.flush()
@@ -74,14 +94,8 @@ def ui(
 
 def _bound(port: int) -> socket.socket:
     """Return a socket on a port of this machine that other machines cannot reach."""
-    bound = socket.socket()
     try:
-        if os.name == "posix":  # a port that was in use a minute ago; elsewhere the option takes it from who uses it
-            bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        bound.bind(("127.0.0.1", port))
-        bound.listen()
+        return socket.create_server(("127.0.0.1", port))  # also one that was in use a minute ago, and not by any other
     except (OSError, OverflowError) as error:
-        bound.close()
-        reason = error.strerror if isinstance(error, OSError) else "it must be 0 to 65535"
+        reason = os.strerror(error.errno or 0) if isinstance(error, OSError) else "it must be 0 to 65535"
         raise OptionError(f"--port {port} cannot be used ({reason}); name another, or 0 for any.") from error
-    return bound

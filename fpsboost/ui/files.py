@@ -9,13 +9,13 @@ import sys
 from dataclasses import dataclass, field
 from mimetypes import guess_type
 from pathlib import Path
-from threading import Lock
 from typing import Any
 
 from fpsboost import InputError, OutputError
 from fpsboost.cli.batch import OUTPUT_SUFFIXES
 from fpsboost.errors import explained
 from fpsboost.io.images.files import IMAGE_SUFFIXES
+from fpsboost.io.opening import stands_for_images
 from fpsboost.io.staging import unfinished_places
 
 MAX_ENTRIES = 2000
@@ -27,8 +27,7 @@ class Files:
     """The part of the file system that the page may use: what is in the root, or everything if that is None."""
 
     root: Path | None = None
-    _picked: set[Path] = field(default_factory=set)
-    _lock: Lock = field(default_factory=Lock)
+    _picked: set[Path] = field(default_factory=set)  # paths are added and looked for, which needs no lock
 
     def inside(self, text: str) -> Path:
         """Return a path with all symbolic links followed."""
@@ -63,8 +62,8 @@ class Files:
             "images": images,
         }
 
-    def find(self, wanted: list[dict[str, Any]], start: str) -> tuple[list[str], list[str]]:
-        """Return the paths of files by name and size, and the names of those that are not near a folder.
+    def find(self, wanted: list[dict[str, Any]], start: str) -> dict[str, list[str]]:
+        """Return the paths of files by name and size, and the missing names of those that are not near a folder.
 
         They are looked for in the folder, in the root or the home folder, and in the folders there.
         """
@@ -77,7 +76,7 @@ class Files:
             files = (path for path in places if os.path.isfile(path))  # unlike pathlib's, for impossible names, too
             found = next((path for path in files if path.stat().st_size == each.get("size")), None)
             (missing if found is None else paths).append(name if found is None else str(found))
-        return paths, missing
+        return {"paths": paths, "missing": missing}
 
     def pick(self, text: str) -> str:
         """Return the path of an input, which may be read from now on."""
@@ -85,15 +84,12 @@ class Files:
         if path.exists() and not (path.is_file() or path.is_dir()):
             raise InputError(f"{text} is neither a file nor a folder; name a video or a folder of images.")
         self._check_links(path)
-        with self._lock:
-            self._picked.add(path)
+        self._picked.add(path)
         return str(path)
 
     def check_picked(self, path: str) -> None:
         """Raise `InputError` unless a path was picked, and still is what it was then."""
-        with self._lock:
-            is_picked = Path(path) in self._picked
-        if not is_picked or self.inside(path) != Path(path):
+        if Path(path) not in self._picked or self.inside(path) != Path(path):
             raise InputError(f"{path} was not picked on this page; pick it first.")
         self._check_links(Path(path))
 
@@ -124,7 +120,7 @@ class Files:
     def _check_links(self, path: Path) -> None:
         """Raise `InputError` if the images of an input, a folder or a pattern, are links to outside of the root."""
         folder = path if path.is_dir() else path.parent
-        if self.root is None or path.is_file() or not folder.is_dir():
+        if self.root is None or not stands_for_images(str(path)) or not folder.is_dir():
             return
         with explained(InputError, "list", str(folder), "check the permissions"), os.scandir(folder) as entries:
             for each in entries:

@@ -28,6 +28,9 @@ BEGINS_ANEW = "Paused; no part of it could be kept, so it begins anew."
 FINISHED = r"(\d+)(?: of \d+)? frames are finished"
 """What a run that was stopped says of the frames that another need not make."""
 
+PRIVATE = 0o600
+"""Mode of files with paths or a token, which are no business of other users of this machine."""
+
 MAX_JOBS = 100
 """Maximum number of jobs in the queue."""
 
@@ -169,7 +172,7 @@ class Queue:
         """Wake who waits for a change, and write the jobs down."""
         self._changed.notify_all()
         with explained(OutputError, "write to", self._path, "check the permissions"):
-            write_safely(self._path, json.dumps([asdict(job) for job in self._all]).encode())
+            write_safely(self._path, json.dumps([asdict(job) for job in self._all]).encode(), PRIVATE)
 
     @property
     def _all(self) -> list[Job]:
@@ -196,15 +199,19 @@ class Queue:
                     self._changed.wait()
                     continue
                 job.state, job.stage, job.fps, kept = "running", "", None, job.frame
-                try:
-                    self._files.check_job(job.words[1], job.output)  # which may have become links
-                    self._process = start_process(job.arguments)
-                except (OSError, FpsboostError) as error:
-                    self._end(job, explain(error) if isinstance(error, OSError) else str(error), 1, kept)
-                    continue
                 with suppress(OutputError):
                     self._save()
-            self._end(job, *self._follow(job, self._process), kept)
+            try:  # without holding up the page, since the disk may be slow
+                self._files.check_job(job.words[1], job.output)  # which may have become links
+                process = start_process(job.arguments)
+            except (OSError, FpsboostError) as error:
+                self._end(job, explain(error) if isinstance(error, OSError) else str(error), 1, kept)
+                continue
+            with self._changed:
+                self._process = process
+                if self._closed or self.job(job.number).state == "stopping":  # meanwhile
+                    self._stop()
+            self._end(job, *self._follow(job, process), kept)
 
     def _follow(self, job: Job, process: subprocess.Popen[str]) -> tuple[str, int]:
         """Take over the progress of a run until it ends; return its messages and its exit code."""
@@ -225,6 +232,7 @@ class Queue:
 
     def _end(self, job: Job, message: str, code: int, kept: int) -> None:
         """Set the state of a job whose run has ended; an earlier run had kept so many frames."""
+        is_kept = is_unfinished(job.output)
         with self._changed:
             self._process = None
             is_stopped = self._closed or job.state == "stopping"
@@ -232,7 +240,7 @@ class Queue:
                 job.state, job.message = "done", ""
             else:
                 finished = re.search(FINISHED, message)
-                job.pause(int(finished[1]) if finished else kept * is_unfinished(job.output), BEGINS_ANEW)
+                job.pause(int(finished[1]) if finished else kept * is_kept, BEGINS_ANEW)
             if code != 0 and not is_stopped:
                 job.state, job.message = "failed", on_page(message)
             with suppress(OutputError):  # on a full disk jobs go on; the next change writes all of them
@@ -255,13 +263,14 @@ def _locked(path: Path) -> BufferedRandom:
     """Return a file that is locked as long as it is open, so that no other process opens the same queue."""
     with explained(OutputError, "write to", path, "check the permissions"):
         path.parent.mkdir(parents=True, exist_ok=True)
+        path.parent.chmod(0o700)  # also one that an earlier version has made
         file = path.with_suffix(".lock").open("a+b")
     try:
         lock_file(file)
     except OSError as error:  # else a disk without locks
         if error.errno in LOCKED:
             file.close()
-            raise InUseError("fpsboost ui runs already; open the page that it has printed, or stop it first.") from None
+            raise InUseError("fpsboost ui runs already; stop it, or leave the folder out to open its page.") from None
     return file
 
 

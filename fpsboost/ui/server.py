@@ -5,6 +5,7 @@ The guard lets in nobody but the page that this server has sent.
 
 from __future__ import annotations
 
+import hmac
 import json
 import os
 import re
@@ -19,13 +20,12 @@ from fractions import Fraction
 from itertools import count
 from pathlib import Path
 from textwrap import shorten
-from threading import Event, Lock
+from threading import Event, Semaphore
 from typing import Any
-from urllib.parse import parse_qs
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
-from starlette.middleware import Middleware
+from starlette.datastructures import MutableHeaders
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
@@ -34,22 +34,27 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from fpsboost import FpsboostError, InputError, OptionError
 from fpsboost.cli.app import MAX_REASON, explain
 from fpsboost.errors import notes_of
-from fpsboost.evaluation.report.self_contained import data_uri, templates_of
+from fpsboost.evaluation.report.self_contained import templates_of
 from fpsboost.ui.choices import Choices, on_page
-from fpsboost.ui.clip import header, look_between, probe
+from fpsboost.ui.clip import header, look_between, poster, probe
 from fpsboost.ui.files import Files, show_in_folder
 from fpsboost.ui.jobs import Queue
 
 MAX_BODY = 1024 * 1024
 """Largest body of a request, bytes; the page sends a few hundred for each clip."""
 
-READERS = 4  # number of clips that are read to their ends at a time
+READERS = 4
+"""Number of clips that are read at a time: to their ends, for one frame, or for what a conversion would give; with one
+more, one of them has to wait."""
+
+MEDIA = ("result", "source", "poster")
+"""What the page shows of a job that is done, by addresses of their own."""
 
 HEADERS = {
     "Cache-Control": "no-store",
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
-    "Referrer-Policy": "no-referrer",  # the address has the token
+    "Referrer-Policy": "no-referrer",  # the addresses of results have keys
     "X-Content-Type-Options": "nosniff",
 }
 
@@ -65,7 +70,7 @@ class Desk:
     start: Path
     token: str
     port: int
-    _one_check: Lock = field(default_factory=Lock)  # at a time, since it may open an encoder
+    _checks: Semaphore = field(default_factory=lambda: Semaphore(READERS))  # few, since each may open an encoder
 
     def folder(self, data: Json) -> Json:
         return self.files.listing(str(data.get("path") or self.start))
@@ -75,8 +80,7 @@ class Desk:
         wanted = data.get("files")
         if not isinstance(wanted, list) or not all(isinstance(each, dict) for each in wanted):
             raise OptionError("The page has sent no files; load it anew.")
-        paths, missing = self.files.find(wanted, str(data.get("folder") or self.start))
-        return {"paths": paths, "missing": missing}
+        return self.files.find(wanted, str(data.get("folder") or self.start))
 
     def pick(self, data: Json) -> Json:
         """Return the header of a clip, which may be read from now on."""
@@ -92,20 +96,13 @@ class Desk:
     def check(self, data: Json) -> Json:
         return {"clips": [found for found, _ in self._conversions(data)]}
 
-    def look(self, data: Json, is_dropped: Event) -> Json:
-        """Return a frame between two, by a method and by blending; nothing if nobody waits for it any more."""
-        if is_dropped.is_set():
-            return {}
+    def look(self, data: Json, _: Event) -> Json:
+        """Return a frame between two, by a method and by blending; it is made to its end once it was begun."""
         choices, time = Choices.of(data.get("choices")), data.get("time")
         if not isinstance(time, int | float) or time is True or not 0 <= time < 1e9:
             raise OptionError("The page has sent no valid time; load it anew.")
         job = choices.job(self.files)
-        frame = look_between(job, Fraction(time).limit_denominator(10**9))
-        return {
-            "images": [data_uri(each, "jpeg") for each in (frame.blended, frame.interpolated)],
-            "between": f"between {' and '.join(frame.neighbours)}",
-            "is_cut": frame.is_cut,
-        }
+        return look_between(job, Fraction(time).limit_denominator(10**9))
 
     def add(self, data: Json) -> Json:
         """Add the conversions of some clips to the queue: all of them, or none."""
@@ -125,7 +122,7 @@ class Desk:
             try:
                 choices = self._named(choices, outputs) if each.get("is_named") is False else choices
                 job = choices.job(self.files)
-                with self._one_check:
+                with self._checks:
                     found, words = choices.check(job), choices.words(job)
             except FpsboostError as error:
                 if len(clips) == 1:
@@ -144,9 +141,20 @@ class Desk:
             name = f"{stem}-{next(numbers)}{suffix}"
         return replace(choices, name=name)
 
+    def jobs(self) -> list[Json]:
+        """Return the queue, with the addresses of what the page shows of each job; each has a key to nothing else."""
+        listing = self.queue.listing()
+        for job in listing:
+            job["media"] = {kind: with_key(f"/{kind}/{job['number']}", self.token) for kind in MEDIA}
+        return listing
+
     def change(self, data: Json) -> Json:
-        actions = {"pause": self.queue.pause, "resume": self.queue.resume, "remove": self.queue.remove}
-        actions["show"] = lambda number: show_in_folder(self.result(str(number), "place"))
+        actions: dict[str, Callable[[int], None]] = {
+            "pause": self.queue.pause,
+            "resume": self.queue.resume,
+            "remove": self.queue.remove,
+            "show": lambda number: show_in_folder(self.result(str(number), "place")),
+        }
         number, action = data.get("number"), data.get("action")
         if type(number) is not int or not isinstance(action, str) or action not in actions:
             raise OptionError("The page has sent no valid action; load it anew.")
@@ -154,92 +162,76 @@ class Desk:
         return {}
 
     def result(self, number: str, kind: str = "result") -> Path:
-        """Return the file that a job has written, or its source; as a place, a folder as well."""
+        """Return the file that a job has written, or its source; as a place or for a poster, a folder as well."""
         job = self.queue.job(int(number) if re.fullmatch(r"[0-9]{1,9}", number) else 0)
         if job.state != "done":
             raise OptionError(f"Job {number} is not done; wait for it.")
         given, was = (job.words[1], "converted") if kind == "source" else (job.output, "written")
         path = self.files.inside(given)
-        if path != Path(given) or not (path.is_file() or (kind == "place" and path.is_dir())):
+        if path != Path(given) or not (path.is_file() or (kind in ("place", "poster") and path.is_dir())):
             raise InputError(f"{given} is no longer the file that was {was}.")
         return path
+
+
+def with_key(path: str, token: str) -> str:
+    """Return a path with a key to it alone, for players, which send no header; the token does not follow from it."""
+    return f"{path}?key={hmac.digest(token.encode(), path.encode(), 'sha256').hex()}"
 
 
 class Guard:
     """Middleware that answers requests of other programs, other pages and other machines with an error.
 
-    A request needs the token of this run, which keeps out other programs of this machine that do not know it; a Host
-    header of this server, so that no other name can be made to lead here (DNS rebinding); and, if it changes something,
-    the Origin of the page, so that no other page can send it.
+    A request needs a Host header of this server, so that no other name can be made to lead here (DNS rebinding); the
+    token of this run, which keeps out other users of this machine; and, if it changes something, the Origin of the
+    page, so that no other page can send it. The page itself, which tells nothing, needs no token.
+
+    The page gets the token behind the # of its address, which no browser sends anywhere, removes it from there and
+    sends it in a header. It is no cookie: browsers send a cookie to every port of this machine, so to servers of its
+    other users, and with requests that other pages make.
     """
 
     def __init__(self, app: ASGIApp, token: str, port: int) -> None:
-        self._app, self._token = app, token.encode()
-        self._hosts = {f"{name}:{port}".encode() for name in ("127.0.0.1", "localhost")}
+        self._app, self._token = app, token
+        self._hosts = [f"{name}:{port}" for name in ("127.0.0.1", "localhost")]
+        self._refused = templates_of("fpsboost.ui").get_template("refused.html.j2")
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request; see the ASGI specification."""
-        if scope["type"] != "http":
-            if scope["type"] == "lifespan":
-                await self._app(scope, receive, send)
+        if scope["type"] != "http":  # begin or end of the server; for anything else there is no route
+            await self._app(scope, receive, send)
             return
 
-        is_answered = False
-
         async def sent(message: Message) -> None:
-            nonlocal is_answered
             if message["type"] == "http.response.start":
-                is_answered = True
-                more = [(name.lower().encode(), value.encode()) for name, value in HEADERS.items()]
-                message = {**message, "headers": [*message.get("headers", []), *more]}
+                MutableHeaders(scope=message).update(HEADERS)
             await send(message)
 
-        refusal = self._refusal(scope)
+        request = Request(scope)
+        refusal = self._refusal(request)
         if refusal is None:
-            try:
-                await self._app(scope, _limited(receive), sent)
-            except ClientDisconnect:
-                pass  # nobody waits for an answer
-            except Exception as error:
-                if is_answered:
-                    raise
-                reason = shorten(f"{type(error).__name__}: {error}", MAX_REASON)
-                await Answer({"notice": f"This is a fault in fpsboost ({reason}); report it."}, 500)(
-                    scope, receive, sent
-                )
+            await self._app(scope, receive, sent)
         else:
-            await Answer({"notice": refusal}, 403)(scope, receive, sent)
+            page = self._refused.render(notice=refusal, address=f"http://{self._hosts[0]}/")
+            await HTMLResponse(page, 403)(scope, receive, sent)
 
-    def _refusal(self, scope: Scope) -> str | None:
+    def _refusal(self, request: Request) -> str | None:
         """Return the sentence with which a request is refused; None if it is let in."""
-        headers: dict[bytes, bytes] = dict(scope["headers"])
-        host = headers.get(b"host", b"")
-        if host not in self._hosts:
+        headers, reads, path = request.headers, request.method in ("GET", "HEAD"), request.scope["path"]
+        if headers.get("host") not in self._hosts:
             return "This is not the address of fpsboost; open the one that it has printed."
-        query = parse_qs(scope["query_string"].decode("latin-1"))
-        given = headers.get(b"x-fpsboost-token") or query.get("token", [""])[0].encode()
-        if not secrets.compare_digest(given, self._token):
+        if reads and path == "/":
+            return None
+        given, right = headers.get("x-fpsboost-token", ""), self._token
+        if reads and not given:
+            given, right = f"{path}?{request.url.query}", with_key(path, self._token)
+        if not hmac.compare_digest(given.encode(), right.encode()):
             return "The token is not that of this run; open the address that fpsboost has printed."
-        if scope["method"] not in ("GET", "HEAD") and headers.get(b"origin") != b"http://" + host:
+        if not reads and headers.get("origin") != f"http://{headers['host']}":
             return "Another page has sent this; open the address that fpsboost has printed."
         return None
 
 
-def _limited(receive: Receive) -> Receive:
-    size = 0
-
-    async def limited() -> Message:
-        nonlocal size
-        message = await receive()
-        size += len(message.get("body", b""))
-        if size > MAX_BODY:
-            raise InputError(f"The page has sent more than {MAX_BODY} bytes; load it anew.")
-        return message
-
-    return limited
-
-
-def make_app(desk: Desk) -> Starlette:
+def make_app(desk: Desk) -> ASGIApp:
     """Return the server's application, guarded."""
     template = templates_of("fpsboost.ui").get_template("ui.html.j2")
 
@@ -252,11 +244,15 @@ def make_app(desk: Desk) -> Starlette:
         )
         return HTMLResponse(template.render(nonce=nonce), headers={"Content-Security-Policy": policy})
 
-    async def jobs(request: Request) -> Response:
-        return Answer(desk.queue.listing())
+    # these two run in threads, since they wait for the queue or for a disk, which may be on a network
 
-    async def result(request: Request) -> Response:
-        return FileResponse(desk.result(request.path_params["number"], request.url.path.split("/")[1]))
+    def jobs(request: Request) -> Response:
+        return Answer(desk.jobs())
+
+    def media(request: Request) -> Response:
+        _, kind, number = request.url.path.split("/")
+        path = desk.result(number, kind)
+        return Response(poster(str(path)), media_type="image/jpeg") if kind == "poster" else FileResponse(path)
 
     def answering(answer: Callable[[Json], Json]) -> Callable[[Request], Any]:
         async def endpoint(request: Request) -> Response:
@@ -281,28 +277,32 @@ def make_app(desk: Desk) -> Starlette:
 
         return endpoint
 
-    posts = (desk.folder, desk.find, desk.pick, desk.check, desk.add, desk.change)
-    # one look at a time, so that it takes no more memory than a conversion
-    lookers, readers = ThreadPoolExecutor(1), ThreadPoolExecutor(READERS)
-    works = {"/look": working(desk.look, lookers), "/probe": working(desk.probe, readers)}
+    lookers, readers = ThreadPoolExecutor(READERS), ThreadPoolExecutor(READERS)
 
     @asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
         yield
         readers.shutdown()  # which waits until their processes are stopped
 
-    return Starlette(
+    app = Starlette(
         routes=[
             Route("/", page),
             Route("/jobs", jobs),
-            *(Route(f"/{kind}/{{number}}", result) for kind in ("result", "source")),
-            *(Route(f"/{each.__name__}", answering(each), methods=["POST"]) for each in posts),
-            *(Route(path, work, methods=["POST"]) for path, work in works.items()),
+            *(Route(f"/{kind}/{{number}}", media) for kind in MEDIA),
+            *(
+                Route(f"/{each.__name__}", answering(each), methods=["POST"])
+                for each in (desk.folder, desk.find, desk.pick, desk.check, desk.add, desk.change)
+            ),
+            Route("/look", working(desk.look, lookers), methods=["POST"]),
+            Route("/probe", working(desk.probe, readers), methods=["POST"]),
         ],
         lifespan=lifespan,
-        middleware=[Middleware(Guard, token=desk.token, port=desk.port)],
-        exception_handlers={FpsboostError: _notice, OSError: _notice, MemoryError: _notice},
+        exception_handlers={
+            **dict.fromkeys((FpsboostError, OSError, MemoryError, ClientDisconnect), _notice),
+            Exception: _fault,
+        },
     )
+    return Guard(app, desk.token, desk.port)
 
 
 class Answer(JSONResponse):
@@ -314,8 +314,13 @@ class Answer(JSONResponse):
 
 async def _data_of(request: Request) -> Json:
     """Return the object in a request; raise `OptionError` for what no page sends."""
+    body = b""
+    async for part in request.stream():
+        body += part
+        if len(body) > MAX_BODY:
+            raise InputError(f"The page has sent more than {MAX_BODY} bytes; load it anew.")
     try:
-        data = await request.json()
+        data = json.loads(body)
         os.fsencode(json.dumps(data, ensure_ascii=False))  # names of files need not be Unicode, but are not anything
     except (ValueError, RecursionError) as error:
         raise OptionError("The page has sent what is no JSON; load it anew.") from error
@@ -331,3 +336,8 @@ async def _notice(request: Request, error: Exception) -> Response:
     """Answer with the sentence that the command line would print."""
     sentence = explain(error) if isinstance(error, OSError | MemoryError) else str(error)
     return Answer({"notice": on_page(" ".join(filter(None, (sentence, notes_of(error)))))}, 400)
+
+
+async def _fault(request: Request, error: Exception) -> Response:
+    said = shorten(f"{type(error).__name__}: {error}", MAX_REASON)
+    return Answer({"notice": f"This is a fault in fpsboost ({said}); report it."}, 500)

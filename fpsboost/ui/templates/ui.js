@@ -1,4 +1,3 @@
-const token = new URLSearchParams(location.search).get("token") ?? "";
 const byId = (id) => document.getElementById(id);
 const form = byId("form");
 /** Names in the form of the kinds of streams that are kept. */
@@ -6,6 +5,39 @@ const KEPT = { audio: "sound", subtitle: "subtitles" };
 const state = { clip: null, clips: [], player: null, folder: "", entries: [] };
 
 class Notice extends Error {}
+
+/** A question that another one has replaced. */
+class Dropped extends Error {}
+
+// ---------------------------------------------------------------- the server
+
+const KEPT_AS = "fpsboost-token";
+let token = "";
+
+/** The token as all tabs of this browser keep it; a browser may keep nothing. */
+function keptToken(given) {
+  try {
+    if (given) localStorage.setItem(KEPT_AS, given);
+    return localStorage.getItem(KEPT_AS) ?? "";
+  } catch (error) {
+    return "";
+  }
+}
+
+/** Take the token from the address, which forgets it, or the one that a tab has kept, and say whether the server knows it. */
+async function enter() {
+  const given = location.hash.slice(1);
+  if (given) history.replaceState(null, "", location.pathname);
+  for (const each of new Set([given, keptToken(), token])) {
+    if (!each || !(await fetch("/jobs", { headers: { "X-Fpsboost-Token": each } }).catch(() => null))?.ok) continue;
+    const isOther = token && token !== each;
+    token = each;
+    keptToken(each); // only now, so that no address of another page can replace a right one
+    if (isOther) for (const clip of state.clips) await ask("/pick", { path: clip.choices.input }); // the server was started again
+    return true;
+  }
+  return false;
+}
 
 /** Ask the server; what is wrong with the question becomes a notice. */
 async function ask(path, data, signal) {
@@ -17,12 +49,26 @@ async function ask(path, data, signal) {
       headers: { "X-Fpsboost-Token": token, "Content-Type": "application/json" },
       body: data === undefined ? undefined : JSON.stringify(data),
     });
-    found = await answer.json(); // which a server that is being stopped does not send
+    found = answer.status === 403 ? {} : await answer.json(); // which a server that is being stopped does not send
   } catch (error) {
-    throw new Notice("fpsboost does not answer; start fpsboost ui again, and open the address that it prints.");
+    if (signal?.aborted) throw new Dropped();
+    throw new Notice("fpsboost does not answer; start fpsboost ui again, then this page goes on.");
   }
+  if (signal?.aborted) throw new Dropped();
+  if (answer.status === 403 && token !== keptToken() && (await enter())) return ask(path, data, signal);
+  byId("stranger").hidden = answer.status !== 403;
+  if (answer.status === 403) throw new Notice("This page does not belong to the fpsboost that runs.");
   if (!answer.ok) throw new Notice(found.notice ?? `The server answered ${answer.status}.`);
   return found;
+}
+
+const asked = {};
+
+/** Ask what replaces an earlier question of its kind, for whose answer the page then waits no longer. */
+function askAnew(kind, path, data) {
+  asked[kind]?.abort();
+  asked[kind] = new AbortController();
+  return ask(path, data, asked[kind].signal);
 }
 
 /** Show a sentence in a section, or hide the last one. */
@@ -38,8 +84,8 @@ async function attempt(section, action) {
     say(section);
     return await action();
   } catch (error) {
-    if (!(error instanceof Notice)) throw error;
-    say(section, error.message);
+    if (error instanceof Notice) say(section, error.message);
+    else if (!(error instanceof Dropped)) throw error;
     return undefined;
   }
 }
@@ -85,7 +131,7 @@ function size(bytes) {
 }
 
 async function open(path) {
-  const found = await ask("/folder", { path });
+  const found = await askAnew("choice", "/folder", { path });
   const focused = document.activeElement.closest("#entries, #above")?.id;
   Object.assign(state, { folder: found.path, entries: found.entries });
   if (path || !byId("path").value) byId("path").value = found.path; // what was typed meanwhile stays
@@ -111,11 +157,18 @@ async function open(path) {
   if (!entries.length) entries.push(make("li", { className: "empty" }, "No folders and no videos here."));
   byId("entries").replaceChildren(...entries);
   byId("entries").scrollTop = 0;
+  const clips = found.entries.filter((each) => each.kind === "clip").length;
+  const isLong = byId("entries").scrollHeight > byId("entries").clientHeight;
+  byId("count").textContent = `${counted(found.entries.length - clips, "folder")}, ${counted(clips, "clip")}${isLong ? "; scroll for more" : ""}.`;
   countTicks();
   byId("images").hidden = found.images < 2;
   byId("images").textContent = `Take the ${found.images} images of this folder`;
   if (focused === "entries") (byId("entries").querySelector("button") ?? byId("entries")).focus();
   if (focused === "above") byId("above").lastElementChild.focus();
+}
+
+function counted(count, what) {
+  return `${count} ${what}${count === 1 ? "" : "s"}`;
 }
 
 function ticked() {
@@ -138,13 +191,10 @@ async function openOrPick(path) {
   }
 }
 
-let picks = 0;
-
-/** Take clips that become something alike; the first one is shown. Of two picks at a time, the last one counts. */
+/** Take clips that become something alike; the first one is shown. Of two choices at a time, the last one counts. */
 async function pick(paths) {
-  const [number, clips] = [++picks, []];
-  for (const path of paths) clips.push(await ask("/pick", { path }));
-  if (number !== picks) return;
+  const clips = [];
+  for (const path of paths) clips.push(await askAnew("choice", "/pick", { path }));
   for (const clip of clips) {
     clip.streams = clip.streams.filter((each) => each.kind in KEPT).map((each) => ({ ...each, kind: KEPT[each.kind], what: described(each) }));
   }
@@ -154,7 +204,7 @@ async function pick(paths) {
   byId("clip-title").textContent = clips.length > 1 ? `${clips.length} clips` : clips[0].name;
   byId("several").hidden = clips.length === 1;
   const chips = clips.map((clip) => {
-    const chip = make("button", { type: "button", className: "chip", textContent: clip.name });
+    const chip = make("button", { type: "button", className: "chip", role: "radio", textContent: clip.name });
     chip.addEventListener("click", () => showClip(clip));
     return chip;
   });
@@ -169,16 +219,16 @@ async function pick(paths) {
 /** Show one of the clips that were taken. */
 function showClip(clip) {
   if (clip === state.clip) return;
-  state.reading?.abort(); // a clip that is no longer shown is not read on
-  Object.assign(state, { clip, player: null });
-  [...byId("several").children].forEach((chip, place) => (chip.ariaPressed = String(state.clips[place] === clip)));
+  asked.probe?.abort(); // a clip that is no longer shown is not read on
+  Object.assign(state, { clip, player: null, looking: null });
+  choose([...byId("several").children], (_, place) => state.clips[place] === clip);
   byId("says").textContent = `${clip.says}.`;
   byId("notes").replaceChildren(...clip.remarks.map((each) => make("p", { className: "note" }, each)));
   byId("facts").hidden = true;
   byId("reading").hidden = true;
   byId("picture").replaceChildren();
   showStreams();
-  setLast(clip.last);
+  setLast(clip);
   goTo((clip.last ?? 0) / 2);
   byId("read").hidden = clip.is_quick;
   if (clip.is_quick) probe();
@@ -199,27 +249,20 @@ function fill(clips) {
 
 async function probe() {
   const { clip } = state;
-  const reading = (state.reading = new AbortController());
   if (document.activeElement === byId("read")) byId("clip-title").focus();
   byId("read").hidden = true;
   byId("reading").hidden = false;
-  await attempt(byId("clip"), async () => {
-    try {
-      const found = await ask("/probe", { path: clip.choices.input }, reading.signal);
-      if (reading.signal.aborted) return;
-      const streams = found.streams.map((each) => [`stream ${each.index}`, described(each)]);
-      const rows = [...Object.entries(found.facts), ...streams].map(([name, value]) =>
-        make("div", {}, make("dt", {}, name), make("dd", {}, value)),
-      );
-      setLast(found.last);
-      byId("facts").lastElementChild.replaceChildren(...rows);
-      byId("facts").hidden = false;
-      byId("notes").replaceChildren(...found.remarks.map((each) => make("p", { className: "note" }, each)));
-    } catch (error) {
-      if (!reading.signal.aborted) throw error;
-    }
-  });
-  if (!reading.signal.aborted) byId("reading").hidden = true;
+  const found = await attempt(byId("clip"), () => askAnew("probe", "/probe", { path: clip.choices.input }));
+  if (clip === state.clip) byId("reading").hidden = true;
+  if (!found) return;
+  const streams = found.streams.map((each) => [`stream ${each.index}`, described(each)]);
+  const rows = [...Object.entries(found.facts), ...streams].map(([name, value]) =>
+    make("div", {}, make("dt", {}, name), make("dd", {}, value)),
+  );
+  setLast(found);
+  byId("facts").lastElementChild.replaceChildren(...rows);
+  byId("facts").hidden = false;
+  byId("notes").replaceChildren(...found.remarks.map((each) => make("p", { className: "note" }, each)));
 }
 
 // ---------------------------------------------------------------- what it becomes
@@ -294,8 +337,8 @@ function showOwn() {
   byId("own").firstElementChild.textContent = words[rate];
   const input = form.elements.value;
   if ((rate === "retime") !== input.value.includes("=")) input.value = "";
-  const half = Math.round(length() * 5) / 10;
-  input.value ||= rate === "retime" ? curveText([[0, 0], [half, half], [half * 2, half * 1.5]]) : rate === "fps" ? "50" : "3";
+  const end = Math.floor(length() * 1000) / 1000, half = Math.round(end * 5) / 10; // the second half at half speed, to its end
+  input.value ||= rate === "retime" ? curveText([[0, 0], [half, half], [half + 2 * (end - half), end]]) : rate === "fps" ? "50" : "3";
   input.inputMode = rate === "retime" ? "text" : "decimal";
   byId("ramp").hidden = rate !== "retime";
   if (rate === "retime") drawCurve();
@@ -305,8 +348,7 @@ function showOwn() {
 
 /** Length of the clip, seconds; a guess if it is not known, or counted in images. */
 function length() {
-  const { last } = state;
-  return last && !state.clip.is_images ? last : 4;
+  return state.length && !state.clip.is_images ? state.length : 4;
 }
 
 /** Points of a curve in seconds; null if it is written in other units. */
@@ -449,7 +491,7 @@ function check() {
   const number = ++checks;
   soon = setTimeout(async () => {
     byId("outcome").textContent = "";
-    const answer = await attempt(form, () => ask("/check", chosen()));
+    const answer = await attempt(form, () => askAnew("check", "/check", chosen()));
     if (number !== checks) return;
     byId("start").ariaDisabled = String(!answer);
     if (!answer) return;
@@ -515,8 +557,8 @@ function clock(seconds) {
 }
 
 /** Let the slider reach to the last position; if that is not known, it is hidden until the clip was read, and positions are typed. */
-function setLast(last) {
-  state.last = last;
+function setLast({ last, length }) {
+  Object.assign(state, { last, length });
   byId("time").parentElement.hidden = last === null;
   byId("time").max = last ?? 0;
 }
@@ -528,28 +570,23 @@ function goTo(seconds) {
   look();
 }
 
-let looking = false;
-let lookAgain = false;
-
-/** Show the frame at the chosen position; while one is made, only the last wish after it counts. */
+/** Show the frame at the chosen position; while one of the same clip is made, only the last wish after it counts. */
 async function look() {
-  if (looking) {
-    lookAgain = true;
+  if (state.looking) {
+    state.looking.again = true;
     return;
   }
-  looking = true;
-  const { clip } = state;
+  const { clip } = state, looking = (state.looking = { again: false });
   byId("between").textContent = "Making it… the first time, code is compiled for this machine.";
   state.player?.element.classList.add("is-busy");
   const wish = choices();
-  const found = await attempt(byId("look"), () => ask("/look", { choices: { ...clip.choices, method: wish.method }, time: +byId("time").value }));
-  looking = false;
-  if (found && clip === state.clip) await picture(found, wish.method);
+  const question = { choices: { ...clip.choices, method: wish.method }, time: +byId("time").value };
+  const found = await attempt(byId("look"), () => askAnew("look", "/look", question));
+  if (looking !== state.looking) return; // another clip is shown, and this one dropped
+  state.looking = null;
+  if (found) await picture(found, wish.method);
   else byId("between").textContent = "";
-  if (lookAgain) {
-    lookAgain = false;
-    look();
-  }
+  if (looking.again) look();
 }
 
 async function decoded(src) {
@@ -656,7 +693,7 @@ function show(job) {
 /** What a job has written, beside its source, which plays in step. */
 function result(job) {
   const where = make("p", { className: "note" }, `Saved as ${job.output}`);
-  if (/[\\/]$/.test(job.output)) return [where];
+  if (/[\\/]$/.test(job.output)) return [where, still(job)];
   const after = pictureOf(job, "result", job.output);
   const before = pictureOf(job, "source", job.words[1]);
   if (after.localName === "video" && before.localName === "video") playInStep(after, before, job.words);
@@ -664,13 +701,21 @@ function result(job) {
   return [where, make("div", { className: "beside" }, figure(before, "Before"), figure(after, "After"))];
 }
 
+/** A frame of what cannot be played here. */
+function still(job) {
+  const image = make("img", { src: job.media.poster, alt: "A frame of the result" });
+  image.addEventListener("error", () => image.remove());
+  return image;
+}
+
 function pictureOf(job, kind, path) {
-  const src = `/${kind}/${job.number}?token=${encodeURIComponent(token)}`;
+  const src = job.media[kind];
   const isImage = /\.(gif|webp|png|apng)$/i.test(path);
   const element = isImage ? make("img", { src, alt: `The ${kind}` }) : make("video", { src, controls: kind === "result", preload: "metadata" });
+  if (!isImage && kind === "result") element.poster = job.media.poster;
   element.addEventListener("error", () => {
     if (kind === "source") element.closest("figure").remove(); // images, and what only other players play
-    else element.replaceWith(make("p", { className: "note" }, "This browser cannot play it; other players do."));
+    else element.replaceWith(still(job), make("p", { className: "note" }, "This browser cannot play it; other players do."));
   });
   return element;
 }
@@ -688,11 +733,13 @@ function playInStep(after, before, words) {
     if (end?.endsWith("f")) return (parseInt(start) * length) / (parseInt(end) - parseInt(start));
     return (end ? seconds(end) : before.duration) - length;
   };
-  const place = () => begin() + after.currentTime / slow;
+  let isNew = true; // until it is played or moved, the result shows its poster, which is the frame in its middle
+  const place = () => begin() + (isNew ? after.duration / 2 : after.currentTime) / slow;
   const align = () => {
     if (Number.isFinite(place()) && Math.abs(before.currentTime - place()) > (after.paused ? 0.001 : 0.1)) before.currentTime = place();
   };
   before.muted = true;
+  for (const name of ["play", "seeking"]) after.addEventListener(name, () => ((isNew = false), align()));
   after.addEventListener("play", () => before.play().catch(() => {})); // a pause that follows at once
   for (const name of ["pause", "ended"]) after.addEventListener(name, () => before.pause());
   for (const name of ["loadedmetadata", "seeking", "seeked", "pause", "timeupdate"]) after.addEventListener(name, align);
@@ -780,5 +827,16 @@ addEventListener("drop", (event) => {
 });
 byId("read").addEventListener("click", probe);
 document.documentElement.classList.add("scripted");
-attempt(byId("choose"), () => open(""));
-follow();
+
+/** Go on with another token: this page was opened by it, or another tab. */
+async function begin() {
+  await enter();
+  if (!state.folder) await attempt(byId("choose"), () => open(""));
+  if (state.clip) check();
+  await follow();
+}
+
+addEventListener("hashchange", begin);
+addEventListener("storage", begin);
+byId("again").addEventListener("click", begin);
+begin();
