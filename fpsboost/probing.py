@@ -199,8 +199,8 @@ def probe(
 ) -> Probe:
     """Read a clip to its end and return its properties; see `fpsboost.io.opening.open_source` about errors.
 
-    `input_fps` is the rate of images, 24 by default; `stream` is the number of a video's stream, and
-    `allow_playlists` reads playlists and the files that they name.
+    `input_fps` is the rate of images, 24 by default, or of a raw stream; `stream` is the number of a video's stream,
+    and `allow_playlists` reads playlists and the files that they name.
     """
     # A size that changes or wrong colours are to be reported, though a conversion would stop there.
     may_change = Path(path).is_file() and not is_animation(Path(path))

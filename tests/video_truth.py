@@ -10,8 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.frame import Frame
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encoder import undisturbed
 from fpsboost.io.video.pipe import chroma_locations, formats
+from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import SMPTE170M, from_bgr, plane_arrays
 
 QUARTER_TURN = (0, 65536, 0, -65536, 0, 0, 0, 0, 1 << 30)
@@ -181,6 +184,12 @@ def sound_packets(
 def png() -> bytes:
     """A small PNG file."""
     return cv2.imencode(".png", scene(0, 16, 16))[1].tobytes()
+
+
+def read(path: Path, decoding: DecodeOptions | None = None) -> tuple[list[Frame], list[str]]:
+    """All frames of a video file, and the remarks on it."""
+    with VideoSource(path, decoding=decoding) as source:
+        return list(source), source.remarks
 
 
 def packets_of(path: Path, kind: str, number: int = 0) -> list[tuple[Fraction, bytes]]:

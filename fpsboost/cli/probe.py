@@ -41,7 +41,7 @@ def probe(
     input
         A video file, an animation, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
     input_fps
-        Frames per second of input images; else 24.
+        Frame rate of images, else 24; or of a raw stream.
     stream
         Number of the video stream in its file; else the largest.
     allow_playlists

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Literal, Self
@@ -85,10 +85,9 @@ def open_source(
             check_images(path, option)
         if path in PIPES:
             _check_decoding(decoding, "standard input", "let the program before the pipe do that")
-            _check_has_own_rate(decoding, "standard input")
             return PipeSource(for_images=requirements.pictures_alone, keeps_planes=requirements.planes, limit=limit)
         if stands_for_images(path):
-            _check_decoding(decoding, f"{path}, which holds images", "leave it out")
+            _check_decoding(replace(decoding, input_fps=None), f"{path}, which holds images", "leave it out")
             if input_fps is None and requirements.needs_rate:
                 find_images(path)  # where there are none, that is what to say
                 raise OptionError(
@@ -105,7 +104,6 @@ def open_source(
             )
             return ImageSource(path, input_fps or ASSUMED_IMAGE_RATE, reading, limit=limit)
         if decoding.decoder == "opencv":
-            _check_has_own_rate(decoding, path)
             if Path(path).is_file() and not decoding.allow_playlists:
                 check_is_no_playlist(Path(path), path)
             if {*decoding.given} - {"`allow_playlists`"} != {"`decoder`"}:
@@ -154,7 +152,6 @@ def _open_file(
                 raise InputError(f"{path} is an animated JPEG XL, which cannot be read; convert it to .apng by djxl.")
     if not animated and Path(path).suffix.lower() in (*IMAGE_SUFFIXES, ".apng"):
         raise InputError(f"{path} is a single image; give its folder, or a pattern like shot_####.png.")
-    _check_has_own_rate(decoding, path)
     if animated:
         _check_decoding(decoding, f"{path}, which is an animation", "leave it out")
         return AnimationSource(path, keeps_alpha=requirements.alpha, limit=limit)
@@ -166,11 +163,6 @@ def _open_file(
         decoding=decoding,
         limit=limit,
     )
-
-
-def _check_has_own_rate(decoding: DecodeOptions, name: str) -> None:
-    if decoding.input_fps is not None:
-        raise OptionError(f"`input_fps` is for images; {name} is a video and has its own frame rate.")
 
 
 def _check_decoding(decoding: DecodeOptions, what: str, advice: str) -> None:

@@ -7,7 +7,6 @@ others afterwards, becomes a folder of its own.
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import hashlib
 import json
@@ -16,7 +15,7 @@ import shutil
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from io import BufferedRandom
 from pathlib import Path
 from types import TracebackType
@@ -128,7 +127,7 @@ class StagingDirectory:
     def remove_leftovers(self) -> None:
         """Remove what a run has left that was killed after it had published its output; another run's stays."""
         if self.folder.is_dir():
-            with contextlib.suppress(OutputError, OSError):
+            with suppress(OutputError, OSError):
                 self._acquire()
                 self.close(keep=self.is_pending)
 
@@ -137,7 +136,7 @@ class StagingDirectory:
         if self._lock is None:
             return
         if not keep:
-            with contextlib.suppress(OSError):
+            with suppress(OSError):
                 (self.folder / MANIFEST).unlink()  # first, as without it nothing is pending
             shutil.rmtree(self.folder, ignore_errors=True)
         self._release()
@@ -178,7 +177,7 @@ class StagingDirectory:
 
     def _abandon(self, lock: BufferedRandom | None) -> None:
         """Remove the folder after an interruption while it was being locked, unless another run holds it."""
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             self._lock = lock or (self.folder / LOCK).open("a+b")
             try:
                 lock_file(self._lock)
@@ -192,7 +191,7 @@ class StagingDirectory:
             self._lock = None
 
     def _read_manifest(self) -> dict[str, str] | None:
-        with contextlib.suppress(OSError, ValueError):
+        with suppress(OSError, ValueError):
             facts = json.loads((self.folder / MANIFEST).read_bytes())
             return facts if isinstance(facts, dict) else None
         return None
@@ -231,7 +230,7 @@ class StagedSink(ABC):
         self._leave(error)
 
     @abstractmethod
-    def _explained(self) -> contextlib.AbstractContextManager[None]:
+    def _explained(self) -> AbstractContextManager[None]:
         """Turn errors of the system in the block into sentences about the output."""
 
     @abstractmethod
@@ -286,7 +285,7 @@ def move_all(moves: Sequence[tuple[Path, Path]], move: Callable[[Path, Path], No
             (move or os.replace)(here, there)
     except BaseException:
         for here, there in reversed(moves):
-            with contextlib.suppress(OSError):
+            with suppress(OSError):
                 if there.exists() and not here.exists():
                     os.replace(there, here)
         raise

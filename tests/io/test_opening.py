@@ -88,7 +88,7 @@ def test_rates_of_images(tmp_path, save_images):
             open_source(str(tmp_path), decoding=DecodeOptions(input_fps=rate))
 
     clip = write_clip(tmp_path / "in.mp4", times=range(2))
-    with pytest.raises(OptionError, match=r"`input_fps` is for images; .*in\.mp4"):
+    with pytest.raises(OptionError, match=r"`input_fps` is for images and raw streams; .*in\.mp4"):
         open_source(str(clip), decoding=DecodeOptions(input_fps=Fraction(24)))
 
 

@@ -7,7 +7,6 @@ rewrite packets or drop side data when writing and reading.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import zlib
 from collections import Counter, deque
@@ -20,8 +19,6 @@ from typing import Any, NamedTuple, get_args
 from zipfile import BadZipFile, ZipFile, ZipInfo
 
 import av
-import av.container
-import av.error
 from av.packet import PacketSideData, PktSideDataT
 
 from fpsboost.errors import OutputError
@@ -112,8 +109,7 @@ class Chunk:
 
 def _index_of(path: Path) -> dict[str, Any]:
     with ZipFile(path) as archive:
-        index: dict[str, Any] = json.loads(archive.read(INDEX))
-        return index
+        return dict(json.loads(archive.read(INDEX)))
 
 
 def _times_of(packets: Sequence[Any]) -> list[Times]:
@@ -216,10 +212,10 @@ class Assembly:
             self._others.close()
         if self._output is None:
             return
-        with contextlib.suppress(OSError):  # Windows cannot remove an open file; its folder is removed later
+        with suppress(OSError):  # Windows cannot remove an open file; its folder is removed later
             self._path.unlink(missing_ok=True)
         output, self._output = self._output, None
-        with contextlib.suppress(av.error.FFmpegError, OSError, ValueError):
+        with suppress(av.error.FFmpegError, OSError, ValueError):
             output.close()
 
     def _mux(self, output: av.container.OutputContainer, chunks: Sequence[Chunk]) -> int:

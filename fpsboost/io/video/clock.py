@@ -15,13 +15,11 @@ from itertools import pairwise
 from typing import TypeVar
 
 import av
-import av.container
-import av.stream
 
-from fpsboost.io.video.demuxer import Demuxer, clock_may_jump, is_encrypted, read_packets
+from fpsboost.io.video.demuxer import Demuxer, clock_may_jump, is_encrypted, is_fragmented, is_raw, read_packets
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import Damage, counted
-from fpsboost.timing.schedule import is_implausible
+from fpsboost.timing.schedule import MAX_DISPLAY_RATE, is_implausible
 
 T = TypeVar("T")
 
@@ -51,9 +49,6 @@ MAX_SURVEY_PACKETS = 1000
 MAX_SURVEY_BYTES = 1 << 26
 """Maximum size of the packets that are read, bytes; it limits the time for reading large packets."""
 
-EDIT_LIST_FORMAT = "mov"
-"""Start of FFmpeg's name of the container whose edit lists set the delay before each stream, which is kept."""
-
 
 @dataclass(frozen=True)
 class Cadence:
@@ -79,15 +74,22 @@ class Cadence:
         return missed * self.count < MAX_DRIFT if self.is_constant else missed < Fraction(1, 100)
 
 
-def nominal_rate(stream: av.VideoStream, cadence: Cadence | None) -> tuple[Fraction, bool]:
+def nominal_rate(stream: av.VideoStream, cadence: Cadence | None, *, raw: bool = False) -> tuple[Fraction, bool]:
     """Return the frame rate of a stream, or its most frequent rate if it varies, and whether it is known.
 
     Of the rates that agree with the presentation times, the declared rate is chosen, else a standard rate, else the
     measured rate. FFmpeg's mean includes pauses and damage, so it is used only if it is a standard rate, or if no other
     rate fits. A single interval that is too long or too short has no effect. Without enough times there is no cadence.
+
+    Of a `raw` stream only the codec's own headers count, since FFmpeg gives 25 where they say nothing. There, a number
+    that no display and no camera reaches, such as 1000 or 90000, counts ticks of a clock.
     """
-    rates = (as_fraction(stream.guessed_rate), as_fraction(stream.average_rate))
-    declared = [rate for rate in rates if rate is not None and 0 < rate <= MAX_RATE]
+    rates = [stream.codec_context.framerate] if raw else [stream.guessed_rate, stream.average_rate]
+    declared = [
+        rate
+        for rate in map(as_fraction, rates)
+        if rate is not None and 0 < rate <= (MAX_DISPLAY_RATE if raw else MAX_RATE)
+    ]
     if cadence is None or cadence.interval * MAX_RATE < 1:
         return (declared[0], True) if declared else (ASSUMED_RATE, False)
     # the nearest integer rate and NTSC rate (14.985, 23.976, 29.97 and their multiples), then the nearest half
@@ -135,9 +137,9 @@ def measured_cadence(times: Sequence[int], tick: Fraction) -> Cadence | None:
     )
 
 
-def assumed_rate_remark(name: str) -> str:
+def assumed_rate_remark(name: str, advice: str = "") -> str:
     """Return the remark on a clip that declares no frame rate."""
-    return f"{name} does not say its frame rate; {ASSUMED_RATE} frames per second assumed."
+    return f"{name} does not say its frame rate; {ASSUMED_RATE} frames per second were assumed{advice}."
 
 
 def survey(container: av.container.InputContainer, video: int) -> tuple[list[int], Fraction, Fraction | None]:
@@ -146,20 +148,23 @@ def survey(container: av.container.InputContainer, video: int) -> tuple[list[int
     The third is how long the pictures last that are before an encrypted one, or None; in a file with an index, only
     the first one is looked at.
 
-    Times are all that the index lists, or those of the first packets, in increasing order. The clocks of transmitters,
-    cameras and streaming servers start at an arbitrary time, so the start of a file becomes time 0. If the clock starts
-    at the beginning, times before 0 are kept: they belong to decoder preroll, such as the first samples of AAC and
-    Opus.
+    Times are all that the index lists, or those of the first packets, in increasing order; a raw stream has none. The
+    clocks of transmitters, cameras and streaming servers start at an arbitrary time, so the start of a file becomes
+    time 0; fragments of MP4 are cut out of such streams. If the clock starts at the beginning, times before 0 are kept:
+    they belong to decoder preroll, such as the first samples of AAC and Opus.
     """
-    stream, keeps_delays = container.streams[video], container.format.name.startswith(EDIT_LIST_FORMAT)
-    is_complete = stream.frames and len(stream.index_entries) == stream.frames
+    if is_raw(container):
+        return [], Fraction(0), None
+    stream = container.streams.get(video)[0]
+    keeps_delays = container.format.name.startswith("mov") and not is_fragmented(stream)  # those of edit lists
+    is_complete = len(stream.index_entries) == stream.frames
     listed = sorted({entry.timestamp for entry in stream.index_entries}) if is_complete else []
     most = 1 if listed and keeps_delays else MAX_SURVEY_PACKETS
     clear: Fraction | None = None
     times: list[int] = []
     can_begin = False
     starts: dict[int, Fraction] = {}
-    size = count = 0
+    size = 0
     for packet in read_packets(container, {video, *(sound.index for sound in container.streams.audio)}, Damage()):
         index = packet.stream.index
         if packet.pts is not None and packet.time_base:
@@ -171,9 +176,8 @@ def survey(container: av.container.InputContainer, video: int) -> tuple[list[int
             if index != video or can_begin:  # pictures before the first keyframe cannot be decoded
                 time = packet.pts * Fraction(packet.time_base)
                 starts[index] = min(time, starts.get(index, time))
-        count += index == video
         size += packet.size
-        if count >= most or size >= MAX_SURVEY_BYTES:
+        if len(times) >= most or size >= MAX_SURVEY_BYTES:
             break
     start = min(starts.values(), default=Fraction(0))
     if keeps_delays or (start < 0 and (container.format.name == "ogg" or not clock_may_jump(container))):
@@ -187,6 +191,9 @@ class VideoClock:
 
     That lies at `start` by the file's own clock. `tick` is the time base of the stream, and `time_base` that of frames:
     half of it where each field is a frame.
+
+    A raw stream has no clock: its `tick` is half a frame, and `Pictures` counts. `raw_rate` is the rate by which FFmpeg
+    has told the durations of its packets, and None for all other files.
     """
 
     file: Demuxer
@@ -194,6 +201,7 @@ class VideoClock:
     tick: Fraction
     time_base: Fraction
     rate: Fraction
+    raw_rate: Fraction | None = None
 
     def time_of(self, picture: av.VideoFrame, end: Fraction | None, damage: Damage) -> Fraction:
         """Return when a picture is presented; without a time of its own, at `end`, where the one before it ends."""
@@ -203,8 +211,9 @@ class VideoClock:
         return Fraction(0) if end is None else round(end / self.time_base) * self.time_base
 
     def duration_of(self, picture: av.VideoFrame) -> Fraction:
+        """Return how long a picture is presented; FFmpeg's duration of one that has no time may be anything."""
         time_base = as_fraction(picture.time_base) or self.time_base
-        return picture.duration * time_base if picture.duration > 0 else 1 / self.rate
+        return picture.duration * time_base if picture.pts is not None and picture.duration > 0 else 1 / self.rate
 
     def last_duration(self, time: Fraction, duration: Fraction) -> Fraction:
         """Return how long the last picture, at `time`, is presented so that the clip ends where the container says.
@@ -226,7 +235,7 @@ class VideoClock:
         if declared is not None and not clock_may_jump(container):  # there FFmpeg estimates it
             promised, reached = declared, end
         # The whole file may outlast its video, so it is short only if no stream reaches its end.
-        if container.duration and self._says_duration:
+        if container.duration and self._says_duration and self.file.duration == self.file.stream.duration:
             whole, begin = (Fraction(time or 0, 1_000_000) for time in (container.duration, container.start_time))
             # some headers count from the beginning, others from time 0 of the clock, if that is not after the end
             counts_from_begin = container.format.name.startswith(DURATION_FROM_BEGIN) or begin >= whole
@@ -244,10 +253,10 @@ class VideoClock:
     @property
     def _declared_end(self) -> Fraction | None:
         """Return when the stream ends by its header; that of ASF only says how long the whole file is."""
-        stream = self.file.stream
-        if stream.duration is None or self.file.container.format.name.startswith("asf"):
+        duration = self.file.duration
+        if duration is None or self.file.container.format.name.startswith("asf"):
             return None
-        return ((stream.start_time or 0) + stream.duration) * self.tick - self.start
+        return ((self.file.stream.start_time or 0) + duration) * self.tick - self.start
 
     @property
     def _says_duration(self) -> bool:
@@ -269,8 +278,11 @@ def in_rising_order(
     shift = Fraction(0)
     for frame, own_time in timed:
         time = own_time + shift
-        if last is not None and _is_far_ahead(before, last[1], time, interval):
-            last = last[0], time - interval if before is None else before + min(interval, (time - before) / 2)
+        if last is not None and _is_far_ahead(before, last[1], time, interval, tick):
+            last = (
+                last[0],
+                time - interval if before is None else before + min(interval, (time - before) / 2 // tick * tick),
+            )
             damage.far_ahead += 1
         if last is not None and time <= last[1]:
             strays.append((frame, time))
@@ -300,10 +312,13 @@ def in_rising_order(
         yield *last, True
 
 
-def _is_far_ahead(before: Fraction | None, time: Fraction, after: Fraction, interval: Fraction) -> bool:
-    """Return whether `time`, between `before` and `after`, is damaged: far ahead, so that `after` seems too early."""
+def _is_far_ahead(before: Fraction | None, time: Fraction, after: Fraction, interval: Fraction, tick: Fraction) -> bool:
+    """Return whether `time`, between `before` and `after`, is damaged: far ahead, so that `after` seems too early.
+
+    There must be a tick between these two to which it can be moved.
+    """
     far = max(Fraction(1), 10 * interval)
-    return after <= time and (time - after > far if before is None else before < after and time - before > far)
+    return after <= time and (time - after > far if before is None else after - before > tick and time - before > far)
 
 
 def _spread_evenly(

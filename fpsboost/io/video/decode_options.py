@@ -25,7 +25,8 @@ class DecodeOptions:
     trim : Trim
         Part of the input that is read; the whole input by default.
     input_fps : Fraction or int, optional
-        Frames per second of input images.
+        Frames per second of input images, or of a raw stream (``.264``, ``.m2v``, ``.obu``), which says none or a wrong
+        one. Other videos have times of their own.
     stream : int, optional
         Number of the video stream in its file, as `fpsboost probe` prints it; by default the one that FFmpeg considers
         the best.
@@ -36,7 +37,8 @@ class DecodeOptions:
         If pictures change their size, pixel format or pixel shape, or are HDR and SDR: stop, or make all of them like
         the first one, with black beside those of another shape; the colours of HDR are not converted.
     allow_playlists : bool
-        Read playlists (.m3u8, .mpd, scripts of FFmpeg's concat), and whatever other files and addresses they name.
+        Read playlists (.m3u8, scripts of FFmpeg's concat), and whatever other files and addresses they name, keys of
+        encrypted segments among them.
     force_colours : bool
         Take pictures of Dolby Vision that are no ordinary video (profile 5) for ordinary ones, in wrong colours.
     decoder : {'ffmpeg', 'opencv'}
@@ -57,7 +59,9 @@ class DecodeOptions:
     """
 
     trim: Trim = Trim()
-    input_fps: Fraction | int | None = option(None, "Frames per second of input images.", parse=parse_rate)
+    input_fps: Fraction | int | None = option(
+        None, "Frame rate of images, or of a raw stream such as .264.", parse=parse_rate
+    )
     stream: int | None = option(None, "Video stream, numbered as in probe; else the largest.")
     deinterlace: bool = option(False, "Make one frame per field: 50 per second from 25i.")
     size_change: SizeChange = option("stop", "If the frame size changes: stop or scale.")
@@ -70,14 +74,13 @@ class DecodeOptions:
     view: View = option("none", "View transform of OpenEXR: none or srgb.")
 
     def __post_init__(self) -> None:
-        check_choice("`size_change`", self.size_change, get_args(SizeChange))
-        check_choice("`decoder`", self.decoder, get_args(Decoder))
-        check_choice("`view`", self.view, get_args(View))
+        for name, choices in (("size_change", SizeChange), ("decoder", Decoder), ("view", View)):
+            check_choice(f"`{name}`", getattr(self, name), get_args(choices))
         if self.stream is not None and self.stream < 0:
             raise OptionError(f"`stream` must be the number of a stream, 0 or more, not {self.stream}.")
 
     @property
     def given(self) -> list[str]:
         """Names of the options for video files that differ from the defaults."""
-        ours = [field for field in fields(self) if field.name not in ("trim", "input_fps", "passes", "view")]
+        ours = [field for field in fields(self) if field.name not in ("trim", "passes", "view")]
         return [f"`{field.name}`" for field in ours if getattr(self, field.name) != field.default]

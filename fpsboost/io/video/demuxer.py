@@ -9,14 +9,12 @@ import statistics
 from collections.abc import Collection, Iterator
 from contextlib import suppress
 from fractions import Fraction
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import av
-import av.container
-import av.error
-import av.stream
 from av.format import Flags
 
 from fpsboost.errors import EncryptedError, InputError, OptionError
@@ -45,6 +43,18 @@ MAX_GAP = Fraction(10)
 
 FIRST_BOXES = {b"ftyp", b"mdat", b"wide", b"free", b"skip"}  # types of the boxes that files of MP4 and MOV begin with
 
+SEGMENT_BOXES = {b"styp", b"sidx", b"moof", b"emsg", b"prft"}
+"""Types of the boxes that a segment of DASH or HLS in MP4 begins with, which say nothing about its streams."""
+
+unreadable_playlists = {
+    b"<MPD": "is a manifest of DASH, which this FFmpeg cannot read; join the initialization segment and the segments "
+    "of one stream (cat init.mp4 *.m4s > whole.mp4), and name that.",
+    b"#EXT-X-KEY": "is a playlist of encrypted segments (#EXT-X-KEY), and they or their key cannot be read; put the "
+    "key where it says, or name a copy that is not encrypted.",
+    b"": "is a playlist, and the files that it names cannot be read; check that they are there.",
+}
+"""Why a playlist cannot be opened, and what to do, by the first of the marks that it contains."""
+
 TRANSPORT_PACKET = re.compile(rb"(?=\x47(..)(.)(?:.{184}|.{188}|.{200})\x47)", re.DOTALL)
 """A packet of 188, 192 or 204 bytes before another: its identifier, below flags, and how it is scrambled, above."""
 
@@ -63,6 +73,9 @@ PROBES, MIN_PROBED_BYTES, MAX_PROBED_BYTES = 256, 1 << 12, 1 << 15
 UNTIMED_FORMAT = "avi"
 """Container that stores no times, only packets in order; FFmpeg guesses presentation times from picture types."""
 
+TIMED_BY_CODEC = ("m4v", "jpegxl_anim")
+"""Streams without a container whose codecs say when each picture is presented: MPEG-4 Part 2, animated JPEG XL."""
+
 
 class Demuxer:
     """Video file with one of its video streams chosen, which can be read again from its beginning.
@@ -78,8 +91,9 @@ class Demuxer:
         self.clear: Fraction | None = None
         self._first: Fraction | None = None
         self._open()
-        may_be_scrambled = self.container.format.name in ("mpegts", "mpeg")
-        self._scrambled = scrambled_place(path, self.stream.id) if may_be_scrambled else None
+        self._scrambled = (
+            scrambled_place(path, self.stream.id) if self.container.format.name in ("mpegts", "mpeg") else None
+        )
 
     def _open(self) -> None:
         self.container = open_video(self._path, self._name, playlists=self._playlists)
@@ -92,9 +106,20 @@ class Demuxer:
         self.stream.thread_type = "AUTO"
         self.stream.thread_count = max(1, available_cores() // 4)
 
-    @property
+    @cached_property
     def duration(self) -> int | None:
-        """Duration in ticks, unless unknown, or wrong because a sample shows that the clock jumps."""
+        """Duration in ticks, unless unknown, or wrong because a sample shows that the clock jumps.
+
+        For a raw stream FFmpeg guesses it, from the size or a time code of the day. For fragments that begin later than
+        0, by their own times and not by an edit list, it gives the end for the duration.
+        """
+        duration = self.stream.duration or 0
+        if is_raw(self.container) or duration <= 0:
+            return None
+        if is_fragmented(self.stream):
+            first, last = (self.stream.index_entries[place].timestamp for place in (0, -1))
+            if 0 < first <= last < duration:  # else no entry of the index would be within the duration
+                return duration - first if (duration - last) * Fraction(self.stream.time_base or 1) < 1 else None
         times: list[int] = []
         for _, block in probed(self._path) if clock_may_jump(self.container) else ():
             if match := PICTURE_TIME.search(block):
@@ -102,7 +127,7 @@ class Demuxer:
                 times.append(high << 30 | middle >> 1 << 15 | low >> 1)
         steps = [(later - earlier + MAX_REORDERED_TIME) % (1 << 33) for earlier, later in pairwise(times)]
         jumps = max(steps, default=0) > 10 * max(statistics.median(steps or [0]), MAX_REORDERED_TIME)
-        return None if jumps or (self.stream.duration or 0) <= 0 else self.stream.duration
+        return None if jumps else duration
 
     def packets(self, damage: Damage) -> Iterator[av.Packet[Any]]:
         """Yield the video stream's packets from where the file is, and update `damage`, `furthest` and `last_start`."""
@@ -110,22 +135,19 @@ class Demuxer:
         self.clear = None
         companions = {stream.index for stream in (*streams.audio, *streams.subtitles)}
         for packet in read_packets(self.container, {video, *companions}, damage):
-            start = packet.pts if packet.pts is not None else packet.dts
-            if packet.stream.index == video:
-                place = (start or 0) * Fraction(packet.time_base)
-                self._first = place if self._first is None else self._first
-                if is_encrypted(packet):
-                    self.clear = place - self._first
-                    return
-                if self._scrambled is not None and (packet.pos or 0) > self._scrambled:
-                    break
-            if start is not None and packet.time_base:
-                tick = Fraction(packet.time_base)
-                self.furthest = max((start + (packet.duration or 0)) * tick, self.furthest)
-                if packet.stream.index == video:
-                    self.last_start = max(start * tick, self.last_start)
-            if packet.stream.index == video:
-                yield packet
+            time = packet.dts if packet.pts is None else packet.pts
+            start, length = ((ticks or 0) * Fraction(packet.time_base or 0) for ticks in (time, packet.duration))
+            self.furthest = max(start + length, self.furthest)
+            if packet.stream.index != video:
+                continue
+            self._first = start if self._first is None else self._first
+            if is_encrypted(packet):
+                self.clear = start - self._first
+                return
+            if self._scrambled is not None and (packet.pos or 0) > self._scrambled:
+                break
+            self.last_start = max(start, self.last_start)
+            yield packet
         if self._scrambled is not None:  # FFmpeg reads past what is scrambled
             self.clear = Fraction(0) if self._first is None else self.last_start - self._first
 
@@ -159,12 +181,7 @@ def open_video(path: Path, name: str, *, playlists: bool = False) -> av.containe
     except (av.error.FFmpegError, OSError, ValueError):
         if not playlists:
             check_is_no_playlist(path, name)
-        if _lacks_index(path):
-            raise InputError(
-                f"{name} was never finished: its index (moov) is missing, as after a crash or an interrupted "
-                "copy; copy it again, or recover it with a tool such as untrunc."
-            ) from None
-        raise InputError(f"{name} is not a video file that can be read, or it is damaged at its beginning.") from None
+        raise InputError(f"{name} {_why_unreadable(path)}") from None
     if container.format.name == "tty":  # FFmpeg shows any text file as a terminal session
         container.close()
         raise InputError(f"{name} is a text file; name a video file.")
@@ -172,27 +189,51 @@ def open_video(path: Path, name: str, *, playlists: bool = False) -> av.containe
 
 
 def check_is_no_playlist(path: Path, name: str) -> None:
-    """Raise `InputError` for a file of text that names other files to be read: HLS, DASH, SDP, scripts of concat."""
-    with path.open("rb") as file:
-        head = file.read(1000).lstrip(b"\xef\xbb\xbf \t\r\n")
-    if head.startswith((b"#EXTM3U", b"ffconcat version", b"v=0")) or b"<MPD" in head:
+    """Raise `InputError` for a file that names other files to be read."""
+    if _is_playlist(path):
         raise InputError(
             f"{name} is a playlist, which other files would be read for; name the file that it plays, or pass "
             "`allow_playlists=True`."
         )
 
 
-def _lacks_index(path: Path) -> bool:
-    """Return whether a file begins as MP4 or MOV, whose boxes end without the one that lists all samples."""
+def _is_playlist(path: Path) -> bool:
+    """Return whether a file is text that names other files to be read: HLS, DASH, SDP, scripts of concat."""
+    with path.open("rb") as file:
+        head = file.read(1000).lstrip(b"\xef\xbb\xbf \t\r\n")
+    return head.startswith((b"#EXTM3U", b"ffconcat version", b"v=0")) or b"<MPD" in head
+
+
+def _why_unreadable(path: Path) -> str:
+    """Return why FFmpeg cannot open a file, and what to do, as the end of a sentence that its name begins."""
+    if _is_playlist(path):
+        text = path.read_bytes()
+        return next(reason for mark, reason in unreadable_playlists.items() if mark in text)
+    boxes = _first_boxes(path)
+    if not SEGMENT_BOXES.isdisjoint(boxes):
+        return (
+            "is a segment of DASH or HLS without its initialization segment, which says how to decode it; put that "
+            "before it (cat init.mp4 segment.m4s > whole.mp4), and name the result."
+        )
+    if not FIRST_BOXES.isdisjoint(boxes[:1]):
+        return (
+            "was never finished: its index (moov) is missing, as after a crash or an interrupted copy; copy it again, "
+            "or recover it with a tool such as untrunc."
+        )
+    return "is not a video file that can be read, or it is damaged at its beginning."
+
+
+def _first_boxes(path: Path) -> list[bytes]:
+    """Return the types of the boxes of an MP4 or MOV in order; none if one of them lists all samples (moov)."""
     kinds: list[bytes] = []
     with path.open("rb") as file:
         while len(head := file.read(16)) >= 8 and b"moov" not in kinds:
             length = int.from_bytes(head[:4] if head[:4] != b"\0\0\0\1" else head[8:])
             kinds.append(head[4:8])
-            if length < 8 or kinds[0] not in FIRST_BOXES:  # 0 stands for the end of the file
+            if length < 8 or kinds[0] not in FIRST_BOXES | SEGMENT_BOXES:  # 0 stands for the end of the file
                 break
             file.seek(length - len(head), os.SEEK_CUR)
-    return b"moov" not in kinds and not FIRST_BOXES.isdisjoint(kinds[:1])
+    return [] if b"moov" in kinds else kinds
 
 
 def choose_video(container: av.container.InputContainer, name: str, wanted: int | None) -> av.VideoStream:
@@ -290,6 +331,20 @@ def _score(stream: av.VideoStream) -> tuple[int, bool]:
 def clock_may_jump(container: av.container.InputContainer) -> bool:
     """Return whether a container's clock may start at any time and may jump, as in transport and program streams."""
     return bool(Flags(container.format.flags) & Flags.ts_discont)
+
+
+def is_raw(container: av.container.InputContainer) -> bool:
+    """Return whether a file is a raw stream, such as ``.264``, ``.m2v`` or ``.obu``, or images one after the other.
+
+    Nothing in it says when a picture is presented; times that FFmpeg gives its packets are guesses, and partly wrong.
+    """
+    has_no_times = Flags.no_timestamps in Flags(container.format.flags) or container.format.name.endswith("_pipe")
+    return has_no_times and container.format.name not in TIMED_BY_CODEC
+
+
+def is_fragmented(stream: av.stream.Stream) -> bool:
+    """Return whether a stream of an MP4 lies in fragments, whose samples its header (moov) does not count."""
+    return stream.container.format.name.startswith("mov") and stream.frames < len(stream.index_entries)
 
 
 def read_packets(

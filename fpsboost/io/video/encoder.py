@@ -12,8 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import av
-import av.container
-import av.error
 import numpy as np
 from av.codec.codec import Capabilities
 from av.video.frame import PictureType

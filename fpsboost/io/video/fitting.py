@@ -13,8 +13,6 @@ from pathlib import Path
 from typing import Any, cast
 
 import av
-import av.container
-import av.error
 from av.codec.codec import Properties
 
 from fpsboost.errors import EncryptedError, OptionError, OutputError

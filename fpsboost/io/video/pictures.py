@@ -6,10 +6,9 @@ from collections import Counter
 from collections.abc import Generator, Iterable, Iterator
 from fractions import Fraction
 from itertools import chain, groupby, pairwise
-from typing import Any, Self, cast
+from typing import Any, cast
 
 import av
-import av.error
 import av.filter
 import numpy as np
 from av.video.reformatter import VideoReformatter
@@ -33,7 +32,6 @@ from fpsboost.io.video.ycc import (
     kind_of_picture,
     reformatted,
     to_bgr,
-    with_chroma_location,
 )
 
 MAX_REORDERED = 16
@@ -41,6 +39,12 @@ MAX_REORDERED = 16
 
 MAX_SQUEEZE = Fraction(1, 50)
 """Difference of the shapes of pictures that scaling ignores: 1088 rows for 1080, pixels of 59:54 for 16:15."""
+
+REPEATED_HALVES = (3, 4, 6)
+"""Length of a picture, in halves of a frame, of which a field is repeated, or which is shown two or three times."""
+
+REPEATING_CODECS = {"mpeg1video", "mpeg2video", "h264", "hevc", "vc1", "cavs"}
+"""Codecs that can say so in a picture's header; of others, FFmpeg does not know some durations and gives 1/25 s."""
 
 WIDE_COLOURS = {8, 9, 10, 11, 12, 16, 17, 18, 22}
 """FFmpeg's numbers of transfers and primaries that look wrong where BT.709's are expected: HDR, BT.2020, cinema."""
@@ -67,7 +71,7 @@ class Pictures(Iterator[av.VideoFrame]):
         remarks: list[str],
     ) -> None:
         self.damage = Damage()
-        self._file, self._tick = clock.file, clock.tick
+        self._file, self._tick, self._raw_rate = clock.file, clock.tick, clock.raw_rate
         self._name, self._remarks, self._deinterlaced = name, remarks, deinterlace
         stream = clock.file.stream
         self._says_alpha = stream.metadata.get("alpha_mode") == "1"  # as every recording by a browser does
@@ -75,8 +79,9 @@ class Pictures(Iterator[av.VideoFrame]):
         self._decoder = stream.codec_context
         if hidden is not None:
             self._says_alpha, self._decoder = False, cast(av.VideoCodecContext, av.CodecContext.create(hidden, "r"))
-        self._buffer = ReorderBuffer(float(1 / (clock.rate * clock.tick)), reorders=self._decoder.codec.reorder)
-        self._count = self._interlaced_count = 0
+        reorders = self._decoder.codec.reorder and clock.raw_rate is None
+        self._buffer = ReorderBuffer(float(1 / (clock.rate * clock.tick)), reorders=reorders)
+        self._count = self._interlaced_count = self._end_of_raw = 0
         self._reformatter, self._palette_format = VideoReformatter(), ""
         self._coded = self._decode()
         self._presented: Iterator[av.VideoFrame] = self._coded
@@ -88,9 +93,6 @@ class Pictures(Iterator[av.VideoFrame]):
         self._aspects: list[Fraction] = []
         """Pixel aspect ratios by the decoder, which is ahead of the pictures."""
         self._graphs = _Graphs(self._tick)
-
-    def __iter__(self) -> Self:
-        return self
 
     def __next__(self) -> av.VideoFrame:
         picture, self._next = self._next, None
@@ -110,7 +112,7 @@ class Pictures(Iterator[av.VideoFrame]):
     def aspect_of(self, picture: av.VideoFrame) -> Fraction:
         """Return the pixel aspect ratio of a picture; PyAV gives it none, so FFmpeg's scaler tells it as a width."""
         if len(self._aspects) > 1:
-            width = self._graphs.passed(picture, "scale", "16+1000*sar:16:neighbor:eval=frame").width
+            width = self._graphs.passed(picture, ("scale", "16+1000*sar:16:neighbor:eval=frame")).width
             return min(self._aspects, key=lambda aspect: abs(16 + 1000 * aspect - width))
         return self._aspects[0] if self._aspects else Fraction(1)
 
@@ -149,11 +151,24 @@ class Pictures(Iterator[av.VideoFrame]):
             aspect = as_fraction(self._decoder.sample_aspect_ratio) or Fraction(1)
             self._aspects += [aspect] * (bool(pictures) and aspect not in self._aspects)
             for picture in pictures:
+                if self._raw_rate is not None:
+                    self._set_time(picture, self._raw_rate)
                 if not picture.time_base:  # of the last ones, which no packet brought out
                     picture.time_base = self._tick
                 shown = self._without_palette(picture) if picture.format.has_palette else picture
                 yield from self._counted(self._buffer.push(shown))
         yield from self._counted(self._buffer.flush())
+
+    def _set_time(self, picture: av.VideoFrame, rate: Fraction) -> None:
+        """Let a picture of a raw stream begin where the one before it ends, counted in halves of a frame.
+
+        FFmpeg's durations at this rate are right where they say that fields or frames are repeated (pulldown).
+        """
+        halves = 2 * picture.duration * Fraction(self._file.stream.time_base or 0) * rate
+        repeats = self._decoder.codec.canonical_name in REPEATING_CODECS and halves in REPEATED_HALVES
+        picture.duration = int(halves) if repeats else 2
+        picture.pts, picture.time_base = self._end_of_raw, self._tick
+        self._end_of_raw += picture.duration
 
     def _without_palette(self, picture: av.VideoFrame) -> av.VideoFrame:
         whole = self._reformatter.reformat(picture, format="rgba", interpolation=SCALER_FLAGS)
@@ -242,7 +257,6 @@ def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction, nam
                 f"{name} holds pictures of {first.width}x{first.height} {first.format.name}, which cannot be "
                 "deinterlaced; leave `deinterlace` out."
             ) from None
-        count = 0
         for count, picture in enumerate(chain([first], alike), 1):  # noqa: B007 (used after the loop)
             graph.vpush(picture)
             yield from pulled(graph)
@@ -260,10 +274,11 @@ class _Graphs:
         self._time_base = time_base
         self._graphs: dict[Any, av.filter.Graph] = {}
 
-    def passed(self, picture: av.VideoFrame, name: str, options: str) -> av.VideoFrame:
-        key = kind_of_picture(picture), name, options
+    def passed(self, picture: av.VideoFrame, *filters: tuple[str, str]) -> av.VideoFrame:
+        """Return what filters, given by their names and options, make of a picture."""
+        key = kind_of_picture(picture), filters
         if key not in self._graphs:
-            self._graphs[key] = graph_of(picture, (name, options), time_base=self._time_base)
+            self._graphs[key] = graph_of(picture, *filters, time_base=self._time_base)
         self._graphs[key].vpush(picture)
         return self._graphs[key].vpull()
 
@@ -271,26 +286,21 @@ class _Graphs:
 def cropped(pictures: Iterable[av.VideoFrame], crop: Crop, time_base: Fraction, name: str) -> Iterator[av.VideoFrame]:
     """Yield what a crop leaves of pictures, by resampling chroma alone where it begins inside a sample of it."""
     scaler, graphs = VideoReformatter(), _Graphs(time_base)
-    options = f"iw-{crop.left + crop.right}:ih-{crop.top + crop.bottom}:{crop.left}:{crop.top}:exact=1"
+    margins = f"iw-{crop.left + crop.right}:ih-{crop.top + crop.bottom}:{crop.left}:{crop.top}:exact=1"
     for picture in pictures:
-        coded, full_range, whole = picture.format, is_full_range(picture), picture
-        is_odd = crop.left % (16 // coded.chroma_width(16)) or crop.top % (16 // coded.chroma_height(16))
-        if is_odd:
-            planar = full_chroma(coded.components[0].bits).replace("yuv", "yuva" if has_alpha(coded.name) else "yuv")
-            whole = reformatted(picture, scaler, planar, full_range)
+        coded, filters = picture.format, [("crop", margins)]
+        if crop.left % (16 // coded.chroma_width(16)) or crop.top % (16 // coded.chroma_height(16)):
+            whole = full_chroma(coded.components[0].bits).replace("yuv", "yuva" if has_alpha(coded.name) else "yuv")
+            place = chroma_location_of(picture, scaler)
+            scaling = ("scale", f"flags={SCALER_FLAGS}:in_chroma_loc={place}:out_chroma_loc={place}")
+            filters = [scaling, ("format", whole), *filters, scaling, ("format", coded.name)]
         try:
-            part = graphs.passed(whole, "crop", options)
+            yield graphs.passed(picture, *filters)
         except (av.error.FFmpegError, ValueError):
             raise InputError(
                 f"{name} holds pictures of {picture.width}x{picture.height} {coded.name}, which cannot be cropped as "
                 "it asks for; remove its crop first."
             ) from None
-        if is_odd:
-            times = part.pts, part.duration, part.time_base
-            part = with_chroma_location(part, chroma_location_of(picture, scaler))
-            part = reformatted(part, scaler, coded.name, full_range)
-            part.pts, part.duration, part.time_base = times
-        yield part
 
 
 class FormatUnifier:
@@ -379,7 +389,7 @@ class FormatUnifier:
         if (width, height) != (self._width, self._height):
             alike.colorspace, alike.color_range = traits.tagged_color_space, traits.color_range
             options = f"{self._width}:{self._height}:(ow-iw)/2:(oh-ih)/2"
-            alike = self._graphs.passed(alike, "pad", options)
+            alike = self._graphs.passed(alike, ("pad", options))
             alike = reformatted(alike, self._reformatter, traits.pixel_format, traits.full_range)
         alike.pts, alike.duration, alike.time_base = picture.pts, picture.duration, picture.time_base
         alike.colorspace, alike.color_range = traits.tagged_color_space, traits.color_range

@@ -19,7 +19,6 @@ from types import TracebackType
 from typing import Any, BinaryIO, Self, TextIO, TypeVar
 
 import av
-import av.error
 import numpy as np
 from av.codec.codec import PixFmtLoss, find_best_pix_fmt_of_list
 from av.video.reformatter import VideoReformatter

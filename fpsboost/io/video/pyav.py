@@ -14,9 +14,6 @@ from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 import av
-import av.container
-import av.error
-import av.filter
 from av.codec.codec import UnknownCodecError
 
 KEEPS_UNDECODABLE_BYTES = int(av.__version__.partition(".")[0]) >= 19
@@ -27,15 +24,16 @@ formats_of_other_files = {"concat", "dash", "hls", "imf", "rtp", "rtsp", "sap", 
 
 
 def open_input(file: Any, *, playlists: bool = False) -> av.container.InputContainer:
-    """Open a file for demuxing, and no other without `playlists`; what of its texts is not UTF-8 becomes U+FFFD."""
-    allowed = {}
+    """Open a file for demuxing, and no other without `playlists`; what of its texts is not UTF-8 becomes U+FFFD.
+
+    With `playlists`, the files that HLS names may have any ending, since keys of encrypted segments have none of media.
+    """
+    allowed = {"allowed_extensions": "ALL"}
     if not playlists:
         formats = ",".join(sorted(av.formats_available - formats_of_other_files))
         allowed = {"format_whitelist": formats, "protocol_whitelist": "file"}
-    if not KEEPS_UNDECODABLE_BYTES:
-        older: av.container.InputContainer = av.open(file, "r", metadata_errors="replace", container_options=allowed)
-        return older
-    container: av.container.InputContainer = av.open(file, "r", container_options=allowed)
+    options: dict[str, Any] = {} if KEEPS_UNDECODABLE_BYTES else {"metadata_errors": "replace"}
+    container: av.container.InputContainer = av.open(file, "r", container_options=allowed, **options)
     for tags in (container.metadata, *(stream.metadata for stream in container.streams)):
         texts = printable(tags)
         tags.clear()

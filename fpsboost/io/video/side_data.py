@@ -10,7 +10,6 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 import av
-import av.error
 import av.filter
 
 from fpsboost.io.video.pyav import trial_file

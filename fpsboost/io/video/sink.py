@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, Self
 
 import av
-import av.error
 import numpy as np
 
 from fpsboost.errors import CompleteAlreadyError, OutputError

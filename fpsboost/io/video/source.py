@@ -15,11 +15,10 @@ from itertools import dropwhile, islice
 from pathlib import Path
 
 import av
-import av.error
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.contracts import ClosesOnExit
-from fpsboost.errors import EncryptedError, InputError
+from fpsboost.errors import EncryptedError, InputError, OptionError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
 from fpsboost.io.output import StreamInfo, VideoFile
@@ -32,7 +31,7 @@ from fpsboost.io.video.clock import (
     survey,
 )
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.demuxer import Demuxer, left_out_remarks, open_video, read_packets
+from fpsboost.io.video.demuxer import Demuxer, is_fragmented, is_raw, left_out_remarks, open_video, read_packets
 from fpsboost.io.video.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
 from fpsboost.io.video.pictures import MAX_REORDERED, FormatUnifier, Pictures, is_on_its_side, turned_upright
 from fpsboost.io.video.pyav import as_fraction
@@ -124,12 +123,19 @@ class VideoSource(ClosesOnExit):
             times, start, clear = survey(file, stream.index)
         tick = as_fraction(stream.time_base)
         cadence = None if tick is None else measured_cadence(times, tick)
-        coded_rate, rate_is_known = nominal_rate(stream, cadence)
         self.remarks += left_out_remarks(self._demuxer.container, stream, self._name)
-        self.remarks += [] if rate_is_known else [assumed_rate_remark(self._name)]
-        tick = tick or 1 / coded_rate
+        raw = is_raw(self._demuxer.container)
+        said_rate, rate_is_known = nominal_rate(stream, cadence, raw=raw)
+        coded_rate = Fraction(self._decoding.input_fps or said_rate)
+        if self._decoding.input_fps and rate_is_known and not raw:
+            raise OptionError(f"`input_fps` is for images and raw streams; {self._name} says its own frame rate.")
+        if not self._decoding.input_fps and not rate_is_known:
+            self.remarks.append(assumed_rate_remark(self._name, "; pass `input_fps` to set it"))
+        tick = 1 / (2 * coded_rate) if raw else tick or 1 / coded_rate
         fields = 2 if self._decoding.deinterlace else 1
-        self._clock = VideoClock(self._demuxer, start, tick, tick / fields, coded_rate * fields)
+        self._clock = VideoClock(
+            self._demuxer, start, tick, tick / fields, coded_rate * fields, raw_rate=said_rate if raw else None
+        )
         self._check_clear(clear)
         companions = ["sound"] * bool(streams.audio) + ["subtitles"] * bool(streams.subtitles)
         self.file = VideoFile(self.path, self._name, stream.index, start, coded_rate, companions, self._playlists)
@@ -139,7 +145,7 @@ class VideoSource(ClosesOnExit):
             width=width,
             rate=self._clock.rate,
             time_base=self._clock.time_base,
-            frame_count=fields * stream.frames or None,
+            frame_count=None if is_fragmented(stream) else fields * stream.frames or None,
             duration=None if (duration := self._demuxer.duration) is None else duration * tick,
             mean_rate=None if cadence is None else cadence.mean_rate * fields,
         )

@@ -10,8 +10,6 @@ from fractions import Fraction
 from typing import Any
 
 import av
-import av.container
-import av.error
 
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS
 from fpsboost.io.video.pyav import open_input, trial_file

@@ -1,5 +1,6 @@
 """The rate of a file, where it begins to count, which picture a time belongs to, and what a truncated file holds."""
 
+import re
 from fractions import Fraction
 from itertools import accumulate, cycle, islice, pairwise, product
 from pathlib import Path
@@ -9,23 +10,21 @@ from typing import Any
 import av
 import pytest
 from conversion_options import keeping_duplicates
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from video_truth import (
-    add_pictures,
     bytes_of,
     copy_packets,
-    mux_in_order,
     packets_of,
     pictures_of,
-    scene,
-    tone,
+    read,
     write_clip,
 )
 
 from fpsboost import convert
 from fpsboost.cli.options import in_flags
 from fpsboost.io.video.clock import in_rising_order, measured_cadence, nominal_rate
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pictures import ReorderBuffer
 from fpsboost.io.video.remarks import Damage
@@ -37,30 +36,16 @@ WRAP = Fraction(2**33, 90_000)  # seconds after which the clock of a transport s
 FAST = Encoding(encoder_options=(("preset", "ultrafast"),))
 
 
-def read(path: Path) -> tuple[list[Any], list[str]]:
-    with VideoSource(path) as source:
-        return list(source), source.remarks
-
-
 def write_at(path: Path, start: Fraction, video_later: Fraction = Fraction(0), codec: str = "mpeg2video") -> Path:
     """Write ten pictures at 25 a second, B-frames among them, and sound that begins at `start`."""
-    with av.open(str(path), "w") as output:
-        video: Any = output.add_stream(codec, rate=25, width=64, height=48)
-        video.pix_fmt, video.codec_context.max_b_frames = "yuv420p", 2
-        sound: Any = output.add_stream("mp2", rate=48000)
-        sound.codec_context.format = "s16"
-        packets = []
-        for index in range(10):
-            frame = av.VideoFrame.from_ndarray(scene(index), format="bgr24").reformat(format="yuv420p")
-            frame.pts = index
-            packets += video.encode(frame)
-        packets += [*video.encode(None), *tone(sound)]
-        for packet in packets:
-            later = start + (video_later if packet.stream is video else 0)
-            packet.pts += round(later / packet.time_base)
-            packet.dts += round(later / packet.time_base)
-        mux_in_order(output, packets)
-    return path
+
+    def begin_later(number: int, packet: Any) -> None:
+        later = start + (video_later if packet.stream.type == "video" else 0)
+        packet.pts += round(later / packet.time_base)
+        packet.dts += round(later / packet.time_base)
+
+    clip = write_clip(path.with_suffix(".mov"), codec=codec, options={"bf": "2"}, sound="mp2")
+    return copy_packets(clip, path, begin_later)
 
 
 def sound_to_picture(path: Path) -> Fraction:
@@ -179,40 +164,16 @@ def test_no_picture_is_lost(times, interval):
     assert all(one is other for one, other in zip(ready, pictures, strict=True))
 
 
-def with_chunk_behind_the_end(path: Path, track: int, chunk: int = 0) -> None:
-    """Let the index of an mp4 or mov place some samples of a track behind the end of the file."""
-    data = bytearray(path.read_bytes())
-    place = -1
-    for _ in range(track + 1):
-        place = data.index(b"stco", place + 1)
-    place += 12 + 4 * chunk
-    data[place : place + 4] = (1 << 30).to_bytes(4)
-    path.write_bytes(bytes(data))
-
-
 def test_sound_behind_the_end_ends_no_pictures(tmp_path):
     """Where samples of one stream lie behind the end of a file, all others are read."""
     clip = write_clip(tmp_path / "in.mp4", times=range(60), sound="aac")
     whole = len(packets_of(clip, "audio"))
-    with_chunk_behind_the_end(clip, 1, 20)
+    data = clip.read_bytes()
+    place = data.rindex(b"stco") + 12 + 4 * 20  # of the 20th chunk in the index of the sound, which comes last
+    clip.write_bytes(data[:place] + (1 << 30).to_bytes(4) + data[place + 4 :])
     summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST)
     assert (summary.frames_in, summary.frames_out) == (60, 120)
     assert whole / 2 < len(packets_of(tmp_path / "out.mp4", "audio")) < whole
-
-
-def test_what_is_missing_is_counted(tmp_path):
-    """A truncated file is said to have so many frames of as many as its index lists, and nothing else is claimed."""
-    clip = write_clip(tmp_path / "whole.mp4", times=range(100), options={"preset": "ultrafast", "g": "5", "bf": "0"})
-    front = copy_packets(clip, tmp_path / "front.mp4", movflags="faststart")
-    data = front.read_bytes()
-    front.write_bytes(data[: len(data) // 2])
-    frames, remarks = read(front)
-    assert 30 < len(frames) < 70
-    seconds = float(frames[-1].time + frames[-1].duration)
-    assert remarks[-1] == (
-        f"{front} ends after {seconds:.1f} s of the 4.0 s its header promises; {len(frames)} frames of 100 could be "
-        "read."
-    )
 
 
 @pytest.mark.parametrize("sound_seconds", [0.3, 0.5])
@@ -285,6 +246,7 @@ def test_bad_times_are_put_right(times, expected, counts):
 
 
 @given(st.lists(st.integers(-200, 3000), max_size=60))
+@example([433, 1434, 434])
 def test_times_rise_whatever_comes(times):
     """In any order: times strictly increase, frames keep their order, and each is there or counted."""
     damage = Damage()
@@ -355,10 +317,66 @@ def test_most_intervals_decide_where_the_rate_varies():
     assert rate_by([], MILLISECOND) == 25
 
 
+@pytest.mark.parametrize(
+    ("kind", "codec", "said", "how"),
+    [
+        (
+            "hevc",
+            "libx265",
+            None,
+            {"options": {"x265-params": "log-level=none:pools=none:frame-threads=1:vui-timing-info=0"}},
+        ),
+        ("hevc", "libx265", 30, {"options": {"x265-params": "log-level=none:pools=none:frame-threads=1:bframes=0"}}),
+        ("h264", "libx264", 120, {"options": {"preset": "ultrafast", "bf": "2"}}),
+        ("mpeg1video", "mpeg1video", 30, {"options": {"bf": "2"}}),
+        ("dirac", "vc2", 50, {"options": {"b": "20M"}}),
+        ("mjpeg", "mjpeg", None, {"pixel_format": "yuvj420p"}),
+    ],
+)
+def test_pictures_of_a_raw_stream_are_counted(tmp_path, kind, codec, said, how):
+    """Each lasts as long as the stream or the user says, whatever FFmpeg guesses; a rate that is assumed is told."""
+    rate = Fraction(said or 30)
+    clip = write_clip(
+        tmp_path / f"in.{kind}",
+        times=range(70),
+        time_base=1 / rate,
+        rate=rate,
+        codec=codec,
+        container=kind,
+        **how,
+    )
+    told = f"{clip} does not say its frame rate; 25 frames per second were assumed; pass `input_fps` to set it."
+    for chosen, used, expected in ((None, said or 25, [] if said else [told]), (7, 7, [])):
+        frames, remarks = read(clip, DecodeOptions(input_fps=chosen))
+        times = [(frame.time, frame.duration) for frame in frames]
+        assert (times, remarks) == ([(Fraction(k, used), Fraction(1, used)) for k in range(70)], expected)
+
+
+def test_pictures_that_a_raw_stream_repeats_last_longer(tmp_path):
+    """As where film became television (pulldown): MPEG-2 says so in the header of a picture."""
+    clip = write_clip(tmp_path / "in.m2v", codec="mpeg2video", container="mpeg2video")
+    header = re.compile(rb"(\x00\x00\x01\xb5[\x80-\x8f]..)(.)", re.DOTALL)
+    clip.write_bytes(header.sub(lambda match: match[1] + bytes([match[2][0] | 2]), clip.read_bytes()))
+    assert [frame.time for frame in read(clip)[0]] == [Fraction(2 * number, 25) for number in range(10)]
+
+
+def test_fragments_begin_with_their_first_picture(tmp_path):
+    """Those of a stream that has played for a while: at 0, as long as they are, with nothing said to be missing."""
+    whole = write_clip(tmp_path / "whole.mp4", times=range(100), options={"preset": "ultrafast", "g": "25", "bf": "0"})
+    clip = copy_packets(whole, tmp_path / "in.mp4", movflags="frag_keyframe+empty_moov+default_base_moof")
+    data = clip.read_bytes()
+    fragments = [match.start() - 4 for match in re.finditer(b"moof", data)]
+    clip.write_bytes(data[: fragments[0]] + data[fragments[2] : data.index(b"mfra") - 4])
+    with VideoSource(clip) as source:
+        assert (source.info.duration, source.info.frame_count) == (2, None)
+    frames, remarks = read(clip)
+    assert ([frame.time for frame in frames], remarks) == ([Fraction(number, 25) for number in range(50)], [])
+
+
 def test_flv_without_metadata(tmp_path):
     """24 frames per second in milliseconds, of which the header says nothing, become 48."""
-    with av.open(str(tmp_path / "in.flv"), "w", container_options={"flvflags": "no_metadata"}) as output:
-        output.mux(add_pictures(output, 48, rate=24)[1])
+    whole = write_clip(tmp_path / "whole.mp4", times=range(48), time_base=Fraction(1, 24))
+    copy_packets(whole, tmp_path / "in.flv", flvflags="no_metadata")
     summary = convert(str(tmp_path / "in.flv"), str(tmp_path / "out.mp4"), method=keeping_duplicates("nearest"))
     assert (summary.frames_in, summary.frames_out, summary.remarks) == (48, 96, [])
     with VideoSource(tmp_path / "out.mp4") as source:

@@ -170,7 +170,7 @@ def test_a_missing_rate_is_assumed_with_a_remark(rate):
     data = stream_of(2, rate="1:1").replace(b" F1:1", rate.encode(), 1)
     with PipeSource(BytesIO(data)) as source:
         assert source.info.rate == 25
-    assert source.remarks == ["standard input does not say its frame rate; 25 frames per second assumed."]
+    assert source.remarks == ["standard input does not say its frame rate; 25 frames per second were assumed."]
 
 
 @pytest.mark.parametrize("size", [(48, 64), ODD], ids=["even", "odd"])

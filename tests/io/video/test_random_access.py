@@ -112,18 +112,13 @@ def test_frames_before_the_beginning_are_not_counted(tmp_path, container):
     check(lambda: VideoSource(clip), [0, 1, 4, 20, -1])
 
 
-@pytest.mark.parametrize("name", ["in.avi", "in.ts", "in.flv", "in.h264"])
-def test_containers_without_times_of_frames(tmp_path, name):
-    """What comes before is decoded and dropped, and that is said."""
+@pytest.mark.parametrize("name", ["in.avi", "in.ts", "in.flv", "in.h264", "in.mp4"])
+def test_pictures_without_an_index_of_their_times(tmp_path, name):
+    """What comes before is decoded and dropped, and that is said; of .mp4, because fields hang on those before."""
     clip = write_clip(tmp_path / name, times=range(12), options=B_FRAMES, container=name[3:] if "264" in name else None)
-    check(lambda: VideoSource(clip), [1, 9, -1], "was read from its beginning, because its container has no index")
-
-
-def test_fields_hang_on_those_before(tmp_path):
-    """Deinterlaced frames are those of decoding all."""
-    clip = write_clip(tmp_path / "in.mp4", times=range(12), options=B_FRAMES)
-    opened = lambda: VideoSource(clip, decoding=DecodeOptions(deinterlace=True))  # noqa: E731
-    check(opened, [1, 9, -1], "because its packets tell nothing of fields")
+    reason = "packets tell nothing of fields" if name == "in.mp4" else "container has no index"
+    decoding = DecodeOptions(deinterlace=name == "in.mp4")
+    check(lambda: VideoSource(clip, decoding=decoding), [1, 9, -1], f"from its beginning, because its {reason}")
 
 
 def test_damage_at_the_start_is_no_index(tmp_path):

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from video_truth import add_pictures, mux_in_order, pictures_of, png, scene, write_clip
+from video_truth import add_pictures, mux_in_order, pictures_of, png, read, scene, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
@@ -83,11 +83,6 @@ def flagged(picture: av.VideoFrame, order: str) -> av.VideoFrame:
     return graph.vpull()
 
 
-def read(path: Path, decoding: DecodeOptions | None = None) -> tuple[list[Frame], list[str]]:
-    with VideoSource(path, decoding=decoding) as source:
-        return list(source), source.remarks
-
-
 # ------------------------------------------------------------------------------------------------------- deinterlacing
 
 
@@ -108,41 +103,41 @@ def test_each_field_becomes_a_frame_at_its_own_time(tmp_path, codec, order):
     assert source.remarks == []
 
 
-def test_fields_lie_halfway_between_uneven_pictures(tmp_path):
-    """At a variable rate the second field is shown halfway to the next picture."""
-    frames, remarks = read(write_fields(tmp_path / "in.mkv", ["tff"] * 4, times=[0, 1, 4, 5]), FIELDS)
-    times = [float(frame.time) * 25 for frame in frames]
-    assert times == pytest.approx([0, 0.5, 1, 2.5, 4, 4.5, 5, 5.5])
+@pytest.mark.parametrize(
+    ("name", "times", "moments"),
+    [("in.mkv", [0, 1, 4, 5], [0, 0.5, 1, 2.5, 4, 4.5, 5, 5.5]), ("in.avi", [0], [0, 0.5])],
+    ids=["uneven", "single"],
+)
+def test_fields_lie_halfway_between_pictures(tmp_path, name, times, moments):
+    """Also at a variable rate; with no neighbour to tell the interval, a picture's own duration does."""
+    frames, remarks = read(write_fields(tmp_path / name, ["tff"] * len(times), times=times), FIELDS)
+    assert [float(frame.time) * 25 for frame in frames] == pytest.approx(moments)
     assert remarks == []
 
 
-def test_a_single_picture_has_two_moments(tmp_path):
-    """With no neighbour to tell the interval, its own duration does."""
-    frames, remarks = read(write_fields(tmp_path / "in.avi", ["tff"]), FIELDS)
-    assert [frame.time for frame in frames] == [0, Fraction(1, 50)]
-    assert remarks == []
-
-
-def test_pictures_that_are_not_flagged_are_made_into_two_as_well(tmp_path):
+@pytest.mark.parametrize(
+    ("orders", "places", "which"),
+    [
+        (["prog"] * 4, [0, 0, 2, 2, 4, 4, 6, 6], "no frame"),
+        (["prog", "tff", "tff", "prog"], [0, 0, 2, 3, 4, 5, 6, 6], "only 2 of 4 frames"),
+    ],
+)
+def test_pictures_that_are_not_flagged_are_made_into_two_as_well(tmp_path, orders, places, which):
     """So that the rate is even; and it is said, for all of them and for some."""
-    frames, remarks = read(write_fields(tmp_path / "none.mkv", ["prog"] * 4), FIELDS)
-    assert [place(frame) for frame in frames] == pytest.approx([0, 0, 2, 2, 4, 4, 6, 6], abs=0.05)
-    assert [remark.split(" flags ")[1] for remark in remarks] == [
-        "no frame as interlaced; every frame was made into two all the same."
-    ]
-    frames, remarks = read(write_fields(tmp_path / "some.mkv", ["prog", "tff", "tff", "prog"]), FIELDS)
-    assert len(frames) == 8
-    assert "flags only 2 of 4 frames as interlaced" in remarks[0]
+    frames, remarks = read(write_fields(tmp_path / "in.mkv", orders), FIELDS)
+    assert [place(frame) for frame in frames] == pytest.approx(places, abs=0.05)
+    assert remarks[0].endswith(f" flags {which} as interlaced; every frame was made into two all the same.")
 
 
-def test_interlaced_frames_are_named_wherever_they_are(tmp_path):
+@pytest.mark.parametrize(
+    ("orders", "which"),
+    [(["prog", "prog", "tff", "bff", "prog"], " in 2 of 5 frames"), (["tff"] * 3, ""), (["prog"] * 3, None)],
+)
+def test_interlaced_frames_are_named_wherever_they_are(tmp_path, orders, which):
     """Also when the first one is none, with their number; and what to do."""
-    _, remarks = read(write_fields(tmp_path / "late.mkv", ["prog", "prog", "tff", "bff", "prog"]))
-    assert "late.mkv is interlaced in 2 of 5 frames and its fields" in remarks[0]
-    assert "pass `deinterlace=True`" in remarks[0]
-    _, remarks = read(write_fields(tmp_path / "all.mkv", ["tff"] * 3))
-    assert "all.mkv is interlaced and its fields were taken as whole pictures" in remarks[0]
-    assert read(write_fields(tmp_path / "none.mkv", ["prog"] * 3))[1] == []
+    clip = write_fields(tmp_path / "in.mkv", orders)
+    said = f"{clip} is interlaced{which} and its fields were taken as whole pictures; pass `deinterlace=True`"
+    assert [remark.partition(" for smooth")[0] for remark in read(clip)[1]] == [said] * (which is not None)
 
 
 def test_formats_that_the_filter_does_not_know_keep_their_colours(tmp_path):

@@ -12,7 +12,7 @@ import av
 import numpy as np
 import pytest
 from fuzzing import KINDS
-from video_truth import add_pictures, copy_packets, pictures_of, write_clip
+from video_truth import add_pictures, copy_packets, pictures_of, read, write_clip
 
 from fpsboost import convert
 from fpsboost.errors import InputError
@@ -126,10 +126,17 @@ def test_a_scrambled_dvd_is_encrypted(tmp_path):
 
 
 def test_an_unfinished_file_is_refused_as_such(tmp_path):
-    """MP4 that ends before its index, in the samples or after them; what is no MP4 is damaged."""
+    """MP4 that ends before its index, in the samples or after them, or has none, as DASH; what is no MP4 is damaged."""
     data = write_clip(tmp_path / "whole.mp4").read_bytes()
     end, clip = data.index(b"moov") - 4, tmp_path / "in.mp4"
-    for rest, reason in ((data[: end - 100], "was never finished"), (data[:end], "untrunc"), (b"x" * 100, "damaged")):
+    stream = copy_packets(tmp_path / "whole.mp4", tmp_path / "dash.mp4", movflags="frag_keyframe+empty_moov")
+    segment = stream.read_bytes().partition(b"moof")[2]
+    for rest, reason in (
+        (data[: end - 100], "was never finished"),
+        (data[:end], "untrunc"),
+        (len(data).to_bytes(4) + b"moof" + segment, "put that before it"),
+        (b"x" * 100, "damaged"),
+    ):
         clip.write_bytes(rest)
         with pytest.raises(InputError, match=rf"in\.mp4 .*{reason}"):
             VideoSource(clip)
@@ -147,6 +154,21 @@ def test_a_playlist_is_read_only_on_request(tmp_path, name):
     allowed = DecodeOptions(allow_playlists=True)
     convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", decoding=allowed, encoding=FAST)
     assert len(pictures_of(tmp_path / "out.mp4")) == 20
+
+
+def test_an_encrypted_playlist_is_read_with_its_key(tmp_path):
+    """Where the key is there, whatever its name; else a sentence says that it is missing, or a segment."""
+    part, key, clip = write_clip(tmp_path / "part.ts"), tmp_path / "its.key", tmp_path / "in.m3u8"
+    key.write_bytes(bytes(16))
+    (tmp_path / "info").write_text(f"its.key\n{key}\n")
+    copy_packets(part, clip, hls_key_info_file=str(tmp_path / "info"))
+    decoding = DecodeOptions(allow_playlists=True)
+    assert len(read(clip, decoding)[0]) == 10
+    key.unlink()
+    for text, reason in ((clip.read_text(), "the key where it says"), ("#EXTM3U\n#EXTINF:1,\nnone.ts\n", "are there")):
+        clip.write_text(text)
+        with pytest.raises(InputError, match=rf"in\.m3u8 is a playlist.*{reason}"):
+            VideoSource(clip, decoding=decoding)
 
 
 TESTS = Path(__file__).parents[2]

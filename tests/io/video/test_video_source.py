@@ -3,7 +3,6 @@
 from fractions import Fraction
 from io import BytesIO
 from itertools import pairwise, product
-from pathlib import Path
 
 import av
 import numpy as np
@@ -15,6 +14,7 @@ from video_truth import (
     bytes_of,
     copy_packets,
     pictures_of,
+    read,
     samples_of,
     scene,
     spoil_packets,
@@ -26,11 +26,6 @@ from fpsboost.errors import InputError
 from fpsboost.io.video.pictures import turned_upright
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import chroma_location_of, from_bgr, to_bgr
-
-
-def read(path: Path) -> tuple[list, list[str]]:
-    with VideoSource(path) as source:
-        return list(source), source.remarks
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".mov"])
@@ -120,17 +115,21 @@ def test_damaged_packets_are_skipped_and_counted(tmp_path, capfd):
         read(clip)
 
 
-@pytest.mark.parametrize("start", [0, 1000])
-@pytest.mark.parametrize("suffix", [".mkv", ".flv"])
-def test_truncated_file_is_read_and_reported(tmp_path, suffix, start):
-    """Half a file yields half of the frames and a remark about the rest, wherever its clock starts."""
+@pytest.mark.parametrize(
+    ("suffix", "start", "of_all"),
+    [(".mkv", 0, ""), (".mkv", 1000, ""), (".flv", 0, ""), (".flv", 1000, ""), (".mp4", 0, " of 100")],
+)
+def test_truncated_file_is_read_and_reported(tmp_path, suffix, start, of_all):
+    """Half a file yields half of the frames, of as many as an index lists, and a remark, wherever its clock starts."""
     fast = {"preset": "ultrafast", "g": "5", "bf": "0"}
-    clip = write_clip(tmp_path / f"in{suffix}", times=range(start, start + 100), options=fast)
+    whole = write_clip(tmp_path / "whole.mp4", times=range(start, start + 100), options=fast)
+    clip = copy_packets(whole, tmp_path / f"in{suffix}", **{"movflags": "faststart"} if suffix == ".mp4" else {})
     data = clip.read_bytes()
     clip.write_bytes(data[: len(data) // 2])
     frames, remarks = read(clip)
     assert 30 < len(frames) < 70
-    assert "of the 4.0 s its header promises" in remarks[-1]
+    end = f"{float(frames[-1].time + frames[-1].duration):.1f} s of the 4.0 s its header promises"
+    assert remarks[-1] == f"{clip} ends after {end}; {len(frames)} frames{of_all} could be read."
 
 
 def test_sound_that_outlasts_the_video_is_no_truncation(tmp_path):
@@ -171,10 +170,7 @@ def test_what_cannot_be_opened(tmp_path):
             VideoSource(path)
 
 
-layouts = ["yuv420p", "yuv422p", "yuv444p", "yuv420p10le", "yuv444p10le"]
-
-
-@pytest.mark.parametrize("pixel_format", layouts)
+@pytest.mark.parametrize("pixel_format", ["yuv420p", "yuv422p", "yuv444p", "yuv420p10le", "yuv444p10le"])
 @pytest.mark.parametrize("color_space", [1, 5, 9])
 @pytest.mark.parametrize("full_range", [False, True])
 def test_colour_round_trip_has_no_drift(pixel_format, color_space, full_range):
