@@ -882,7 +882,7 @@ def test_from_start_to_result(chromium, films, tmp_path, width, height, scheme):
             assert violations(page) == []
             page.get_by_role("button", name="Convert").click()
             expect(page.locator("#jobs .state")).to_have_text("20 of 20 frames")
-            after, before = page.locator("#jobs video[controls]"), page.locator("#jobs video:not([controls])")
+            after, before = (page.locator(f"#jobs video{each}") for each in ("[poster^='data:']", ":not([controls])"))
             assert (after.evaluate("video => video.muted"), before.evaluate("video => video.muted")) == (False, True)
             after.evaluate("video => (video.currentTime = 0.2)")
             page.wait_for_function("() => document.querySelector('#jobs video').currentTime === 0.2")

@@ -159,7 +159,8 @@ async function open(path) {
   byId("entries").scrollTop = 0;
   const clips = found.entries.filter((each) => each.kind === "clip").length;
   const isLong = byId("entries").scrollHeight > byId("entries").clientHeight;
-  byId("count").textContent = `${counted(found.entries.length - clips, "folder")}, ${counted(clips, "clip")}${isLong ? "; scroll for more" : ""}.`;
+  const counts = [counted(found.entries.length - clips, "folder"), counted(clips, "clip")].filter((each) => !each.startsWith("0"));
+  byId("count").textContent = counts.length ? `${counts.join(", ")}${isLong ? "; scroll for more" : ""}.` : "";
   countTicks();
   byId("images").hidden = found.images < 2;
   byId("images").textContent = `Take the ${found.images} images of this folder`;
@@ -701,18 +702,43 @@ function result(job) {
   return [where, make("div", { className: "beside" }, figure(before, "Before"), figure(after, "After"))];
 }
 
+let turn = Promise.resolve();
+
+/** Load one thing after the other, but wait for none for ever: all of a page has six connections to a server. */
+function inTurn(load) {
+  turn = turn.then(() => Promise.race([load(), new Promise((resolve) => setTimeout(resolve, 20_000))])).catch(() => {});
+}
+
+function loadInTurn(element, src) {
+  const loaded = (resolve) => {
+    for (const name of ["load", "loadedmetadata", "error"]) element.addEventListener(name, resolve, { once: true });
+    element.src = src;
+  };
+  inTurn(() => new Promise(loaded));
+}
+
 /** A frame of what cannot be played here. */
 function still(job) {
-  const image = make("img", { src: job.media.poster, alt: "A frame of the result" });
+  const image = make("img", { alt: "A frame of the result" });
   image.addEventListener("error", () => image.remove());
+  loadInTurn(image, job.media.poster);
   return image;
 }
 
+/** A frame of a video until it is played. */
+async function setPoster(video, src) {
+  const answer = await fetch(src);
+  if (!answer.ok) return; // then it has none
+  const reader = new FileReader();
+  reader.addEventListener("load", () => (video.poster = reader.result));
+  reader.readAsDataURL(await answer.blob());
+}
+
 function pictureOf(job, kind, path) {
-  const src = job.media[kind];
   const isImage = /\.(gif|webp|png|apng)$/i.test(path);
-  const element = isImage ? make("img", { src, alt: `The ${kind}` }) : make("video", { src, controls: kind === "result", preload: "metadata" });
-  if (!isImage && kind === "result") element.poster = job.media.poster;
+  const element = isImage ? make("img", { alt: `The ${kind}` }) : make("video", { controls: kind === "result", preload: "metadata" });
+  if (!isImage && kind === "result") inTurn(() => setPoster(element, job.media.poster));
+  loadInTurn(element, job.media[kind]);
   element.addEventListener("error", () => {
     if (kind === "source") element.closest("figure").remove(); // images, and what only other players play
     else element.replaceWith(still(job), make("p", { className: "note" }, "This browser cannot play it; other players do."));
