@@ -121,7 +121,6 @@ class ImageEncoder:
         self._metadata = ImageMetadata()
         self._exr: ExrHeader | None = None
         self._layers = () if images is None else images.layers
-        self._kinds = set[str]()
         self._followed: Path | None = None
         self.remarks: list[str] = []
         if images is not None:
@@ -145,7 +144,7 @@ class ImageEncoder:
             source = frame.original.path
             data = content_of(source, "leave the input as it is until all is done")
             ours, theirs = (_short_names.get(name, name) for name in map(extension_of, (path.name, source.name)))
-            if self.passes(source, frame.array, is_same=ours == theirs):
+            if self.passes(source, is_same=ours == theirs):
                 return data
         elif isinstance(frame.preceding, ImageFile) and frame.preceding.path != self._followed:
             self._follow(frame.preceding.path)
@@ -156,17 +155,12 @@ class ImageEncoder:
             return encode_like(self._exr, frame.image)
         return encode_image(path, frame.array, half=self._half, metadata=self._metadata)
 
-    def passes(self, source: Path, image: Image, *, is_same: bool, in_place: bool = False) -> bool:
-        """Return whether an original passes as its file, and remark, once per kind, on how those between differ."""
+    def passes(self, source: Path, *, is_same: bool) -> bool:
+        """Return whether an original passes as its file, and remark, once, on colours that the others do not have."""
         self._follow(source)
-        stored = self._metadata.stored
-        passes = in_place or (is_same and self._metadata.can_pass)
-        if stored and stored not in self._kinds:
-            self._kinds.add(stored)
-            written = {1: "gray", 3: "RGB"}.get(image.shape[2], "RGB with alpha")
-            which = "the frames between" if passes else "all frames"
-            self.remarks.append(f"{source.name} and its like are stored {stored}; {which} were written as {written}.")
-        return passes
+        if self._metadata.other_colours:
+            self._remark([f"{self._path} has RGB where its source has {self._metadata.other_colours}."])
+        return is_same and self._metadata.can_pass
 
     def _follow(self, source: Path) -> None:
         """Have the frames made from here on say what an original says."""

@@ -1,5 +1,4 @@
-"""What images carry beside their pixels: colour profile, resolution, EXIF and XMP, read and put into encoded images;
-and how they are stored.
+"""What images carry beside their pixels: colour profile, resolution, EXIF and XMP, read and put into encoded images.
 
 Frames that pass keep their file to the byte; what is here is for the frames made between them, so that a viewer shows
 all of them in the same colours, size and orientation. OpenImageIO reads profile and resolution. EXIF and XMP go along
@@ -18,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from fpsboost.io.images.exr import read_exr_header
-from fpsboost.io.images.files import PALETTE, WHITE_IS_0, extension_of, tiff_tags
+from fpsboost.io.images.files import PALETTE, extension_of, tiff_tags
 from fpsboost.io.images.library import opened, said_by_pillow
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -30,28 +29,21 @@ _colour_chunks = (b"cICP", b"sRGB", b"gAMA", b"cHRM", b"mDCV", b"cLLI")
 _xmp_packet = re.compile(
     rb"(<\?xpacket begin[^>]*>\s*)?<x:xmpmeta\b.*?</x:xmpmeta>(\s*<\?xpacket end[^>]*>)?", re.DOTALL
 )
-_stored = {
-    "1": "with 1 bit a pixel",
-    "P": "with a palette",
-    "LA": "as gray with alpha",
-    "CMYK": "as CMYK",
-    "LAB": "as CIELab",
-    "YCbCr": "as YCbCr",
-}
-"""By Pillow's mode of an image; any other is read as it is."""
+_other_colours = {"CMYK": "CMYK", "LAB": "CIELab", "YCbCr": "YCbCr"}
+"""Colours that are converted to RGB as they are read, by Pillow's mode of an image."""
 _per_inch = {"in": 1.0, "inch": 1.0, "cm": 2.54}
 
 
 @dataclass(frozen=True)
 class ImageMetadata:
-    """What a file says beside its pixels, and how it is stored; everything may be absent.
+    """What a file says beside its pixels; everything may be absent.
 
     The resolution is across and down; EXIF has its own header, which is that of TIFF; the orientation is EXIF's number;
     chunks are those of a PNG on its colours and its pixels' shape, bits those per value of a DPX.
 
-    It is stored ``with a palette``, ``as CMYK``; empty where the image is stored as it is read. It can pass where every
-    viewer shows what `read_image` makes of it: upright, no colours for print. It has more where it holds pages or
-    frames beside the first.
+    Other colours are ``CMYK``, ``CIELab`` or ``YCbCr``, which become RGB; empty for gray, RGB and palettes. It can pass
+    where every viewer shows what `read_image` makes of it: upright, no colours for print. It has more where it holds
+    pages or frames beside the first.
     """
 
     profile: bytes = b""
@@ -62,7 +54,7 @@ class ImageMetadata:
     chunks: tuple[tuple[bytes, bytes], ...] = ()
     bits: int = 0
     has_exr_attributes: bool = False
-    stored: str = ""
+    other_colours: str = ""
     can_pass: bool = True
     has_more: bool = False
 
@@ -86,11 +78,6 @@ def metadata_of(path: Path) -> ImageMetadata:
             packet = _xmp_packet.search(path.read_bytes())
             exif, xmp = b"", b"" if packet is None else packet[0]
         photometric, turned = tiff_tags(spec)
-        stored = _stored.get(mode, "as gray with alpha" if spec.nchannels == 2 else "")
-        if photometric == WHITE_IS_0:
-            stored = "with white as 0"
-        elif kind == "png" and mode != "P" and "transparency" in said:
-            stored = "with one transparent colour"
         return ImageMetadata(
             b"" if profile is None else bytes(profile),
             (across * scale, down * scale) if scale and across > 0 and down > 0 else None,
@@ -103,7 +90,7 @@ def metadata_of(path: Path) -> ImageMetadata:
                 if name in _colour_chunks or (name == b"pHYs" and data[8:] == b"\0")
             ),
             spec.get_int_attribute("oiio:BitsPerSample") if kind == "dpx" else 0,
-            stored=stored,
+            other_colours=_other_colours.get(mode, ""),
             can_pass=turned == 1 and mode != "CMYK" and (photometric is None or photometric <= PALETTE),
             has_more=bool(file.seek_subimage(1, 0)) or (kind == "png" and "loop" in said),
         )

@@ -79,7 +79,7 @@ class NumberedSink(StagedSink):
         path = self.names.path(self._frames)
         self._frames += 1
         if path.name in self._originals:  # in place: stays as it is
-            self._encoder.passes(path, frame.array, is_same=True, in_place=True)
+            self._encoder.passes(path, is_same=True)
             return
         self._encoder.check(path, frame.array)
         if self._frames > self.completed_frames:
