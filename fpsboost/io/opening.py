@@ -252,20 +252,19 @@ class Target:
             what = "an animation, which takes" if self.kind == "animation" else "images, which take"
             raise OptionError(f"{self.path} will be {what} no {' or '.join(encoding.given)}; leave that out.")
 
+    @property
+    def _described(self) -> str:
+        return "what went into a pipe" if self.kind == "pipe" else f"the animation {self.path}"
+
     def check_parts(self) -> None:
         """Raise `OptionError` if the output cannot be put together of parts."""
-        if self.kind == "pipe":
-            raise OptionError("`chunk` does not work with standard output; name a file.")
-        if self.kind == "animation":
-            raise OptionError(f"`chunk` is for videos and images, and {self.path} will be an animation; leave it out.")
+        if self.kind in ("pipe", "animation"):
+            raise OptionError(f"`chunk` is for videos and images, not for {self._described}; leave it out.")
 
     def open(self, output: Output) -> FrameSink:
         """Prepare the output for writing; it appears when the sink is left without an error."""
-        if output.job is not None and output.job.resume:
-            if self.kind == "pipe":
-                raise OptionError("`resume` cannot go on with what went into a pipe; name a file, or leave it out.")
-            if self.kind == "animation":
-                raise OptionError(f"`resume` cannot go on with the animation {self.path}; leave it out.")
+        if output.job is not None and output.job.resume and self.kind in ("pipe", "animation"):
+            raise OptionError(f"`resume` cannot go on with {self._described}; leave it out.")
         if output.part is not None:
             self.check_parts()
             return ImagePartSink(output) if self.kind == "images" else VideoPartSink(output)

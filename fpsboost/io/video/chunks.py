@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain, pairwise
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import Any, get_args
 from zipfile import BadZipFile, ZipFile, ZipInfo
 
 import av
@@ -37,14 +37,6 @@ DAMAGES = (BadZipFile, zlib.error, EOFError, KeyError, OSError, OverflowError, R
 """What reading a damaged archive raises."""
 
 kinds_of_side_data: tuple[str, ...] = get_args(PktSideDataT)
-
-
-class Times(NamedTuple):
-    """Presentation time, decoding time and duration of a packet, in ticks."""
-
-    pts: int
-    dts: int | None
-    duration: int
 
 
 class ChunkWriter:
@@ -88,15 +80,13 @@ class Chunk:
     extradata: bytes
     delay: int
     """Number of packets that are decoded before the first one is presented."""
+    times: Sequence[int]
+    """Presentation times, in that order, in ticks."""
 
-    def read(self) -> tuple[list[Times], Iterator[av.Packet[Any]]]:
-        """Return the times of all packets in decoding order, and the packets, without stream and time base."""
-        packets = _index_of(self.path)["packets"]
-        return _times_of(packets), self._packets(packets)
-
-    def _packets(self, packets: Sequence[Any]) -> Iterator[av.Packet[Any]]:
+    def read(self) -> Iterator[av.Packet[Any]]:
+        """Yield the packets in decoding order, without stream and time base."""
         with ZipFile(self.path) as archive, archive.open(DATA) as data:
-            for times, is_keyframe, size, side_data in packets:
+            for times, is_keyframe, size, side_data in _index_of(self.path)["packets"]:
                 packet: av.Packet[Any] = av.Packet(data.read(size))
                 packet.pts, packet.dts, packet.duration = times
                 packet.is_keyframe = is_keyframe
@@ -112,17 +102,13 @@ def _index_of(path: Path) -> dict[str, Any]:
         return dict(json.loads(archive.read(INDEX)))
 
 
-def _times_of(packets: Sequence[Any]) -> list[Times]:
-    return [Times(*times) for times, *_ in packets]
-
-
 def _chunk_of(path: Path, index: dict[str, Any]) -> Chunk:
-    times = _times_of(index["packets"])
-    in_order = sorted(entry.pts for entry in times)
+    times = [times for times, *_ in index["packets"]]
+    in_order = sorted(pts for pts, *_ in times)
     places = {pts: place for place, pts in enumerate(in_order)}
-    needed = max((place - places[entry.pts] for place, entry in enumerate(times)), default=0)
-    delay = max(needed, sum(entry.dts is not None and entry.dts < in_order[0] for entry in times))
-    return Chunk(path, index["frames"], bytes.fromhex(index["extradata"]), delay)
+    needed = max((place - places[pts] for place, (pts, *_) in enumerate(times)), default=0)
+    delay = max(needed, sum(dts is not None and dts < in_order[0] for _, dts, _ in times))
+    return Chunk(path, index["frames"], bytes.fromhex(index["extradata"]), delay, in_order)
 
 
 def complete_chunk(path: Path) -> Chunk:
@@ -249,12 +235,10 @@ def timed_packets(chunks: Sequence[Chunk]) -> Iterator[av.Packet[Any]]:
     delay = max(chunk.delay for chunk in chunks)
     presented: deque[int] = deque()
     for number, chunk in enumerate(chunks):
-        times, packets = chunk.read()
-        in_order = sorted(each.pts for each in times)
         if number == 0:
-            shift = in_order[min(delay, len(in_order) - 1)] - in_order[0]
-            presented.extend(pts - shift for pts in in_order[:delay])
-        presented.extend(in_order)
-        for packet in packets:
+            shift = chunk.times[min(delay, len(chunk.times) - 1)] - chunk.times[0]
+            presented.extend(pts - shift for pts in chunk.times[:delay])
+        presented.extend(chunk.times)
+        for packet in chunk.read():
             packet.dts = presented.popleft()
             yield packet
