@@ -272,45 +272,35 @@ class FailingSynthesizer:
             yield image
 
 
-@pytest.mark.parametrize("kind", [OnPurposeError, KeyboardInterrupt])
-@pytest.mark.parametrize("fail_at", [0, 1, 2, 15, 20])
-def test_an_error_of_the_source_surfaces(fail_at, kind):
-    """The very error comes out of the loop, at the first frame, in the middle and after the last."""
-    error = kind("on purpose")
-
-    def failing() -> Iterator[Frame]:
-        yield from regular(fail_at)
-        raise error
-
-    with pytest.raises(kind) as caught:
-        run_conversion(FakeSource(failing()), BLEND, FakeSink(), ByFactor(Fraction(2)))
-    assert caught.value is error
+def failing(frames: list[Frame], error: BaseException) -> Iterator[Frame]:
+    yield from frames
+    raise error
 
 
 @pytest.mark.parametrize("kind", [OnPurposeError, KeyboardInterrupt])
-@pytest.mark.parametrize("fail_at", [0, 1, 20, 38, 39])
-def test_an_error_of_the_sink_surfaces(fail_at, kind):
-    """Also one at the last frame, when the loop has nothing left to hand over."""
+@pytest.mark.parametrize(
+    ("where", "fail_at"),
+    [
+        *(("source", at) for at in (0, 1, 2, 15, 20)),
+        *(("sink", at) for at in (0, 1, 20, 38, 39)),
+        *(("interpolator", at) for at in (-1, 0, 7, 18)),
+    ],
+)
+def test_an_error_surfaces(where, fail_at, kind):
+    """The very error comes out of the loop, wherever it is, also while compiling and after the last frame.
+
+    What was written before is no more than what came before.
+    """
     error = kind("on purpose")
-    sink = FakeSink(fail_at=fail_at, error=error)
+    frames = failing(regular(fail_at), error) if where == "source" else regular(20)
+    sink = FakeSink(fail_at=fail_at, error=error) if where == "sink" else FakeSink()
+    synthesizer = FailingSynthesizer(fail_at, error) if where == "interpolator" else Blend()
+    interpolator = Interpolator(ZeroMotion(), synthesizer, cuts=None, compensate_illumination=False)
     with pytest.raises(kind) as caught:
-        run_conversion(FakeSource(regular(20)), BLEND, sink, ByFactor(Fraction(2)))
+        run_conversion(FakeSource(frames), interpolator, sink, ByFactor(Fraction(2)))
     assert caught.value is error
-    assert len(sink.frames) == fail_at
-
-
-@pytest.mark.parametrize("fail_at", [-1, 0, 7, 18])
-def test_an_error_of_the_interpolator_surfaces(fail_at):
-    """While compiling, and at any frame; what was written before is no more than what came before."""
-    error = OnPurposeError()
-    sink = FakeSink()
-    interpolator = Interpolator(
-        ZeroMotion(), FailingSynthesizer(fail_at, error), cuts=None, compensate_illumination=False
-    )
-    with pytest.raises(OnPurposeError) as caught:
-        run_conversion(FakeSource(regular(20)), interpolator, sink, ByFactor(Fraction(2)))
-    assert caught.value is error
-    assert len(sink.frames) <= 2 * fail_at + 1 if fail_at >= 0 else not sink.frames
+    assert where != "sink" or len(sink.frames) == fail_at
+    assert len(sink.frames) <= max(0, 2 * fail_at + 1)
 
 
 LIT_BLEND = replace(BLEND, compensate_illumination=True)  # which keeps more of each frame

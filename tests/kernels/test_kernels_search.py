@@ -124,17 +124,20 @@ def level_scores(image0, image1, radius, patch_radius, most):
     return patch_scores(image0, image1, radius, box_weights(patch_radius), most, True, level_similarity)
 
 
-def list_tiles(image0, image1, radius, patch_radius, most, step=1, capacity=1, expected=(99, 99), every=1):
-    """The tile kernel for all offsets of a square: how many each point has, their values, and the offsets."""
+def list_tiles(
+    image0, image1, radius, patch_radius, most, step=1, capacity=1, expected=(99, 99), every=1, proposals=None
+):
+    """The tile kernel for all offsets of a square, or for proposals: how many each point has, values, and offsets."""
     height, width = image0.shape[:2]
     still = np.zeros((height, width, 2), np.int32)
     points = -(-height // step), -(-width // step)
     count, best = np.empty(points, np.int32), np.empty((*points, capacity), np.float32)
     flows = np.empty((*points, capacity, 2), np.float32)
     pair = plane_pair(image0, image1, PADDING + patch_radius, most)
-    proposals = Proposals(still, np.full_like(still, expected), 1)
+    around = 2 * radius if proposals is None else 0
+    proposals = proposals or Proposals(still, np.full_like(still, expected), 1)
     lists = OffsetLists(count, best, flows)
-    compiled(tiles.search_tiles)(pair, proposals, step, 2 * radius, radius, patch_radius, every, lists)
+    compiled(tiles.search_tiles)(pair, proposals, step, around, radius, patch_radius, every, lists)
     return count, best, flows
 
 
@@ -238,14 +241,9 @@ def test_every_second_row_of_the_patches_may_do(step):
 @pytest.mark.parametrize("step", [1, 8])
 def test_tiles_that_lead_far_outside_read_nothing_else(motion, step):
     """The last, partial tiles stay within the planes at the largest offsets; uncompiled, a stray index would raise."""
-    height, width, radius = TILE + 1, TILE + 1, 2
-    image = level_image(height, width, 13)
-    proposals = np.full((1, 1, 2), motion, np.int32)
-    points = -(-height // step), -(-width // step)
-    count, best = np.empty(points, np.int32), np.empty((*points, 2), np.float32)
-    flows = np.empty((*points, 2, 2), np.float32)
-    pair = plane_pair(image, image, PADDING + radius, 200)
-    lists = OffsetLists(count, best, flows)
-    compiled(tiles.search_tiles)(pair, Proposals(proposals, proposals, 2 * TILE), step, 0, TILE, radius, 1, lists)
+    image = level_image(TILE + 1, TILE + 1, 13)
+    motions = np.full((1, 1, 2), motion, np.int32)
+    proposals = Proposals(motions, motions, 2 * TILE)
+    count, best, _ = list_tiles(image, image, TILE, 2, 200, step, capacity=2, proposals=proposals)
     assert np.isfinite(best).all()
     assert (count <= 2).all()  # no motion is the other

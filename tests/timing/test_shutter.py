@@ -93,20 +93,20 @@ def test_a_still_picture_stays_as_it_is(dtype):
         assert (exposure.image() == image).all()
 
 
-def test_light_is_added_and_not_levels():
-    """Black and white for half of the time each are half the light of white, which sRGB stores as 188; not 128."""
-    exposure = Exposure()
-    for level in (0, 255):
-        exposure.add(np.full((1, 1, 1), level, np.uint8))
-    assert exposure.image()[0, 0, 0] == 188
+@pytest.mark.parametrize(
+    ("colours", "expected"),
+    [([[0], [255]], [188]), ([[200, 200, 200, 255], [0, 0, 0, 0]], [200, 200, 200, 128])],
+    ids=["gray", "transparent"],
+)
+def test_light_is_added_and_not_levels(colours, expected):
+    """Black and white for half of the time each are half the light of white, which sRGB stores as 188; not 128.
 
-
-def test_transparent_colours_do_not_count():
-    """What a moving object with alpha leaves free shows nothing of the colour below it."""
+    What a moving object with alpha leaves free shows nothing of the colour below it.
+    """
     exposure = Exposure()
-    for colour, alpha in ((200, 255), (0, 0)):
-        exposure.add(np.array([[[colour, colour, colour, alpha]]], np.uint8))
-    assert exposure.image()[0, 0].tolist() == [200, 200, 200, 128]
+    for colour in colours:
+        exposure.add(np.array([[colour]], np.uint8))
+    assert exposure.image()[0, 0].tolist() == expected
 
 
 def step_edge(position):
