@@ -6,7 +6,7 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from fpsboost.io.images.exr import encode_exr
+from fpsboost.io.images.exr import encode_exr, read_channels, read_exr_header
 
 Corners = tuple[NDArray[np.int32], NDArray[np.int32]]
 
@@ -36,3 +36,9 @@ def window(left: int, top: int, width: int, height: int) -> Corners:
 def write_exr(path: Path, channels: dict[str, NDArray], *, half: bool = True) -> None:
     """Write planes by names as the package writes them."""
     path.write_bytes(encode_exr(channels, half=half))
+
+
+def content(path: Path) -> dict[str, NDArray]:
+    """Read all channels, in the types that the file has."""
+    header = read_exr_header(path)
+    return read_channels(path, header, list(header.channels))

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
-from exr_truth import save_exr, tiles, window
+from exr_truth import content, save_exr, tiles, window
 
 from fpsboost.errors import InputError
-from fpsboost.io.images.exr import encode_exr_like, read_channels, read_exr_header
+from fpsboost.io.images.exr import encode_exr_like, read_exr_header
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.layers import Passes, contents_of, kind_of
 
@@ -92,11 +92,6 @@ def test_what_a_layer_is(kind, names):
         assert kind_of(name, ["uint"] * int(count)) == "nearest"
 
 
-def all_of(path: Path) -> Channels:
-    header = read_exr_header(path)
-    return read_channels(path, header, list(header.channels))
-
-
 HEADERS = {
     "scanlines": {},
     "tiles": tiles(16),
@@ -119,7 +114,7 @@ def test_a_file_made_like_another_is_that_file(header, several):
         parts = [("View.Combined", {each: numbers(1) for each in "RGBA"}), ("View.id", {"X": numbers(2, np.uint32)})]
     path = save(*parts, **said)
     data, before = path.read_bytes(), read_exr_header(path)
-    channels = all_of(path)
+    channels = content(path)
     for part, own in parts:
         for name, plane in own.items():
             found = channels[f"{part}.{name}" if part else name]
@@ -136,11 +131,11 @@ def test_a_file_made_like_another_is_that_file(header, several):
 def test_data_fills_the_display_window():
     """Whatever window the source has pixels in."""
     path = save(("", {"Y": numbers(1)}), dataWindow=window(5, 7, WIDTH, HEIGHT), displayWindow=window(0, 0, 100, 80))
-    planes = all_of(path)
+    planes = content(path)
     path.write_bytes(encode_exr_like(read_exr_header(path), planes))
     header = read_exr_header(path)
     assert header.parts[0].data == header.display == (0, 0, 99, 79)
-    np.testing.assert_array_equal(all_of(path)["Y"], planes["Y"])
+    np.testing.assert_array_equal(content(path)["Y"], planes["Y"])
 
 
 @pytest.mark.parametrize(

@@ -48,16 +48,13 @@ def fill(folder: Path, *names: str) -> Path:
     return folder
 
 
-def clip_info(height: int = HEIGHT, width: int = WIDTH) -> ClipInfo:
-    return ClipInfo("clip.mp4", height, width, RATE, 1 / RATE, 2)
-
-
 def make_sink(
     path: Path | str, source: ImageSource | None = None, frame_count: int | None = 2, overwrite: bool = False
 ) -> ImageSink:
     stream = StreamInfo() if source is None else source.stream_info
+    info = ClipInfo("clip.mp4", HEIGHT, WIDTH, RATE, 1 / RATE, 2)
     timing = OutputTiming(RATE, 1 / RATE)
-    return ImageSink(Output(str(path), clip_info(), timing, stream, expected_frames=frame_count, overwrite=overwrite))
+    return ImageSink(Output(str(path), info, timing, stream, expected_frames=frame_count, overwrite=overwrite))
 
 
 def write(sink: ImageSink, *pictures: Image) -> None:

@@ -72,11 +72,9 @@ def run(source: Path | str, target: Path | str | None = None, method: object = B
     return convert(str(source), None if target is None else str(target), method=method, **grouped(**options))
 
 
-def divisors(number: int) -> list[int]:
-    return [each for each in range(1, number + 1) if number % each == 0]
-
-
-steps = st.integers(2, 12).flatmap(lambda step: st.tuples(st.just(step), st.sampled_from(divisors(step))))
+steps = st.sampled_from(
+    [(step, factor) for step in range(2, 13) for factor in range(1, step + 1) if step % factor == 0]
+)
 namings = st.tuples(
     st.sampled_from(["", "shot_", "a.b-", "take 2_"]), st.integers(1, 6), st.sampled_from(["", "_left"])
 )

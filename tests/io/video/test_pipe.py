@@ -164,15 +164,6 @@ def test_streams_that_are_none(data, sentence):
         PipeSource(BytesIO(data))
 
 
-@pytest.mark.parametrize("rate", [" F0:0", " F25:0", ""])
-def test_a_missing_rate_is_assumed_with_a_remark(rate):
-    """Without a rate, 25 frames per second are assumed, as for other videos, and the user is told."""
-    data = stream_of(2, rate="1:1").replace(b" F1:1", rate.encode(), 1)
-    with PipeSource(BytesIO(data)) as source:
-        assert source.info.rate == 25
-    assert source.remarks == ["standard input does not say its frame rate; 25 frames per second were assumed."]
-
-
 @pytest.mark.parametrize("size", [(48, 64), ODD], ids=["even", "odd"])
 @pytest.mark.parametrize("name", NAMES)
 def test_planes_pass_bit_by_bit(name, size):
@@ -216,21 +207,30 @@ def test_made_frames_look_like_originals(name, more):
         assert np.abs(difference).max() <= 3 * 2 ** (bits - 8)
 
 
-def test_interlaced_streams_are_told():
-    """With the words of the video source."""
-    data = stream_of(2).replace(b" Ip ", b" It ", 1)
+@pytest.mark.parametrize(
+    ("data", "remark"),
+    [
+        (stream_of(2).replace(b" Ip ", b" It ", 1), "standard input is interlaced and its fields were taken as whole"),
+        *(
+            (
+                stream_of(2, rate="1:1").replace(b" F1:1", rate, 1),
+                "standard input does not say its frame rate; 25 frames",
+            )
+            for rate in (b" F0:0", b" F25:0", b"")
+        ),
+        *(
+            (stream_of(3)[:-missing], "standard input ended within frame 3, which was left out.")
+            for missing in (1, 4000, 4607, 4609, 4613)
+        ),
+    ],
+    ids=range(9),
+)
+def test_what_a_stream_lacks_is_told(data, remark):
+    """Whole pictures, a rate, for which that of other videos is assumed, or the end of its last frame."""
     with PipeSource(BytesIO(data)) as source:
         assert [frame.time for frame in source] == [0, Fraction(1, 25)]
-    assert source.remarks[0].startswith("standard input is interlaced and its fields were taken as whole pictures")
-
-
-@pytest.mark.parametrize("missing", [1, 4000, 4607, 4609, 4613])
-def test_a_truncated_stream(missing):
-    """The whole frames are there, and one remark says that the last one was not."""
-    data = stream_of(3)
-    with PipeSource(BytesIO(data[:-missing])) as source:
-        assert len(list(source)) == 2
-    assert source.remarks == ["standard input ended within frame 3, which was left out."]
+    (said,) = source.remarks
+    assert said.startswith(remark)
 
 
 def test_something_between_the_frames():
