@@ -216,6 +216,8 @@ class StagedSink(ABC):
     """
 
     completed_frames = 0
+    _name: str
+    """The output in messages."""
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -229,9 +231,9 @@ class StagedSink(ABC):
             raise
         self._leave(error)
 
-    @abstractmethod
     def _explained(self) -> AbstractContextManager[None]:
         """Turn errors of the system in the block into sentences about the output."""
+        return explained(OutputError, "write to", self._name, "check the free space and the permissions")
 
     @abstractmethod
     def _finish(self) -> None:

@@ -20,7 +20,7 @@ import av
 import av.filter
 import numpy as np
 
-from fpsboost.errors import OutputError, explained
+from fpsboost.errors import OutputError
 from fpsboost.frame import Frame
 from fpsboost.image import Image, view
 from fpsboost.io.animation.source import MAX_DELAY_TERM, PNG_SIGNATURE, SHORTEST_GIF_DELAY, WEBP_ANIMATED, opened
@@ -388,6 +388,3 @@ class AnimationSink(StagedSink):
         for clean_up in (self._file.close, self._temporary.unlink):
             with contextlib.suppress(OSError):
                 clean_up()
-
-    def _explained(self) -> contextlib.AbstractContextManager[None]:
-        return explained(OutputError, "write", self._name, "check the free space and the permissions")

@@ -7,7 +7,7 @@ import json
 import os
 import shutil
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
@@ -59,7 +59,7 @@ class NumberedSink(StagedSink):
 
     def __init__(self, output: Output, names: ImageNames, unfinished: StagingDirectory) -> None:
         self.names, self._unfinished = names, unfinished
-        self._target, self._staged = unfinished.name, unfinished.staged
+        self._name, self._staged = unfinished.name, unfinished.staged
         self._encoder = ImageEncoder(output.path, output.stream.images, anew=names.is_anew)
         self._originals = set[str]()
         self._written: list[str] = []
@@ -87,9 +87,6 @@ class NumberedSink(StagedSink):
             with explained(OutputError, "write", path, ADVICE):
                 write_safely(self._staged / path.name, data)
         self._written.append(path.name)
-
-    def _explained(self) -> AbstractContextManager[None]:
-        return explained(OutputError, "write to", self._target, ADVICE)
 
     def _remove_torn(self) -> None:
         for extra in set(os.listdir(self._staged)) - set(self._written):
@@ -162,7 +159,7 @@ class ImageSink(NumberedSink):
         if self._in_place:
             if self._moving.exists() and not is_moving:
                 raise OutputError(
-                    f"A run in {self._target} was stopped while its frames got their names; `resume` goes on with that."
+                    f"A run in {self._name} was stopped while its frames got their names; `resume` goes on with that."
                 )
             for name in self._written:
                 if (self._staged / name).exists() and (folder / name).exists():
@@ -172,7 +169,7 @@ class ImageSink(NumberedSink):
             return
         reason = reason_to_refuse(folder, self._find_old(), alone=self._is_folder)
         if reason and self._job is not None and self._job.resume and not self._unfinished.is_pending:
-            raise CompleteAlreadyError(complete_already(self._target))
+            raise CompleteAlreadyError(complete_already(self._name))
         if reason:
             raise OutputError(reason)
 
@@ -201,7 +198,7 @@ class ImageSink(NumberedSink):
                 name = self.names.path(self._frames).name
                 if file.name != name:
                     raise OutputError(
-                        f"{self._target} would name an image {name} that is called {file.name} in its part; name "
+                        f"{self._name} would name an image {name} that is called {file.name} in its part; name "
                         "the output as then."
                     )
                 try:

@@ -117,15 +117,13 @@ def with_side_outputs(
     if side.confidence is not None:
         naming, first, step = (written.numbering, written.first, written.step) if written else (None, 1, 1)
         numbers: Sequence[int] = range(first, sys.maxsize, step)
-        names = FileNames.parse(side.confidence, "`confidence`", ConfidenceWriter.suffixes, naming, numbers)
-        names.check_alone("`confidence`", taken)
+        names = FileNames.parse(side.confidence, "`confidence`", ConfidenceWriter.suffixes, naming, numbers, taken)
         confidence = ConfidenceWriter(names, overwrite=overwrite)
         taken.append(names.numbering.folder)
     if side.save_motion is not None:
         naming = images.numbering if images else None
         numbers = (images and images.numbers) or range(1, sys.maxsize)
-        names = FileNames.parse(side.save_motion, "`save_motion`", MotionWriter.suffixes, naming, numbers)
-        names.check_alone("`save_motion`", taken)
+        names = FileNames.parse(side.save_motion, "`save_motion`", MotionWriter.suffixes, naming, numbers, taken)
         motion = MotionWriter(names, overwrite=overwrite)
     return SideSink(sink, confidence, motion, watcher)
 
@@ -145,7 +143,6 @@ class SideWriter:
 
     def write(self, frame: Frame) -> None:
         """Write what there is about the next frame of the output."""
-        raise NotImplementedError
 
     def finish(self) -> None:
         """Write what has waited for a next frame."""
@@ -234,9 +231,19 @@ class FileNames:
 
     @classmethod
     def parse(
-        cls, path: str, option: str, suffixes: Sequence[str], naming: Numbering | None, numbers: Sequence[int]
+        cls,
+        path: str,
+        option: str,
+        suffixes: Sequence[str],
+        naming: Numbering | None,
+        numbers: Sequence[int],
+        taken: Sequence[Path],
     ) -> Self:
-        """Name files by a pattern with any of the suffixes, or like `naming` in a folder, for the first of them."""
+        """Name files by a pattern with any of the suffixes, or like `naming` in a folder, for the first of them.
+
+        Raises `OptionError` for a path that is neither, or whose folder is `taken`: frames are read from there, or
+        other files written to it.
+        """
         extension = extension_of(path)
         if is_pattern(path):
             if extension not in suffixes:
@@ -252,13 +259,11 @@ class FileNames:
                     f"{option} needs a folder, or a pattern such as map_####{suffix}, not {path or 'nothing'}."
                 )
             naming = replace(naming or Numbering(Path(), "", VIDEO_DIGITS, suffix), folder=Path(path))
+        if os.path.realpath(naming.folder) in set(map(os.path.realpath, taken)):
+            raise OptionError(
+                f"{option} needs a folder of its own, and {naming.folder} holds other images; name another."
+            )
         return cls(path, suffix, replace(naming, suffix=naming.suffix.rpartition(".")[0]), numbers)
 
     def stem(self, place: int) -> str:
         return self.numbering.path(self.numbers[place]).name
-
-    def check_alone(self, option: str, taken: Sequence[Path]) -> None:
-        """Raise `OptionError` if the folder is one that frames are read from, or that other files are written to."""
-        folder = self.numbering.folder
-        if os.path.realpath(folder) in set(map(os.path.realpath, taken)):
-            raise OptionError(f"{option} needs a folder of its own, and {folder} holds other images; name another.")

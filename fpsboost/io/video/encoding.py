@@ -180,12 +180,11 @@ def encodes_alpha(encoding: Encoding, container: str) -> bool:
     """Return whether the encoder, pixel format and container that were asked for can hold alpha; False if unknown."""
     asked = encoding.codec or default_codec(container, encoding.pixel_format or "yuv420p")
     encoder = encoders[asked.lower()].name if asked.lower() in encoders else asked
-    try:
-        offered = pixel_formats(av.Codec(encoder, "w"))
-    except UnknownCodecError:
+    codec = find_encoder(encoder, "video")
+    holds_beside = container in ("webm", "matroska")  # libvpx stores alpha beside the picture
+    if codec is None or (encoder.startswith("libvpx") and not holds_beside):
         return False
-    if encoder.startswith("libvpx") and container not in ("webm", "matroska"):
-        return False  # libvpx stores alpha beside the picture, which only these two containers support
+    offered = pixel_formats(codec)
     if encoding.pixel_format is not None:
         return encoding.pixel_format in offered and has_alpha(encoding.pixel_format)
     return any(has_alpha(name) for name in offered)
