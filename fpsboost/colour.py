@@ -39,8 +39,7 @@ def has_alpha(image: Any) -> bool:
 def normalised(image: NDArray[Any]) -> NDArray[Any]:
     """Return the image as float32 with 1.0 for white and unchanged shape; NaN becomes black, infinity white."""
     if image.dtype == np.float32:
-        finite: NDArray[Any] = np.nan_to_num(image, nan=0.0, posinf=1.0, neginf=0.0)
-        return finite
+        return np.asarray(np.nan_to_num(image, nan=0.0, posinf=1.0, neginf=0.0))
     return image.astype(np.float32) * np.float32(1 / np.iinfo(image.dtype).max)
 
 

@@ -62,8 +62,7 @@ class _Areas:
         size = -(-int(np.prod(self._shape)) // 8)
         self._file.seek(index * size)
         packed = np.frombuffer(self._file.read(size), np.uint8)
-        bits: NDArray[Any] = np.unpackbits(packed, count=int(np.prod(self._shape))).reshape(self._shape) > 0
-        return bits
+        return np.asarray(np.unpackbits(packed, count=int(np.prod(self._shape))).reshape(self._shape) > 0)
 
 
 def compare(

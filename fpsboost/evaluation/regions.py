@@ -97,15 +97,13 @@ def _rendered_motion(here: FrameCache, there: FrameCache, vectors: VectorFolder)
     number = frame_number(here.output_position)
     frames = frame_number(there.output_position) - number
     rendered = vectors.for_image(number, here.array)
-    flow: NDArray[Any] = (rendered.forward if frames > 0 else rendered.backward) * np.float32(abs(frames))
-    return flow
+    return np.asarray((rendered.forward if frames > 0 else rendered.backward) * np.float32(abs(frames)))
 
 
 def _leads_back(flow: NDArray[Any], back: NDArray[Any]) -> NDArray[Any]:
     """Return where motion leads into another frame, and from there to where it began."""
     returned = cv2.remap(back, *_ends(flow), cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
-    leads_back: NDArray[Any] = (np.linalg.norm(flow + returned, axis=-1) <= CONSISTENT) & _is_inside(flow)
-    return leads_back
+    return np.asarray((np.linalg.norm(flow + returned, axis=-1) <= CONSISTENT) & _is_inside(flow))
 
 
 def _ends(flow: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -117,5 +115,4 @@ def _ends(flow: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
 def _is_inside(flow: NDArray[Any]) -> NDArray[Any]:
     x, y = _ends(flow)
     height, width = flow.shape[:2]
-    inside: NDArray[Any] = (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)
-    return inside
+    return np.asarray((x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5))

@@ -63,10 +63,7 @@ def score(truth: Image, image: Image) -> Scores:
 
 def absolute_error(truth: Image, image: Image) -> NDArray[Any]:
     """Return the mean over the channels of the absolute difference, levels of 255, (H, W) float32."""
-    error: NDArray[Any] = np.abs(composite_on_black(truth) - composite_on_black(image)).mean(axis=2) * np.float32(
-        LEVELS
-    )
-    return error
+    return np.asarray(np.abs(composite_on_black(truth) - composite_on_black(image)).mean(axis=2) * np.float32(LEVELS))
 
 
 def mean(values: Sequence[float]) -> float:

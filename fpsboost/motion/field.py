@@ -70,8 +70,7 @@ def resample_points(values: NDArray[Any], size: tuple[int, ...], spacing: int, s
     if step == spacing:
         return values
     y, x = (places // spacing for places in point_places(size, step))
-    resampled: NDArray[Any] = values.take(y, axis=0).take(x, axis=1)
-    return resampled
+    return np.asarray(values.take(y, axis=0).take(x, axis=1))
 
 
 def spread_points(values: NDArray[Any], size: tuple[int, ...], spacing: int) -> NDArray[Any]:

@@ -428,8 +428,7 @@ def fit_convention(pairs: Iterable[RenderedPair], usual: VectorConvention) -> Ve
 def _comparable(image: Image) -> NDArray[Any]:
     """Return the colours of an image in units of their mean, (H, W, C) float32."""
     colours = normalised(image)
-    scaled: NDArray[Any] = (colours / max(float(np.abs(colours).mean()), 1e-6)).clip(-LARGEST_COLOUR, LARGEST_COLOUR)
-    return scaled
+    return np.asarray((colours / max(float(np.abs(colours).mean()), 1e-6)).clip(-LARGEST_COLOUR, LARGEST_COLOUR))
 
 
 def _fetch_error(here: NDArray[Any], there: NDArray[Any], motion: NDArray[Any]) -> float:

@@ -199,8 +199,7 @@ def smooth_over_time(errors: NDArray[Any], scenes: NDArray[Any]) -> NDArray[Any]
     same = scenes[1:] == scenes[:-1]
     goes_on = np.append(same, False)[:, np.newaxis, np.newaxis]
     came = np.insert(same, 0, False)[:, np.newaxis, np.newaxis]
-    smooth: NDArray[Any] = (2 * errors + np.where(goes_on, after, errors) + np.where(came, before, errors)) / 4
-    return smooth
+    return np.asarray((2 * errors + np.where(goes_on, after, errors) + np.where(came, before, errors)) / 4)
 
 
 def clean(masks: NDArray[Any], scenes: NDArray[Any]) -> NDArray[Any]:
@@ -226,8 +225,7 @@ def _without_holes(mask: NDArray[Any]) -> NDArray[Any]:
     """Fill what the mask encloses; the edge of the frame encloses nothing."""
     padded = cv2.copyMakeBorder((~mask).astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1)
     _, labels = cv2.connectedComponents(padded, connectivity=4)
-    filled: NDArray[Any] = (labels != labels[0, 0])[1:-1, 1:-1]
-    return filled
+    return np.asarray((labels != labels[0, 0])[1:-1, 1:-1])
 
 
 def _without_crumbs(mask: NDArray[Any]) -> NDArray[Any]:
@@ -236,5 +234,4 @@ def _without_crumbs(mask: NDArray[Any]) -> NDArray[Any]:
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     large = stats[:, cv2.CC_STAT_AREA] > 1
     large[0] = False
-    kept: NDArray[Any] = large[labels] if count > 1 else mask
-    return kept
+    return np.asarray(large[labels] if count > 1 else mask)

@@ -80,8 +80,7 @@ class ErrorCurve:
         )
 
     def at(self, doubts: NDArray[Any]) -> NDArray[Any]:
-        expected: NDArray[Any] = np.interp(doubts, self.doubts, self.errors)
-        return expected
+        return np.asarray(np.interp(doubts, self.doubts, self.errors))
 
     def bias(self, trials: Sequence[Trial]) -> float:
         """Return the mean of the expected errors of frames over that of their true ones; 1 where these are none."""

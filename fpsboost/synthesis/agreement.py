@@ -41,8 +41,7 @@ def measure_agreement(frame_pair: FramePair, t: float) -> NDArray[Any]:
         measure_agreement_along(frame_pair.image0, frame_pair.image1, -t * onward, (1 - t) * onward),
         measure_agreement_along(frame_pair.image0, frame_pair.image1, t * back, (t - 1) * back),
     ]
-    lower: NDArray[Any] = np.minimum(*agreements)
-    return lower
+    return np.asarray(np.minimum(*agreements))
 
 
 def find_motion(field: MotionField, t: float) -> NDArray[Any]:
@@ -77,8 +76,7 @@ def measure_agreement_along(
     weights = np.array(PATCH, np.float32) / np.float32(sum(PATCH))
     similarity = cv2.sepFilter2D(np.exp(squares), cv2.CV_32F, weights, weights, borderType=cv2.BORDER_REPLICATE)
     upsampled = cv2.resize(similarity, even.shape[::-1], interpolation=cv2.INTER_LINEAR)[:height, :width]
-    agreement: NDArray[Any] = upsampled.clip(0, 1) ** 8
-    return agreement
+    return np.asarray(upsampled.clip(0, 1) ** 8)
 
 
 def sample(values: NDArray[Any], motion: NDArray[Any], interpolation: int) -> NDArray[Any]:

@@ -51,15 +51,13 @@ class Exposure:
     def image(self) -> Image:
         """Return the mean of the images, in their type."""
         if self._dtype == np.float32:
-            mean: Image = self._light / np.float32(self.count)
-            return mean
+            return np.asarray(self._light / np.float32(self.count))
         top = np.iinfo(self._dtype).max
         levels = np.rint(srgb_encoded(self._light / self._weight) * top)
         if self._weight.ndim == 3:
             alpha = (self._weight / np.float32(self.count) - MIN_ALPHA).clip(0, 1)
             levels = np.concatenate([levels, np.rint(alpha * top)], axis=2)
-        image: Image = levels.astype(self._dtype)
-        return image
+        return np.asarray(levels.astype(self._dtype))
 
 
 def _linear(image: Image) -> tuple[NDArray[Any], NDArray[Any]]:

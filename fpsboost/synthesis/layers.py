@@ -75,8 +75,7 @@ class Sources(NamedTuple):
 
     def nearest(self, plane0: NDArray[Any], plane1: NDArray[Any]) -> NDArray[Any]:
         """Return the values of the frame that has the pixel, unmixed."""
-        values: NDArray[Any] = np.where(self.is_second, plane1[self.place1], plane0[self.place0])
-        return values
+        return np.asarray(np.where(self.is_second, plane1[self.place1], plane0[self.place0]))
 
     def limits(self, plane0: NDArray[Any], plane1: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return the range around each pixel's places where a spline rings, near values above 1; elsewhere infinity."""
@@ -96,8 +95,7 @@ class Sources(NamedTuple):
             apart = np.abs(value1 - value0)
             is_one = self.have_both & (apart <= ONE_SURFACE * np.minimum(np.abs(value0), np.abs(value1)))
             between = value0 + np.float32(self.t) * (value1 - value0)
-        values: NDArray[Any] = np.where(is_one, between, np.where(self.is_second, value1, value0))
-        return values
+        return np.asarray(np.where(is_one, between, np.where(self.is_second, value1, value0)))
 
 
 def mix_layers(

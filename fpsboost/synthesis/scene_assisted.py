@@ -113,8 +113,7 @@ class SceneAssisted:
 def _at_nearest(plane: NDArray[Any], x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:
     """Return the values of a plane at the pixels nearest to positions; depth must not be mixed across an edge."""
     height, width = plane.shape
-    nearest: NDArray[Any] = plane[_index(np.rint(y), height), _index(np.rint(x), width)]
-    return nearest
+    return np.asarray(plane[_index(np.rint(y), height), _index(np.rint(x), width)])
 
 
 def _between_pixels(values: NDArray[Any], x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:
@@ -125,8 +124,7 @@ def _between_pixels(values: NDArray[Any], x: NDArray[Any], y: NDArray[Any]) -> N
     across, down = (x - left)[..., np.newaxis], (y - top)[..., np.newaxis]
     columns, rows = ([_index(first, size), _index(first + 1, size)] for first, size in ((left, width), (top, height)))
     upper, lower = (values[row, columns[0]] * (1 - across) + values[row, columns[1]] * across for row in rows)
-    between: NDArray[Any] = upper * (1 - down) + lower * down
-    return between
+    return np.asarray(upper * (1 - down) + lower * down)
 
 
 def _index(places: NDArray[Any], size: int) -> NDArray[Any]:

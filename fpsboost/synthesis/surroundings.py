@@ -41,8 +41,7 @@ def flatness(image: FrameCache, step: int) -> NDArray[Any]:
     variance = cv2.blur(detail * detail, (5, 5))
     y, x = (places // 2 for places in point_places(image.pixels.shape, step))
     exponents = variance[np.ix_(y, x)].astype(np.float64) * (-0.5 / FLAT**2)
-    flat: NDArray[Any] = np.exp(exponents).astype(np.float32)
-    return flat
+    return np.asarray(np.exp(exponents).astype(np.float32))
 
 
 def describe_points(image: FrameCache, field: MotionField, back: MotionField, step: int) -> NDArray[Any]:
