@@ -242,8 +242,8 @@ class Interpolator:
         OptionError
             A time lies outside of [0, 1].
         """
-        images = self._images(pair, _checked(times), before, after, with_confidence=False)
-        return InBetween((image for image, _ in images), pair.is_cut(before, after))
+        images, scene_cut = self.interpolated(pair, times, before, after, with_confidence=False)
+        return InBetween((image for image, _ in images), scene_cut)
 
     def between_with_confidence(
         self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None = None, after: Pair | None = None
@@ -255,10 +255,27 @@ class Interpolator:
         and 1 for the frames themselves.
         """
         size = pair.image0.pixels.shape[:2]
-        images = (
+        images, scene_cut = self.interpolated(pair, times, before, after, with_confidence=True)
+        complete = (
             InterpolatedImage(image, np.zeros(size, np.float32) if confidence is None else confidence)
-            for image, confidence in self._images(pair, _checked(times), before, after, with_confidence=True)
+            for image, confidence in images
         )
+        return InBetween(complete, scene_cut)
+
+    def interpolated(
+        self,
+        pair: Pair,
+        times: Sequence[float | Fraction],
+        before: Pair | None = None,
+        after: Pair | None = None,
+        *,
+        with_confidence: bool,
+    ) -> InBetween[Interpolated]:
+        """Make the images of `between`, each with its confidence if that is asked for and anything is known of it."""
+        for t in times:
+            if not 0 <= t <= 1:
+                raise OptionError(f"A time between two frames must lie in [0, 1], not at {t}.")
+        images = self._images(pair, times, before, after, with_confidence=with_confidence)
         return InBetween(images, pair.is_cut(before, after))
 
     def _images(
@@ -408,14 +425,6 @@ def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, 
         before, item = item, after
     if item is not None:
         yield before, item, None
-
-
-def _checked(times: Sequence[float | Fraction]) -> Sequence[float | Fraction]:
-    """Return times between two frames, or raise OptionError if one is not."""
-    for t in times:
-        if not 0 <= t <= 1:
-            raise OptionError(f"A time between two frames must lie in [0, 1], not at {t}.")
-    return times
 
 
 def _generate(

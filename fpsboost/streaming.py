@@ -465,11 +465,9 @@ def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: 
     images: Iterator[Interpolated] = iter(())
     # an interval of which nothing is made is needed all the same to count its cut, unless another run counts it
     if times or (clip.counts(interval) and any(each.is_interpolated for each in interval.outputs)):
-        if needs.confidence:
-            images, interval.scene_cut = clip.interpolator.between_with_confidence(pair, times, *neighbours)
-        else:
-            plain, interval.scene_cut = clip.interpolator.between(pair, times, *neighbours)
-            images = ((image, None) for image in plain)
+        images, interval.scene_cut = clip.interpolator.interpolated(
+            pair, times, *neighbours, with_confidence=needs.confidence
+        )
     finished = list[_Output]()
     for output in outputs:
         if not output.is_interpolated:  # between frames that show the same, a repeated one is certain
@@ -477,7 +475,9 @@ def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: 
             continue
         source = output.source.frame
         image, confidence = next(images) if clip.makes(output) else (source.image, None)
-        frame = Frame(image, output.step.time, preceding=source.original, confidence=confidence)
+        frame = Frame(
+            image, output.step.time, preceding=source.original, confidence=confidence if needs.confidence else None
+        )
         finished.append(output._replace(frame=frame))
     if needs.motion and not any(each.is_interpolated for each in interval.outputs[:begin]):
         _add_motion(finished, interval, neighbours)
@@ -498,10 +498,6 @@ def _add_motion(outputs: list[_Output], interval: _Interval, neighbours: Neighbo
 
 def _with_durations(frames: Iterator[Frame], clip: _LoopState) -> Iterator[Frame]:
     """Set the duration of every frame to last until the next one, and of the last one until the clip ends."""
-    last: Frame | None = None
-    for frame in frames:
-        if last is not None:
-            yield replace(last, duration=frame.time - last.time)
-        last = frame
-    if last is not None:
-        yield replace(last, duration=clip.end - last.time)
+    for _, frame, following in with_neighbours(frames):
+        end = clip.end if following is None else following.time
+        yield replace(frame, duration=end - frame.time)
