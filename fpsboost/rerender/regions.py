@@ -212,12 +212,7 @@ def clean(masks: NDArray[Any], scenes: NDArray[Any]) -> NDArray[Any]:
 
 
 def _clean_frame(mask: NDArray[Any]) -> NDArray[Any]:
-    if not mask.any():
-        return mask
-    kept = _without_crumbs(_without_holes(mask))
-    if not kept.any():
-        return kept
-    kept = _without_holes(simplified(kept))
+    kept = _without_holes(simplified(_without_crumbs(_without_holes(mask))))
     return np.ones_like(kept) if kept.mean() >= WHOLE_SHARE else kept
 
 
@@ -231,7 +226,7 @@ def _without_holes(mask: NDArray[Any]) -> NDArray[Any]:
 def _without_crumbs(mask: NDArray[Any]) -> NDArray[Any]:
     if mask.size < SMALLEST_GRID:
         return mask
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     large = stats[:, cv2.CC_STAT_AREA] > 1
     large[0] = False
-    return np.asarray(large[labels] if count > 1 else mask)
+    return np.asarray(large[labels])

@@ -53,11 +53,8 @@ class ExpectedErrors(NamedTuple):
     """Number of the scene of each frame; one that is interpolated across a cut is a scene of its own."""
 
 
-class _Trio(NamedTuple):
-    """Two images, and the hidden one in their middle if there is one."""
-
-    pair: Pair
-    truth: Image | None
+_Trio = tuple[Pair, Image | None]
+"""Two images, and the hidden one in their middle if there is one."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +155,7 @@ def _trios(
         position = SourcePosition(index, frame.time)
         image = FrameCache(comparable(frame.array), Fraction(index * factor), position)
         if before is not None:
-            yield _Trio(interpolator.pair(before, image), truth)
+            yield interpolator.pair(before, image), truth
         before = image
 
 
@@ -168,14 +165,14 @@ def _try(
     times: Sequence[Fraction],
     grid: TileGrid,
 ) -> Trial:
-    before, trio, after = neighbourhood
-    pair, neighbours = trio.pair, (before and before.pair, after and after.pair)
+    before, (pair, truth), after = neighbourhood
+    neighbours = before and before[0], after and after[0]
     images, scene_cut = interpolator.between_with_confidence(pair, times, *neighbours)
     if pair.is_discontinuous(*neighbours):  # the nearer frame is repeated, and as often the other one is right
         apart = grid.means(squared_error(pair.image0.array, pair.image1.array)) / 2
         return Trial(scene_cut=True, doubts=[apart] * len(times), error=None)
     interpolated = list(images)
-    error = None if trio.truth is None else grid.means(squared_error(view(interpolated[0].image).array(), trio.truth))
+    error = None if truth is None else grid.means(squared_error(view(interpolated[0].image).array(), truth))
     return Trial(scene_cut, [grid.means(1 - image.confidence) for image in interpolated], error)
 
 
