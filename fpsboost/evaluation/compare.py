@@ -119,7 +119,13 @@ def compare(
         shares=dict(zip(AREAS, np.mean(shares, axis=0).tolist(), strict=True)),
         methods=results,
         skipped=dict(skipped or {}),
-        made_with=_made_with(),
+        made_with={  # versions of what affects frames, scores or speed
+            "fpsboost": __version__,
+            "Python": platform.python_version(),
+            **{name: version(name.lower()) for name in ("NumPy", "Numba", "scikit-image")},
+            "OpenCV": cv2.__version__,
+            "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
+        },
         rendered=rendered,
         others=others,
         cut_options=cut_options,
@@ -129,17 +135,6 @@ def compare(
         clip_frames=facts.clip_frames,
         metrics=tuple(metrics),
     )
-
-
-def _made_with() -> dict[str, str]:
-    """Return the versions of what affects frames, scores or speed, and the machine."""
-    return {
-        "fpsboost": __version__,
-        "Python": platform.python_version(),
-        **{name: version(name.lower()) for name in ("NumPy", "Numba", "scikit-image")},
-        "OpenCV": cv2.__version__,
-        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
-    }
 
 
 def _not_counted(path: str, facts: _Facts, pairs: Iterator[tuple[list[int], Pair]]) -> tuple[list[int], list[int]]:

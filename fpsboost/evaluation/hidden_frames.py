@@ -189,7 +189,11 @@ class Hiding:
             if number < self.first:
                 continue
             position = SourcePosition(begin.number + number, begin.seconds + frame.time - start)
-            _check_numbers(frame.array, position.number, path)
+            if frame.array.dtype == np.float32 and not np.isfinite(frame.array).all():
+                raise InputError(
+                    f"Frame {position.number} of {path} holds values that are no numbers (NaN or infinity), to which "
+                    "nothing can be compared; repair it, or leave it out with `range`."
+                )
             time = rising_time(clock, start, frame.time, last)
             if time is not None:
                 last = time
@@ -242,14 +246,6 @@ def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
         tuple(sorted(repeats)),
         is_known,
     )
-
-
-def _check_numbers(image: Image, number: int, path: str) -> None:
-    if image.dtype == np.float32 and not np.isfinite(image).all():
-        raise InputError(
-            f"Frame {number} of {path} holds values that are no numbers (NaN or infinity), to which nothing can be "
-            "compared; repair it, or leave it out with `range`."
-        )
 
 
 class Sample(NamedTuple):

@@ -144,7 +144,9 @@ class CoarseToFine:
         for level in range(len(levels0) - 2, last - 1, -1):
             looks, flow = len(levels0) - 2 - level, found.flow
             if looks == 1:
-                flow, step = _upsample_points(flow, pair), DENSE_STEP
+                shape = -(-pair.height // DENSE_STEP), -(-pair.width // DENSE_STEP)
+                flow = np.stack([spread_points(each, shape, COARSE_STEP // DENSE_STEP) for each in flow])
+                step = DENSE_STEP
             if 1 <= looks <= len(MIN_SIMILARITY):
                 coarse = self._search_residuals(pair, flow, step, MIN_SIMILARITY[looks - 1])
             else:
@@ -230,12 +232,6 @@ class CoarseToFine:
 
     def _max_offset(self, pair: PlanePair) -> int:
         return math.ceil(self.max_motion_share * max(pair.height, pair.width)) + 1
-
-
-def _upsample_points(flow: NDArray[Any], pair: PlanePair) -> NDArray[Any]:
-    """Return the motion of points COARSE_STEP apart for points DENSE_STEP apart."""
-    shape = -(-pair.height // DENSE_STEP), -(-pair.width // DENSE_STEP)
-    return np.stack([spread_points(each, shape, COARSE_STEP // DENSE_STEP) for each in flow])
 
 
 def pyramid(image: Pixels, coarsest_side: int) -> list[FrameCache]:

@@ -240,9 +240,12 @@ def _measured(ready: Preparation) -> tuple[Sequence[Fraction] | None, int, int]:
     ready.target.check_parts()
     clip = ready.clip
     times = frame_times(clip, Part(1, 1).folder(ready.target.path).parent)
-    total = count_outputs(ready, times)
+    info = clip.source.info
+    if times:
+        info = replace(info, frame_count=len(times), duration=times[-1] - times[0] + 1 / info.rate)
+    total = count_frames(ready.base_schedule, info, ready.target.has_clock)
     if total is None or not clip.whole.stream_info.files:
-        raise OptionError(f"{clip.source.info.name} does not say how many frames it holds; convert it in one run.")
+        raise OptionError(f"{info.name} does not say how many frames it holds; convert it in one run.")
     return times, total, CHUNK_FRAMES if ready.target.kind == "video" else 1
 
 
@@ -271,14 +274,6 @@ def share_index(clip: OpenedClip, folder: Path) -> None:
     np.savez_compressed(data, identity=identity, ticks=index.ticks, entry_points=np.array(points, np.int64))
     with suppress(OSError):
         write_safely(folder / INDEX_NAME, data.getvalue())
-
-
-def count_outputs(ready: Preparation, times: Sequence[Fraction] | None) -> int | None:
-    """Return the number of output frames by which a job is cut; None if nothing tells before all is decoded."""
-    info = ready.clip.source.info
-    if times:
-        info = replace(info, frame_count=len(times), duration=times[-1] - times[0] + 1 / info.rate)
-    return count_frames(ready.base_schedule, info, ready.target.has_clock)
 
 
 def outputs_of(part: Part, total: int, unit: int) -> OutputRange:

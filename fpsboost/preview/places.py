@@ -10,7 +10,6 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import partial
 from itertools import islice, pairwise
 from typing import Any, NamedTuple
 
@@ -312,14 +311,12 @@ def _thumbnail(frame: Frame) -> NDArray[Any]:
     height, width = frame.pixels.shape[:2]
     scale = THUMBNAIL_SIDE / max(height, width)
     size = max(1, round(width * scale)), max(1, round(height * scale))
-    image = view(frame.pixels).thumbnail(partial(_shrunk, size))
+    image = view(frame.pixels).thumbnail(
+        lambda plane: cv2.resize(plane.astype(np.float32), size, interpolation=cv2.INTER_AREA).reshape(*size[::-1], -1)
+    )
     gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.shape[2] == 3 else image[..., 0]
     below, right = (max(0, SHORTEST_SIDE - side) for side in gray.shape)
     return cv2.copyMakeBorder(np.rint(gray * 255).astype(np.uint8), 0, below, 0, right, cv2.BORDER_REPLICATE)
-
-
-def _shrunk(size: tuple[int, int], image: NDArray[Any]) -> NDArray[Any]:
-    return cv2.resize(image.astype(np.float32), size, interpolation=cv2.INTER_AREA).reshape(*size[::-1], -1)
 
 
 def _mean(motions: list[Place]) -> float:

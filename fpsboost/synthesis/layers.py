@@ -131,18 +131,15 @@ def mix_layers(
         elif sources is not None:
             choose = sources.depth if layer0.kind == "depth" else sources.nearest
             values = [choose(*each) for each in planes]
-        output.append(_like(layer0, values))
+        made = zip(layer0.planes.items(), values, strict=True)
+        output.append(
+            replace(layer0, planes={name: each.astype(plane.dtype, copy=False) for (name, plane), each in made})
+        )
     return LayeredImage(colour, tuple(output))
 
 
 def _pairs(layered: tuple[LayeredImage, LayeredImage]) -> Iterator[tuple[Layer, Layer]]:
     return zip(layered[0].layers, layered[1].layers, strict=True)
-
-
-def _like(layer: Layer, values: Planes) -> Layer:
-    """Return a layer with these values in the types of a frame's."""
-    planes = zip(layer.planes.items(), values, strict=True)
-    return replace(layer, planes={name: each.astype(plane.dtype, copy=False) for (name, plane), each in planes})
 
 
 def _mix_linear(
