@@ -1,6 +1,5 @@
 """What a renderer would write of a constructed clip: vectors and depth, as files."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -47,11 +46,21 @@ def save_translation(folder: Path, count: int, size: tuple[int, int], dx: float,
 
 
 def save_object(
-    folder: Path, depth_folder: Path, covered: Callable[[int], Array], count: int, motion: tuple[float, float]
+    folder: Path,
+    depth_folder: Path,
+    size: tuple[int, int],
+    box: tuple[int, int, int, int],
+    count: int,
+    motion: tuple[int, int],
 ) -> None:
-    """Vectors and depth of an object, at distance 2, that moves before a background that stands still at 10."""
+    """Vectors and depth of an object, at distance 2, that moves before a background that stands still at 10.
+
+    In frame 0 it covers `box`, top, left, bottom and right; `motion` is that from frame to frame, (dx, dy).
+    """
     for number in range(count):
-        mask = covered(number)
+        left, top = number * motion[0], number * motion[1]
+        mask = np.zeros(size, bool)
+        mask[box[0] + top : box[2] + top, box[1] + left : box[3] + left] = True
         flow = mask[..., np.newaxis] * np.array(motion, np.float32)
         save_vectors(folder / f"v_{number:04d}.exr", -flow, flow)
         save_depth(depth_folder / f"d_{number:04d}.exr", np.where(mask, np.float32(2), np.float32(10)))

@@ -136,9 +136,7 @@ class Square:
 def test_areas_tell_what_moves_and_what_is_hidden(tmp_path, has_vectors):
     """As constructed: the square moves, and beside it lies what it hides in one of the frames shown."""
     square = Square()
-    (tmp_path / "v").mkdir()
-    (tmp_path / "d").mkdir()
-    save_object(tmp_path / "v", tmp_path / "d", square.covered, 3, (6, 0))
+    save_object(tmp_path / "v", tmp_path / "d", (96, 128), (32, 30, 64, 62), 3, (6, 0))
     (interval,) = Hiding(duplicates="keep").intervals(save_clip(tmp_path / "clip", map(square.frame, range(3))))
     (regions,) = find_regions(interval, VectorFolder(tmp_path / "v") if has_vectors else None)
     now = square.covered(1)

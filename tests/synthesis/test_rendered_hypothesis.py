@@ -70,13 +70,7 @@ def numbered(tmp_path: Path, numbers: range, kept: range) -> VectorFolder:
 def test_what_one_frame_hides_comes_from_the_other(tmp_path, kept, most):
     """An object over noise: right with the vectors of all frames, and but for its edges with those of the two alone."""
     clip = moving_object(60, 80, box=(16, 20, 44, 50), dx=8, dy=4)
-
-    def covered(number: int) -> np.ndarray:
-        mask = np.zeros((60, 80), bool)
-        mask[16 + number : 44 + number, 20 + 2 * number : 50 + 2 * number] = True
-        return mask
-
-    save_object(tmp_path / "v", tmp_path / "d", covered, 5, (2, 1))
+    save_object(tmp_path / "v", tmp_path / "d", (60, 80), (16, 20, 44, 50), 5, (2, 1))
     vectors = numbered(tmp_path, range(5), kept)
     assert len(vectors.remarks) == (len(kept) < 5)
     image = fused(vectors, clip.image0, clip.image1, 4, 0.5).image

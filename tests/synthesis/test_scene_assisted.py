@@ -80,13 +80,7 @@ def test_each_frame_has_vectors_of_its_own(tmp_path):
 def moving(tmp_path: Path) -> tuple[Clip, VectorFolder, VectorFolder]:
     """An object before a background, its vectors with depth and without."""
     clip = moving_object(40, 60, box=(12, 10, 28, 30), dx=16, dy=4)
-
-    def covered(number: int) -> np.ndarray:
-        mask = np.zeros((40, 60), bool)
-        mask[12 + number : 28 + number, 10 + 4 * number : 30 + 4 * number] = True
-        return mask
-
-    save_object(tmp_path / "v", tmp_path / "d", covered, 5, (4, 1))
+    save_object(tmp_path / "v", tmp_path / "d", (40, 60), (12, 10, 28, 30), 5, (4, 1))
     return clip, VectorFolder(tmp_path / "v", tmp_path / "d"), VectorFolder(tmp_path / "v")
 
 
