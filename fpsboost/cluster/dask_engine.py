@@ -27,6 +27,7 @@ from uuid import uuid4
 import dask
 from distributed import Client, Future, KilledWorker, LocalCluster
 from distributed.security import Security
+from distributed.utils import silence_logging_cmgr
 
 from fpsboost import (
     ConversionJob,
@@ -392,22 +393,10 @@ def remote_client(address: str) -> Iterator[Client]:
             f"{address} needs certificates, and Dask's configuration names none; set distributed.comm.tls.ca-file, and "
             "cert and key of distributed.comm.tls.client."
         )
-    with _quiet():
+    with silence_logging_cmgr(logging.CRITICAL):  # that a scheduler is gone is said in one sentence
         try:
             client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
         except (OSError, TimeoutError, RuntimeError, ValueError) as error:
             raise ClusterError(f"There is no scheduler at {address} ({error}); check the address.") from error
         with client:
             yield client
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep Dask from logging that a scheduler is gone, which is said in one sentence."""
-    logger = logging.getLogger("distributed")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)

@@ -293,7 +293,11 @@ def test_a_scheduler_that_is_gone_is_said(client, images, output, tmp_path):
 
     started = [start("scheduler", "--port", "0"), start("worker", "--no-nanny", "--nthreads", "1")]
     try:
-        with dask_engine._quiet(), suppress(OSError), distributed.Client(scheduler_file=str(place)) as far:
+        with (
+            distributed.utils.silence_logging_cmgr("critical"),
+            suppress(OSError),
+            distributed.Client(scheduler_file=str(place)) as far,
+        ):
             far.wait_for_workers(1)
             with pytest.raises(ClusterError, match=r"^The scheduler at tcp://[\d.:]+ is gone;") as caught:
                 convert(images.to(output), far, run=RunOptions(observer=Once(started[0].kill, after=11)))
