@@ -57,9 +57,8 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
 
 def write_csv(path: Path, comparisons: Sequence[Comparison]) -> None:
     """Write a row for each method and frame, under plain headings; of several clips the first column is the clip."""
-    rows = [row for each in comparisons for row in rows_of(each)]
-    if len(comparisons) > 1:
-        rows = [{"clip": each.clip, **row} for each in comparisons for row in rows_of(each)]
+    clips = [{"clip": each.clip} if len(comparisons) > 1 else {} for each in comparisons]
+    rows = [clip | row for clip, each in zip(clips, comparisons, strict=True) for row in rows_of(each)]
     text = StringIO(newline="")
     table = csv.DictWriter(text, list(rows[0]))
     table.writeheader()

@@ -94,19 +94,28 @@ class _Graph:
 
 
 class _FilterMeter:
-    """Meter by a filter of FFmpeg, which is given every frame and whose values of interpolated frames count."""
+    """Meter by a filter of FFmpeg, which is given every frame and whose values of interpolated frames count.
 
-    def __init__(self, rate: Fraction) -> None:
-        self._rate = rate
+    The graph is made when the first frame tells the size of the videos.
+    """
+
+    def __init__(self, rate: Fraction, filter_name: str, options: dict[str, str]) -> None:
+        self._rate, self._filter_name, self._options = rate, filter_name, options
         self._graph: _Graph | None = None
         self._counts: list[bool] = []
 
-    def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
+    def _push(self, first: Image, second: Image, *, counts: bool) -> list[av.VideoFrame]:
+        """Add two frames, and return the pictures that come out."""
         self._counts.append(counts)
-        self._push(truth, image)
+        if self._graph is None:
+            self._graph = _Graph(first, self._rate, self._filter_name, self._options)
+        return self._graph.push(first, second)
 
-    def _push(self, truth: Image, image: Image) -> None:
-        raise NotImplementedError
+    def _end(self) -> list[av.VideoFrame]:
+        """End both videos, free the graph, and return the last pictures."""
+        pictures = [] if self._graph is None else self._graph.end()
+        self._graph = None
+        return pictures
 
     def _counted(self, values: list[float]) -> list[float]:
         return [value for value, counts in zip(values, self._counts, strict=True) if counts]
@@ -121,10 +130,10 @@ class XpsnrMeter(_FilterMeter):
     """
 
     def __init__(self, rate: Fraction) -> None:
-        super().__init__(rate)
+        super().__init__(rate, "xpsnr", {})
         self._values: list[float] = []
 
-    def _push(self, truth: Image, image: Image) -> None:
+    def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
         height, width = (side - side % MULTIPLE for side in truth.shape[:2])
         if min(height, width) < MIN_SIDE or height * width < MIN_PIXELS:
             raise InputError(
@@ -132,17 +141,13 @@ class XpsnrMeter(_FilterMeter):
                 f"pixels each way and {MIN_PIXELS} in all; leave xpsnr out of `metrics`."
             )
         truth, image = (np.ascontiguousarray(each[:height, :width]) for each in (truth, image))
-        if self._graph is None:
-            self._graph = _Graph(truth, self._rate, "xpsnr", {})
-        self._keep(self._graph.push(truth, image))
+        self._keep(self._push(truth, image, counts=counts))
 
     def _keep(self, pictures: list[av.VideoFrame]) -> None:
         self._values += [min(float(each.metadata["lavfi.xpsnr.xpsnr.y"]), HIGHEST) for each in pictures]
 
     def values(self) -> list[float]:
-        if self._graph is not None:
-            self._keep(self._graph.end())
-            self._graph = None
+        self._keep(self._end())
         return self._counted(self._values)
 
 
@@ -153,20 +158,16 @@ class VmafMeter(_FilterMeter):
     """
 
     def __init__(self, rate: Fraction) -> None:
-        super().__init__(rate)
         self._scratch = tempfile.TemporaryDirectory(prefix="fpsboost-")
         self._log = Path(self._scratch.name, "vmaf.json")
+        super().__init__(rate, "libvmaf", {"log_path": str(self._log), "log_fmt": "json"})
 
-    def _push(self, truth: Image, image: Image) -> None:
-        if self._graph is None:
-            self._graph = _Graph(truth, self._rate, "libvmaf", {"log_path": str(self._log), "log_fmt": "json"})
-        self._graph.push(image, truth)  # unlike xpsnr, it takes the reference second
+    def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
+        self._push(image, truth, counts=counts)  # unlike xpsnr, it takes the reference second
 
     def values(self) -> list[float]:
-        if self._graph is not None:
-            self._graph.end()
-            self._graph = None
-            gc.collect()  # libvmaf writes its log when it is freed; PyAV's filters and their graph hold each other
+        self._end()
+        gc.collect()  # libvmaf writes its log when it is freed; PyAV's filters and their graph hold each other
         values = read_vmaf(self._log.read_text(encoding="utf-8"))
         self._scratch.cleanup()
         return self._counted(values)
