@@ -41,7 +41,7 @@ from stages import WHOLE, copy_bandwidth, profile_sequence
 from fpsboost.colour import colour_components
 from fpsboost.errors import FpsboostError, OptionError
 from fpsboost.image import Image
-from fpsboost.method_table import methods
+from fpsboost.method_table import find_method
 from fpsboost.motion.full_search import search_by_passes, search_fused
 
 Figures = dict[str, Any]
@@ -182,7 +182,7 @@ def stages(console: Console, options: Namespace) -> Figures:
     """Measure each stage of a method: CPU time per in-between frame in the best round, and memory traffic."""
     fastest = copy_bandwidth()
     figures: Figures = {"copy_bytes_per_s": fastest}
-    interpolator = methods[options.method]
+    interpolator = find_method(options.method)
     for size, (height, width) in SIZES.items():
         frames = sequence(options, height, width)
         profiles = [profile_sequence(interpolator, frames) for _ in range(options.rounds)]
@@ -231,7 +231,7 @@ def threads(console: Console, options: Namespace) -> Figures:
         clip = options.clip or str(Path(scratch, "clip.mp4"))
         if not options.clip:
             draw_video(Path(clip), *SIZES["1920x1080"], max(40, 10 * counts[-1]))
-        methods[options.method].compile_for(read_frames(clip, 1)[0])  # which takes memory that a later run does not
+        find_method(options.method).compile_for(read_frames(clip, 1)[0])  # which takes memory that a later run does not
         for _ in range(options.rounds):
             for count in counts:
                 runs[count] += convert_together(clip, scratch, options.method, workers=count, conversions=1)
@@ -374,7 +374,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("part", nargs="*", choices=[*parts, []], default=[])
     parser.add_argument("--clip", help="frames for stages and peers, video for threads")
-    parser.add_argument("--method", default="nlm", choices=methods, help="for stages, threads and peers")
+    parser.add_argument("--method", default="nlm", help="for stages, threads and peers, such as nlm:fusion=plain")
     parser.add_argument("--mvtools", metavar="'PYTHON SCRIPT'", help="for peers")
     parser.add_argument("--mvutensils", metavar="'PYTHON SCRIPT'", help="for peers")
     parser.add_argument("--rounds", type=int, default=3, help="of runs in turn, for stages to peers")
