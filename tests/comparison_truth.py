@@ -30,11 +30,11 @@ class Nobody:
         self.told.append("frame")
 
 
-def save_clip(folder: Path, images: Iterable[NDArray[Any]]) -> str:
+def save_clip(folder: Path, images: Iterable[NDArray[Any]], suffix: str = ".png") -> str:
     """Write images of any depth into a folder, which may be new, and return it."""
     folder.mkdir(exist_ok=True)
     for number, image in enumerate(images):
-        (folder / f"{number:04d}.png").write_bytes(cv2.imencode(".png", image)[1].tobytes())
+        (folder / f"{number:04d}{suffix}").write_bytes(cv2.imencode(suffix, image)[1].tobytes())
     return str(folder)
 
 

@@ -4,6 +4,7 @@ import gc
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -58,6 +59,14 @@ def snapshot() -> Callable[[Path], Snapshot]:
         return {path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else None for path in paths}
 
     return take
+
+
+@pytest.fixture
+def no_thread_left() -> Iterator[None]:
+    """No test leaves a thread behind."""
+    before = set(threading.enumerate())
+    yield
+    assert set(threading.enumerate()) <= before
 
 
 @pytest.fixture

@@ -39,14 +39,6 @@ LOSSLESS = Encoding(crf=0, preset="ultrafast")
 SIZE = (8, 12)
 
 
-@pytest.fixture
-def no_thread_left():
-    """No test of this file leaves a thread behind."""
-    before = set(threading.enumerate())
-    yield
-    assert set(threading.enumerate()) <= before
-
-
 def make_frames(times: Iterable[Fraction], end: Fraction) -> list[Frame]:
     """One flat frame per time, each brighter than the one before, with a decoder's picture of its own."""
     times = list(times)

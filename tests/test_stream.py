@@ -16,7 +16,6 @@ from conversion_options import keeping_duplicates
 from video_truth import write_clip
 
 from fpsboost import InputError, OptionError, convert, stream
-from fpsboost.errors import FpsboostError
 
 
 def gray_frames(*levels: int) -> list[np.ndarray]:
@@ -92,18 +91,13 @@ def test_no_more_is_read_than_it_says(threads):
         (gray_frames(0, 40), {"fps": 60}, OptionError),
         (gray_frames(0, 40), {"factor": 2, "fps": 60, "input_fps": 24}, OptionError),
         (gray_frames(0, 40), {"threads": 0}, OptionError),
+        (cv2.VideoCapture("missing.mp4"), {}, InputError),
     ],
 )
 def test_what_cannot_be_streamed_is_refused(images, options, error):
     """In a sentence, which names the option if it is one."""
     with pytest.raises(error, match=rf"{next(iter(options), '')}.*\.$"):
         list(stream(images, method="blend", **options))
-
-
-def test_a_closed_capture_is_refused(tmp_path):
-    """It gives no frame."""
-    with pytest.raises(FpsboostError, match="gives no frame"):
-        list(stream(cv2.VideoCapture(str(tmp_path / "missing.mp4"))))
 
 
 def test_the_decoder_can_be_opencv(fpsboost_, tmp_path):

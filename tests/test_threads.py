@@ -9,16 +9,11 @@ import pytest
 
 from fpsboost.threads import read_ahead, run_in_parallel, write_behind
 
+pytestmark = pytest.mark.usefixtures("no_thread_left")
+
 
 class OnPurposeError(Exception):
     """Raised by the tests."""
-
-
-@pytest.fixture(autouse=True)
-def _no_thread_is_left() -> Iterator[None]:
-    before = set(threading.enumerate())
-    yield
-    assert set(threading.enumerate()) == before
 
 
 def failing_after(count: int) -> Iterator[int]:

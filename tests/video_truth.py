@@ -134,10 +134,13 @@ def copy_packets(
     sound_headers: bool = True,
     **options: str,
 ) -> Path:
-    """Copy a clip packet by packet, except those for which `change` returns False; `options` are the container's."""
+    """Copy a clip packet by packet, except those for which `change` returns False, and the side data of its streams.
+
+    `options` are the container's.
+    """
     with av.open(str(source)) as file, av.open(str(target), "w", container_options=options) as output:
         output.set_chapters(list(chapters))
-        streams = {stream.index: output.add_stream_from_template(stream) for stream in file.streams}
+        streams = {stream.index: output.add_stream_from_template(stream, opaque=True) for stream in file.streams}
         for stream in () if sound_headers else output.streams.audio:
             stream.codec_context.extradata = None
         for number, packet in enumerate(packet for packet in file.demux() if packet.size):

@@ -201,8 +201,7 @@ def encode_exr(channels: Mapping[str, NDArray[Any]], *, half: bool = True) -> by
     """
     import OpenEXR  # noqa: PLC0415
 
-    kind = np.float16 if half else np.float32
-    planes = {name: _typed(plane, kind) for name, plane in channels.items()}
+    planes = {name: _typed(plane, np.float16 if half else np.float32) for name, plane in channels.items()}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     return _encoded(OpenEXR.File(header, planes))
 

@@ -290,13 +290,12 @@ def holds(container: str, codec: str) -> bool:
     """Return whether a container (FFmpeg's name, ``matroska``) holds the codec of an encoder or decoder."""
     with av.open(BytesIO(), "w", format=container) as probe:
         listed = codec in probe.supported_codecs
-    return listed and (container != "mov" or _writes_header(codec))
+    # the header of DV cannot be written without a picture
+    return listed and (container != "mov" or codec == "dvvideo" or _writes_header(codec))
 
 
 def _writes_header(codec: str) -> bool:
     """Return whether the .mov muxer, which lists codecs of .mp4 that it then rejects, writes a header for a codec."""
-    if codec == "dvvideo":
-        return True  # its header cannot be written without a picture
     try:
         with trial_file() as path, av.open(str(path), "w", format="mov") as probe:
             probe.add_mux_stream(codec, rate=48000, width=64, height=64, time_base=Fraction(1, 48000))

@@ -159,8 +159,6 @@ def first_packets(file: av.container.InputContainer, streams: Sequence[av.stream
         for packet in islice(file.demux(streams), MAX_PROBED_PACKETS) if streams else ():
             if packet.size:
                 packets.setdefault(packet.stream.index, bytes(packet))
-            if len(packets) == len(streams):
-                break
     return packets
 
 
@@ -236,8 +234,7 @@ def add_copied(output: av.container.OutputContainer, stream: av.stream.Stream, c
 def is_text(stream: av.stream.Stream) -> bool:
     """Return whether a stream is text subtitles rather than bitmap subtitles."""
     context: Any = stream.codec_context
-    is_known = stream.type == "subtitle" and context is not None
-    return is_known and Properties.TEXT_SUB in Properties(context.codec.properties)
+    return context is not None and Properties.TEXT_SUB in Properties(context.codec.properties)
 
 
 def codec_of(stream: av.stream.Stream) -> str:
@@ -255,9 +252,10 @@ def kind_of(stream: av.stream.Stream) -> str:
 
 
 def keeps_data(container: str, stream: av.stream.Stream) -> bool:
-    """Return whether a data stream is recognized after muxing, by a trial, as codec lists are too permissive."""
-    kind = getattr(stream, "name", None)
-    return kind is not None and _muxed(container, stream, None) == [kind]
+    """Return whether data is recognized after muxing, by a trial, as codec lists are too permissive, or a font kept."""
+    if stream.type != "data":
+        return stream.type == "attachment" and container == "matroska"
+    return _muxed(container, stream, None) == [getattr(stream, "name", "")]
 
 
 def _listed(container: str, stream: av.stream.Stream) -> bool:

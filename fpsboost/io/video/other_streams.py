@@ -13,8 +13,6 @@ from pathlib import Path
 from typing import Any, cast
 
 import av
-import av.container
-import av.error
 from av.subtitles.subtitle import AssSubtitle, SubtitleSet
 
 from fpsboost.errors import EncryptedError
@@ -25,7 +23,7 @@ from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK
 from fpsboost.io.video.fitting import Fitting, add_copied, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
 from fpsboost.io.video.pyav import open_input, printable
 from fpsboost.io.video.remarks import Damage, counted, encrypted_stream_sentence, not_held_remark
-from fpsboost.io.video.tags import Labels, at_rate, copy_labels, find_timecode, frames_later, lost_labels, tags_for
+from fpsboost.io.video.tags import copy_labels, find_timecode, lost_labels, tags_for, timecode_at
 
 MAX_INTERLEAVING = 10  # maximum time by which packets of different streams in one file may be out of order, seconds
 MAX_PRIMING = Fraction(1, 10)  # hidden sound before the beginning that decoders need to have decoded, at most, seconds
@@ -60,7 +58,6 @@ class OtherStreams:
         """Type of each stream of the source of which packets were muxed, by its number."""
         self._input = open_video(source.path, source.name, playlists=source.playlists)
         self._targets: dict[int, av.stream.Stream] = {}
-        self._labels: dict[int, Labels] = {}
         self._last_dts: dict[int, int] = {}
         self._covers: list[av.Packet[Any]] = []
         self._converters: dict[int, TextConverter] = {}
@@ -68,8 +65,7 @@ class OtherStreams:
         self.tags = tags_for(self._input.metadata, container)
         output.metadata.update(self.tags.values)
         if self.tags.lost:
-            names = ", ".join(self.tags.lost)
-            self._remark(f"lost tags of its source, which its container has no place for: {names}.")
+            self._remark(f"lost tags of its source, which its container has no place for: {', '.join(self.tags.lost)}.")
         chapters = _chapters_within(self._input, plan.window, source.start)
         output.set_chapters(chapters)
         if chapters and fitting.any_codec:
@@ -79,13 +75,13 @@ class OtherStreams:
         for stream in self._input.streams:
             if stream.index != source.stream_index:
                 self._add(stream)
-        starts = [
+        times = [Fraction(sound.stream.time_base) for sound in self._sounds.values()]
+        times += [
             stream.start_time * Fraction(stream.time_base) - source.start
             for stream in self._input.streams
             if stream.start_time is not None and stream.time_base
         ]
-        of_sounds = [Fraction(sound.stream.time_base) for sound in self._sounds.values()]
-        ticks = math.lcm(1000, *(time.denominator for time in (*starts, *of_sounds)))
+        ticks = math.lcm(1000, *(time.denominator for time in times))
         self.clock = ticks if ticks < 2**31 else 1000
         """Ticks per second in which starts, and ends of re-encoded audio, are exact; by default it is 1000."""
         self._packets = self._read()
@@ -99,7 +95,7 @@ class OtherStreams:
         """Mux the packets that are due up to the output time `time` in seconds, or all packets if it is None."""
         while True:
             packet, self._ahead = self._ahead or next(self._packets, None), None
-            if packet is None or (time is None and self._is_past(packet)):
+            if packet is None:
                 for sound in self._sounds.values():
                     sound.drain()
                 break
@@ -123,9 +119,9 @@ class OtherStreams:
     def check_labels(self, path: Path) -> None:
         with open_input(str(path.absolute())) as file:
             streams = [stream for stream in file.streams if not is_cover_art(stream)]
-            for index, labels in self._labels.items():  # the streams of each type are in order, but not all of them
-                place = next((n for n, stream in enumerate(streams) if stream.type == labels.kind), None)
-                if place is not None and (lost := lost_labels(labels, streams.pop(place))):
+            for index, target in self._targets.items():  # the streams of each type are in order, but not all of them
+                place = next((n for n, stream in enumerate(streams) if stream.type == target.type), None)
+                if place is not None and (lost := lost_labels(target, streams.pop(place))):
                     self._remark(f"lost of stream {index} of its source: {', '.join(lost)}.")
 
     def _remark(self, sentence: str) -> None:
@@ -145,23 +141,22 @@ class OtherStreams:
             self._add_converted(stream)
         elif is_kept or (stream.type == "data" and keeps_data(self._container, stream)):
             self._add_target(stream, add_copied(self._output, stream, self._container))
-        elif stream.type == "attachment" and _keeps(self._container, stream):
+        elif stream.type == "attachment" and keeps_data(self._container, stream):
             self._output.add_stream_from_template(stream)
         elif stream.type == "data" and find_timecode(stream.metadata) and self._has_timecode:
             pass  # the muxer creates a timecode stream itself, or stores a tag
         elif stream.type in ("data", "attachment", "unknown"):
-            keeping = [suffix for suffix, container in containers.items() if _keeps(container, stream)]
+            keeping = [suffix for suffix, container in containers.items() if keeps_data(container, stream)]
             what = f"stream {stream.index} ({kind_of(stream)})"
             self.remarks.append(not_held_remark(self._name, what, keeping))
 
     def _add_target(self, stream: av.stream.Stream, target: av.stream.Stream) -> None:
-        self._labels[stream.index] = copy_labels(stream, target, self._container)
+        copy_labels(stream, target, self._container)
         self._targets[stream.index] = target
 
     def _add_converted(self, stream: av.stream.Stream) -> None:
         """Add a stream in the container's text format for subtitles; `fit_streams` has verified that it is possible."""
-        converter = TextConverter(stream, self._output, self._container)
-        self._converters[stream.index] = converter
+        converter = self._converters[stream.index] = TextConverter(stream, self._output, self._container)
         self._add_target(stream, converter.stream)
         self._remark(
             f"holds stream {stream.index} ({codec_of(stream)} subtitles) of its source as "
@@ -201,16 +196,13 @@ class OtherStreams:
 
     def _copy_timecode(self, video: av.VideoStream) -> bool:
         """Write the timecode of the first frame, or remark that it is lost; return whether the source has one."""
-        source: Any = self._input.streams[self._source.stream_index]
-        timecode = find_timecode(source.metadata, self._input.metadata)
+        timecode = find_timecode(self._input.streams[self._source.stream_index].metadata, self._input.metadata)
         if timecode is None:
             return False
         old, new = self._source.coded_rate, video.codec_context.framerate
-        again = None
         is_counted = self._curve is None or self._curve.is_steady
-        if new and is_counted:
-            skipped = 0 if self._window is None else self._window.frames_before(old)
-            again = at_rate(frames_later(timecode, old, skipped), old, Fraction(new))
+        skipped = 0 if self._window is None else self._window.frames_before(old)
+        again = timecode_at(timecode, old, Fraction(new), skipped) if new and is_counted else None
         if again is None:
             cause = "rate" if is_counted else "speed"
             self._remark(f"lost the timecode {timecode} of its source, which its {cause} cannot count.")
@@ -235,18 +227,22 @@ class OtherStreams:
     def _read(self) -> Iterator[av.Packet[av.stream.Stream]]:
         if not self._targets:
             return
+        # where all later packets of any stream are after the window too
+        past = None if self._window is None or self._window.end is None else self._window.end + MAX_INTERLEAVING
         damage = Damage()
         sentence = (
             f"{self._source.name} is damaged where sound, subtitles or data lie, so some may be missing in "
             f"{self._name}; listen to it."
         )
-        for packet in read_packets(self._input, set(self._targets), damage):
+        for packet in read_packets(self._input, self._targets.keys(), damage):
             if damage.unreadable and sentence not in self.remarks:
                 self.remarks.append(sentence)
             if packet.dts is not None and not self._is_hidden(packet):
                 later = round(self._source.start / Fraction(packet.time_base))
                 packet.dts -= later
                 packet.pts = None if packet.pts is None else packet.pts - later
+                if past is not None and packet.dts * Fraction(packet.time_base) > past:
+                    break
                 yield packet
 
     def _is_hidden(self, packet: av.Packet[av.stream.Stream]) -> bool:
@@ -254,11 +250,6 @@ class OtherStreams:
         end = ((packet.pts or 0) + (packet.duration or 0)) * Fraction(packet.time_base)
         is_copied = packet.stream.index not in self._sounds and self._container not in EXACT_TIME_BASE_CONTAINERS
         return packet.is_discard and is_copied and end < -MAX_PRIMING
-
-    def _is_past(self, packet: av.Packet[av.stream.Stream]) -> bool:
-        """Return whether a packet is so far after the window that all later packets of any stream are after it too."""
-        end = None if self._window is None else self._window.end
-        return end is not None and (packet.dts or 0) * Fraction(packet.time_base) > end + MAX_INTERLEAVING
 
     def _move(self, packet: av.Packet[av.stream.Stream], window: Window) -> bool:
         """Offset a packet's times as those of the pictures, and return whether it lies in the window."""
@@ -316,11 +307,6 @@ class OtherStreams:
             self.written[index] = kind
 
 
-def _keeps(container: str, stream: av.stream.Stream) -> bool:
-    is_kept_file = stream.type == "attachment" and container == "matroska"
-    return is_kept_file or (stream.type == "data" and keeps_data(container, stream))
-
-
 def _chapters_within(file: av.container.InputContainer, window: Window | None, start: Fraction) -> list[Any]:
     """Return the chapters that overlap a window, cut to it, with their output times."""
     window = window or Window(Fraction(0), None, None)
@@ -355,16 +341,15 @@ class TextConverter:
     """
 
     def __init__(self, stream: av.stream.Stream, output: av.container.OutputContainer, container: str) -> None:
-        source: Any = stream.codec_context
+        source = cast(Any, stream.codec_context)
         source.open(strict=False)
-        target: Any = output.add_stream(text_formats[container])
-        self.stream: av.stream.Stream = target
+        self.stream: av.stream.Stream = output.add_stream(text_formats[container])
         self.lost_lines = False
         self._shows_one = container in EXACT_TIME_BASE_CONTAINERS
         tick = Fraction(stream.time_base or MATROSKA_TICK)
         self._tick = MATROSKA_TICK if self._shows_one and tick < MIN_TEXT_TICK else tick
-        self._encoder = target.codec_context
-        target.time_base = self._encoder.time_base = self._tick
+        self._encoder = cast(Any, self.stream.codec_context)
+        self.stream.time_base = self._encoder.time_base = self._tick
         self._encoder.subtitle_header = source.subtitle_header
         self._cues: list[tuple[int, list[bytes]]] = []
         """End and lines of cues; those that end after `_begin` are not shown to their end yet."""

@@ -106,7 +106,9 @@ class PipeSource(ClosesOnExit):
         self._file.check()
         if self._first is None:
             raise InputError(f"{INPUT_NAME} holds no whole frame; check the program that writes it.")
-        self.remarks = self._rate_remarks()
+        # FFmpeg takes 25 for a rate that is missing, 0:0 or no ratio
+        says_rate = re.match(rb"[^\n]* F0*[1-9][0-9]*:0*[1-9]", self._file.start)
+        self.remarks = [] if says_rate else [assumed_rate_remark(INPUT_NAME)]
         self._reformatter = VideoReformatter()
         rate = as_fraction(video.average_rate) or ASSUMED_RATE
         self.info = ClipInfo(INPUT_NAME, video.height, video.width, rate, 1 / rate, None)
@@ -117,16 +119,6 @@ class PipeSource(ClosesOnExit):
             self.remarks.append(interlaced_remark(INPUT_NAME))
         if for_images and traits.sample_aspect_ratio not in (None, 1):
             self.remarks.append(lost_shape_remark(INPUT_NAME, traits.sample_aspect_ratio))
-
-    def _rate_remarks(self) -> list[str]:
-        """Check the rate in the first line: FFmpeg takes 25 for one that is missing, 0:0 or no ratio."""
-        match = re.match(rb"[^\n]* F([^ \n]+)", self._file.start)
-        if match is None or re.fullmatch(rb"0+:[0-9]+|[0-9]+:0+", match[1]):
-            return [assumed_rate_remark(INPUT_NAME)]
-        if not re.fullmatch(rb"[0-9]+:[0-9]+", match[1]):
-            said = match[1].decode("ascii", "replace")
-            raise InputError(f"{INPUT_NAME} has the ratio {said!r} in its first line; write it like 30000:1001.")
-        return []
 
     def __iter__(self) -> Iterator[Frame]:
         if self._started:

@@ -123,10 +123,9 @@ def _bits_held(name: str, source: str, *, exact: bool) -> int:
 
 
 def _chroma_of(format: av.VideoFormat) -> float:
+    """Return the samples of chroma per pixel: 1 in RGB and 4:4:4, 0 in gray."""
     if is_gray(format):
         return 0
-    if format.is_rgb:
-        return 1
     layout = av.VideoFormat(format.name, 16, 16)
     return layout.chroma_width() * layout.chroma_height() / 256
 

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
 
 import av
 
@@ -34,7 +33,8 @@ UNSET_CREATION_TIMES = ("1904-01-01T00:00:00", "1970-01-01T00:00:00")
 CAMERA_TAG_PREFIXES = ("make", "model", "software", "location", "com.", "creationdate")
 """Prefixes of tags that phones and cameras write, which mp4 and mov store in a list of free keys."""
 
-MAX_TIMECODE_RATE = 255  # maximum frames per second of a timecode track, which stores them in one byte
+counted_rates = {True: range(1, 256), False: range(30, 256, 30)}
+"""Frames per second of a timecode track, which stores them in one byte, and of one that drops numbers."""
 
 TIMECODE_PATTERN = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})([:;.])(\d{1,3})")
 
@@ -72,25 +72,14 @@ def tags_for(source: Mapping[str, str], container: str) -> Tags:
         for key, value in source.items()
         if not _is_file_specific(key, value) and not _is_language_duplicate(key, source)
     }
-    if not values:
-        return Tags(values, False, [])
-    lost = _lost_tags(values, container, {})
+    lost = _lost_tags(values, container)
     if container in EXACT_TIME_BASE_CONTAINERS and any(name.lower().startswith(CAMERA_TAG_PREFIXES) for name in lost):
-        return Tags(values, True, _lost_tags(values, container, {"movflags": "+use_metadata_tags"}))
+        return Tags(values, True, _lost_tags(values, container, "+use_metadata_tags"))
     return Tags(values, False, lost)
 
 
-@dataclass(frozen=True)
-class Labels:
-    """Labels of a stream of an output: its type, its tags and its dispositions."""
-
-    kind: str
-    tags: Mapping[str, str]
-    roles: int
-
-
-def copy_labels(stream: av.stream.Stream, target: av.stream.Stream, container: str) -> Labels:
-    """Copy language, title and disposition of a stream to a stream of a container; return them.
+def copy_labels(stream: av.stream.Stream, target: av.stream.Stream, container: str) -> None:
+    """Copy language, title and disposition of a stream to a stream of a container.
 
     Languages become three-letter codes; .mov supports only one of two codes for some languages.
     """
@@ -99,27 +88,25 @@ def copy_labels(stream: av.stream.Stream, target: av.stream.Stream, container: s
     }
     if "name" in labels:  # FFmpeg reads mp4's stream title as "name", but writes it from "title", as Matroska's
         labels.setdefault("title", labels.pop("name"))
-    language = next((key for key in labels if key.lower() == "language"), None)
-    if language is not None:
+    for language in [key for key in labels if key.lower() == "language"]:
         known = _language_codes(labels[language])
-        kept = [code for code in known if _tags_read_back({}, container, {}, code)[1].get("language") == code]
+        kept = [code for code in known if _tags_read_back({}, container, language=code)[1].get("language") == code]
         labels[language] = next(iter([*kept, *known]), labels[language])
     target.metadata.update(labels)
     target.disposition = stream.disposition
-    return Labels(target.type, dict(target.metadata), int(target.disposition))
 
 
-def lost_labels(wanted: Labels, stream: av.stream.Stream) -> list[str]:
+def lost_labels(target: av.stream.Stream, stream: av.stream.Stream) -> list[str]:
     """Describe the language, title and dispositions of an output's stream that it lacks in the finished file."""
-    before, after = _lower(wanted.tags), _lower(stream.metadata)
-    lost = []
-    if before.get("language", "und") not in ("und", after.get("language")):
-        lost.append(f"language {before['language']}")
-    if before.get("title") and before["title"] not in (after.get("title"), after.get("name")):
-        lost.append(f"title {before['title']}")
-    roles = wanted.roles & ~int(stream.disposition)
-    lost += [f"role {role.name}" for role in av.stream.Disposition if roles & role]
-    return lost
+    before, after = _lower(target.metadata), _lower(stream.metadata)
+    language, title = before.get("language", "und"), before.get("title")
+    roles = int(target.disposition) & ~int(stream.disposition)
+    lost = {
+        f"language {language}": language not in ("und", after.get("language")),
+        f"title {title}": title and title not in (after.get("title"), after.get("name")),
+        **{f"role {role.name}": roles & role for role in av.stream.Disposition},
+    }
+    return [what for what, is_lost in lost.items() if is_lost]
 
 
 def _language_codes(language: str) -> list[str]:
@@ -127,7 +114,7 @@ def _language_codes(language: str) -> list[str]:
     name = re.split(r"[-_]", language.strip().lower(), maxsplit=1)[0]
     if re.fullmatch(r"[a-z]{2}", name) and name not in three_letters:
         # ASF holds codes of two letters, for which FFmpeg returns those of ISO 639-2/B
-        code = _tags_read_back({}, "asf", {}, name)[1].get("language", "")
+        code = _tags_read_back({}, "asf", language=name)[1].get("language", "")
         name = terminological.get(code, code)
     code = three_letters.get(name, name)
     others = [terminological.get(code), *(other for other, given in terminological.items() if given == code)]
@@ -150,26 +137,25 @@ def _is_language_duplicate(key: str, tags: Mapping[str, str]) -> bool:
     return len(language) == 3 and tags.get(name) == tags[key]
 
 
-def _lost_tags(tags: Mapping[str, str], container: str, options: dict[str, str]) -> list[str]:
-    kept, _ = _tags_read_back(tags, container, options)
+def _lost_tags(tags: Mapping[str, str], container: str, movflags: str = "") -> list[str]:
+    kept, _ = _tags_read_back(tags, container, movflags)
     return [name for name in tags if kept and name.lower() not in kept]
 
 
 def _tags_read_back(
-    tags: Mapping[str, str], container: str, options: dict[str, str], language: str = "und"
+    tags: Mapping[str, str], container: str, movflags: str = "", *, language: str = "und"
 ) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the tags of a file, and of a stream in a language, as read back after muxing; empty if the trial fails."""
-    codec = "vp8" if container == "webm" else "mjpeg"
-    tick = Fraction(1, 25)
+    """Return the tags of a file, and of a stream in a language, as read back from a header.
+
+    Empty if there is no such header, as of Matroska and WebM, which keep all tags.
+    """
+    options = {"movflags": f"+empty_moov{movflags}"}
     with trial_file() as path, suppress(av.error.FFmpegError, ValueError):
         with av.open(str(path), "w", format=container, container_options=options) as output:
             output.metadata.update(tags)
-            stream = output.add_mux_stream(codec, rate=25, width=64, height=64, time_base=tick)
+            stream = output.add_mux_stream("mjpeg", rate=25, width=64, height=64, time_base=Fraction(1, 25))
             stream.metadata["language"] = language
-            packet: av.Packet[Any] = av.Packet(bytes(64))
-            packet.stream, packet.pts, packet.dts, packet.duration, packet.time_base = stream, 0, 0, 1, tick
-            packet.is_keyframe = True
-            output.mux(packet)
+            output.start_encoding()
         with open_input(str(path)) as again:
             return _lower(again.metadata), _lower(again.streams[0].metadata)
     return {}, {}
@@ -184,31 +170,22 @@ def find_timecode(*tags: Mapping[str, str]) -> str | None:
     return next((value for mapping in tags for key, value in mapping.items() if key.lower() == "timecode"), None)
 
 
-def at_rate(timecode: str, old: Fraction, new: Fraction) -> str | None:
-    """Convert a timecode from one frame rate to another; None if it cannot be parsed, or the new rate cannot count it.
+def timecode_at(timecode: str, old: Fraction, new: Fraction, later: int = 0) -> str | None:
+    """Convert a timecode from one frame rate to another, `later` frames of the old rate after it, modulo 24 hours.
 
-    A semicolon before the frames denotes drop-frame timecode, for 29.97 frames per second.
+    A semicolon before the frames denotes drop-frame timecode, for 29.97 frames per second: it leaves out the first
+    numbers of each minute but every tenth. Returns None for a text that is no timecode, or a rate that cannot count it.
     """
     match = TIMECODE_PATTERN.fullmatch(timecode.strip())
     before, after = round(old), round(new)
-    if match is None or not before or not 1 <= after <= MAX_TIMECODE_RATE:
+    if match is None or int(match[5]) >= before or after not in counted_rates[match[4] == ":"]:
         return None
-    *moment, separator, frames = match.groups()
-    if int(frames) >= before or (separator != ":" and after % 30):
-        return None
-    return f"{':'.join(moment)}{separator}{int(frames) * after // before:02d}"
-
-
-def frames_later(timecode: str, rate: Fraction, count: int) -> str:
-    """Return the timecode `count` frames later, modulo 24 hours; return it unchanged if it cannot be parsed."""
-    match, per_second = TIMECODE_PATTERN.fullmatch(timecode.strip()), round(rate)
-    if match is None or not per_second or not count:
-        return timecode
     hours, minutes, seconds, frames = (int(match[group]) for group in (1, 2, 3, 5))
     minutes += 60 * hours
-    dropped = 0 if match[4] == ":" else per_second // 15  # frame numbers skipped in each minute but every tenth
-    number = (60 * minutes + seconds) * per_second + frames - dropped * (minutes - minutes // 10) + count
-    tens, rest = divmod(number, 600 * per_second - 9 * dropped)
-    number += dropped * (9 * tens + max(0, rest - dropped) // (60 * per_second - dropped))
-    seconds, frames = divmod(number, per_second)
-    return f"{seconds // 3600 % 24:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}{match[4]}{frames:02d}"
+    dropped = 0 if match[4] == ":" else before // 15
+    number = (60 * minutes + seconds) * before + frames - dropped * (minutes - minutes // 10) + later
+    tens, rest = divmod(number, 600 * before - 9 * dropped)
+    number += dropped * (9 * tens + max(0, rest - dropped) // (60 * before - dropped))
+    seconds, frames = divmod(number, before)
+    moment = f"{seconds // 3600 % 24:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+    return f"{moment}{match[4]}{frames * after // before:02d}"

@@ -162,8 +162,7 @@ def coding_of(traits: VideoTraits) -> Coding | None:
     if traits.pixel_format not in PLANAR_FORMATS:
         return None
     bits = av.VideoFormat(traits.pixel_format).components[0].bits
-    location, pixel_format = traits.chroma_location, traits.pixel_format
-    return Coding(bits, traits.color_space, traits.full_range, location, pixel_format, bgr_of)
+    return Coding(bits, traits.color_space, traits.full_range, traits.chroma_location, traits.pixel_format, bgr_of)
 
 
 def tag_name(names: dict[int, str], number: int) -> str | None:

@@ -11,7 +11,6 @@ from fractions import Fraction
 from typing import Any
 
 import av
-import av.filter
 import cv2
 import numpy as np
 from av.video.reformatter import VideoReformatter

@@ -14,7 +14,7 @@ from fpsboost.conversion import convert
 from fpsboost.errors import OutputError
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.tags import at_rate, frames_later
+from fpsboost.io.video.tags import timecode_at
 from fpsboost.probing import probe
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Trim, parse_position
@@ -32,7 +32,7 @@ def double(source: Path, target: Path, encoding: Encoding = FAST) -> list[str]:
     return convert(str(source), str(target), method="nearest", encoding=encoding).remarks
 
 
-def write_with(path: Path, add: Any, fill: Any, rate: Fraction = Fraction(24)) -> Path:
+def write_with(path: Path, add: Any, fill: Any = lambda stream: [], rate: Fraction = Fraction(24)) -> Path:
     """Write ten frames beside a stream that `add` makes of the file and `fill` makes packets for."""
     with av.open(str(path), "w") as output:
         video, packets = add_pictures(output, rate=rate)
@@ -49,10 +49,6 @@ def messages(stream: Any) -> list[Any]:
     return packets
 
 
-def nothing(stream: Any) -> list[Any]:
-    return []
-
-
 def streams_of(path: Path) -> list[tuple[str, dict[str, str], int]]:
     """Kind, labels in lower case and disposition of every stream."""
     with av.open(str(path)) as file:
@@ -67,9 +63,7 @@ def streams_of(path: Path) -> list[tuple[str, dict[str, str], int]]:
 
 def test_attachments_go_along(tmp_path):
     """A font keeps its bytes, name and type in Matroska, and is named where it cannot be held."""
-    clip = write_with(
-        tmp_path / "in.mkv", lambda output, video: output.add_attachment("Sans.ttf", "font/ttf", FONT), nothing
-    )
+    clip = write_with(tmp_path / "in.mkv", lambda output, video: output.add_attachment("Sans.ttf", "font/ttf", FONT))
     assert double(clip, tmp_path / "out.mkv") == []
     with av.open(str(tmp_path / "out.mkv")) as file:
         fonts = [(each.name, each.mimetype, each.data) for each in file.streams if each.type == "attachment"]
@@ -116,7 +110,7 @@ def test_a_timecode_counts_at_the_new_rate(tmp_path):
     def add(output: Any, video: Any) -> None:
         video.metadata["timecode"] = "01:02:03:12"
 
-    clip = write_with(tmp_path / "in.mov", add, nothing)
+    clip = write_with(tmp_path / "in.mov", add)
     assert [kind for kind, *_ in streams_of(clip)] == ["video", "data"]
     for source, target in (("in.mov", "a.mov"), ("in.mov", "b.mp4"), ("in.mov", "c.mkv"), ("c.mkv", "d.mp4")):
         assert double(tmp_path / source, tmp_path / target) == []
@@ -143,7 +137,7 @@ def test_a_timecode_counts_at_the_new_rate(tmp_path):
 )
 def test_timecodes(timecode, old, new, expected):
     """Frames are counted anew, drop-frame only where it exists, and nothing is made up."""
-    assert at_rate(timecode, Fraction(old), Fraction(new)) == expected
+    assert timecode_at(timecode, Fraction(old), Fraction(new)) == expected
 
 
 # ------------------------------------------------------------------------------------------------------------ subtitles
@@ -161,15 +155,14 @@ def test_timecodes_go_on_frame_by_frame(rate, separator, dropped):
         for frame in range(dropped if second == 0 and minute % 10 else 0, per_second)
     ]
     for first in (0, 1234):
-        assert [frames_later(every[first], rate, count) for count in range(len(every) - first)] == every[first:]
+        assert every[first:] == [timecode_at(every[first], rate, rate, count) for count in range(len(every) - first)]
     midnight = f"23:59:59{separator}{per_second - 1}"
-    assert frames_later(midnight, rate, 3) == every[2]
-    assert frames_later("nonsense", rate, 3) == "nonsense"
+    assert timecode_at(midnight, rate, rate, 3) == every[2]
 
 
 def test_a_timecode_goes_along_with_the_start(tmp_path):
     """A part that begins later says a later timecode, counted at the new rate."""
-    clip = write_with(tmp_path / "in.mov", lambda _, video: video.metadata.update(timecode="01:02:03:22"), nothing)
+    clip = write_with(tmp_path / "in.mov", lambda _, video: video.metadata.update(timecode="01:02:03:22"))
     for start in ("3f", "0.12"):
         part = Trim(parse_position(start, "--start"))
         convert(

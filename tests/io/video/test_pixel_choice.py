@@ -4,9 +4,9 @@ from pathlib import Path
 from typing import Any
 
 import av
-import cv2
 import numpy as np
 import pytest
+from comparison_truth import save_clip
 from numpy.typing import NDArray
 from video_truth import QUARTER_TURN, scene, write_clip
 
@@ -28,17 +28,10 @@ def noise(dtype: Any, channels: int = 3) -> NDArray[Any]:
     return image
 
 
-def write_images(folder: Path, images: list[NDArray[Any]], suffix: str = ".png") -> Path:
-    folder.mkdir()
-    for index, image in enumerate(images):
-        (folder / f"{index:04d}{suffix}").write_bytes(cv2.imencode(suffix, image)[1].tobytes())
-    return folder
-
-
-def to_video(source: Path, target: Path, **options: Any) -> list[str]:
+def to_video(source: str, target: Path, **options: Any) -> list[str]:
     """Convert images without making any; return what was said."""
     encoding, decoding = Encoding(**options), DecodeOptions(input_fps=10)
-    return convert(str(source), str(target), factor=1, method="nearest", encoding=encoding, decoding=decoding).remarks
+    return convert(source, str(target), factor=1, method="nearest", encoding=encoding, decoding=decoding).remarks
 
 
 def first_image(path: Path, *, alpha: bool = False) -> tuple[str, NDArray[Any]]:
@@ -65,7 +58,7 @@ def test_lossless_images_come_back(tmp_path, codec, dtype, channels, pixel_forma
     """Every value of every pixel, without a remark: RGB as RGB, or as YCbCr deep enough to give it back."""
     image = noise(dtype, channels)
     target = tmp_path / ("out.mov" if codec == "png" else "out.mkv")
-    assert to_video(write_images(tmp_path / "in", [image] * 2), target, codec=codec, lossless=True) == []
+    assert to_video(save_clip(tmp_path / "in", [image] * 2), target, codec=codec, lossless=True) == []
     found, back = first_image(target, alpha=channels == 4)
     assert found == pixel_format
     back = back if back.dtype == image.dtype else np.rint(back / 257).astype(np.uint8)
@@ -92,7 +85,7 @@ def test_deep_images_get_the_deepest_format(tmp_path, options, suffix, pixel_for
     """Of a codec that was named, or where nothing is to be lost; else what players show; what is lost is said."""
     target = tmp_path / f"out{suffix}"
     smooth = scene(0).astype(np.uint16) * 257 + np.arange(64, dtype=np.uint16)[:, None]
-    (remark,) = to_video(write_images(tmp_path / "in", [smooth] * 2), target, **options)
+    (remark,) = to_video(save_clip(tmp_path / "in", [smooth] * 2), target, **options)
     assert f"has less {lost} than its source: " in remark
     assert remark.endswith(
         f"wrote {pixel_format} for gbrp16le; `codec='ffv1'` in an .mkv keeps up to 16 bits of every colour."
@@ -105,7 +98,7 @@ def test_deep_images_get_the_deepest_format(tmp_path, options, suffix, pixel_for
 
 def test_images_of_8_bits_stay_what_players_show(tmp_path):
     """4:2:0 of 8 bits in H.264, as before, whether a codec is named or not, and nothing is said."""
-    source = write_images(tmp_path / "in", [scene(0)] * 2)
+    source = save_clip(tmp_path / "in", [scene(0)] * 2)
     for number, options in enumerate(({}, {"codec": "h264"}, {"codec": "hevc"})):
         target = tmp_path / f"{number}.mp4"
         assert to_video(source, target, preset="ultrafast", **options) == []
@@ -114,7 +107,7 @@ def test_images_of_8_bits_stay_what_players_show(tmp_path):
 
 def test_deep_alpha(tmp_path):
     """16 bits of colour and alpha in FFV1; VP9 keeps alpha at 8 bits and says so."""
-    source = write_images(tmp_path / "in", [noise(np.uint16, 4)] * 2)
+    source = save_clip(tmp_path / "in", [noise(np.uint16, 4)] * 2)
     (remark,) = to_video(source, tmp_path / "out.webm", preset="8")
     assert "has less depth and colour resolution than its source: libvpx-vp9 wrote yuva420p for gbrap16le" in remark
     assert first_image(tmp_path / "out.webm", alpha=True)[0] == "yuva420p"
@@ -126,7 +119,7 @@ def test_light_beyond_white_is_said(tmp_path):
     bright = image.copy()
     bright[0, 0] = 3
     target = tmp_path / "out.mkv"
-    remarks = to_video(write_images(tmp_path / "in", [image, bright, bright], ".tif"), target, codec="ffv1")
+    remarks = to_video(save_clip(tmp_path / "in", [image, bright, bright], ".tif"), target, codec="ffv1")
     assert remarks == [
         f"{target} holds the floating-point values of its source in 16 bits.",
         f"{target} holds no light beyond white or below black, which was clipped; images as .exr keep it.",
