@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any, cast
 
 import av
-from av.subtitles.subtitle import AssSubtitle, SubtitleSet
+from av.codec.codec import Capabilities
+from av.subtitles.subtitle import SubtitleSet
 
 from fpsboost.errors import EncryptedError
 from fpsboost.io.output import Output, VideoFile, Window
@@ -30,6 +31,9 @@ MAX_PRIMING = Fraction(1, 10)  # hidden sound before the beginning that decoders
 
 MIN_TEXT_TICK = Fraction(1, 90_000)
 """Shortest tick of subtitles in mp4 and mov, whose muxer takes no two that are 2**31 ticks apart, seconds."""
+
+ERASE_CAPTIONS = b"\xfc\x94\x2c\xfd\x15\x2c"
+"""Command of CEA-608 that empties the screen, in the first and in the second field of a picture, with parity."""
 
 text_formats = {"mp4": "mov_text", "mov": "mov_text", "matroska": "subrip", "webm": "webvtt"}
 """FFmpeg's name of a text subtitle format that each container supports."""
@@ -243,7 +247,10 @@ class OtherStreams:
                 packet.pts = None if packet.pts is None else packet.pts - later
                 if past is not None and packet.dts * Fraction(packet.time_base) > past:
                     break
-                yield packet
+                converter = self._converters.get(packet.stream.index)
+                yield from [packet] if converter is None else converter.cues(packet)
+        for converter in self._converters.values():
+            yield from converter.last_cues()
 
     def _is_hidden(self, packet: av.Packet[av.stream.Stream]) -> bool:
         """Return whether the edit list hides a packet that is copied, the output cannot, and no decoder needs it."""
@@ -341,8 +348,9 @@ class TextConverter:
     """
 
     def __init__(self, stream: av.stream.Stream, output: av.container.OutputContainer, container: str) -> None:
-        source = cast(Any, stream.codec_context)
-        source.open(strict=False)
+        self._source: Any = stream
+        self._decoder = cast(Any, stream.codec_context)
+        self._decoder.open(strict=False)
         self.stream: av.stream.Stream = output.add_stream(text_formats[container])
         self.lost_lines = False
         self._shows_one = container in EXACT_TIME_BASE_CONTAINERS
@@ -350,21 +358,47 @@ class TextConverter:
         self._tick = MATROSKA_TICK if self._shows_one and tick < MIN_TEXT_TICK else tick
         self._encoder = cast(Any, self.stream.codec_context)
         self.stream.time_base = self._encoder.time_base = self._tick
-        self._encoder.subtitle_header = source.subtitle_header
+        self._encoder.subtitle_header = self._decoder.subtitle_header
         self._cues: list[tuple[int, list[bytes]]] = []
         """End and lines of cues; those that end after `_begin` are not shown to their end yet."""
         self._begin: int | None = None
+        self._is_late = bool(Capabilities(self._decoder.codec.capabilities) & Capabilities.delay)
+        self._end = 0
+        """End of the last packet that was decoded, in ticks of the stream."""
 
-    def take(self, packet: av.Packet[Any]) -> list[av.Packet[Any]]:
-        """Return the packets in the other format that are complete with this one, which may show nothing."""
+    def cues(self, packet: av.Packet[Any]) -> list[av.Packet[Any]]:
+        """Return a packet of the source decoded, as a packet of lines of ASS at its time; none if it shows nothing.
+
+        The decoder of closed captions (CEA-608), which are commands to a screen, gives what was shown when that
+        changes: such a text begins at the decoder's time, and ends at that of the packet that brought it out.
+        """
+        pts: Any = packet.dts if packet.pts is None else packet.pts
+        packet.pts, self._end = pts, pts + (packet.duration or 0)
+        if is_encrypted(packet):
+            return [packet]
         try:
-            lines: list[bytes] = [line.ass for line in cast(list[AssSubtitle], packet.decode())]
+            shown = self._decoder.decode2(packet)
         except av.error.FFmpegError:
             return []
-        start = packet.dts if packet.pts is None else packet.pts
-        if not lines or start is None:
+        if not shown:
             return []
-        tick = Fraction(packet.time_base)
+        begin = round(Fraction(shown.pts, av.time_base) / Fraction(packet.time_base)) if self._is_late else pts
+        cue: av.Packet[Any] = av.Packet(b"\n".join(line.ass for line in shown))
+        cue.stream, cue.time_base, cue.pts, cue.dts = packet.stream, packet.time_base, begin, begin
+        cue.duration = (pts if self._is_late else self._end) - begin
+        return [cue]
+
+    def last_cues(self) -> list[av.Packet[Any]]:
+        """Return what closed captions show at the end of their last packet, where a command empties the screen."""
+        if not self._is_late:
+            return []
+        packet: av.Packet[Any] = av.Packet(ERASE_CAPTIONS)
+        packet.stream, packet.time_base, packet.pts = self._source, self._source.time_base, self._end
+        return self.cues(packet)
+
+    def take(self, packet: av.Packet[Any]) -> list[av.Packet[Any]]:
+        """Return the packets in the other format that are complete with a cue, one of `cues`."""
+        lines, start, tick = bytes(packet).split(b"\n"), packet.pts or 0, Fraction(packet.time_base)
         begin, end = (round(time * tick / self._tick) for time in (start, start + (packet.duration or 0)))
         if not self._shows_one:
             return self._packets(lines, begin, end)

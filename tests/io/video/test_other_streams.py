@@ -40,9 +40,9 @@ def write_with(path: Path, add: Any, fill: Any = lambda stream: [], rate: Fracti
     return path
 
 
-def messages(stream: Any) -> list[Any]:
-    """Three packets of anything."""
-    packets = [av.Packet(b"message %d" % index) for index in range(3)]
+def messages(stream: Any, contents: Sequence[bytes] = (b"message 0", b"message 1", b"message 2")) -> list[Any]:
+    """Packets of anything, one every 100 ms."""
+    packets = [av.Packet(content) for content in contents]
     for index, packet in enumerate(packets):
         packet.stream, packet.time_base, packet.pts, packet.dts = stream, Fraction(1, 1000), 100 * index, 100 * index
         packet.duration = 100
@@ -270,6 +270,28 @@ def test_pictures_of_text_are_no_text(tmp_path):
         re.search(r"pgs.* subtitles of .*; stream 2 was left out; to keep it, write .mkv.$", each) for each in remarks
     )
     assert [kind for kind, *_ in streams_of(tmp_path / "both.mp4")] == ["video", "subtitle"]
+
+
+CAPTIONS = [b"\x14\x20\x14\x70One\0\x14\x2f", b"\x14\x20\x14\x70Two\0\x14\x2f", b"\x14\x2c\x14\x25\x14\x70up"]
+"""Commands and letters of CEA-608: two captions that are loaded and then shown at once, and one that is painted."""
+
+
+def closed_captions(stream: Any) -> list[Any]:
+    """Packets of pairs of bytes of the first field, with odd parity."""
+    odd = bytes(code | (code.bit_count() + 1) % 2 << 7 for code in range(128))
+    pairs = [[text[at : at + 2].translate(odd + bytes(128)) for at in range(0, len(text), 2)] for text in CAPTIONS]
+    return messages(stream, [b"".join(b"\xfc" + pair for pair in each) for each in pairs])
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv", ".webm"])
+def test_closed_captions_are_shown_when_they_were(tmp_path, suffix):
+    """Each at its own time, though a decoder gives it with the next one, the last one too, and in a part as well."""
+    clip = write_with(tmp_path / "in.mov", lambda output, video: output.add_mux_stream("eia_608"), closed_captions)
+    double(clip, tmp_path / f"out{suffix}")
+    assert shown(tmp_path / f"out{suffix}") == [(0, 100, "One"), (100, 100, "Two"), (200, 100, "up")]
+    part = DecodeOptions(trim=Trim(parse_position("0.125", "--start"), parse_position("0.25", "--end")))
+    convert(str(clip), str(tmp_path / f"part{suffix}"), method="nearest", decoding=part)
+    assert shown(tmp_path / f"part{suffix}") == [(0, 75, "Two"), (75, 50, "up")]
 
 
 # --------------------------------------------------------------------------------------------------------------- labels
