@@ -24,7 +24,7 @@ from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK
 from fpsboost.io.video.fitting import Fitting, add_copied, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
 from fpsboost.io.video.pyav import open_input, printable
 from fpsboost.io.video.remarks import Damage, counted, encrypted_stream_sentence, not_held_remark
-from fpsboost.io.video.tags import copy_labels, find_timecode, lost_labels, tags_for, timecode_at
+from fpsboost.io.video.tags import copy_labels, find_timecode, lost_labels, tags_for, timecode_at, unread_of_chapters
 
 MAX_INTERLEAVING = 10  # maximum time by which packets of different streams in one file may be out of order, seconds
 MAX_PRIMING = Fraction(1, 10)  # hidden sound before the beginning that decoders need to have decoded, at most, seconds
@@ -74,6 +74,8 @@ class OtherStreams:
         output.set_chapters(chapters)
         if chapters and fitting.any_codec:
             self._remark("lost the chapters of its source, which its kind of sound rules out here.")
+        if unread := unread_of_chapters(self._input):
+            self._remark(f"lost the parts of its source's chapters that FFmpeg cannot read: {', '.join(unread)}.")
         copy_labels(self._input.streams[source.stream_index], video, container)
         self._has_timecode = self._copy_timecode(video)
         for stream in self._input.streams:

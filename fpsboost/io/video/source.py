@@ -45,6 +45,7 @@ from fpsboost.io.video.remarks import (
     lost_shape_remark,
 )
 from fpsboost.io.video.side_data import read_header
+from fpsboost.io.video.tags import ORDER, unread_of_chapters
 from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
 from fpsboost.io.video.ycc import has_alpha, in_planes, to_bgr
 from fpsboost.memory import MemoryLimit
@@ -124,6 +125,11 @@ class VideoSource(ClosesOnExit):
         tick = as_fraction(stream.time_base)
         cadence = None if tick is None else measured_cadence(times, tick)
         self.remarks += left_out_remarks(self._demuxer.container, stream, self._name)
+        if ORDER in unread_of_chapters(self._demuxer.container):
+            self.remarks.append(
+                f"{self._name} has ordered chapters, which players may show in another order; frames were taken as "
+                "they lie in it."
+            )
         raw = is_raw(self._demuxer.container)
         said_rate, rate_is_known = nominal_rate(stream, cadence, raw=raw)
         coded_rate = Fraction(self._decoding.input_fps or said_rate)

@@ -1,9 +1,13 @@
-"""Carry over titles, languages, timecodes and other tags as far as another container can hold them."""
+"""Carry over titles, languages, timecodes and other tags as far as another container can hold them.
+
+Of Matroska's chapters FFmpeg reads a time and a name; the file itself tells what else they have.
+"""
 
 from __future__ import annotations
 
+import mmap
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
@@ -47,6 +51,19 @@ terminological = {
 
 three_letters = {"yo": "yor", "za": "zha", "zh": "zho", "zu": "zul"}
 """ISO 639-2/T code by the ISO 639-1 codes that FFmpeg does not find in its own table."""
+
+
+CHAPTERS, CHAPTER, CHAPTER_NAME = b"\x10\x43\xa7\x70", b"\xb6", b"\x80"
+PARENTS_OF_CHAPTERS = (b"\x18\x53\x80\x67", CHAPTERS, b"\x45\xb9", CHAPTER, CHAPTER_NAME)
+"""Identifiers of Matroska's Segment, Chapters, EditionEntry, ChapterAtom and ChapterDisplay, one inside the other."""
+
+IS_ORDERED, IS_HIDDEN, LANGUAGE = b"\x45\xdd", b"\x98", b"\x43\x7c"
+"""Identifiers of EditionFlagOrdered, ChapterFlagHidden and ChapLanguage."""
+
+ORDER = "the order of editions"
+
+NO_LANGUAGES = (b"und", b"eng")
+"""Languages that say nothing: the unknown one, and the one that Matroska takes where none is given."""
 
 
 @dataclass(frozen=True)
@@ -163,6 +180,52 @@ def _tags_read_back(
 
 def _lower(tags: Mapping[str, str]) -> dict[str, str]:
     return {key.lower(): value for key, value in tags.items()}
+
+
+def unread_of_chapters(file: av.container.InputContainer) -> list[str]:
+    """Return in words what FFmpeg does not read of the chapters of a file, by a look into Matroska's element of them.
+
+    FFmpeg leaves out chapters inside others, and those that begin no later than one before, as where an edition begins.
+    """
+    if file.format.name != "matroska,webm" or not file.chapters():
+        return []
+    found: list[tuple[bytes, int, bytes]] = []
+    with open(file.name, "rb") as source, mmap.mmap(source.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        parts = [(0, len(data))]
+        for begin, end in parts:
+            for name, start, stop in _elements(data, begin, end):
+                # flags have up to 8 bytes, and languages 3
+                found.append((name, begin, data[start : min(start + 8, stop)].strip(b"\0")))
+                if name in PARENTS_OF_CHAPTERS:
+                    parts.append((start, stop))
+                if name == CHAPTERS:  # behind it lie the packets, usually
+                    break
+    count, kept = sum(name == CHAPTER for name, *_ in found), len(file.chapters())
+    of_names = [parent for name, parent, _ in found if name == CHAPTER_NAME]
+    unread = {
+        ORDER: any(name == IS_ORDERED and value for name, _, value in found),
+        f"{count - kept} of {count} chapters": count > kept,
+        "second names": len(of_names) > len(set(of_names)),
+        "languages": any(name == LANGUAGE and value not in NO_LANGUAGES for name, _, value in found),
+        "flags of hidden chapters": any(name == IS_HIDDEN and value for name, _, value in found),
+    }
+    return [what for what, is_there in unread.items() if is_there]
+
+
+def _elements(data: mmap.mmap, begin: int, end: int) -> Iterator[tuple[bytes, int, int]]:
+    """Yield the identifiers of the EBML elements in a part of a file, and where the content of each begins and ends.
+
+    Both identifier and size tell their own length by the zeros that they begin with.
+    """
+    while begin < end:
+        after = begin + 9 - data[begin].bit_length()
+        width = 9 - data[min(after, end - 1)].bit_length()
+        start, most = after + width, (1 << 7 * width) - 1
+        size = int.from_bytes(data[after:start]) & most
+        # a size of ones is unknown, as where a recording was streamed: all that follows
+        stop = end if size == most else min(end, start + size)
+        yield data[begin:after], start, stop
+        begin = stop
 
 
 def find_timecode(*tags: Mapping[str, str]) -> str | None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import av
 import pytest
-from video_truth import add_pictures, mux_in_order, packets_of, tone, write_clip
+from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, tone, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import OutputError
@@ -335,6 +335,51 @@ def test_labels_survive_two_changes_of_container(tmp_path):
     assert [data for _, data in ends] == [data for _, data in sound]
     assert double(start, tmp_path / "straight.mp4") == []
     assert streams_of(tmp_path / "straight.mp4") == streams_of(start)
+
+
+def element(identifier: str, *contents: bytes) -> bytes:
+    """An element of Matroska, whose size takes eight bytes."""
+    return bytes.fromhex(identifier) + (1 << 56 | sum(map(len, contents))).to_bytes(8) + b"".join(contents)
+
+
+def chapter(begin: int, *contents: bytes) -> bytes:
+    """A chapter of 100 ms, with an identifier."""
+    start, end = (element(name, (10**6 * time).to_bytes(8)) for name, time in (("91", begin), ("92", begin + 100)))
+    return element("b6", element("73c4", bytes([1 + begin % 97])), start, end, *contents)
+
+
+def named(name: bytes, language: bytes = b"eng") -> bytes:
+    """A name of a chapter."""
+    return element("80", element("85", name), element("437c", language))
+
+
+FIRST, SECOND = chapter(0, named(b"a")), chapter(200, named(b"b"))
+
+
+@pytest.mark.parametrize(
+    ("editions", "unread"),
+    [
+        ([element("45b9", FIRST, SECOND)], ""),
+        ([element("45b9", chapter(0, named(b"a"), chapter(50, named(b"c"))), SECOND)], "1 of 3 chapters"),
+        ([element("45b9", FIRST, SECOND), element("45b9", FIRST)], "1 of 3 chapters"),
+        ([element("45b9", chapter(0), chapter(200, named(b"b"), named(b"c")))], "second names"),
+        ([element("45b9", chapter(0, named(b"a", b"fra")), SECOND)], "languages"),
+        ([element("45b9", FIRST, chapter(200, element("98", b"\1")))], "flags of hidden chapters"),
+        ([element("45b9", element("45dd", b"\1"), FIRST, SECOND)], "the order of editions"),
+    ],
+)
+def test_what_ffmpeg_does_not_read_of_chapters_is_said(tmp_path, editions, unread):
+    """Chapters of Matroska inside others and of further editions, names, languages, flags; `probe` says an order."""
+    long = {"id": 1, "start": 0, "end": 200, "time_base": Fraction(1, 1000), "metadata": {"title": "x" * 2000}}
+    clip = copy_packets(write_clip(tmp_path / "plain.mkv"), tmp_path / "in.mkv", chapters=[long])
+    data = clip.read_bytes()
+    size = data.rindex(b"\x10\x43\xa7\x70", 0, data.index(b"x" * 2000)) + 4  # of two bytes
+    begin, end = size + 2, size + 2 + (int.from_bytes(data[size : size + 2]) & 0x3FFF)
+    void = bytes(end - begin - sum(map(len, editions)) - 9)
+    clip.write_bytes(b"".join([data[:begin], *editions, element("ec", void), data[end:]]))
+    said = " ".join([*probe(str(clip)).remarks, *double(clip, tmp_path / "out.mkv")])
+    assert (f"lost the parts of its source's chapters that FFmpeg cannot read: {unread}." in said) == bool(unread)
+    assert said.count(f"{clip} has ordered chapters") == (2 if unread == "the order of editions" else 0)
 
 
 # ----------------------------------------------------------------------------------------------- where the sound stands
