@@ -1,6 +1,6 @@
 """Tiny clips made with PyAV whose every time, pixel and packet is known."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -132,17 +132,20 @@ def copy_packets(
     change: Callable[[int, Any], bool | None] = lambda number, packet: None,
     chapters: Sequence[Any] = (),
     sound_headers: bool = True,
+    tags: Mapping[str, int] | None = None,
     **options: str,
 ) -> Path:
     """Copy a clip packet by packet, except those for which `change` returns False, and the side data of its streams.
 
-    `options` are the container's.
+    `tags` are attributes of the video in its container, `options` the container's.
     """
     with av.open(str(source)) as file, av.open(str(target), "w", container_options=options) as output:
         output.set_chapters(list(chapters))
         streams = {stream.index: output.add_stream_from_template(stream, opaque=True) for stream in file.streams}
         for stream in () if sound_headers else output.streams.audio:
             stream.codec_context.extradata = None
+        for name, value in (tags or {}).items():
+            setattr(output.streams.video[0].codec_context, name, value)
         for number, packet in enumerate(packet for packet in file.demux() if packet.size):
             if change(number, packet) is not False:
                 packet.stream = streams[packet.stream.index]

@@ -22,6 +22,7 @@ from fpsboost.io.video.side_data import Crop
 from fpsboost.io.video.traits import VideoTraits, primaries, tag_name, transfers
 from fpsboost.io.video.ycc import (
     SCALER_FLAGS,
+    add_colour_tags,
     chroma_location_of,
     color_space_of,
     from_bgr,
@@ -156,6 +157,7 @@ class Pictures(Iterator[av.VideoFrame]):
                 if not picture.time_base:  # of the last ones, which no packet brought out
                     picture.time_base = self._tick
                 shown = self._without_palette(picture) if picture.format.has_palette else picture
+                add_colour_tags(shown, self._file.colour_tags)
                 yield from self._counted(self._buffer.push(shown))
         yield from self._counted(self._buffer.flush())
 

@@ -7,6 +7,7 @@ inverse converts back.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
 
@@ -22,6 +23,12 @@ from fpsboost.image import Image, YCbCrImage, view
 
 SMPTE170M, BT709, RGB, UNSPECIFIED = 6, 1, 0, 2  # AVColorSpace
 FULL_RANGE, LIMITED_RANGE = 2, 1  # AVColorRange
+
+NO_COLOUR_TAG = {"colorspace": (0, 2, 3), "color_primaries": (0, 2, 3), "color_trc": (0, 2, 3), "color_range": (0,)}
+"""FFmpeg's numbers of tags that say nothing, by the tag's name in PyAV: of unspecified colours and two reserved ones.
+
+ProRes has 0 for unspecified colours; as the matrix of RGB it is a tag.
+"""
 
 SCALER_FLAGS = 0x4 | 0x40000 | 0x2000 | 0x4000
 """Bicubic, accurate rounding, full chroma interpolation and input; without them chroma is off by half a level."""
@@ -236,6 +243,14 @@ def color_space_of(picture: av.VideoFrame) -> int:
     if tag not in luma_weights:
         raise ValueError(f"colour matrix {tag}")
     return tag
+
+
+def add_colour_tags(picture: av.VideoFrame, tags: Mapping[str, int]) -> None:
+    """Give a picture the colour tags of its container where its own say nothing, as players do."""
+    for name, tag in tags.items():
+        is_matrix_of_rgb = name == "colorspace" and picture.format.is_rgb
+        if getattr(picture, name) in NO_COLOUR_TAG[name] and not is_matrix_of_rgb:
+            setattr(picture, name, tag)
 
 
 def assumed_color_space(height: int) -> int:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from av.video.reformatter import VideoReformatter
 from conversion_options import keeping_duplicates
-from video_truth import pictures_of, samples_of, write_clip
+from video_truth import copy_packets, pictures_of, samples_of, write_clip
 
 from fpsboost import convert
 from fpsboost.contracts import Summary
@@ -208,6 +208,29 @@ def test_tags_are_what_a_reader_sees(tmp_path, codec, suffix, tags):
         *doubled(clip, tmp_path / f"out{suffix}", Encoding(codec=codec, preset=preset)),
     ]:
         assert (picture.colorspace, picture.color_primaries, picture.color_trc, picture.color_range) == tags
+
+
+@pytest.mark.parametrize(
+    ("codec", "pixel_format", "suffix", "target"),
+    [
+        ("libx264", "yuv420p", ".mkv", ".mp4"),
+        ("libx265", "yuv420p10le", ".mkv", ".mkv"),
+        ("libx265", "yuv420p10le", ".mkv", ".mp4"),
+        ("libx265", "yuv420p10le", ".mp4", ".mkv"),
+        ("libvpx-vp9", "yuv420p", ".webm", ".mkv"),
+        ("libvpx-vp9", "yuva420p", ".webm", ".webm"),
+        ("prores_ks", "yuv422p10le", ".mov", ".mp4"),
+        ("ffv1", "yuv420p", ".mkv", ".mkv"),
+    ],
+)
+def test_tags_of_the_container_count_where_the_stream_has_none(tmp_path, codec, pixel_format, suffix, target):
+    """Matrix, primaries and transfer that no coded picture says are on every picture of the output."""
+    plain = write_still(tmp_path / f"plain{suffix}", pixel_format, codec)
+    tags = {"colorspace": BT2020, "color_primaries": 9, "color_trc": PQ}
+    clip = copy_packets(plain, tmp_path / f"in{suffix}", tags=tags)
+    preset = "8" if target == ".webm" else "ultrafast"
+    for picture in doubled(clip, tmp_path / f"out{target}", Encoding(preset=preset)):
+        assert {name: getattr(picture, name) for name in tags} == tags
 
 
 @RANGES
