@@ -124,13 +124,6 @@ class StagingDirectory:
             of_all = "" if expected is None else f" of {expected}"
             error.add_note(f"{frames}{of_all} frames are finished, and `resume` goes on from there.")
 
-    def remove_leftovers(self) -> None:
-        """Remove what a run has left that was killed after it had published its output; another run's stays."""
-        if self.folder.is_dir():
-            with suppress(OutputError, OSError):
-                self._acquire()
-                self.close(keep=self.is_pending)
-
     def close(self, *, keep: bool) -> None:
         """Release the folder, and remove it unless it is to be kept."""
         if self._lock is None:
@@ -159,9 +152,6 @@ class StagingDirectory:
                 self._release()
                 if not self.folder.parent.is_dir():
                     raise
-            except KeyboardInterrupt:
-                self._abandon(lock)
-                raise
             except OSError as error:
                 if lock is None:
                     raise
@@ -174,16 +164,6 @@ class StagingDirectory:
                 self._lock = lock
         if self._lock is None:
             raise OutputError(f"{self.name} cannot be written because its folder keeps no file; choose another.")
-
-    def _abandon(self, lock: BufferedRandom | None) -> None:
-        """Remove the folder after an interruption while it was being locked, unless another run holds it."""
-        with suppress(OSError):
-            self._lock = lock or (self.folder / LOCK).open("a+b")
-            try:
-                lock_file(self._lock)
-            except OSError:
-                self._release()
-            self.close(keep=self.is_pending)
 
     def _release(self) -> None:
         if self._lock is not None:

@@ -297,24 +297,6 @@ def test_a_damaged_chunk_is_made_again(tmp_path, clip, whole, damage):
     assert (tmp_path / "out.mp4").read_bytes() == whole.read_bytes()
 
 
-def test_what_a_killed_run_has_left_of_its_folder_is_removed(tmp_path, clip, monkeypatch):
-    """It is killed while it removes the folder, whatever is left by then; another run's folder stays."""
-    target = tmp_path / "out.mp4"
-    with monkeypatch.context() as killed:
-        killed.setattr("fpsboost.io.staging.shutil.rmtree", lambda *_, **__: None)
-        run(clip, target)
-    assert folder_of(target).is_dir()
-    other = StagingDirectory(folder_of(target), "output.mp4", str(target), None)
-    other.open()
-    with pytest.raises(CompleteAlreadyError):
-        run(clip, target, resume=True)
-    assert folder_of(target).is_dir()
-    other.close(keep=True)
-    with pytest.raises(CompleteAlreadyError):
-        run(clip, target, resume=True)
-    assert not folder_of(target).exists()
-
-
 def test_starting_anew_says_so(tmp_path, clip):
     """Without `--resume` what is there goes, in one line, and the result is the same."""
     stop(clip, tmp_path / "out.mp4", 30)

@@ -188,7 +188,6 @@ class VideoSink(ChunkSink):
         resumes = output.job is not None and output.job.resume and not output.overwrite
         is_input = self._path.exists() and any(path.exists() and self._path.samefile(path) for path in files)
         if resumes and self._path.is_file() and not is_input and not unfinished.is_pending:
-            unfinished.remove_leftovers()
             raise CompleteAlreadyError(complete_already(output.path))
         check_writable(self._path, output.path, files, output.overwrite)
         super().__init__(output, unfinished, unfinished.folder, chunk_frames)
