@@ -151,8 +151,7 @@ def _add_squared(plane: Plane, added: NDArray[Any], deviation: NDArray[Any]) -> 
     """Add noise to the square roots of linear light; the mean stays, and nothing becomes darker than black."""
     roots = np.where(deviation > 0, plane.samples, 0)  # infinity, which has no noise, times 0 is no number
     change = 2 * roots * added + np.square(added) - np.square(deviation)
-    grainy: NDArray[Any] = np.maximum(plane.values + change, np.minimum(plane.values, 0))
-    return grainy
+    return np.asarray(np.maximum(plane.values + change, np.minimum(plane.values, 0)))
 
 
 def _with_planes(image: Pixels, planes: list[NDArray[Any]]) -> Pixels:
@@ -223,8 +222,7 @@ def _blocks(plane: NDArray[Any], corners: NDArray[Any]) -> NDArray[Any]:
     """Return a copy of the samples of blocks, (n, size, size) float32."""
     if not len(corners):
         return np.empty((0, BLOCK_SIZE, BLOCK_SIZE), np.float32)
-    blocks: NDArray[Any] = sliding_window_view(plane, (BLOCK_SIZE, BLOCK_SIZE))[corners[:, 0], corners[:, 1]]
-    return blocks
+    return np.asarray(sliding_window_view(plane, (BLOCK_SIZE, BLOCK_SIZE))[corners[:, 0], corners[:, 1]])
 
 
 def _coherence(blocks: NDArray[Any]) -> NDArray[Any]:
@@ -232,8 +230,7 @@ def _coherence(blocks: NDArray[Any]) -> NDArray[Any]:
     # central differences: those to the next sample would share one, and correlate in noise
     down, across = blocks[:, 2:, 1:-1] - blocks[:, :-2, 1:-1], blocks[:, 1:-1, 2:] - blocks[:, 1:-1, :-2]
     yy, xx, xy = (np.sum(one * other, axis=(1, 2)) for one, other in ((down, down), (across, across), (down, across)))
-    coherence: NDArray[Any] = np.hypot(yy - xx, 2 * xy) / np.maximum(yy + xx, np.finfo(np.float32).tiny)
-    return coherence
+    return np.asarray(np.hypot(yy - xx, 2 * xy) / np.maximum(yy + xx, np.finfo(np.float32).tiny))
 
 
 def _mixing(planes: list[Plane], blocks: list[tuple[FlatBlocks, FlatBlocks]]) -> NDArray[Any]:
@@ -264,8 +261,7 @@ class MissingNoise(NamedTuple):
         """Return the standard deviation at each sample, float32."""
         low, step = self.intensities[0], self.intensities[1] - self.intensities[0]
         places = np.nan_to_num((intensity - low) / step + np.float32(0.5))
-        found: NDArray[Any] = self.deviations[places.clip(0, LEVELS - 1).astype(np.intp)]
-        return found
+        return np.asarray(self.deviations[places.clip(0, LEVELS - 1).astype(np.intp)])
 
 
 class Comparison(NamedTuple):

@@ -88,8 +88,7 @@ class IlluminationModel:
 
     def undo(self, image1: Image) -> Image:
         """Return frame 1 under the illumination of frame 0, float32."""
-        matched: Image = (normalised(image1) - _at_pixels(self.offset, image1)) / _at_pixels(self.gain, image1)
-        return matched
+        return np.asarray((normalised(image1) - _at_pixels(self.offset, image1)) / _at_pixels(self.gain, image1))
 
     def apply(self, image: Image, t: float, dtype: np.dtype[Any]) -> Image:
         """Return a float32 image under the illumination of frame 0 as it appears at time t, in the frames' `dtype`."""
@@ -97,8 +96,7 @@ class IlluminationModel:
         lit: Image = image * (1 + (gain - 1) * np.float32(t)) + offset * np.float32(t)
         if dtype == np.float32:
             return lit
-        levels: Image = np.rint(lit.clip(0, 1) * np.iinfo(dtype).max).astype(dtype)
-        return levels
+        return np.asarray(np.rint(lit.clip(0, 1) * np.iinfo(dtype).max).astype(dtype))
 
 
 Estimate = tuple[float, IlluminationModel]
@@ -203,8 +201,7 @@ def _find_local_gain(image0: FrameCache, image1: FrameCache, side: int) -> NDArr
     def explains(gain: NDArray[Any], similarity: NDArray[Any], share: float = 1) -> NDArray[Any]:
         gained = _smoothed(similarity, reach) - before
         change = _smoothed(np.maximum.reduce(cv2.split(np.abs(np.log(gain)))), reach)
-        is_explained: NDArray[Any] = (gained > share * least) & (change > LOCAL_MIN_CHANGE) & is_changed
-        return is_explained
+        return np.asarray((gained > share * least) & (change > LOCAL_MIN_CHANGE) & is_changed)
 
     fields = _search_near(*(image.derived(_components_without_light, side) for image in (image0, image1)))
     gain = _fit_locally(small0, small1, fields)
@@ -230,8 +227,7 @@ def _find_local_gain(image0: FrameCache, image1: FrameCache, side: int) -> NDArr
     if min(detail) < LOCAL_MIN_DETAIL * max(detail):  # white or black, not lit
         return None
     share = _smoothed(cv2.dilate(accepted, np.ones((5, 5), np.uint8)), reach)
-    local: NDArray[Any] = gain ** share[..., np.newaxis]
-    return local
+    return np.asarray(gain ** share[..., np.newaxis])
 
 
 def _search_near(components0: Components, components1: Components) -> tuple[MotionField, MotionField]:
@@ -248,15 +244,13 @@ def _components_without_light(image: FrameCache, side: int) -> Components:
 def _without_light(image: FrameCache, side: int) -> Image:
     """Return a small copy in which all surroundings of a pixel are equally bright."""
     brightness = image.derived(_brightness, side, side / 60)
-    even: Image = image.cached(small_copy, side) * (np.float32(0.5) / brightness)[..., np.newaxis]
-    return even
+    return np.asarray(image.cached(small_copy, side) * (np.float32(0.5) / brightness)[..., np.newaxis])
 
 
 def _brightness(image: FrameCache, side: int, deviation: float) -> NDArray[Any]:
     """Return the brightness around each pixel of a small copy, above zero also where colours are not, (h, w)."""
     mean = np.mean(cv2.split(image.cached(small_copy, side)), axis=0)
-    brightness: NDArray[Any] = np.maximum(_smoothed(mean, deviation), 0) + np.float32(DARK)
-    return brightness
+    return np.asarray(np.maximum(_smoothed(mean, deviation), 0) + np.float32(DARK))
 
 
 def _smoothed(values: NDArray[Any], deviation: float) -> NDArray[Any]:
@@ -280,8 +274,7 @@ def _returns(there: MotionField, back: MotionField) -> NDArray[Any]:
 
 def _confirmed(field01: MotionField, field10: MotionField) -> NDArray[Any]:
     """Return the similarity of frame 1's pixels to those of frame 0 from which motion leads back to them, else 0."""
-    confirmed: NDArray[Any] = field10.similarity * _returns(field10, field01)
-    return confirmed
+    return np.asarray(field10.similarity * _returns(field10, field01))
 
 
 def _fit_locally(small0: Image, small1: Image, fields: tuple[MotionField, MotionField]) -> NDArray[Any]:

@@ -124,7 +124,7 @@ def compare(
             compared.append(ComparedClip(comparison, contestants))
         write_results(compared, results, console)
     if results.fail_under is not None:
-        first = means_over_clips([clip.comparison for clip in compared])[0]
+        first = next(means_over_clips([clip.comparison for clip in compared]))
         if first.mean < results.fail_under:
             reached = (
                 f"{first.method} reaches {first.mean:.2f} dB, below the {results.fail_under:g} dB of --fail-under."

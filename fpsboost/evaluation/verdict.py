@@ -7,7 +7,7 @@ mean of the paired differences is known much better than either mean. Of several
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -190,13 +190,11 @@ class MeanOverClips(NamedTuple):
     of_clips: list[float]
 
 
-def means_over_clips(comparisons: Sequence[Comparison]) -> list[MeanOverClips]:
-    """Return the means of every method, in the order of the comparisons."""
-    means = []
+def means_over_clips(comparisons: Sequence[Comparison]) -> Iterator[MeanOverClips]:
+    """Yield the means of every method, in the order of the comparisons."""
     for place, method in enumerate(comparisons[0].methods):
         of_clips = [comparison.means(comparison.methods[place]).psnr for comparison in comparisons]
-        means.append(MeanOverClips(method.name, float(np.mean(of_clips)), of_clips))
-    return means
+        yield MeanOverClips(method.name, float(np.mean(of_clips)), of_clips)
 
 
 def judge_all(comparisons: Sequence[Comparison]) -> list[str]:
@@ -206,11 +204,10 @@ def judge_all(comparisons: Sequence[Comparison]) -> list[str]:
     reached = f"{best.method} reaches {best.mean:.2f} dB in {clips}"
     if not others:
         return [f"{reached}."]
-    ahead = []
-    for other in others:
-        differences = np.subtract(best.of_clips, other.of_clips)
-        error = float(differences.std(ddof=1)) / math.sqrt(len(differences))
-        ahead.append(Difference(other.method, float(differences.mean()), error))
+    leads = ((other.method, np.subtract(best.of_clips, other.of_clips)) for other in others)
+    ahead = [
+        Difference(method, float(lead.mean()), float(lead.std(ddof=1)) / math.sqrt(len(lead))) for method, lead in leads
+    ]
     each_seconds = [_cpu_seconds(comparison) for comparison in comparisons]
     seconds = {each.method: sum(of_clip[each.method] for of_clip in each_seconds) for each in (best, *others)}
     advice = _advise(best.method, ahead, _cheapest(best.method, ahead, seconds), seconds, f"in {clips}")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from fractions import Fraction
 from itertools import pairwise
@@ -228,18 +228,16 @@ def digest_of(*images: FrameImage) -> str:
     return digest.hexdigest()
 
 
-def _moving_samples() -> list[NDArray[np.int64]]:
-    """Return the frames as samples of four channels, (H, W, 4), from 0 to 2**16 - 1."""
+def _moving_samples() -> Iterator[NDArray[np.int64]]:
+    """Yield the frames as samples of four channels, (H, W, 4), from 0 to 2**16 - 1."""
     (height, width), random = SIZE, np.random.default_rng(0)
     behind = _texture(random, height, width + 5 * FRAMES)
     in_front = _texture(random, *OBJECT)
-    frames = []
     for number in range(FRAMES):
         frame = behind[:, 5 * number : 2 * width + 5 * number].reshape(height, width, 2, 4).sum(axis=2) // 2
         top, left = 12 + number, 160 + 4 * number
         frame[top : top + OBJECT[0], left : left + OBJECT[1]] = in_front[:, ::2]
-        frames.append(frame)
-    return frames
+        yield frame
 
 
 def _texture(random: np.random.Generator, height: int, width: int) -> NDArray[np.int64]:

@@ -6,7 +6,7 @@ The views may be written as a video, too, side by side.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
@@ -237,7 +237,7 @@ def make_page(preview: Preview, command: str) -> str:
         name=Path(preview.info.name).name or preview.info.name,
         rates=f"{float(preview.info.rate):.5g} to {float(preview.rate):.5g} frames a second",
         passages=preview.selection.passages,
-        least_certain=_least_certain(preview),
+        least_certain=list(_least_certain(preview)),
         estimates={name: estimate_sentence(estimate) for name, estimate in preview.estimates.items()},
         included=included,
         command=command,
@@ -245,9 +245,8 @@ def make_page(preview: Preview, command: str) -> str:
     )
 
 
-def _least_certain(preview: Preview) -> list[LeastCertain]:
+def _least_certain(preview: Preview) -> Iterator[LeastCertain]:
     method, trials = next(iter(preview.trials.items()))
-    frames = []
     for number, (passage, trial) in enumerate(zip(preview.selection.passages, trials, strict=True)):
         least, confidence = trial.least_certain, trial.confidence
         if least is None:
@@ -258,8 +257,7 @@ def _least_certain(preview: Preview) -> list[LeastCertain]:
         picture = data_uri(trial.after.pictures[least.number], "jpeg")
         place = sum(_count(preview, each.before.end) for each in preview.selection.passages[:number])
         place += round(least.time * preview.stretch * preview.rate)
-        frames.append(LeastCertain(method, time, number, place, picture, doubt, mean))
-    return frames
+        yield LeastCertain(method, time, number, place, picture, doubt, mean)
 
 
 def _count(preview: Preview, end: Fraction) -> int:

@@ -170,12 +170,9 @@ def _mix_linear(
                 span = sharp[beyond] - smooth[beyond]
                 allowed = np.divide(limit - smooth[beyond], span, out=np.zeros_like(span), where=span != 0)
                 share[beyond] = np.minimum(share[beyond], allowed.clip(0, 1))
-    output = list[NDArray[Any]]()
-    for mixed in results:
-        for sharp, smooth in zip(*mixed, strict=True):
-            values = smooth + share * (sharp - smooth)
-            output.append(values.clip(*ranges[len(output)]))  # only what rounding adds
-    return output
+    planes = (plane for mixed in results for plane in zip(*mixed, strict=True))
+    values = (smooth + share * (sharp - smooth) for sharp, smooth in planes)
+    return [each.clip(*limits) for each, limits in zip(values, ranges, strict=True)]  # only what rounding adds
 
 
 def _mix_normals(pairs: Sequence[tuple[NDArray[Any], NDArray[Any]]], mix: Callable[[Planes, Planes], Mixed]) -> Planes:

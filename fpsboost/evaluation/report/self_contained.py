@@ -86,5 +86,4 @@ def not_too_wide(image: NDArray[Any]) -> NDArray[Any]:
 def as_heat(values: NDArray[Any]) -> NDArray[Any]:
     """Return values of (H, W), 0 to 1, as colours from black over red to pale yellow, (H, W, 3) uint8."""
     levels = np.rint(values.clip(0, 1) * 255).astype(np.uint8)
-    colours: NDArray[Any] = cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)
-    return colours
+    return np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO))
