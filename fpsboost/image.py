@@ -152,6 +152,18 @@ class ImageView:
         """Return luma on the 8-bit scale, (H, W) float32, neither rounded nor clipped."""
         return np.asarray(self._float_gray() * np.float32(255))
 
+    def chroma(self) -> list[Plane]:
+        """Return both colour differences, uint8 or float32 on the 8-bit scale, up to a constant; none of gray images.
+
+        Those of planes are as they are stored: subsampled, and in code values.
+        """
+        if self.shape[2] < 3:
+            return []
+        colours = self.array()
+        if self.dtype != np.uint8 or self.shape[2] > 3:
+            colours = colour_components(colours) * np.float32(255)
+        return list(cv2.split(cv2.cvtColor(colours, cv2.COLOR_BGR2YCrCb))[1:])
+
     def luma_and_chroma(self) -> tuple[Plane, Plane]:
         """Return luma in [0, 1], and the mean of both colour differences: 0.5 for gray, 0 for images of one channel."""
         colours = colour_components(self.array())
@@ -302,6 +314,9 @@ class YCbCrImage(ImageView):
     def float_luma(self) -> Plane:
         black, span, _, _ = self.coding.levels
         return np.asarray((self.luma.astype(np.float32) - np.float32(black)) * np.float32(255 / span))
+
+    def chroma(self) -> list[Plane]:
+        return list(self.planes[1:])
 
     def luma_and_chroma(self) -> tuple[Plane, Plane]:
         black, luma_span, neutral, chroma_span = self.coding.levels

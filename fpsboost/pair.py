@@ -16,7 +16,7 @@ from fpsboost.frame_cache import FrameCache, Results
 from fpsboost.image import check_pair, view
 from fpsboost.layered import LayeredImage
 from fpsboost.motion import MotionEstimator
-from fpsboost.motion.components import gray
+from fpsboost.motion.components import gray, half_chroma
 from fpsboost.motion.field import MotionField
 
 Layered = tuple[LayeredImage, LayeredImage]
@@ -171,7 +171,7 @@ class Pair:
 
     def release_caches(self) -> None:
         """Discard all results that the next pair does not need, to save memory, once this pair's frames are made."""
-        self.image0.clear(gray)  # overlays are static in the frame before a pair, too
+        self.image0.clear(gray, half_chroma)  # overlays are static in the frame before a pair, too
         self._results.clear("compensated", "grain")
 
 

@@ -111,11 +111,17 @@ def texture(seed: int, shift: int) -> np.ndarray:
     return np.roll(fine, shift, axis=1)
 
 
+def exchanged(image: np.ndarray) -> np.ndarray:
+    """The image with both colour differences exchanged: orange becomes azure, and gray stays."""
+    return cv2.cvtColor(cv2.cvtColor(image, cv2.COLOR_BGR2YCrCb)[..., [0, 2, 1]], cv2.COLOR_YCrCb2BGR)
+
+
 DAMAGE = {
     "flash": lambda image: np.clip(image.astype(int) + 120, 0, 255).astype(np.uint8),
     "dropout": lambda image: np.vstack([image[:50], np.full_like(image[50:70], 128), image[70:]]),
     "black": np.zeros_like,
     "field": lambda image: np.stack([image[::2], np.roll(image[1::2], 40, axis=1)], axis=1).reshape(image.shape),
+    "colours": lambda image: np.vstack([image[:40], exchanged(image[40:75]), image[75:]]),
     "tear": lambda image: np.vstack([image[:60], np.roll(image[60:], 50, axis=1)]),
 }
 

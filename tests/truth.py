@@ -83,6 +83,12 @@ def as_type(values: Array, dtype: type) -> Array:
     return frozen(np.rint(values.clip(0, 1) * np.iinfo(dtype).max).astype(dtype))
 
 
+def equal_luma(blue: Array, red: Array, luma: float = 0.5) -> Array:
+    """Colours in BGR with these differences of blue and red from the luma, (H, W): pictures of one level in gray."""
+    blue, red = blue + luma, red + luma
+    return np.dstack([blue, (luma - 0.114 * blue - 0.299 * red) / 0.587, red])
+
+
 def noise(height: int, width: int, channels: int = 3, dtype: type = np.uint8, seed: int = 0) -> Array:
     """Every pixel a colour of its own: no two patches alike."""
     return as_type(np.random.default_rng(seed).random((height, width, channels)), dtype)

@@ -7,17 +7,18 @@ from collections import deque
 from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
+from fpsboost.colour import has_alpha, normalised
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import view
-from fpsboost.motion.components import Components, gray
+from fpsboost.motion.components import CHROMA_WEIGHT, Components, chroma, gray
 
 ROUNDING = 0.01  # maximum error of differences by the rounding of sums, 8-bit levels
 BAND_BLOCKS = 8  # height of the bands that are compared one after the other, blocks
@@ -72,21 +73,27 @@ class DuplicateDetector:
         return self.noise + max(largest_share, self.smallest_step) + ROUNDING
 
     def difference(self, image0: FrameCache, image1: FrameCache) -> float:
-        """Return the mean difference of gray levels in the block where it is largest, in 8-bit levels.
+        """Return the mean difference in the block and the plane where it is largest, in 8-bit levels.
 
-        The rest of the frames is not looked at once a block differs by more than `difference_limit`.
+        The planes are luma, both colour differences, and alpha. The rest of the frames is not looked at once a block
+        differs by more than `difference_limit`, so that chroma is read only where luma has hardly changed.
         """
-        (levels0, unit), (levels1, _) = _gray_levels(image0), _gray_levels(image1)
         largest = 0.0
-        for first, last in _bands(levels0.shape[0], BAND_BLOCKS * self.block):
-            around = slice(max(0, first - self.block // 2), last + self.block // 2)
-            difference = cv2.absdiff(levels0[around], levels1[around])
-            whole = cv2.CV_16U if self.block**2 * 255 < 2**16 else cv2.CV_32S
-            depth = whole if difference.dtype == np.uint8 else cv2.CV_32F
-            sums = cv2.boxFilter(difference, depth, (self.block, self.block), normalize=False)
-            largest = max(largest, float(sums[first - around.start :][: last - first].max()) / self.block**2 * unit)
-            if largest > self.difference_limit:
-                break
+        for (plane0, unit), (plane1, _) in zip(compared_planes(image0), compared_planes(image1), strict=True):
+            rows, columns = (
+                max(1, round(self.block * length / whole))
+                for length, whole in zip(plane0.shape, image0.pixels.shape[:2], strict=True)
+            )
+            for first, last in _bands(plane0.shape[0], BAND_BLOCKS * rows):
+                around = slice(max(0, first - rows // 2), last + rows // 2)
+                difference = cv2.absdiff(plane0[around], plane1[around])
+                whole = cv2.CV_16U if rows * columns * 255 < 2**16 else cv2.CV_32S
+                depth = whole if difference.dtype == np.uint8 else cv2.CV_32F
+                sums = cv2.boxFilter(difference, depth, (columns, rows), normalize=False)
+                most = sums[first - around.start :][: last - first].max()
+                largest = max(largest, float(most / (rows * columns) * unit))
+                if largest > self.difference_limit:
+                    return largest
         return largest
 
     def is_held(self, noise: float, before: float, after: float) -> bool:
@@ -111,10 +118,21 @@ def _bands(rows: int, height: int) -> list[tuple[int, int]]:
     return sorted(bands, key=lambda band: abs(band[0] + band[1] - rows))
 
 
-def _gray_levels(frame: FrameCache) -> tuple[Components, float]:
-    """Return gray levels up to a constant, and their unit in 8-bit levels; planes of video are not copied."""
+def compared_planes(frame: FrameCache) -> Iterator[tuple[Components, float]]:
+    """Yield the planes in which a frame is compared, up to a constant, and their units in 8-bit levels: luma first.
+
+    Those of video are not copied; the others are computed when they are asked for.
+    """
     image = view(frame.pixels)
-    return (frame.derived(brightness), 1.0) if image.luma is None else (image.luma, 255 / float(image.white))
+    if image.coding is None:
+        yield frame.derived(brightness), 1.0
+        yield from ((plane, CHROMA_WEIGHT) for plane in frame.cached(chroma))
+        if has_alpha(image):
+            yield normalised(frame.array[..., -1]), 255.0
+    else:
+        _, luma_span, _, chroma_span = image.coding.levels
+        units = 255 / luma_span, *(CHROMA_WEIGHT * 255 / chroma_span,) * 2
+        yield from zip(image.channels(), units, strict=True)
 
 
 def brightness(frame: FrameCache) -> Components:
@@ -189,25 +207,13 @@ def find_pictures(
     """
     arriving = iter(frames)
     waiting: deque[SourceFrame] = deque()
-    while True:
-        first = waiting.popleft() if waiting else next(arriving, None)
-        if first is None:
-            return
-        found = _find_run(first, step, waiting, arriving, detector)
-        step = found.step
-        repeats = [waiting.popleft() for _ in range(found.frames - 1)]
-        yield Picture((first, *repeats), found.is_still, len(repeats) if found.repeats else 0)
-        if found.is_still:
-            step = yield from _rest_of_still(first, found.repeats, waiting, arriving, detector)
-
-
-class _Run(NamedTuple):
-    """Number of frames that show one picture, the first included; whether it is a still; the difference after it."""
-
-    frames: int
-    is_still: bool
-    step: float
-    repeats: bool  # whether the frames repeat the first one, rather than differ slightly from it, as in slow motion
+    while _read_ahead(1, waiting, arriving):
+        first = waiting.popleft()
+        count, is_still, is_repeated, step = _find_run(first, step, waiting, arriving, detector)
+        repeats = [waiting.popleft() for _ in range(count - 1)]
+        yield Picture((first, *repeats), is_still, len(repeats) if is_repeated else 0)
+        if is_still:
+            step = yield from _rest_of_still(first, is_repeated, waiting, arriving, detector)
 
 
 def _find_run(
@@ -216,27 +222,28 @@ def _find_run(
     waiting: deque[SourceFrame],
     arriving: Iterator[SourceFrame],
     detector: DuplicateDetector,
-) -> _Run:
-    """Find how many frames show the same picture as `first`; frames that are read ahead are appended to `waiting`."""
+) -> tuple[int, bool, bool, float]:
+    """Find the frames that show the same picture as `first`; those that are read ahead are appended to `waiting`.
+
+    Returns how many there are, `first` included; whether they are a still; whether they repeat the first one, rather
+    than differ slightly from it, as in slow motion; and the difference after them.
+    """
     differences: list[float] = []
     while True:
         count = len(differences) + 1
         noise = max(differences, default=0.0)
-        if count > len(waiting):
-            following = next(arriving, None)
-            if following is None:  # the clip ends, and no motion follows
-                return _Run(count, True, 0.0, detector.repeats_still(noise, step))
-            waiting.append(following)
+        if not _read_ahead(count, waiting, arriving):  # the clip ends, and no motion follows
+            return count, True, detector.repeats_still(noise, step), 0.0
         following = waiting[count - 1]
         lasts = following.frame.time - first.frame.time
         difference = detector.difference(first.image, following.image)
         if differences and detector.is_held(noise, step, difference):
-            return _Run(count, lasts > detector.longest, difference, True)
+            return count, lasts > detector.longest, True, difference
         differences.append(difference)
         if difference > detector.noise:  # motion, or a slow change that has added up
-            return _Run(1, False, differences[0], True)
+            return 1, False, True, differences[0]
         if count == detector.most or lasts > detector.longest:
-            return _Run(count, True, difference, detector.repeats_still(max(differences), step))
+            return count, True, detector.repeats_still(max(differences), step), difference
 
 
 def _rest_of_still(
@@ -247,13 +254,15 @@ def _rest_of_still(
     detector: DuplicateDetector,
 ) -> Generator[Picture, None, float]:
     """Yield the frames that still show the same picture as `first`, one by one; return the difference after them."""
-    while True:
-        if not waiting:
-            following = next(arriving, None)
-            if following is None:
-                return 0.0
-            waiting.append(following)
+    while _read_ahead(1, waiting, arriving):
         difference = detector.difference(first.image, waiting[0].image)
         if difference > detector.noise:
             return difference
         yield Picture((waiting.popleft(),), True, int(repeats))
+    return 0.0
+
+
+def _read_ahead(count: int, waiting: deque[SourceFrame], arriving: Iterator[SourceFrame]) -> bool:
+    """Append frames to those that wait until there are `count`, and return whether there are as many."""
+    waiting.extend(islice(arriving, max(0, count - len(waiting))))
+    return len(waiting) >= count

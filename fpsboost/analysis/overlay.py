@@ -17,7 +17,7 @@ from fpsboost.colour import normalised
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels, view
 from fpsboost.kernels.overlay import STANDS_OUT, Frames, mark_overlay
-from fpsboost.motion.components import gray
+from fpsboost.motion.components import CHROMA_WEIGHT, gray, half_chroma
 from fpsboost.motion.field import MotionField
 
 BLOCK_SIZE = 32
@@ -28,7 +28,7 @@ MIN_MOTION = np.float32(1)  # motion below which surroundings count as still, pi
 
 STATIC_THRESHOLD, CHANGE_THRESHOLD = 8, 25
 """Levels of 255: a pixel whose luma changes by at most the first is static, one that changes by more than the second
-not."""
+not; see `CHROMA_WEIGHT` about chroma."""
 
 MIN_NEIGHBOURS = 3
 """Minimum number of overlay pixels in the 3x3 neighbourhood of a pixel of an overlay, itself included."""
@@ -44,21 +44,36 @@ def find_overlay(
 
     `before` and `after` are the frames around the pair, or the pair's own if there are none.
     """
-    luma = Frames(*(_luma(image) for image in (image0, image1, before, after)))
+    images = image0, image1, before, after
     white = 255 if view(image0.pixels).luma is None else float(view(image0.pixels).white)
     motion, _ = field01.at_points(BLOCK_SIZE)
     surroundings = np.dstack([cv2.medianBlur(np.ascontiguousarray(motion[..., axis]), MEDIAN_SIZE) for axis in (0, 1)])
-    marks, any_stands_out = np.empty(luma.image0.shape, np.uint8), np.empty(1, np.bool_)
-    same, different = (int(levels * white // 255) for levels in (STATIC_THRESHOLD, CHANGE_THRESHOLD))
-    smallest = np.empty_like(luma.image0[0])
-    mark_overlay(luma, surroundings, BLOCK_SIZE, MIN_MOTION, same, different, smallest, marks, any_stands_out)
-    if not any_stands_out[0]:  # nearly always
+    marks = stands_out = _mark(Frames(*(_luma(image) for image in images)), surroundings, white, 1)
+    for planes in zip(*(image.cached(half_chroma) for image in images), strict=True):
+        of_chroma = _mark(Frames(*planes), surroundings / 2, white / CHROMA_WEIGHT, 2)
+        if of_chroma.max() == STANDS_OUT:  # of the luma of what moves behind it
+            stands_out = np.maximum(
+                stands_out, cv2.resize(of_chroma, marks.shape[::-1], interpolation=cv2.INTER_NEAREST)
+            )
+    if stands_out.max() < STANDS_OUT:  # nearly always
         return None
-    found = marks == STANDS_OUT
+    found = (stands_out == STANDS_OUT) & (marks > 0)
     together = found & (cv2.boxFilter(found.astype(np.uint8), cv2.CV_16U, (3, 3), normalize=False) >= MIN_NEIGHBOURS)
     near = cv2.dilate(together.astype(np.uint8), np.ones((2 * DILATION_RADIUS + 1, 2 * DILATION_RADIUS + 1), np.uint8))
     overlay: NDArray[Any] = (near > 0) & (marks > 0)
     return overlay if overlay.any() else None
+
+
+def _mark(frames: Frames, motion: NDArray[Any], white: float, step: int) -> NDArray[np.uint8]:
+    """Return where one plane stays and stands out; see `fpsboost.kernels.overlay.mark_overlay`.
+
+    `motion` is that of the surroundings in samples of the plane, of which one comes every `step` pixels; `white` is the
+    difference in code values that counts like that of black and white in luma.
+    """
+    same, different = (int(levels * white // 255) for levels in (STATIC_THRESHOLD, CHANGE_THRESHOLD))
+    marks, smallest = np.empty(frames.image0.shape, np.uint8), np.empty_like(frames.image0[0])
+    mark_overlay(frames, motion, BLOCK_SIZE // step, MIN_MOTION / np.float32(step), same, different, smallest, marks)
+    return marks
 
 
 def _luma(image: FrameCache) -> NDArray[Any]:

@@ -12,12 +12,15 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any, Protocol
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.colour import has_alpha
 from fpsboost.errors import InputError, OptionError, check_at_least, explained
 from fpsboost.frame_cache import FrameCache, SourcePosition
-from fpsboost.motion.components import Components, small_components
+from fpsboost.image import view
+from fpsboost.motion.components import Components, small_components, small_copy
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_fused
 from fpsboost.timing.position import Position, parse_position
@@ -32,6 +35,7 @@ GRADUAL_CHANGE_FRACTION = 0.55
 """Fraction of a pair's match score below which the match score of frames farther apart shows a gradual change, not a
 cut. Chosen on nine constructed sets of 581 cuts and 4,800 other pairs: precision 0.993, recall 0.979."""
 
+THUMBNAIL_SIDE = 40  # longer side of the thumbnails that are compared, pixels
 SEARCH_RANGE = 1 / 3  # search range, as a fraction of the longer side; a faster pan shows another scene anyway
 
 BANDWIDTH = 0.1
@@ -48,6 +52,11 @@ have."""
 STRICT_BANDWIDTH = 0.04
 """Bandwidth of the similarity for inconsistent vectors: only patches that look nearly the same, such as those of one
 wall or of a black frame, count as the starting point."""
+
+SEEMS_ALIKE = 0.5  # match score above which what the search has not seen may contradict it; below, they differ anyway
+CONTRADICTION = 0.25
+"""Loss of similarity of a patch by what the search has not seen from which it is searched for again: 0.15
+is the most in 27 clips without cuts."""
 
 PATCH_RADIUS = 5
 """Patch radius in thumbnail pixels; a patch is a quarter of a thumbnail wide. Smaller patches match in any picture."""
@@ -99,14 +108,11 @@ class CutDetector:
         Ratio of a pair's dissimilarity (1 minus the match score) to that of the worse neighbour from which the pair is
         a cut even if its match score exceeds the threshold, as with slides and rooms in the same colours. A figure that
         strikes another pose in an animation stays below it.
-    thumbnail_side : int
-        Longer side of the thumbnails in pixels.
     """
 
     threshold: float = 0.5
     drop: float = 0.6
     times: float = 8.0
-    thumbnail_side: int = 40
 
     def __post_init__(self) -> None:
         if not 0 <= self.threshold <= 1:
@@ -114,7 +120,6 @@ class CutDetector:
         if not 0 < self.drop <= 1:
             raise OptionError(f"drop must be above 0 and at most 1, not {self.drop}.")
         check_at_least(1, times=self.times)
-        check_at_least(1, " pixel", thumbnail_side=self.thumbnail_side)
 
     def is_cut(self, match_score: float, *neighbours: float) -> bool:
         """Return whether a scene ends within a pair, given its match score and those of the pairs before and after.
@@ -156,11 +161,48 @@ class CutDetector:
         return min(float(each.mean()) for each in self.match_maps(image0, image1))
 
     def match_maps(self, image0: FrameCache, image1: FrameCache) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return how well each pixel of both thumbnails can be followed there and back, (h, w) float32, 0 to 1."""
-        thumbnail0, thumbnail1 = (image.derived(small_components, self.thumbnail_side) for image in (image0, image1))
-        radius = math.ceil(SEARCH_RANGE * self.thumbnail_side)
+        """Return how well each pixel of both thumbnails can be followed there and back, (h, w) float32, 0 to 1.
+
+        The components of the search have no room for all of chroma. Where matches differ in what these leave out, such
+        as orange and azure of equal luma, it takes the place of mean chroma in another search, and the lower counts.
+        """
+        thumbnails = [image.derived(small_components, THUMBNAIL_SIDE) for image in (image0, image1)]
+        fields, matched = self._follow(*thumbnails)
+        for planes in zip(*(image.derived(unseen_planes, THUMBNAIL_SIDE) for image in (image0, image1)), strict=True):
+            seems_alike = min(each.mean() for each in matched) > SEEMS_ALIKE
+            if seems_alike and max(map(_contradiction, matched, fields, planes, planes[::-1])) > CONTRADICTION:
+                instead = (np.dstack([each[..., :2], plane]) for each, plane in zip(thumbnails, planes, strict=True))
+                _, others = self._follow(*instead)
+                matched = np.minimum(matched[0], others[0]), np.minimum(matched[1], others[1])
+        return matched
+
+    def _follow(
+        self, thumbnail0: Components, thumbnail1: Components
+    ) -> tuple[tuple[MotionField, MotionField], tuple[NDArray[Any], NDArray[Any]]]:
+        """Return the motion between two thumbnails, and how consistent it is, in both directions."""
+        radius = math.ceil(SEARCH_RANGE * THUMBNAIL_SIDE)
         there, back = search_fused(thumbnail0, thumbnail1, radius, PATCH_RADIUS, "box", BANDWIDTH, MOTION_PENALTY)
-        return _measure_consistency(thumbnail0, there, back), _measure_consistency(thumbnail1, back, there)
+        matched = _measure_consistency(thumbnail0, there, back), _measure_consistency(thumbnail1, back, there)
+        return (there, back), matched
+
+
+def unseen_planes(image: FrameCache, longer_side: int) -> list[NDArray[Any]]:
+    """Return what the components of an image's thumbnail leave out, (h, w) float32 each: hue, and alpha if any.
+
+    Hue is half the difference of both colour differences, whose mean is one of the components.
+    """
+    small = view(image.cached(small_copy, longer_side))
+    colours = small.chroma()
+    hue = [(colours[0] - colours[1]) * np.float32(0.5 / 255)] if colours else []
+    return [*hue, small.array()[..., -1]] if has_alpha(small) else hue
+
+
+def _contradiction(similarity: NDArray[Any], field: MotionField, here: NDArray[Any], there: NDArray[Any]) -> float:
+    """Return how much of its similarity a patch loses at most by the difference in another plane from its match."""
+    ends, side = np.arange(here.size) + _as_steps(field.flow.reshape(-1, 2), here.shape[1]), 2 * PATCH_RADIUS + 1
+    apart = np.square(here - there.take(ends).reshape(here.shape))
+    alike = cv2.blur(cv2.exp(apart * np.float32(-0.5 / BANDWIDTH**2)), (side, side))
+    return float((similarity * (1 - alike.reshape(here.shape))).max())
 
 
 def _measure_consistency(thumbnail: Components, there: MotionField, back: MotionField) -> NDArray[Any]:
@@ -174,14 +216,12 @@ def _measure_consistency(thumbnail: Components, there: MotionField, back: Motion
         ends = elsewhere + _as_steps(across[elsewhere], width)
         apart = np.square(_sample_patches(thumbnail, ends) - _sample_patches(thumbnail, elsewhere)).sum(axis=3)
         looks_the_same.ravel()[elsewhere] = np.exp(-apart / (2 * STRICT_BANDWIDTH**2)).mean(axis=(1, 2))
-    consistency: NDArray[Any] = there.similarity * looks_the_same
-    return consistency
+    return np.asarray(there.similarity * looks_the_same)
 
 
 def _as_steps(vectors: NDArray[Any], width: int) -> NDArray[np.intp]:
     """Return (N, 2) vectors of whole pixels as distances in an image whose rows are `width` pixels."""
-    steps: NDArray[np.intp] = (vectors[:, 1] * np.float32(width) + vectors[:, 0]).astype(np.intp)
-    return steps
+    return np.asarray((vectors[:, 1] * np.float32(width) + vectors[:, 0]).astype(np.intp))
 
 
 def _sample_patches(thumbnail: Components, places: NDArray[np.intp]) -> NDArray[Any]:
@@ -190,8 +230,7 @@ def _sample_patches(thumbnail: Components, places: NDArray[np.intp]) -> NDArray[
     y, x = np.divmod(places, width)
     steps = np.arange(-PATCH_RADIUS, PATCH_RADIUS + 1, PATCH_RADIUS)
     rows, columns = ((each[:, np.newaxis] + steps).clip(0, length - 1) for each, length in ((y, height), (x, width)))
-    samples: NDArray[Any] = thumbnail[rows[:, :, np.newaxis], columns[:, np.newaxis]]
-    return samples
+    return np.asarray(thumbnail[rows[:, :, np.newaxis], columns[:, np.newaxis]])
 
 
 TIME_TOLERANCE = Fraction(1, 1000)

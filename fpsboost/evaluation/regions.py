@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.analysis.duplicates import DuplicateDetector, brightness
+from fpsboost.analysis.duplicates import DuplicateDetector, compared_planes
 from fpsboost.evaluation.hidden_frames import Interval
 from fpsboost.frame_cache import FrameCache
 from fpsboost.motion.opencv import Dis
@@ -79,17 +79,27 @@ def _motion(here: FrameCache, there: FrameCache, vectors: VectorFolder | None) -
 
 def _find(truth: FrameCache, others: Sequence[FrameCache], flows: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
     """Return where the blocks of the true frame are found in each of the shown ones."""
-    here = np.asarray(truth.derived(brightness), np.float32)
+    here = _levels(truth)
     differences = []
     for other, flow in zip(others, flows, strict=True):
-        there = np.asarray(other.derived(brightness), np.float32)
+        there = _levels(other)
         moved = cv2.remap(there, *_ends(flow), cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-        there_or_here = [cv2.blur(cv2.absdiff(here, each), (BLOCK, BLOCK)) for each in (moved, there)]
+        there_or_here = [_apart(here, each.reshape(here.shape)) for each in (moved, there)]
         there_or_here[0][~_is_inside(flow)] = np.inf
         differences.append(np.minimum(*there_or_here))
     first, second = differences
     limit = max(MAX_DIFFERENCE, NOISE_FACTOR * float(np.median(np.minimum(first, second))))
     return [first <= limit, second <= limit]
+
+
+def _levels(frame: FrameCache) -> NDArray[Any]:
+    """Return what is compared of an image, (H, W, 1 to 4) float32, in levels of 8 bits."""
+    return np.dstack([np.asarray(plane, np.float32) * np.float32(unit) for plane, unit in compared_planes(frame)])
+
+
+def _apart(here: NDArray[Any], there: NDArray[Any]) -> NDArray[Any]:
+    """Return the mean difference of the block around each pixel in the plane where it is largest, (H, W)."""
+    return np.asarray(cv2.blur(cv2.absdiff(here, there), (BLOCK, BLOCK)).reshape(here.shape).max(axis=2))
 
 
 def _rendered_motion(here: FrameCache, there: FrameCache, vectors: VectorFolder) -> NDArray[Any]:

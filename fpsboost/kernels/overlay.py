@@ -81,7 +81,7 @@ def mark_static(frames, y, most, row):
 
 
 @njit(cache=True, **JIT)
-def mark_overlay(frames, motion, spacing, shortest, same, different, smallest, marks, any_stands_out):
+def mark_overlay(frames, motion, spacing, shortest, same, different, smallest, marks):
     """Find the pixels that stay the same although their surroundings move.
 
     - `motion`: of the surroundings of each block of `spacing` pixels, to frame 1, (rows, columns, 2) float32
@@ -90,12 +90,10 @@ def mark_overlay(frames, motion, spacing, shortest, same, different, smallest, m
     - `smallest`: work array, (W,) in the type of the frames
     - `marks`: (H, W) uint8 out: STAYS where a pixel stays the same; STANDS_OUT where it would also be different if it
       had moved; else 0
-    - `any_stands_out`: (1,) bool out
     """
     frames, motion, smallest, marks = borrowed((frames, motion, smallest, marks))
     (height, width), as_code = marks.shape, frames.image0.dtype.type
     most, least = as_code(same), as_code(different)
-    any_stands_out[0] = False
     for top in range(0, height, spacing):
         rows, vectors = range(top, min(top + spacing, height)), motion[top // spacing]
         for y in rows:
@@ -114,9 +112,6 @@ def mark_overlay(frames, motion, spacing, shortest, same, different, smallest, m
                     row[left:right] = 0
                     continue
                 find_smallest_change(frames, y, left, right, dx, dy, smallest)
-                highest = np.uint8(0)
                 for x in range(Index(left), Index(right)):
                     stands_out = (smallest[x] > least) & (row[x] == np.uint8(STAYS))
                     row[x] = np.uint8(STANDS_OUT) if stands_out else row[x]
-                    highest = max(highest, row[x])
-                any_stands_out[0] |= highest == STANDS_OUT

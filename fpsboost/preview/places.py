@@ -87,6 +87,7 @@ MAX_PIXELS = 33_000_000
 """Number of pixels in the frames of a passage above which it is shorter, so that large frames do not take minutes."""
 
 THUMBNAIL_SIDE = 160  # longer side of the images on which motion is measured, pixels
+CHROMA_SHARE = 0.01  # share of the motion of chroma that counts, where luma stands still
 SHORTEST_SIDE = 32  # shortest side of an image that DIS takes, pixels
 
 
@@ -308,15 +309,21 @@ class _Reader:
 
 
 def _thumbnail(frame: Frame) -> NDArray[Any]:
+    """Return a small image in luma and, unless it is gray, both colour differences, (h, w, 1 or 3) uint8."""
     height, width = frame.pixels.shape[:2]
     scale = THUMBNAIL_SIDE / max(height, width)
     size = max(1, round(width * scale)), max(1, round(height * scale))
-    image = view(frame.pixels).thumbnail(
-        lambda plane: cv2.resize(plane.astype(np.float32), size, interpolation=cv2.INTER_AREA).reshape(*size[::-1], -1)
+    image = view(
+        view(frame.pixels).thumbnail(
+            lambda plane: cv2.resize(plane.astype(np.float32), size, interpolation=cv2.INTER_AREA).reshape(
+                *size[::-1], -1
+            )
+        )
     )
-    gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.shape[2] == 3 else image[..., 0]
-    below, right = (max(0, SHORTEST_SIDE - side) for side in gray.shape)
-    return cv2.copyMakeBorder(np.rint(gray * 255).astype(np.uint8), 0, below, 0, right, cv2.BORDER_REPLICATE)
+    planes = [image.gray(), *(np.rint(plane.clip(0, 255)).astype(np.uint8) for plane in image.chroma())]
+    below, right = (max(0, SHORTEST_SIDE - side) for side in size[::-1])
+    padded = cv2.copyMakeBorder(np.dstack(planes), 0, below, 0, right, cv2.BORDER_REPLICATE)
+    return padded.reshape(*padded.shape[:2], -1)
 
 
 def _mean(motions: list[Place]) -> float:
@@ -324,8 +331,15 @@ def _mean(motions: list[Place]) -> float:
 
 
 def _motions(images: Iterable[tuple[Fraction, NDArray[Any]]]) -> Iterator[Place]:
-    """Yield the mean length of the motion from every image to the next, as a fraction of the longer side."""
+    """Yield the mean length of the motion from every image to the next, as a fraction of the longer side.
+
+    Where luma moves, chroma, whose contrast is low, has no say.
+    """
     estimator = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
     for (time, image0), (_, image1) in pairwise(images):
-        flow = estimator.calc(image0, image1, np.zeros((*image0.shape, 2), np.float32))
-        yield Place(time, float(np.linalg.norm(flow, axis=2).mean()) / THUMBNAIL_SIDE)
+        flows = (
+            estimator.calc(plane0, plane1, np.zeros((*plane0.shape, 2), np.float32))
+            for plane0, plane1 in zip(cv2.split(image0), cv2.split(image1), strict=True)
+        )
+        luma, *chroma = (float(np.linalg.norm(flow, axis=2).mean()) / THUMBNAIL_SIDE for flow in flows)
+        yield Place(time, max(luma, CHROMA_SHARE * max(chroma, default=0.0)))

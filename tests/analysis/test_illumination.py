@@ -93,16 +93,16 @@ def test_the_light_of_a_still_picture_is_found(gain, offset, channels, dtype):
 
 
 @pytest.mark.parametrize("shift", [(6, -4), (12, 5)])
-@pytest.mark.parametrize(("gain", "offset"), CHANGES)
+@pytest.mark.parametrize(("gain", "offset"), [*CHANGES, ((0.55, 1, 1.17), 0.0), ((1.36, 0.75, 1.36), 0.0)])
 def test_the_light_of_a_moving_picture_is_found(gain, offset, shift):
-    """The gain to a twentieth although up to a seventh of the frame is new; every colour to five levels of 255."""
+    """Its colour, too, if gray stays: the gain to a twentieth although a part is new, every colour to five levels."""
     for seed in range(2):
         at = lit_clip(gain, offset, shift, seed=seed)
         illumination = estimate_illumination(*prepared(at(0), at(1)))
-        np.testing.assert_allclose(illumination.gain, [gain] * 3, rtol=0.05)
+        np.testing.assert_allclose(illumination.gain, np.full(3, gain), rtol=0.05)
         colours = lit_clip(1, shift=shift, dtype=np.float32, seed=seed)(0)
         relit = illumination.apply(colours, 1, np.dtype(np.float32))
-        assert np.abs(relit - (gain * colours + offset)).max() < 5 / 255
+        assert np.abs(relit - (np.array(gain) * colours + offset)).max() < 5 / 255
 
 
 def picture(seed, contrast=1.0, mean=0.5, size=(90, 120)):
@@ -143,9 +143,7 @@ def test_motion_goes_on_through_a_fade(gain, offset, shift):
             times, *(each.interpolate(at(0), at(1), times) for each in (NLM, UNLIT, PLAIN)), strict=True
         ):
             lit, unlit, plain = (error(image, at(t)) for image in images)
-            assert lit < 0.5
-            assert lit < unlit / 2
-            assert lit < plain / 4
+            assert lit < min(0.5, unlit / 2, plain / 4)
 
 
 @every_type
@@ -155,8 +153,7 @@ def test_every_type_goes_through_a_fade(gain, offset, channels, dtype):
     """Right to half a level in 8 bits, to a tenth of one in 16 and in floats, in the frames' own type."""
     at = lit_clip(gain, offset, channels=channels, dtype=dtype)
     image = made(NLM, at(0), at(1))
-    assert image.dtype == dtype
-    assert image.shape == at(0).shape
+    assert (image.dtype, image.shape) == (dtype, at(0).shape)
     assert error(image, at(0.5)) < (0.5 if dtype is np.uint8 else 0.1)
 
 
@@ -225,8 +222,7 @@ def test_nothing_jumps_under_a_spot_of_light(radius):
     lit, unlit = (
         max(abs(field.flow).max() for field in each.pair(*prepared(at(0), at(1))).fields) for each in (NLM, UNLIT)
     )
-    assert lit < 2
-    assert unlit > 10
+    assert 5 * lit < 10 < unlit
 
 
 @every_type
@@ -250,8 +246,7 @@ def test_a_lamp_over_a_third_of_the_picture_is_no_cut(gain, is_hard):
     at = lamp_clip(gain, lamp)
     for name, images in product(("nlm", "nlm-passes", "blend"), ((at(0), at(1)), (at(1), at(0)))):
         pair = methods[name].pair(*prepared(*images))
-        assert not ends(pair)
-        assert (pair.illumination is None) == (name != "nlm")
+        assert (ends(pair), pair.illumination is None) == (False, name != "nlm")
 
 
 def test_a_flash_in_one_place_is_followed_into_and_out_of():

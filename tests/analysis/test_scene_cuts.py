@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from scenes_of_cuts import make_clips
-from truth import SCENES, affine, as_type, frozen, moving_object, needs_scenes, prepared, translation, waves
+from truth import SCENES, affine, as_type, equal_luma, frozen, moving_object, needs_scenes, prepared, translation, waves
 
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, group_duplicates
 from fpsboost.analysis.scene_cuts import CutDetector
@@ -46,6 +46,17 @@ def test_cuts_are_found_in_images_of_every_kind(channels, dtype):
     one, other = scene(1, channels=channels, dtype=dtype), scene(2, channels=channels, dtype=dtype)
     assert is_cut(CutDetector(), *prepared(one, other))
     assert not is_cut(CutDetector(), *prepared(one, one))
+
+
+@pytest.mark.parametrize("red", [0.25, -0.25], ids=["green and magenta", "azure and orange"])
+def test_scenes_of_equal_luma_are_told_apart(red):
+    """Where gray says nothing, colours tell a cut, and what a pan of them is."""
+    y, x = np.mgrid[:90, :120].astype(float)
+    grounds = (2 * waves(*places)[..., 0] - 1 for places in ((x, y, 1, 1), (x, y, 1, 2), (x - 7, y, 1, 1)))
+    images = (as_type(equal_luma(0.25 * ground, red * ground), np.uint8) for ground in grounds)
+    one, other, moved = map(FrameCache, images)
+    assert CutDetector().match_score(one, other) < 0.7
+    assert CutDetector().match_score(one, moved) > 0.9
 
 
 @pytest.mark.parametrize(
@@ -100,24 +111,29 @@ def test_one_broken_pixel_of_a_render_is_no_cut(value):
     assert not is_cut(CutDetector(), *prepared(broken, image))
 
 
-def test_a_cut_stands_out_from_its_neighbours():
+@pytest.mark.parametrize(
+    ("scores", "is_cut"),
+    [
+        ((0.3, 0.45, 0.42), False),
+        ((0.2, 0.45, 0.42), True),
+        ((0.3, 0.9, 0.2), True),
+        ((0.6, 0.97, 0.97), True),
+        ((0.7, 0.95, 0.7), False),
+        ((0.8, 1, 1), False),
+        ((0.05, 0.05, 0.04), True),
+        # without neighbours too little is known; with one, a rest before motion goes on is not taken for one
+        ((0.1,), True),
+        ((0.2,), False),
+        ((0.3,), False),
+        ((0.3, 0.9), True),
+        ((0.6, 0.95), False),
+        ((0.3, 0.4), False),
+    ],
+)
+def test_a_cut_stands_out_from_its_neighbours(scores, is_cut):
     """Where everything is hard to follow nothing is cut; a short shot between two cuts has two."""
-    detector = CutDetector()
-    assert not detector.is_cut(0.3, 0.45, 0.42)
-    assert detector.is_cut(0.2, 0.45, 0.42)
-    assert detector.is_cut(0.3, 0.9, 0.2)
-    assert detector.is_cut(0.6, 0.97, 0.97)
-    assert not detector.is_cut(0.7, 0.95, 0.7)
-    assert not detector.is_cut(0.8, 1, 1)
-    assert not CutDetector(threshold=0).is_cut(0.0, 1, 1)
-    assert detector.is_cut(0.05, 0.05, 0.04)
-    # without neighbours too little is known; with one, a rest before motion goes on is not taken for one
-    assert detector.is_cut(0.1)
-    assert not detector.is_cut(0.2)
-    assert not detector.is_cut(0.3)
-    assert detector.is_cut(0.3, 0.9)
-    assert not detector.is_cut(0.6, 0.95)
-    assert not detector.is_cut(0.3, 0.4)
+    assert CutDetector().is_cut(*scores) == is_cut
+    assert not CutDetector(threshold=0).is_cut(0.0, *scores[1:])
 
 
 @needs_scenes

@@ -106,9 +106,8 @@ def test_frames_across_a_cut_are_not_counted(tmp_path):
     images = [panned(number) if number < 4 else 255 - panned(number)[::-1] for number in range(7)]
     comparison = compare(save_clip(tmp_path, images), ours("blend"), Hiding(), Nobody())
     (blend,) = comparison.methods
-    assert comparison.cuts == [3]
-    assert [frame.number for frame in blend.frames] == [1, 3, 5]
-    assert [frame.number for frame in comparison.counted(blend)] == [1, 5]
+    made, counted = ([frame.number for frame in frames] for frames in (blend.frames, comparison.counted(blend)))
+    assert (comparison.cuts, made, counted) == ([3], [1, 3, 5], [1, 5])
 
 
 class Square:
@@ -148,10 +147,12 @@ def test_areas_tell_what_moves_and_what_is_hidden(tmp_path, has_vectors):
     assert regions.uncertain.mean() < 0.02
 
 
-def test_what_no_frame_has_is_uncertain(tmp_path):
-    """A flare in the hidden frame alone is in neither of those shown."""
+@pytest.mark.parametrize("change", [(200, 0, 0), (0, 40, -30)], ids=["flare", "colour"])
+def test_what_no_frame_has_is_uncertain(tmp_path, change):
+    """A flare, or another colour of the same luma, in the hidden frame alone is in neither of those shown."""
     images = [Square().frame(number) for number in range(3)]
-    cv2.circle(images[1], (100, 20), 12, (255, 255, 255), -1)
+    spot = cv2.cvtColor(images[1][8:32, 88:112], cv2.COLOR_BGR2YCrCb) + np.float32(change)
+    images[1][8:32, 88:112] = cv2.cvtColor(spot.clip(0, 255).astype(np.uint8), cv2.COLOR_YCrCb2BGR)
     (interval,) = Hiding().intervals(save_clip(tmp_path, images))
     (regions,) = find_regions(interval)
     assert regions.uncertain[12:28, 92:108].mean() > 0.9
