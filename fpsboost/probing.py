@@ -149,23 +149,25 @@ class Findings:
     """End of the last frame, seconds."""
     interlaced: int = 0
     duplicates: list[Fraction] = field(default_factory=list)
-    """Times of the duplicate frames, stills not counted."""
+    """Times of the duplicate frames that are interpolated across, as `Summary.duplicates` counts them."""
     damaged: list[int] = field(default_factory=list)
-    moments: list[Fraction] = field(default_factory=list)
-    """Times of the frames that are no duplicates."""
+    pictures: list[list[Fraction]] = field(default_factory=list)
+    """Times of the frames that show each picture, nearly always of one."""
 
     def in_clip(self, time: Fraction) -> Fraction:
         """Return the seconds from the clip's first frame to a time of the frames that were read."""
         return self.origin.seconds + time - self.times[0]
 
     def cuts(self, frames: FrameSource, interpolator: Interpolator) -> list[Fraction]:
-        """Read frames and return the times of those that begin a scene."""
-        # `moments` runs ahead of the current pair: the pair's index tells which of them it ends with
-        return [
-            self.moments[place + 1]
-            for place, (before, pair, after) in enumerate(with_neighbours(self.pairs(frames, interpolator)))
-            if pair.is_cut(before, after)
-        ]
+        """Read frames and return the times of those that begin a scene; find duplicates as a conversion counts them."""
+        cuts = list[Fraction]()
+        # `pictures` runs ahead of the current pair: the pair's index tells which of them it is made of
+        for place, (before, pair, after) in enumerate(with_neighbours(self.pairs(frames, interpolator))):
+            if not pair.is_discontinuous(before, after):  # what is held until a cut stays as it is
+                self.duplicates += self.pictures[place][1:]
+            elif pair.is_cut(before, after):
+                cuts.append(self.pictures[place + 1][0])
+        return cuts
 
     def shown(self, frames: FrameSource) -> Iterator[SourceFrame]:
         for number, (frame, is_damaged) in enumerate(find_damaged(self._read(frames))):
@@ -187,8 +189,7 @@ class Findings:
         last: SourceFrame | None = None
         detector, shown = interpolator.duplicates, self.shown(frames)
         for group in zip(shown) if detector is None else group_duplicates(shown, detector):
-            self.duplicates += [repeat.frame.time for repeat in group[1:]]
-            self.moments.append(group[0].frame.time)
+            self.pictures.append([each.frame.time for each in group])
             if last is not None:
                 yield interpolator.pair(last.image, group[0].image)
             last = group[0]

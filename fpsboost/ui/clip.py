@@ -115,7 +115,7 @@ def look_between(job: ConversionJob, time: Fraction) -> dict[str, Any]:
             if start <= 0:
                 raise InputError(f"{info.name} has one frame, and none to interpolate; choose a longer clip.")
             raise OptionError(f"{info.name} has no two frames at {float(time):g} s; choose an earlier place.")
-        moments = [findings.in_clip(moment) for moment in findings.moments[: len(pairs) + 1]]
+        moments = [findings.in_clip(times[0]) for times in findings.pictures[: len(pairs) + 1]]
         nearest = max((number for number in range(len(pairs)) if moments[number] <= time), default=0)
         before, pair, after = list(with_neighbours(pairs))[nearest]
         view = View(traits)
