@@ -10,7 +10,8 @@ import fpsboost
 
 COLOUR_VARIABLES = ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE", "NO_COLOR", "COLUMNS")
 SUMMARY = (
-    r"{}: {} -> {} frames in [0-9.]+ s \([0-9.]+ frames/s\), least certain at [0-9:.]+ \(frame [0-9]+(?:, [^)]+)?\)"
+    r"{}: {} -> {} frames in [0-9.]+ s \([0-9.]+ frames/s\), "
+    r"least certain at frame [0-9]+ of the output \(counted from 0(?:, [^)]+)?, [0-9:.]+ after the first\)"
 )
 
 

@@ -242,10 +242,8 @@ class Reporter(ExitStack):
     def say_summary(self, summary: Summary) -> None:
         assert self._info is not None, "a summary comes after opening"
         frames = f"{summary.frames_in} -> {summary.frames_out} frame{'s' if summary.frames_out != 1 else ''}"
-        if summary.duplicates:
-            frames += f", {summary.duplicates} duplicate frame{'s' if summary.duplicates > 1 else ''}"
-        if summary.scene_cuts:
-            frames += f", {summary.scene_cuts} scene cut{'s' if summary.scene_cuts > 1 else ''}"
+        for count, what in ((summary.duplicates, "duplicate frame"), (summary.scene_cuts, "scene cut")):
+            frames += f", {count} {what}{'s' if count > 1 else ''}" if count else ""
         if summary.replaced:
             frames += f", {len(summary.replaced)} replaced"
         if summary.completed_frames:
@@ -258,7 +256,11 @@ class Reporter(ExitStack):
         lowest, where = summary.lowest_match, ""
         if lowest is not None and lowest.match_score < 1:
             file = f", {summary.lowest_match_file}" if summary.lowest_match_file else ""
-            where = f", least certain at {format_time(lowest.time)} (frame {lowest.number}{file})"
+            # in milliseconds, the time may lie in the frame before, and players would show that
+            time = format_time(lowest.time, decimals=6)
+            where = (
+                f", least certain at frame {lowest.number} of the output (counted from 0{file}, {time} after the first)"
+            )
         self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({_speed(summary):.1f} frames/s){where}")
         if summary.unsure_frames:
             share = rounded(100 * summary.unsure_pixels / summary.unsure_frames, 2)

@@ -47,19 +47,19 @@ class Position:
         return self.value / rate if self.is_frame else self.value
 
 
-def format_time(seconds: Fraction) -> str:
-    """Return seconds as players show them, to the millisecond; options that are positions read it.
+def format_time(seconds: Fraction, decimals: int = 3) -> str:
+    """Return seconds as players show them, to the millisecond by default; options that are positions read it.
 
     Examples
     --------
     >>> format_time(Fraction(3723, 2))
     '31:01.500'
     """
-    milliseconds = round(seconds * 1000)
-    minutes, rest = divmod(milliseconds, 60_000)
+    second = 10**decimals
+    minutes, rest = divmod(round(seconds * second), 60 * second)
     hours, minutes = divmod(minutes, 60)
-    whole, parts = divmod(rest, 1000)
-    return f"{f'{hours}:{minutes:02}' if hours else minutes}:{whole:02}.{parts:03}"
+    whole, parts = divmod(rest, second)
+    return f"{f'{hours}:{minutes:02}' if hours else minutes}:{whole:02}.{parts:0{decimals}}"
 
 
 def parse_position(text: str, option: str) -> Position:

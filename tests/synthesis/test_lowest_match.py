@@ -98,8 +98,9 @@ def test_parts_that_are_joined_know_it(tmp_path):
     assert join(str(output), [f"{output}.parts"]).lowest_match == lowest(whole)
 
 
-@pytest.mark.parametrize("seconds", ["0", "59.9996", "61.5", "3723.042"])
-def test_times_are_written_as_they_are_read(seconds):
-    """To the millisecond."""
-    read = parse_position(format_time(Fraction(seconds)), "time").value
-    assert abs(read - Fraction(seconds)) <= Fraction(1, 2000)
+@pytest.mark.parametrize("decimals", [3, 6])
+@pytest.mark.parametrize("seconds", ["0", "59/48", "59.9996", "61.5", "3723.042"])
+def test_times_are_written_as_they_are_read(seconds, decimals):
+    """To the millisecond, or to the microsecond: frame 59 of 48 a second begins after 1.229 s, at 1.229167 s."""
+    read = parse_position(format_time(Fraction(seconds), decimals), "time").value
+    assert abs(read - Fraction(seconds)) <= Fraction(1, 2 * 10**decimals)
