@@ -70,7 +70,8 @@ def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
         if stream.duration is not None and stream.start_time is not None:
             end = (stream.start_time + stream.duration) * base
             # mp4 and mov say how long a picture is shown; AVI counts frames, and a capture's last ones may hold nothing
-            if file.format.name.startswith("mov"):
+            # of fragments, whose samples its header does not count, it says the end counted from 0
+            if file.format.name.startswith("mov") and stream.frames >= len(video.times):
                 video.end = end if end > max(video.times, default=end) else video.end
             elif file.format.name == "avi":
                 video.end = max(end, video.end)
