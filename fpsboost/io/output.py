@@ -14,7 +14,7 @@ from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import view
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.traits import VideoTraits, tagged
+from fpsboost.io.video.traits import VideoTraits
 from fpsboost.timing.schedule import OutputTiming
 from fpsboost.timing.time_map import TimeMap
 
@@ -67,8 +67,6 @@ class StreamInfo:
 
     traits: VideoTraits | None = None
     """Colour coding, pixel shape, rotation and HDR metadata of video."""
-    colours: VideoTraits = field(default_factory=tagged)
-    """What images say of their colours, where the output is no images; of video see `traits`."""
     video: VideoFile | None = None
     images: NumberedImages | None = None
     plays: int = 0

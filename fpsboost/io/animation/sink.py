@@ -291,8 +291,7 @@ class AnimationSink(StagedSink):
         self._begin: Fraction | None = None
         self._shown_until = 0
         self._latest = Fraction(0)
-        lost = " and the ".join((output.stream.traits or output.stream.colours).beyond_sdr)
-        self._losses = [f"{self._name} cannot say the {lost} of its source; left out."] if lost else []
+        self._losses: list[str] = []
         self._has_short_frames = False
 
     def _check_fits(self, rate: Fraction) -> None:

@@ -112,10 +112,6 @@ class AnimationSource(ClosesOnExit):
         if self._format == "GIF":  # which counts the repeats
             self.plays = 1 if loop is None else loop + 1 if loop else 0
         limit.check(self._name, *image.size)
-        if image.info.get("icc_profile"):
-            self.remarks.append(
-                f"{self._name} has an ICC profile, which was left out; its colours were written unchanged."
-            )
         self._first = int(getattr(image, "default_image", False))  # which an APNG has for viewers without animation
         try:
             for pixels, delay in self._decoded():

@@ -9,7 +9,6 @@ LZW with a predictor takes a third off an 8-bit TIFF; float TIFF stays uncompres
 from __future__ import annotations
 
 import tempfile
-from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -25,38 +24,13 @@ from fpsboost.io.images.exr import ExrHeader, encode_exr, read_exr_header
 from fpsboost.io.images.files import content_of, extension_of, keeps_alpha, types_kept
 from fpsboost.io.images.layers import contents_of, encode_like, losses_like
 from fpsboost.io.images.library import image_library
-from fpsboost.io.images.metadata import (
-    ImageMetadata,
-    into_png,
-    lost_metadata,
-    metadata_of,
-    pillow_options,
-)
+from fpsboost.io.images.metadata import ImageMetadata, into_png, lost_metadata, metadata_of, pillow_options
 from fpsboost.io.images.sequence import NumberedImages
-from fpsboost.io.video.traits import LINEAR, SRGB, VideoTraits, primaries, tagged, traits_of_png, transfers
-from fpsboost.io.video.ycc import BT709, BT2020, UNSPECIFIED
 
+_jpeg = ("JPEG", {"quality": 95})
+_webp = ("WEBP", {"lossless": True, "exact": True, "quality": 70})  # of the search for a small file
 _short_names = {".jpeg": ".jpg", ".tiff": ".tif"}
-_pillow_types: dict[str, tuple[str, dict[str, Any]]] = {
-    **dict.fromkeys((".jpg", ".jpeg"), ("JPEG", {"quality": 95})),
-    ".webp": ("WEBP", {"lossless": True, "exact": True, "quality": 70}),  # of the search for a small file
-}
-
-_profiles = {
-    "Display P3": (12, SRGB),
-    "sRGB": (BT709, SRGB),
-    "sRGB built-in": (BT709, SRGB),
-    "sRGB IEC61966-2.1": (BT709, SRGB),
-    "Linear sRGB": (BT709, LINEAR),
-    "c2": (BT709, SRGB),  # the short profile of photographs on the web
-}
-"""Primaries and transfer function (ITU-T H.273) of the usual ICC profiles, by the names that they give themselves."""
-_chromaticities = {
-    BT709: (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, 0.3127, 0.3290),
-    BT2020: (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290),
-    12: (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290),  # Display P3
-}
-"""CIE 1931 x and y of red, green, blue and white, by the number of primaries in ITU-T H.273."""
+_pillow_types: dict[str, tuple[str, dict[str, Any]]] = {".jpg": _jpeg, ".jpeg": _jpeg, ".webp": _webp}
 
 
 def encode_image(path: Path, image: Image, *, half: bool = True, metadata: ImageMetadata | None = None) -> bytes:
@@ -127,56 +101,6 @@ def _encode_by_openimageio(extension: str, image: Image, metadata: ImageMetadata
     return data
 
 
-def colours_of(path: Path, *, displayed: bool) -> tuple[VideoTraits, str]:
-    """Return the colour tags of a video made of images like this one, and in words what of its colours has no tag.
-
-    FFmpeg's decoder tells those of a PNG. Light (OpenEXR and HDR) is linear, unless it is `displayed`: encoded by the
-    curve of sRGB. What the image does not say is unspecified.
-    """
-    extension = extension_of(path.name)
-    if extension in (".exr", ".hdr"):
-        said = read_exr_header(path).parts[0].attributes if extension == ".exr" else {}
-        points = said.get("chromaticities", _chromaticities[BT709])
-        known = (number for number, those in _chromaticities.items() if np.allclose(points, those, atol=0.001))
-        tags = tagged(next(known, UNSPECIFIED), SRGB if displayed else LINEAR)
-        return tags, "chromaticities" if tags.color_primaries == UNSPECIFIED else ""
-    metadata = metadata_of(path)
-    chunks = dict(metadata.chunks)
-    if metadata.profile and b"cICP" not in chunks:
-        numbers = _numbers_of_profile(metadata.profile)
-        is_known = numbers[0] in primaries and numbers[1] in transfers
-        return tagged(*numbers), "" if is_known else "ICC profile"
-    tags = traits_of_png(path) if chunks else tagged()
-    untaggable = {
-        "chromaticities": b"cHRM" in chunks and tags.color_primaries not in primaries,
-        "gamma": b"gAMA" in chunks and tags.color_transfer not in transfers,
-        "code points": b"cICP" in chunks
-        and not (tags.color_primaries in primaries and tags.color_transfer in transfers),
-        "limited range": chunks.get(b"cICP", b"")[3:] == b"\0",
-    }
-    return tags, " and the ".join(word for word, is_said in untaggable.items() if is_said)
-
-
-def _numbers_of_profile(profile: bytes) -> tuple[int, int]:
-    """Return primaries and transfer function by the `cicp` tag of an ICC profile or its name; unspecified without."""
-    from PIL import ImageCms  # noqa: PLC0415  # only who converts such images to a video waits for it
-
-    entry, numbers = profile.find(b"cicp"), (UNSPECIFIED, UNSPECIFIED)
-    begin = int.from_bytes(profile[entry + 4 : entry + 8])
-    if profile[begin : begin + 4] == b"cicp" and len(profile) >= begin + 10:
-        return profile[begin + 8], profile[begin + 9]
-    with suppress(ImageCms.PyCMSError, OSError):
-        numbers = _profiles.get(ImageCms.getProfileDescription(BytesIO(profile)).strip(), numbers)
-    return numbers
-
-
-def metadata_of_video(traits: VideoTraits) -> ImageMetadata:
-    """Return what images of a video say of its colours; nothing of BT.709, for which they are taken without a word."""
-    numbers = traits.color_primaries, traits.color_transfer
-    said = {} if {*numbers} <= {UNSPECIFIED, BT709} else {b"cICP": bytes((*numbers, 0, 1))}  # RGB of full range
-    return ImageMetadata(chunks=tuple(said.items()))
-
-
 @dataclass(frozen=True)
 class ImageFile:
     """The file that a frame was read from: its `Frame.original`."""
@@ -187,15 +111,14 @@ class ImageFile:
 class ImageEncoder:
     """Encoder of frames into image files.
 
-    `name` is that of the output in messages; `images` are those of the source, None for a video, whose colours are in
-    `traits`; with `anew`, frames are numbered anew, so that motion vectors lead to other numbers. Its `remarks` say
-    what the files cannot hold.
+    `name` is that of the output in messages; `images` are those of the source, None for a video; with `anew`, frames
+    are numbered anew, so that motion vectors lead to other numbers. Its `remarks` say what the files cannot hold.
     """
 
-    def __init__(self, name: str, images: NumberedImages | None, traits: VideoTraits | None, *, anew: bool) -> None:
+    def __init__(self, name: str, images: NumberedImages | None, *, anew: bool) -> None:
         self._path, self._anew = name, anew
         self._half = images is None  # float images of other types would lose precision
-        self._metadata = metadata_of_video(traits or tagged())
+        self._metadata = ImageMetadata()
         self._exr: ExrHeader | None = None
         self._layers = () if images is None else images.layers
         self._followed: Path | None = None
@@ -225,12 +148,8 @@ class ImageEncoder:
                 return data
         elif isinstance(frame.preceding, ImageFile) and frame.preceding.path != self._followed:
             self._follow(frame.preceding.path)
-        self._remark(
-            [
-                f"{self._path} cannot hold the {item} of its source; left out."
-                for item in lost_metadata(extension_of(path.name), self._metadata, frame.array.shape[2])
-            ]
-        )
+        lost = lost_metadata(extension_of(path.name), self._metadata, frame.array.shape[2])
+        self._remark([f"{self._path} cannot hold the {item} of its source; left out." for item in lost])
         if self._exr is not None and extension_of(path.name) == ".exr":
             self._remark_on_layers(self._exr)
             return encode_like(self._exr, frame.image)

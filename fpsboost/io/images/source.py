@@ -20,7 +20,7 @@ from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.image import Image, view
-from fpsboost.io.images.encoder import ImageFile, colours_of
+from fpsboost.io.images.encoder import ImageFile
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, read_image
 from fpsboost.io.images.layers import ALL, BEAUTY, Passes
 from fpsboost.io.images.metadata import metadata_of
@@ -37,7 +37,6 @@ from fpsboost.io.output import StreamInfo
 from fpsboost.io.staging import hidden_place
 from fpsboost.io.video.decode_options import View
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES
-from fpsboost.io.video.traits import tagged
 from fpsboost.layered import LayeredImage
 from fpsboost.memory import MemoryLimit
 
@@ -120,9 +119,6 @@ class ImageSource(ClosesOnExit):
             layers=() if self._passes is None else self._passes.layers,
         )
         self._holds_more = metadata_of(first).has_more
-        self._colours, self._untaggable = (
-            colours_of(first, displayed=self._reading.view == "srgb") if self._reading.upright else (tagged(), "")
-        )
         self._kind, self._described = (image.shape, image.dtype), f"{first} ({view(image).describe()})"
         height, width = image.shape[:2]
         self._limit.check(path, width, height, self.images.planes)
@@ -133,7 +129,7 @@ class ImageSource(ClosesOnExit):
 
     @property
     def stream_info(self) -> StreamInfo:
-        return StreamInfo(images=self.images, files=self.images.files, colours=self._colours)
+        return StreamInfo(images=self.images, files=self.images.files)
 
     @property
     def beginning(self) -> SourcePosition:
@@ -157,11 +153,6 @@ class ImageSource(ClosesOnExit):
             remarks.append(
                 f"{first} and its like hold linear light, which was written as it is and looks dark on a display; "
                 "`view='srgb'` makes a preview."
-            )
-        if self._untaggable:
-            remarks.append(
-                f"No colour tag stands for the {self._untaggable} of {first} and its like, whose colours were written "
-                "unchanged; convert the images to sRGB first."
             )
         if self._holds_more:
             remarks.append(f"{first} and its like hold several pictures, the first of which was read.")

@@ -24,18 +24,9 @@ from fpsboost.image import Pixels
 from fpsboost.io.output import Output
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, depth_of
 from fpsboost.io.video.pixel_choice import choose_pixel_format
-from fpsboost.io.video.side_data import MASTERING, filtered, stereo_modes
-from fpsboost.io.video.traits import LightLevel, MasteringDisplay, VideoTraits, primaries, transfers
-from fpsboost.io.video.ycc import (
-    BT709,
-    BT2020,
-    FULL_RANGE,
-    LIMITED_RANGE,
-    RGB,
-    as_picture,
-    has_alpha,
-    is_gray,
-)
+from fpsboost.io.video.side_data import filtered, stereo_modes
+from fpsboost.io.video.traits import LightLevel, MasteringDisplay, VideoTraits
+from fpsboost.io.video.ycc import FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha, is_gray
 
 MIN_CUTREE_WIDTH = 64
 """Minimum width for x265's "cutree", pixels; in narrower pictures it writes out of bounds (seen up to 48)."""
@@ -213,25 +204,11 @@ class VideoEncoder:
             ) from None
 
 
-def traits_of_image(image: Pixels | None, colours: VideoTraits) -> VideoTraits:
-    """Return the traits to write for images: limited range, own channels and depth, and the colours that they name.
-
-    Colours that they do not name, or by unknown numbers, are tagged as BT.709. Y, Cb and Cr are made by the matrix of
-    BT.2020 for its primaries, otherwise by that of BT.709.
-    """
+def traits_of_image(image: Pixels | None) -> VideoTraits:
+    """Return the traits to write for images, which have no tags: BT.709, limited range, own channels and depth."""
     channels = 3 if image is None else image.shape[2]
     deep = image is not None and image.dtype != np.uint8
-    matrix = BT2020 if colours.color_primaries == BT2020 else BT709
-    return VideoTraits(
-        {1: "gray", 3: "gbrp"}.get(channels, "gbrap") + ("16le" if deep else ""),
-        color_space=matrix,
-        tagged_color_space=matrix,
-        color_primaries=colours.color_primaries if colours.color_primaries in primaries else BT709,
-        color_transfer=colours.color_transfer if colours.color_transfer in transfers else BT709,
-        mastering_display=colours.mastering_display,
-        light_level=colours.light_level,
-        side_data={kind: word for kind, word in colours.side_data.items() if word == MASTERING},
-    )
+    return VideoTraits({1: "gray", 3: "gbrp"}.get(channels, "gbrap") + ("16le" if deep else ""))
 
 
 def _is_rgb(pixel_format: str) -> bool:

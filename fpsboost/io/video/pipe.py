@@ -34,7 +34,7 @@ from fpsboost.io.video.encoding import depth_of
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import interlaced_remark, lost_companions_remark, lost_shape_remark
 from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
-from fpsboost.io.video.ycc import as_picture, assumed_color_space, in_planes, plane_arrays, to_bgr
+from fpsboost.io.video.ycc import UNSPECIFIED, as_picture, assumed_color_space, in_planes, plane_arrays, to_bgr
 from fpsboost.memory import MemoryLimit
 
 T = TypeVar("T")
@@ -64,6 +64,9 @@ formats: dict[str, str] = {
 
 chroma_locations = {"420jpeg": "center", "420mpeg2": "left", "420paldv": "topleft"}
 """Where the chroma samples of a format sit, if its name says that."""
+
+SDR_PRIMARIES = (1, UNSPECIFIED, 5, 6)
+HDR_TRANSFERS = (16, 18)  # PQ and HLG
 
 
 class PipeSource(ClosesOnExit):
@@ -204,7 +207,7 @@ class PipeSink:
                 f"{', '.join(pixel_formats)}."
             )
         self._timing, self._encoding, self._info = output.timing, encoding, output.info
-        self._traits, self._colours = output.stream.traits, output.stream.colours
+        self._traits = output.stream.traits
         advice = "pipe it into a program"
         self._waiting = None if stream else _descriptor(sys.__stdout__, OutputError, OUTPUT_NAME, advice)
         self._stream: Any = stream or self._waiting
@@ -262,11 +265,11 @@ class PipeSink:
             is_rgb = av.VideoFormat(wanted).is_rgb
             full_range = False if is_rgb else traits.full_range or (None if traits.color_range == 0 else False)
             color_space, location = traits.color_space, traits.chroma_location
+            self._remark_on_traits(traits)
         pixel_format = self._encoding.pixel_format or self._nearest(wanted)
         if traits is None:  # as the name of 8-bit 4:2:0 usually says
             location = "center" if pixel_format == "yuv420p" else "left"
         self._coding = Coding(depth_of(pixel_format), color_space, bool(full_range), location, pixel_format)
-        self._remark_on_traits(traits or self._colours, color_space)
         names = [name for name, other in formats.items() if other == pixel_format]
         name = next((name for name in names if chroma_locations.get(name) == location), names[0])
         rate = self._timing.rate.limit_denominator((2**31 - 1) // (int(self._timing.rate) + 1))
@@ -283,10 +286,11 @@ class PipeSink:
             self.remarks.append(f"{OUTPUT_NAME} cannot hold all of {wanted} and was written as {nearest.name}.")
         return nearest.name
 
-    def _remark_on_traits(self, traits: VideoTraits, color_space: int) -> None:
+    def _remark_on_traits(self, traits: VideoTraits) -> None:
         lost = {
-            "colour matrix": color_space != assumed_color_space(self._info.height),
-            **dict.fromkeys(traits.beyond_sdr, True),
+            "colour matrix": traits.color_space != assumed_color_space(self._info.height),
+            "colour primaries": traits.color_primaries not in SDR_PRIMARIES,
+            "transfer function": traits.color_transfer in HDR_TRANSFERS,
             "rotation": traits.display_matrix is not None,
             **dict.fromkeys(traits.side_data.values(), True),
         }

@@ -93,7 +93,7 @@ class ChunkSink(StagedSink):
         check_frame_size(frame, self._output.info, name)
         with self._explained():
             if self._encoder is None:
-                self._start(traits_of_image(frame.pixels, self._output.stream.colours))
+                self._start(traits_of_image(frame.pixels))
             encoder = self._encoder
             assert encoder is not None
             if frame.image.dtype == np.float32:

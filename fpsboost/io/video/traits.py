@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
-from pathlib import Path
 
 import av
 import numpy as np
@@ -16,7 +14,7 @@ from av.video.reformatter import VideoReformatter
 from fpsboost.colour import Coding
 from fpsboost.errors import InputError
 from fpsboost.io.video.pyav import as_fraction
-from fpsboost.io.video.side_data import MASTERING, described, is_ordinary, side_data_of, stereo_mode_of
+from fpsboost.io.video.side_data import described, is_ordinary, side_data_of, stereo_mode_of
 from fpsboost.io.video.ycc import (
     BT709,
     LIMITED_RANGE,
@@ -29,23 +27,12 @@ from fpsboost.io.video.ycc import (
 )
 
 matrices = {0: "rgb", 1: "bt709", 4: "fcc", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020nc", 10: "bt2020c"}
-primaries = {
-    1: "bt709",
-    4: "bt470m",
-    5: "bt470bg",
-    6: "smpte170m",
-    7: "smpte240m",
-    9: "bt2020",
-    11: "smpte431",
-    12: "smpte432",
-}
+primaries = {1: "bt709", 4: "bt470m", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020", 12: "smpte432"}
 transfers = {
     **{1: "bt709", 4: "gamma22", 5: "gamma28", 6: "smpte170m", 7: "smpte240m", 8: "linear", 11: "iec61966-2-4"},
     **{13: "srgb", 14: "bt2020-10", 15: "bt2020-12", 16: "pq", 18: "hlg"},
 }
 """Common names of FFmpeg's colour tags, by number; a tag without a name is shown as its number."""
-
-LINEAR, SRGB, PQ, HLG = 8, 13, 16, 18  # transfer functions
 
 UPRIGHT = struct.pack("=9i", 1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 30)
 """Display matrix that changes nothing, as of EXIF."""
@@ -107,21 +94,6 @@ class VideoTraits:
     dolby_vision_only: bool = field(default=False, compare=False)
     codec: str = field(default="", compare=False)
 
-    @property
-    def beyond_sdr(self) -> list[str]:
-        """What a target without any tags loses, in words; SDR is shown nearly right without."""
-        said = {
-            "colour primaries": self.color_primaries not in (BT709, UNSPECIFIED, 5, 6),  # 5 and 6 are of BT.601
-            "transfer function": self.color_transfer in (LINEAR, PQ, HLG),
-            MASTERING: self.mastering_display is not None or self.light_level is not None,
-        }
-        return [word for word, is_said in said.items() if is_said]
-
-
-def tagged(primaries: int = UNSPECIFIED, transfer: int = UNSPECIFIED) -> VideoTraits:
-    """Return what images say of their colours, by default nothing."""
-    return VideoTraits("gbrp", color_primaries=primaries, color_transfer=transfer)
-
 
 def read_traits(
     picture: av.VideoFrame,
@@ -162,14 +134,6 @@ def read_traits(
         dolby_vision_only=not is_ordinary(sides, dolby_vision),
         codec=codec,
     )
-
-
-def traits_of_png(path: Path) -> VideoTraits:
-    """Return what FFmpeg's decoder says of a PNG; nothing where it cannot decode it."""
-    with suppress(av.error.FFmpegError), path.open("rb") as file, av.open(file, "r") as container:
-        stream = container.streams.video[0]
-        return read_traits(next(container.decode(stream)), stream, VideoReformatter(), path.name)
-    return tagged()
 
 
 def parse_mastering_display(data: bytes | None) -> MasteringDisplay | None:
