@@ -254,12 +254,8 @@ class Interpolator:
         agreement of the two frames; see `fpsboost.synthesis.agreement`. It is 0 where no motion connects the frames,
         and 1 for the frames themselves.
         """
-        size = pair.image0.pixels.shape[:2]
         images, scene_cut = self.interpolated(pair, times, before, after, with_confidence=True)
-        complete = (
-            InterpolatedImage(image, np.zeros(size, np.float32) if confidence is None else confidence)
-            for image, confidence in images
-        )
+        complete = (InterpolatedImage(image, np.asarray(confidence)) for image, confidence in images)
         return InBetween(complete, scene_cut)
 
     def interpolated(
@@ -291,7 +287,9 @@ class Interpolator:
         images = self._synthesize(pair, inner, before, after, with_confidence=with_confidence) if inner else iter(())
         for t in times:
             if 0 < t < 1:
-                yield next(images)
+                image, confidence = next(images)
+                is_unknown = with_confidence and confidence is None
+                yield image, np.zeros(image.shape[:2], np.float32) if is_unknown else confidence
             else:
                 image = (pair.image1 if t == 1 else pair.image0).image.copy()
                 yield image, np.ones(image.shape[:2], np.float32)

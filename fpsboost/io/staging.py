@@ -152,6 +152,9 @@ class StagingDirectory:
                 self._release()
                 if not self.folder.parent.is_dir():
                     raise
+            except KeyboardInterrupt:
+                self._abandon(lock)
+                raise
             except OSError as error:
                 if lock is None:
                     raise
@@ -164,6 +167,16 @@ class StagingDirectory:
                 self._lock = lock
         if self._lock is None:
             raise OutputError(f"{self.name} cannot be written because its folder keeps no file; choose another.")
+
+    def _abandon(self, lock: BufferedRandom | None) -> None:
+        """Remove the folder after an interruption while it was being locked, unless another run holds it."""
+        with suppress(OSError):
+            self._lock = lock or (self.folder / LOCK).open("a+b")
+            try:
+                lock_file(self._lock)
+            except OSError:
+                self._release()
+            self.close(keep=self.is_pending)
 
     def _release(self) -> None:
         if self._lock is not None:

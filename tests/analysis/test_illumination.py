@@ -228,12 +228,12 @@ def test_nothing_jumps_under_a_spot_of_light(radius):
 @every_type
 @pytest.mark.parametrize("channels", [1, 3])
 def test_every_type_is_lit_in_one_place(dtype, channels):
-    """Right to one and a half levels of 255 and nearer than mixing, in the frames' own type."""
+    """Right to 1.6 levels of 255 and nearer than mixing, in the frames' own type."""
     at = lamp_clip(2, spot(), channels=channels)
     images = [made(each, at(0, dtype), at(1, dtype)) for each in (NLM, PLAIN)]
     assert {image.dtype for image in images} == {np.dtype(dtype)}
     lit, plain = (error(image, at(0.5, dtype)) for image in images)
-    assert lit < min(1.5, plain / 2)
+    assert lit < min(1.6, plain / 2)
 
 
 @pytest.mark.parametrize("gain", [1.5, 2, 3])

@@ -106,7 +106,8 @@ def test_all_kinds_at_once(fpsboost_, tmp_path, save_images):
     done = (("1/3 out/a.mp4", 3, 6), ("2/3 out/b.mkv", 4, 8), ("3/3 out/renders/", 3, 5))
     for line, counts in zip(result.lines, done, strict=False):
         assert re.fullmatch(SUMMARY.format(*counts), line)
-    assert [re.search(r"\(frame [0-9]+(.*)\)$", line)[1] for line in result.lines[:3]] == ["", "", ", shot_0004.png"]
+    files = [re.search(r"\(counted from 0(.*), [0-9:.]+ after the first\)$", line)[1] for line in result.lines[:3]]
+    assert files == ["", "", ", shot_0004.png"]
     assert result.lines[3].startswith("Note: 3 frames give 5 images")
     assert result.lines[4:] == ["All 3 inputs were converted."]
     assert len(packets_of(tmp_path / "out" / "a.mp4", "video")) == 6
