@@ -77,8 +77,6 @@ class ImageSource(ClosesOnExit):
     def __init__(
         self, path: str, rate: Fraction, reading: ImageReading | None = None, *, limit: MemoryLimit | None = None
     ) -> None:
-        if rate <= 0:
-            raise OptionError(f"The frame rate of images must be above 0, not {rate}.")
         self._reading, self._limit = reading or ImageReading(), limit or MemoryLimit()
         with explained(InputError, "read", path, "check that it exists and that you may read it"):
             sequence = find_images(path)
