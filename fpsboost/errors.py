@@ -7,7 +7,7 @@ only the command line prints and chooses an exit code (2 for `OptionError`, 1 fo
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -81,19 +81,6 @@ def say_seconds(seconds: float) -> str:
     if 0 < seconds < 10:
         return f"{seconds:.{max(0, 1 - math.floor(math.log10(seconds)))}f} s"
     return f"{seconds:.0f} s"
-
-
-def check_choice(option: str, value: str, choices: Collection[str]) -> None:
-    """Raise `OptionError` unless a value is one of the choices; the message lists them."""
-    if value not in choices:
-        raise OptionError(f"{option} must be one of {', '.join(choices)}, not {value!r}.")
-
-
-def check_at_least(least: float, unit: str = "", /, **options: float) -> None:
-    """Raise `OptionError` unless all values, by the names of their options, are at least this."""
-    for option, value in options.items():
-        if not value >= least:
-            raise OptionError(f"{option} must be at least {least}{unit}, not {value}.")
 
 
 @contextmanager

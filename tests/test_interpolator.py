@@ -411,14 +411,6 @@ def test_options_of_other_methods_and_bad_values_are_refused(method, options, me
         configure(methods[method], method, options)
 
 
-def test_unknown_names_are_refused():
-    """The message lists the known ones."""
-    with pytest.raises(OptionError, match=f"magic.*{', '.join(methods)}"):
-        interpolate(noise(8, 8), noise(8, 8), method="magic")
-    with pytest.raises(OptionError, match="`at_cuts`"):
-        replace(methods["nlm"], at_cuts="fade")
-
-
 def test_one_image_is_one_call():
     """Gray images without a channel axis, views, names and objects; the shape comes back."""
     clip = translation(40, 48, 4, 2, channels=1)

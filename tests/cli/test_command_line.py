@@ -299,7 +299,7 @@ MISTAKES: dict[str, tuple[str, str]] = {
     "unknown option": ("in.mp4 out.mp4 --faster 2", "--faster"),
     "option without value": ("in.mp4 out.mp4 --fps", "--fps"),
     "three names": ("in.mp4 out.mp4 more.mp4", "more.mp4"),
-    "no output": ("-", "OUT"),
+    "no output": ("-", "output"),
     "trial of a pipe": ("- out.mp4 --dry-run", "--dry-run"),
     "trial of a part": ("in.mp4 out.mp4 --dry-run --chunk 1/2", "--chunk"),
 }
