@@ -254,7 +254,7 @@ class Target:
 
     @property
     def _described(self) -> str:
-        return "what went into a pipe" if self.kind == "pipe" else f"the animation {self.path}"
+        return "standard output" if self.kind == "pipe" else f"the animation {self.path}"
 
     def check_parts(self) -> None:
         """Raise `OptionError` if the output cannot be put together of parts."""

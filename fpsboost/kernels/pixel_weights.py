@@ -53,7 +53,7 @@ FOREGROUND_SCALE = np.float32(4)
 FOREGROUND_SHARPNESS = np.float32(10)
 """Logarithm of the factor on the weight of what is certainly in front of the dominant motion of its window."""
 
-HIGHEST_GAIN = np.float32(math.exp(10))
+HIGHEST_GAIN = np.float32(math.exp(FOREGROUND_SHARPNESS))
 """Factor itself."""
 
 FOREGROUND_AGREEMENT = np.float32(3)
@@ -233,12 +233,13 @@ def find_foreground(scale, motion, t, work, sums):
     find_mismatch(mismatch, (bent_y + (one - t) * dy) * half, (bent_x + (one - t) * dx) * half, both)
     for i in range(SQUARES_PER_WINDOW):
         cell = 2 * (i // SQUARES_PER_ROW) // CELL * CELLS_PER_ROW + 2 * (i % SQUARES_PER_ROW) // CELL
+        # the features "agreement with the field" of both frames
         agreement = min(cells[3 * CELLS + cell], cells[4 * CELLS + cell])
         alone[i] = min(alone[i], both[i]) * apart * min(FOREGROUND_AGREEMENT * agreement, one)
         both[i] = alone[i] * match[i]
     average_patches(both, 0, room, gain, 0)
     average_patches(alone, 0, room, means, 0)
-    for i in range(SQUARES_PER_WINDOW):
+    for i in range(SQUARES_PER_WINDOW):  # of hardly any foreground around, the mean is no evidence
         gain[i] = alone[i] * gain[i] / (means[i] + np.float32(0.02))
     write_decay(gain, 0, FOREGROUND_SHARPNESS, -FOREGROUND_SHARPNESS, HIGHEST_GAIN, gain, 0)
 

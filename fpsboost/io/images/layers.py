@@ -247,15 +247,12 @@ def encode_like(header: ExrHeader, image: FrameImage) -> bytes:
 
 def losses_like(header: ExrHeader) -> list[str]:
     """Say what a file made like another one does not have, each as the end of a sentence about the other one."""
-    lost = {
-        "have pixels elsewhere than in the display window, where those of the frames between are": any(
-            part.data != part.display for part in header.parts
-        ),
-        "hold smaller copies of their images, which the frames between do not": any(
-            "tiles" in part.attributes and part.attributes["tiles"].mode.value for part in header.parts
-        ),
-    }
-    return [what for what, is_lost in lost.items() if is_lost]
+    lost = []
+    if any(part.data != part.display for part in header.parts):
+        lost.append("have pixels elsewhere than in the display window, where those of the frames between are")
+    if any("tiles" in part.attributes and part.attributes["tiles"].mode.value for part in header.parts):
+        lost.append("hold smaller copies of their images, which the frames between do not")
+    return lost
 
 
 def _named(path: Path, contents: ExrContents, names: str) -> list[LayerNames]:

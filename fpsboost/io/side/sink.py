@@ -143,6 +143,7 @@ class SideWriter:
 
     def write(self, frame: Frame) -> None:
         """Write what there is about the next frame of the output."""
+        raise NotImplementedError
 
     def finish(self) -> None:
         """Write what has waited for a next frame."""
