@@ -264,7 +264,7 @@ class Target:
     def open(self, output: Output) -> FrameSink:
         """Prepare the output for writing; it appears when the sink is left without an error."""
         if output.job is not None and output.job.resume and self.kind in ("pipe", "animation"):
-            raise OptionError(f"`resume` cannot go on with {self._described}; leave it out.")
+            raise OptionError(f"`resume` cannot go on with what went into {self._described}; leave it out.")
         if output.part is not None:
             self.check_parts()
             return ImagePartSink(output) if self.kind == "images" else VideoPartSink(output)

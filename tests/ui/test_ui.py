@@ -489,10 +489,11 @@ def test_probes_of_two_tabs(films, tmp_path, monkeypatch):
 
 def test_looks_wait_apart(films, tmp_path, monkeypatch):
     """A slow frame holds up no other; however many are waited for, all else is answered; those left are not made."""
-    ready, times = Event(), list[float]()
+    begun, ready, times = Event(), Event(), list[float]()
 
     def look(job, time):
         times.append(time)
+        begun.set()
         ready.wait(0 if time else 60)
         raise ZeroDivisionError
 
@@ -502,6 +503,7 @@ def test_looks_wait_apart(films, tmp_path, monkeypatch):
         for number in range(50):
             looks.enter_context(posted(address, "/look", {**choices, "time": 0}))
             if not number:
+                assert begun.wait(60)  # the slow frame comes first
                 posted_whole(address, "/look", {**choices, "time": 1})
         assert posted_whole(address, "/folder", {})["above"]
         looks.pop_all().close()
