@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame_cache import SourcePosition
 
 
+@runtime_checkable
 class FrameSource(AbstractContextManager["FrameSource"], Protocol):
     """Contract: source of the frames of a clip, read once in presentation order.
 
@@ -80,6 +81,7 @@ class ClosesOnExit(ABC):
         self.close()
 
 
+@runtime_checkable
 class FrameSink(AbstractContextManager["FrameSink"], Protocol):
     """Contract: sink that writes the whole output or none; only data written to a pipe cannot be undone.
 
@@ -211,6 +213,7 @@ class Summary:
             self.lowest_match = match
 
 
+@runtime_checkable
 class Observer(Protocol):
     """Contract: is informed of the progress of a conversion."""
 
@@ -224,6 +227,7 @@ class Observer(Protocol):
         """Handle another frame that was passed on to the target."""
 
 
+@runtime_checkable
 class FrameWatcher(Protocol):
     """Contract: sees the frames of an output as they are written."""
 

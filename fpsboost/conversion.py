@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import cv2
 
@@ -24,10 +25,10 @@ from fpsboost.io.video.capture import ArraySource, captured, rate_of
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pyav import pyav_version
-from fpsboost.memory import MemoryLimit
 from fpsboost.method_table import find_method
+from fpsboost.options import PathName, Range, Rate, checked, with_options
 from fpsboost.parts.plan import enter, plan_part, share_index
-from fpsboost.preparation import ConversionJob, closing_remarks, prepared
+from fpsboost.preparation import ConversionJob, closing_remarks, memory_limit, prepared
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import interpolate_frames, run_conversion
 from fpsboost.threads import available_cores
@@ -36,38 +37,41 @@ from fpsboost.timing.schedule import count_frames
 from fpsboost.version import __version__
 
 
+@checked
 def convert(
-    input: str,
-    output: str | None = None,
+    input: PathName,
+    output: PathName | None = None,
     *,
-    factor: Fraction | int | None = None,
-    rate: OutputRate | None = None,
     method: str | Interpolator = "nlm",
+    rate: OutputRate | None = None,
     decoding: DecodeOptions | None = None,
     encoding: Encoding | None = None,
     run: RunOptions | None = None,
+    **options: Any,
 ) -> Summary:
     """Convert a clip to a higher frame rate.
 
     Parameters
     ----------
-    input, output : str
+    input, output : str or os.PathLike
         Each a video file, an animation, a folder of images, a pattern of images (``shot_%04d.png``,
         ``shot_####.png``), or ``-`` for YUV4MPEG2 from standard input or to standard output. Images whose numbers
         rise by a step of 2 or more were rendered with that step: if `factor` divides it, the frames made get the
-        missing numbers.
-    factor : Fraction or int, optional
-        Output frames per source frame; 2 by default, unless `rate` says how many.
-    rate : OutputRate, optional
-        Frames per second instead of a factor, slow motion, speed ramps, or only the images that are missing.
+        missing numbers. Without `output`, a name beside the input, as on the command line: ``in-2x.mp4``.
     method : str or Interpolator
         A name from `fpsboost.methods`, or an object.
+    rate : OutputRate, optional
+        Frames per second, or a factor, which is 2 by default; slow motion, speed ramps, or only the images that are
+        missing.
     decoding : DecodeOptions, optional
         Which part of the input is read, how fast images play, which stream of a video file is read, and how.
     encoding : Encoding, optional
         How to encode video, and which streams to keep.
     run : RunOptions, optional
         Whether existing files are replaced, memory and threads, and an observer of the progress.
+    **options : Any
+        Any field of these four, and of those nested in them, by its own name instead: ``fps=60``, ``factor=4``,
+        ``crf=18``, ``overwrite=True``, ``start="1:30"``, ``limit="8G"``. Texts are read as on the command line.
 
     Raises
     ------
@@ -78,18 +82,26 @@ def convert(
 
     Examples
     --------
-    >>> convert("in.mp4", "out.mp4", factor=2)  # doctest: +SKIP
+    >>> convert("in.mp4")  # doctest: +SKIP
+    >>> convert("in.mp4", "out.mp4", fps=60, overwrite=True)  # doctest: +SKIP
     >>> convert("in.mp4", "out.mp4", rate=OutputRate(fps=60), run=RunOptions(overwrite=True))  # doctest: +SKIP
     """
-    interpolator, rate = find_method(method), rate or OutputRate()
-    if factor is not None:
-        if rate.factor is not None:
-            raise OptionError("factor and rate.factor say the same thing twice; give one of them.")
-        rate = replace(rate, factor=factor)
-    job = ConversionJob(input, output, rate, interpolator, decoding or DecodeOptions(), encoding or Encoding())
-    return convert_job(job, run)
+    groups = {
+        "rate": rate or OutputRate(),
+        "decoding": decoding or DecodeOptions(),
+        "encoding": encoding or Encoding(),
+        "run": run or RunOptions(),
+    }
+    rate, decoding, encoding, run = (with_options(group, options, name) for name, group in groups.items())
+    if options:
+        raise OptionError(
+            f"convert takes no {next(iter(options))}; OutputRate, DecodeOptions, Encoding and RunOptions "
+            "list what it takes."
+        )
+    return convert_job(ConversionJob(input, output, rate, find_method(method), decoding, encoding), run)
 
 
+@checked
 def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
     """Run a conversion, or one part of it; see `convert`.
 
@@ -119,8 +131,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
         threads = run.threads
         if threads is None:
             planes = 0 if images is None else images.planes
-            limit = run.limit or MemoryLimit()
-            threads = limit.affordable_threads(info.width, info.height, available_cores(), planes)
+            threads = memory_limit(job, run).affordable_threads(info.width, info.height, available_cores(), planes)
         observer = run.observer or SilentObserver()
         expected = count_frames(ready.base_schedule, info, sink.holds_last_frame)
         observer.opened(info, expected if part is None else part.output.frames)
@@ -143,8 +154,10 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
                 )
             if part is not None:
                 part.summary = summary
-            if isinstance(main, ImageSink) and summary.lowest_match is not None:
-                summary.lowest_match_file = main.names.path(summary.lowest_match.number).name
+            if isinstance(main, ImageSink):
+                summary.completed_frames -= main.kept_frames  # which no earlier run has made
+                if summary.lowest_match is not None:
+                    summary.lowest_match_file = main.names.path(summary.lowest_match.number).name
     # some are known only after the sink has finished the output
     summary.remarks += [remark for remark in sink.remarks if remark not in summary.remarks]
     if part is None:
@@ -169,15 +182,16 @@ def fingerprint_job(source: DescribedSource, *, resume: bool, **options: Any) ->
     return JobFingerprint(facts, resume)
 
 
+@checked
 def stream(
-    source: str | cv2.VideoCapture | Iterable[Image],
+    source: PathName | cv2.VideoCapture | Iterable[Image],
     *,
-    factor: Fraction | int | None = None,
-    fps: Fraction | int | None = None,
-    retime: str | None = None,
+    factor: Rate | None = None,
+    fps: Rate | None = None,
+    retime: PathName | None = None,
     method: str | Interpolator = "nlm",
-    input_fps: Fraction | int | None = None,
-    threads: int | None = None,
+    input_fps: Rate | None = None,
+    threads: Annotated[int, Range(1)] | None = None,
 ) -> Iterator[Image]:
     """Raise the frame rate of a source of frames, and yield frames as they are made.
 
@@ -187,18 +201,18 @@ def stream(
 
     Parameters
     ----------
-    source : str, cv2.VideoCapture or iterable of (H, W, C) uint8, uint16 or float32
+    source : str, os.PathLike, cv2.VideoCapture or iterable of (H, W, C) uint8, uint16 or float32
         A path as `fpsboost.convert` takes it; an open capture of a file, a camera, a pipeline or a network stream,
         which the caller keeps; or arrays in BGR(A) order, which must not be written to afterwards.
-    factor : Fraction or int, optional
+    factor : Fraction, int, float or str, optional
         Output frames per source frame; 2 if neither `factor` nor `fps` is given.
-    fps : Fraction or int, optional
+    fps : Fraction, int, float or str, optional
         Output frames per second, instead of `factor`.
-    retime : str, optional
+    retime : str or os.PathLike, optional
         Which time of the source each output time shows, as in `fpsboost.convert`; the source cannot play backwards.
     method : str or Interpolator
         A name from `fpsboost.methods`, or an object.
-    input_fps : Fraction or int, optional
+    input_fps : Fraction, int, float or str, optional
         Frames per second of images and arrays, and of a capture without a rate.
     threads : int, optional
         Pairs of frames processed in parallel; one per core by default. Frames are the same with any number.
@@ -223,9 +237,8 @@ def stream(
     [0, 20, 40, 60, 80, 80]
     """
     interpolator = find_method(method)
-    rate = OutputRate(_fraction(factor), _fraction(fps), retime=retime)
-    requirements = TargetRequirements(linear=interpolator.takes_layers)
-    with _as_source(source, _fraction(input_fps), requirements, needs_rate=fps is not None) as opened:
+    rate, decoding = OutputRate(factor, fps, retime=retime), DecodeOptions(input_fps=input_fps)
+    with _as_source(source, decoding, linear=interpolator.takes_layers, needs_rate=fps is not None) as opened:
         curve = rate.time_map(opened.info)
         if curve is not None and curve.reverses:
             raise OptionError("retime plays a stream of frames backwards, which is read only once; use convert.")
@@ -238,22 +251,19 @@ def stream(
 
 
 def _as_source(
-    source: str | cv2.VideoCapture | Iterable[Image],
-    input_fps: Fraction | None,
-    requirements: TargetRequirements,
+    source: PathName | cv2.VideoCapture | Iterable[Image],
+    decoding: DecodeOptions,
     *,
+    linear: bool,
     needs_rate: bool,
 ) -> FrameSource:
-    if isinstance(source, str):
-        return open_source(source, requirements=requirements, decoding=DecodeOptions(input_fps=input_fps))
+    if isinstance(source, str | os.PathLike):
+        return open_source(os.fspath(source), requirements=TargetRequirements(linear=linear), decoding=decoding)
+    rate = None if decoding.input_fps is None else Fraction(decoding.input_fps)
     if isinstance(source, cv2.VideoCapture):
-        images, rate = captured(source), input_fps or rate_of(source)
+        images, rate = captured(source), rate or rate_of(source)
     else:
-        images, rate = iter(source), input_fps
+        images = iter(source)
     if rate is None and needs_rate:
         raise OptionError("fps needs the source's own frame rate; say it with input_fps, or give factor instead.")
     return ArraySource(images, rate or ASSUMED_IMAGE_RATE)
-
-
-def _fraction(value: Fraction | int | None) -> Fraction | None:
-    return None if value is None else Fraction(value)

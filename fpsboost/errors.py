@@ -98,19 +98,6 @@ def choose_one(value: str, choices: Collection[str]) -> str:
     return f"did you mean {meant[0]!r}?" if meant else f"choose one of {', '.join(choices)}."
 
 
-def check_choice(option: str, value: str, choices: Collection[str]) -> None:
-    """Raise `OptionError` unless a value is one of a few choices; the message lists them."""
-    if value not in choices:
-        raise OptionError(f"{option} must be one of {', '.join(choices)}, not {value!r}.")
-
-
-def check_at_least(least: float, unit: str = "", /, **options: float) -> None:
-    """Raise `OptionError` unless all values, by the names of their options, are at least this."""
-    for option, value in options.items():
-        if not value >= least:
-            raise OptionError(f"{option} must be at least {least}{unit}, not {value}.")
-
-
 @contextmanager
 def explained(kind: type[FpsboostError], task: str, path: str | Path, advice: str) -> Iterator[None]:
     """Turn an OSError raised in the block into a sentence: cannot `task` (such as ``read``) the path; `advice`."""

@@ -359,13 +359,18 @@ def view(image: Image | ImageView) -> ImageView:
     return ImageView(image) if isinstance(image, np.ndarray) else image  # the one place that tells arrays apart
 
 
+def check_image(image: Image | ImageView, name: str = "An image") -> None:
+    """Raise `InputError`, which calls an image by its name, unless it is one."""
+    if len(image.shape) != 3 or image.shape[2] not in (1, 2, 3, 4) or 0 in image.shape:
+        raise InputError(f"{name} must have the shape (height, width, 1 to 4), not {image.shape}.")
+    if image.dtype not in type_names:
+        raise InputError(f"{name} must be uint8, uint16 or float32, not {image.dtype}; convert it first.")
+
+
 def check_pair(image0: Image | ImageView, image1: Image | ImageView) -> None:
     """Raise `InputError` unless both are valid images of one size and type."""
     for image in (image0, image1):
-        if len(image.shape) != 3 or image.shape[2] not in (1, 2, 3, 4) or 0 in image.shape:
-            raise InputError(f"An image must have the shape (height, width, 1 to 4), not {image.shape}.")
-        if image.dtype not in type_names:
-            raise InputError(f"An image must be uint8, uint16 or float32, not {image.dtype}; convert it first.")
+        check_image(image)
     kinds = [(image.shape, image.dtype, view(image).coding) for image in (image0, image1)]
     if kinds[0] != kinds[1]:
         raise InputError(

@@ -10,7 +10,7 @@ from fractions import Fraction
 from functools import partial
 from itertools import repeat
 from types import MappingProxyType
-from typing import Any, Generic, Literal, NamedTuple, TypeVar, get_args
+from typing import Annotated, Any, Generic, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +19,15 @@ from fpsboost.analysis.duplicates import DuplicateDetector
 from fpsboost.analysis.grain import match_grain
 from fpsboost.analysis.overlay import find_overlay, keep_overlay
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
-from fpsboost.errors import OptionError, SceneCutWarning, check_choice
+from fpsboost.errors import OptionError, SceneCutWarning
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import SAMPLE_BITS, Image, view
+from fpsboost.image import SAMPLE_BITS, Image, check_image, view
 from fpsboost.kernels.compiling import compiled_aside, uncollected
 from fpsboost.layered import FrameImage
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.field import MotionField, Neighbour, ZeroMotion
 from fpsboost.motion.rendered import RenderedVectors, UsesVectors
+from fpsboost.options import Checked, Range, checked
 from fpsboost.pair import Layered, Pair, as_bgr
 from fpsboost.synthesis import FramePair, FusesHypotheses, InterpolatedImage, Synthesizer
 from fpsboost.synthesis.agreement import measure_agreement
@@ -67,7 +68,7 @@ Interpolated = tuple[FrameImage, NDArray[Any] | None]
 
 
 @dataclass(frozen=True)
-class Interpolator:
+class Interpolator(Checked):
     """Interpolator of the frames between two frames.
 
     Parameters
@@ -122,13 +123,10 @@ class Interpolator:
     replacement: Replacement | None = None
     match_grain: bool = False
     uncertain: Uncertain = "keep"
-    below: float = 0.4
+    below: Annotated[float, Range(0, 1)] = 0.4
 
     def __post_init__(self) -> None:
-        check_choice("`at_cuts`", self.at_cuts, get_args(AtCuts))
-        check_choice("`uncertain`", self.uncertain, get_args(Uncertain))
-        if not 0 <= self.below <= 1:
-            raise OptionError(f"`below` must be 0 to 1, not {self.below}.")
+        super().__post_init__()
         if self.uncertain == "keep" and self.below != type(self).below:
             raise OptionError("`below` goes with `uncertain`; give that too, or leave it out.")
 
@@ -163,6 +161,7 @@ class Interpolator:
         parts = self.estimator, self.synthesizer
         return any(isinstance(part, UsesVectors) and part.needs_every_frame for part in parts)
 
+    @checked
     def interpolate(
         self, image0: Image, image1: Image, times: Sequence[float | Fraction], *, cuts: CutPolicy | None = None
     ) -> list[Image]:
@@ -197,14 +196,17 @@ class Interpolator:
         SceneCutWarning
             There is a cut, and a time lies between the two.
         """
+        check_image(image0, "image0")
+        check_image(image1, "image1")
         interpolator = replace(self, cuts=cuts)
         pair = interpolator.pair(FrameCache(image0), FrameCache(image1))
         images, scene_cut = interpolator.between(pair, times)
         arrays = [view(image).array() for image in images]
         if scene_cut and any(0 < t < 1 for t in times):
-            warnings.warn(CUT_WARNINGS[self.at_cuts], SceneCutWarning, stacklevel=2)
+            warnings.warn(CUT_WARNINGS[self.at_cuts], SceneCutWarning, stacklevel=3)
         return arrays
 
+    @checked
     def pair(self, image0: FrameCache, image1: FrameCache, duration: Fraction | float = 1) -> Pair:
         """Return two frames as `between` takes them; `duration` is the time between them, see `Pair`.
 
@@ -219,6 +221,7 @@ class Interpolator:
             compensate_illumination=self.compensate_illumination,
         )
 
+    @checked
     def between(
         self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None = None, after: Pair | None = None
     ) -> InBetween[FrameImage]:
@@ -245,6 +248,7 @@ class Interpolator:
         images, scene_cut = self.interpolated(pair, times, before, after, with_confidence=False)
         return InBetween((image for image, _ in images), scene_cut)
 
+    @checked
     def between_with_confidence(
         self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None = None, after: Pair | None = None
     ) -> InBetween[InterpolatedImage]:

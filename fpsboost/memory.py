@@ -1,8 +1,12 @@
 """Memory: how much a clip may take, and what the C library keeps after it has been freed.
 
-The limit is checked by a clip's frame size before decoding, because a short file can declare any size. Measured peaks
-of whole conversions, 8 to 16 bits per channel: 90 to 270 bytes per pixel if frames are only blended, 190 to 520 with
-motion; the estimate uses one number for all, because only what exceeds the machine is to be refused.
+The limit is checked by a clip's frame size before decoding, because a short file can declare any size. What a pixel
+takes is known of each method and kind of output, measured as the growth of the peak of whole conversions from one size
+to four times as many pixels; see `fpsboost.preparation.memory_limit`.
+
+Where the system bounds the address space (``ulimit -v``), libraries end the process, or wait for ever, when they get no
+more of it: OpenBLAS and OpenCV while they are loaded, FFmpeg when it starts threads. So what is left of it counts as
+memory, and where too little is left for the libraries themselves, nothing is begun.
 """
 
 from __future__ import annotations
@@ -14,12 +18,18 @@ import sys
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
-from fpsboost.errors import InputError, OptionError
+from fpsboost.errors import FpsboostError, InputError, OptionError, rounded
+from fpsboost.options import Checked, Range
 
 AT_LEAST = 300_000_000
 BYTES_PER_PIXEL = 400
-"""Bytes per pixel for all frames in memory at a time, the results computed from them, and the encoder's frames."""
+"""Bytes per pixel for all frames in memory at a time, the results computed from them, and the encoder's frames, where
+neither method nor output are known."""
+
+ADDRESS_SPACE = 1_300_000_000
+"""Bytes of address space that code, threads and reserves of libraries take; measured: 1.15 GB on two cores."""
 
 BYTES_PER_PIXEL_OF_A_THREAD = 100
 """Bytes per pixel for every thread beyond the first that processes a pair of frames; measured: 70 with `nlm`."""
@@ -32,14 +42,30 @@ UNKNOWN_MACHINE = 8_000_000_000
 multiples = {"": 1, "K": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}
 
 
+def address_space() -> int:
+    """Return the bytes of address space that the system leaves to frames; `sys.maxsize` without a limit.
+
+    Raises `FpsboostError` if it is too little to load the libraries.
+    """
+    with suppress(ImportError):  # not Unix
+        import resource  # noqa: PLC0415
+
+        soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+        if soft != resource.RLIM_INFINITY and soft <= ADDRESS_SPACE + AT_LEAST:
+            raise FpsboostError(
+                "The limit of address space is too low to load the libraries; allow more than "
+                f"{readable_size(ADDRESS_SPACE + AT_LEAST)} with ulimit -v."
+            )
+        return sys.maxsize if soft == resource.RLIM_INFINITY else soft - ADDRESS_SPACE
+    return sys.maxsize
+
+
 def available_memory() -> int:
     """Return the bytes available without swapping; if unknown, three quarters of the machine's memory, or 8 GB."""
-    try:
+    with suppress(OSError):  # not Linux
         match = re.search(r"^MemAvailable: *([0-9]+) kB$", Path("/proc/meminfo").read_text(), re.MULTILINE)
         if match is not None:
             return int(match[1]) * 1024
-    except OSError:  # not Linux
-        pass
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") * 3 // 4
     except (AttributeError, ValueError, OSError):  # not Unix
@@ -47,31 +73,31 @@ def available_memory() -> int:
 
 
 @dataclass(frozen=True)
-class MemoryLimit:
+class MemoryLimit(Checked):
     """Maximum memory that a conversion may need.
 
     Parameters
     ----------
     bytes : int
         Above 0; by default the memory that is available now.
+    bytes_per_pixel : int
+        What a conversion takes for each pixel of a frame, with one thread.
     """
 
-    bytes: int = field(default_factory=available_memory)
-
-    def __post_init__(self) -> None:
-        if self.bytes <= 0:
-            raise OptionError(f"`limit` must be above 0, not {self.bytes}.")
+    bytes: Annotated[int, Range(above=0)] = field(default_factory=available_memory)
+    bytes_per_pixel: int = BYTES_PER_PIXEL
 
     def check(
         self, name: str | os.PathLike[str], width: int, height: int, planes: int = 0, *, decoding: int = 0
     ) -> None:
-        """Raise `InputError` if frames of this size, planes of layers and bytes for decoding one frame need more."""
-        need = _needed(width, height, planes) + decoding
-        if need > self.bytes:
+        """Raise `InputError` if frames of this size, planes of layers, and further bytes for decoding, need more."""
+        need = self._needed(width, height, planes) + decoding
+        most = min(self.bytes, address_space())
+        if need > most:
             layers = f" with {planes} planes of layers" if planes else ""
             raise InputError(
-                f"{os.fspath(name)} is {width}x{height}{layers}, which takes about {_readable(need)} of memory where "
-                f"{_readable(self.bytes)} may be taken; scale it down, or allow more with `limit`."
+                f"{os.fspath(name)} is {width}x{height}{layers}, which takes about {readable_size(need)} of memory "
+                f"where {readable_size(most)} may be taken; scale it down, or allow more with `limit`."
             )
 
     def affordable_threads(self, width: int, height: int, most: int, planes: int = 0) -> int:
@@ -83,28 +109,34 @@ class MemoryLimit:
         [1, 6]
         """
         per_thread = (BYTES_PER_PIXEL_OF_A_THREAD + BYTES_PER_PLANE_OF_A_THREAD * planes) * width * height
-        return max(1, min(most, 1 + (self.bytes - _needed(width, height, planes)) // per_thread))
+        return max(1, min(most, 1 + (self.bytes - self._needed(width, height, planes)) // per_thread))
 
     def affordable_processes(self, width: int, height: int, most: int, planes: int = 0) -> int:
         """Return how many processes can each convert a clip of this size with one thread, from 1 to `most`."""
-        return max(1, min(most, self.bytes // _needed(width, height, planes)))
+        return max(1, min(most, self.bytes // self._needed(width, height, planes)))
 
-
-def _needed(width: int, height: int, planes: int) -> int:
-    return AT_LEAST + (BYTES_PER_PIXEL + BYTES_PER_PLANE * planes) * width * height
+    def _needed(self, width: int, height: int, planes: int) -> int:
+        return AT_LEAST + (self.bytes_per_pixel + BYTES_PER_PLANE * planes) * width * height
 
 
 def parse_memory(text: str, option: str = "`limit`") -> MemoryLimit:
     """Parse a size of memory as people write it; messages name it by `option`."""
     match = re.fullmatch(r"([0-9]{1,18}(?:\.[0-9]{1,9})?) *([KMGT]?)B?", text.strip(), re.IGNORECASE)
-    if match is None:
+    if match is None or not float(match[1]):
         raise OptionError(f"{option} must be a size such as 8G or 500M, not {text!r}.")
     return MemoryLimit(round(float(match[1]) * multiples[match[2].upper()]))
 
 
-def _readable(size: int) -> str:
-    unit, name = next(((unit, name) for unit, name in ((10**12, "TB"), (10**9, "GB")) if size >= unit), (10**6, "MB"))
-    return f"{size / unit:.{0 if name == 'MB' else 1}f} {name}"
+def readable_size(size: float) -> str:
+    """Return bytes as people write them, with three figures that count.
+
+    Examples
+    --------
+    >>> readable_size(4_560_000_000), readable_size(78_900)
+    ('4.56 GB', '78.9 kB')
+    """
+    unit = next((letter for letter in "TGMk" if size >= multiples[letter.upper()]), "k")
+    return f"{rounded(size / multiples[unit.upper()], 3)} {unit}B"
 
 
 MIB = 2**20

@@ -1,5 +1,7 @@
 """Options as fields of frozen dataclasses: declared once, for Python and for a command line with flags for them.
 
+Values are checked where they come in, against the types that the fields and the parameters of public functions declare.
+
 A field's name, type and default are those of the dataclass; `option` adds what a command line needs beside them.
 Messages of the library name a field between backquotes, with a value after ``=`` where one is meant: "give `fps=60`". A
 program that has other names for the fields replaces them.
@@ -7,9 +9,30 @@ program that has other names for the fields replaces them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Any, get_type_hints
+import math
+import os
+import reprlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from fractions import Fraction
+from functools import lru_cache, partial, wraps
+from inspect import signature
+from numbers import Integral, Rational, Real
+from pathlib import Path
+from textwrap import shorten
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, NamedTuple, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from fpsboost.errors import OptionError
+
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
+
+Rate = Fraction | int | float | str
+"""Frame rate, or another number that must be exact: 60, 59.94 (which is 60000/1001), ``"60000/1001"``, a Fraction."""
+
+PathName = str | os.PathLike[str]
+"""Name of a file or folder, as text or as a ``pathlib.Path``."""
 
 
 @dataclass(frozen=True)
@@ -106,3 +129,142 @@ def given_in(options: Any) -> Iterator[tuple[str, object]]:
                 value = ",".join(map(str, value))
             is_switch = isinstance(value, bool)  # also where it drops something: --no-audio
             yield names[each.name], is_switch or (value.as_option() if hasattr(value, "as_option") else value)
+
+
+def with_options(options: Any, given: dict[str, Any], group: str) -> Any:
+    """Return an object of options with others by the names of their fields, nested ones too; see `Checked`.
+
+    They are taken out of `given`. Raises `OptionError` where one is given in the object too, which messages call
+    `group`.
+    """
+    values = dict[str, Any]()
+    for each in fields(options):
+        value = getattr(options, each.name)
+        if each.name in given:
+            if value != each.default:
+                raise OptionError(f"`{each.name}` is given twice, by itself and in `{group}`; give one of them.")
+            values[each.name] = given.pop(each.name)
+        elif is_dataclass(each.default):
+            values[each.name] = with_options(value, given, group)
+    return replace(options, **values)
+
+
+class Checked:
+    """Base of dataclasses whose values are checked against the types of their fields, with `Range` where they have one.
+
+    Rates become fractions, paths texts, and lists tuples. Texts are read as on the command line, and so are numbers for
+    fields of another type: ``start=90`` is a position. `OptionError` names the field that is wrong.
+    """
+
+    def __post_init__(self) -> None:
+        for each in fields(self):  # type: ignore[arg-type]
+            value, hint = getattr(self, each.name), hints_of(type(self))[each.name]
+            parse = getattr(each.metadata.get("option"), "parse", None)
+            is_exact = isinstance(value, Fraction) or (_is_of(value, hint) and not _is_rate(hint))
+            if parse and isinstance(value, str | Real) and not is_exact:
+                value = parse(str(value), f"`{each.name}`")
+            elif isinstance(value, os.PathLike | list):
+                value = os.fspath(value) if isinstance(value, os.PathLike) else tuple(value)
+            check_type(each.name, value, hint)
+            object.__setattr__(self, each.name, value)
+
+
+class Range(NamedTuple):
+    """Range of a field's numbers, in ``Annotated[float, Range(0, 1)]``; `above` and `below` are outside of it."""
+
+    least: float = -math.inf
+    most: float = math.inf
+    above: float = -math.inf
+    below: float = math.inf
+    unit: str = ""
+
+    def holds(self, value: float) -> bool:
+        """Return whether a number lies in the range; NaN does not."""
+        return self.least <= value <= self.most and self.above < value < self.below
+
+    def __str__(self) -> str:
+        bounds = {"at least": self.least, "above": self.above, "at most": self.most, "below": self.below}
+        words = [f"{word} {bound:.15g}" for word, bound in bounds.items() if math.isfinite(bound)]
+        is_closed = math.isfinite(self.most - self.least)
+        return (f"{self.least:.15g} to {self.most:.15g}" if is_closed else " and ".join(words)) + self.unit
+
+
+def checked(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Decorate a public function: arguments of other types than its hints raise `OptionError` before it is called."""
+    names = list(signature(function).parameters)
+
+    @wraps(function)
+    def call(*arguments: Parameters.args, **options: Parameters.kwargs) -> Result:
+        hints = hints_of(function)
+        for name, value in [*zip(names, arguments, strict=False), *options.items()]:
+            check_type(name, value, hints.get(name, Any) if name in names else Any)
+        return function(*arguments, **options)
+
+    return call
+
+
+hints_of: Callable[[Any], dict[str, Any]] = lru_cache(maxsize=None)(partial(get_type_hints, include_extras=True))
+"""Types of a class's fields, or of a function's parameters, by name."""
+
+
+def check_type(name: str, value: Any, hint: Any) -> None:
+    """Raise `OptionError`, which calls a value by its name, unless the value is of the type that a hint says."""
+    if not _is_of(value, hint):
+        given = str(value) if isinstance(value, Fraction) else shorten(reprlib.repr(value), 60)
+        raise OptionError(f"`{name}` must be {_described(hint, value)}, not {given}.")
+
+
+def _members(hint: Any) -> tuple[Any, ...]:
+    """Return the types of a union, or a type by itself."""
+    return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+
+
+def _is_rate(hint: Any) -> bool:
+    """Return whether a hint is `Rate`, perhaps with a range, or None."""
+    return any(Fraction in (kind, *_members(get_args(kind)[0] if get_args(kind) else kind)) for kind in _members(hint))
+
+
+def _is_of(value: Any, hint: Any) -> bool:
+    """Return whether a value is of a type; numbers may be NumPy's, a bool is no number, and a text is no sequence."""
+    origin = get_origin(hint) or hint
+    if origin in (Union, UnionType):
+        return any(_is_of(value, kind) for kind in _members(hint))
+    if origin is Annotated:
+        kind, extent = get_args(hint)
+        return _is_of(value, kind) and (not isinstance(value, Real) or extent.holds(value))
+    if origin is Literal:
+        return isinstance(value, str | int) and value in get_args(hint)
+    if origin in NUMBERS:
+        return isinstance(value, NUMBERS[origin]) and not isinstance(value, bool)
+    try:
+        is_of = isinstance(value, origin) and (origin is str or not isinstance(value, str))
+    except TypeError:  # a hint that is no class, or a contract that cannot be checked
+        return True
+    elements = get_args(hint)[:1] if origin in (tuple, Sequence) else ()
+    return is_of and all(_is_of(each, element) for element in elements for each in value)
+
+
+NUMBERS: Mapping[Any, type] = {int: Integral, float: Real, Fraction: Rational}
+"""Abstract types of numbers, which those of NumPy are, too."""
+
+DESCRIPTIONS: Mapping[Any, str] = {
+    **{bool: "True or False", int: "a whole number", float: "a number", Fraction: "a fraction", str: "text"},
+    **dict.fromkeys((os.PathLike, Path), "a path"),
+    **dict.fromkeys((tuple, Sequence, Iterable), "a sequence"),
+}
+"""What messages call types."""
+
+
+def _described(hint: Any, value: Any) -> str:
+    """Return what a message calls a type, or the range that a value of the right type is not in."""
+    members, origin = _members(hint), get_origin(hint) or hint
+    if origin is Annotated:
+        kind, extent = get_args(hint)
+        return str(extent) if _is_of(value, kind) else _described(kind, value)
+    if len(members) > 1:
+        covered = (NoneType, int, Fraction) if float in members else (NoneType,)
+        return " or ".join(dict.fromkeys(_described(kind, value) for kind in members if kind not in covered))
+    if origin is Literal:
+        return f"one of {', '.join(map(str, get_args(hint)))}"
+    name = origin.__name__.removeprefix("nd")  # of an array
+    return DESCRIPTIONS.get(origin, f"{'an' if name[0].lower() in 'aeio' else 'a'} {name}")

@@ -5,6 +5,7 @@ that is known before the first frame.
 from __future__ import annotations
 
 import math
+import os
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -12,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
 from itertools import islice
+from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from fpsboost.analysis.scene_cuts import CutList, counts_frames
@@ -22,22 +24,38 @@ from fpsboost.frame_cache import SourcePosition
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import DescribedSource, SeekableSource
-from fpsboost.io.images.files import read_image
+from fpsboost.io.animation.sink import ANIMATION_SUFFIXES
+from fpsboost.io.images.files import extension_of, read_image
 from fpsboost.io.images.sequence import NumberedImages
-from fpsboost.io.opening import Target, check_images, open_source
+from fpsboost.io.images.source import is_pattern
+from fpsboost.io.opening import PIPES, Target, check_images, open_source
 from fpsboost.io.output import TIME_TOLERANCE, Output, StreamInfo, Window
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.encoding import VIDEO_SUFFIXES
+from fpsboost.memory import BYTES_PER_PIXEL, MemoryLimit
+from fpsboost.method_table import BYTES_PER_PIXEL_OF
+from fpsboost.options import Checked, PathName
 from fpsboost.render.folder import VectorFolder, fit_vectors
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import beginning
 from fpsboost.timing.position import Position, Trim, format_time
-from fpsboost.timing.rate import FrameIntervals, OutputRate
+from fpsboost.timing.rate import FrameIntervals, OutputRate, readable
 from fpsboost.timing.schedule import Schedule, count_frames
 from fpsboost.timing.time_map import FOREVER, TimeMap
 
 BLOCK = 16
 """Frames that are in memory at a time where a source plays backwards."""
+
+
+OUTPUT_SUFFIXES = (*VIDEO_SUFFIXES, *ANIMATION_SUFFIXES)
+FALLBACK_SUFFIX = ".mkv"
+"""Suffix of the output if the input's cannot be written; Matroska holds every kind of audio and subtitles."""
+
+
+ENCODER_BYTES_PER_PIXEL = 270
+"""Bytes of memory that an encoder of video takes for a pixel; measured: 255 with libx264, which looks 40 frames
+ahead."""
 
 
 @runtime_checkable
@@ -227,14 +245,14 @@ class FoldedSource(ClosesOnExit):
 
 
 @dataclass(frozen=True)
-class ConversionJob:
+class ConversionJob(Checked):
     """Conversion of a clip: everything that shapes its output, as `fpsboost.convert` takes it.
 
-    `output` is None for images beside the input.
+    `output` is None for images beside the input, or for a name beside it; see `output_beside`.
     """
 
-    input: str
-    output: str | None
+    input: PathName
+    output: PathName | None
     rate: OutputRate
     method: Interpolator
     decoding: DecodeOptions = DecodeOptions()
@@ -248,7 +266,7 @@ class ConversionJob:
         """Return the output's target; raise `OptionError` if there is none, or an option does not apply to it."""
         _check_shutter(self.rate, self.method, run)
         _check_retime(self.rate, self.method, run)
-        target = Target.parse(_resolve_output(self.input, self.output, in_place=run.in_place, overwrite=run.overwrite))
+        target = Target.parse(_resolve_output(self, run))
         target.check_encoding(self.encoding)
         return target
 
@@ -280,6 +298,13 @@ class OpenedClip:
         return None
 
 
+def memory_limit(job: ConversionJob, run: RunOptions) -> MemoryLimit:
+    """Return the memory that a conversion may take, and what it takes for a pixel, by its method and output."""
+    kind = Target.parse(os.fspath(job.output or "images/")).kind
+    each = BYTES_PER_PIXEL_OF.get(type(job.method.estimator), BYTES_PER_PIXEL)
+    return replace(run.limit or MemoryLimit(), bytes_per_pixel=each + ENCODER_BYTES_PER_PIXEL * (kind == "video"))
+
+
 @contextmanager
 def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
     """Open the source of a job while the block lasts; see `fpsboost.io.opening.open_source`."""
@@ -291,12 +316,12 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
         takes_layers=interpolator.takes_layers and rate.shutter is None,
     )
     with open_source(
-        job.input,
+        os.fspath(job.input),
         requirements=requirements,
         decoding=job.decoding,
         fill_gaps=rate.fill_gaps,
         in_place=run.in_place,
-        limit=run.limit,
+        limit=memory_limit(job, run),
     ) as whole:
         _check_layers(whole.stream_info.images, interpolator, rate)
         may_skip = not counts_frames(interpolator.cuts) and rate.replace is None
@@ -446,17 +471,54 @@ def _check_retime(rate: OutputRate, interpolator: Interpolator, run: RunOptions)
         )
 
 
-def _resolve_output(input: str, output: str | None, *, in_place: bool, overwrite: bool) -> str:
-    if not in_place:
-        if output is None:
-            raise OptionError(f"There is no output for {input}; name one, or give `in_place` for images beside it.")
-        return output
-    if output is not None:
-        raise OptionError(f"`in_place` writes beside the images of {input}; leave the output {output} out.")
-    if overwrite:
+def _resolve_output(job: ConversionJob, run: RunOptions) -> str:
+    """Return the name of a job's output; in place, that of its input."""
+    if not run.in_place:
+        return output_beside(job.input, job.rate) if job.output is None else os.fspath(job.output)
+    if job.output is not None:
+        raise OptionError(f"`in_place` writes beside the images of {job.input}; leave the output {job.output} out.")
+    if run.overwrite:
         raise OptionError("`in_place` replaces nothing; leave `overwrite` out.")
-    check_images(input, "`in_place`")
-    return input
+    check_images(os.fspath(job.input), "`in_place`")
+    return os.fspath(job.input)
+
+
+def output_beside(clip: PathName, rate: OutputRate) -> str:
+    """Return the name of an output that is not named: beside the input, with the rate behind its name.
+
+    Examples
+    --------
+    >>> output_beside("films/in.avi", OutputRate(fps=60))
+    'films/in-60fps.mkv'
+    """
+    input = os.fspath(clip)
+    if input in PIPES:
+        raise OptionError("There is no output for standard input; name one.")
+    if not clip_name(input):
+        return output_beside(str(Path(input).resolve().parent), rate)
+    speed = "filled" if rate.fill_gaps and rate.factor is None else f"{readable(rate.multiple)}x"
+    speed = "repaired" if rate.keeps_frames else "retimed" if rate.retimes else speed
+    parts = [speed] if rate.fps is None or rate.slow_motion or rate.retimes else []
+    parts += ["slow"] * rate.slow_motion + ([] if rate.fps is None else [f"{readable(rate.fps)}fps"])
+    planned, place = name_in_folder(input, Path()), Path(input)
+    folder = place.resolve().parent if place.name in ("", "..") else place.parent
+    ending = "/" if planned.endswith("/") else Path(planned).suffix
+    return f"{folder / '-'.join([clip_name(input), *parts])}{ending}"
+
+
+def clip_name(input: str) -> str:
+    """Return the name of a clip without its ending and what a pattern adds to it; of a pattern, nothing may be left."""
+    name = Path(input).resolve().name if os.path.isdir(input) else Path(input).stem
+    return name if os.path.exists(input) else name.split("#")[0].split("%")[0].rstrip("._- ")
+
+
+def name_in_folder(path: str, folder: Path) -> str:
+    """Return the name of an output for an input in a folder, of its type if that can be written."""
+    if os.path.isdir(path) or (is_pattern(path) and not os.path.isfile(path)):
+        images = Path(path) if os.path.isdir(path) else Path(path).parent
+        return f"{folder / images.resolve().name}/"
+    suffix = Path(path).suffix if extension_of(path) in OUTPUT_SUFFIXES else FALLBACK_SUFFIX
+    return str(folder / f"{Path(path).stem}{suffix}")
 
 
 def _match_vectors(

@@ -5,33 +5,33 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from fpsboost.contracts import FrameWatcher, Observer
 from fpsboost.errors import OptionError
 from fpsboost.io.side.options import SideOutputs
 from fpsboost.memory import MemoryLimit, parse_memory
-from fpsboost.options import option
+from fpsboost.options import Checked, PathName, Range, option
 
 MAX_PARTS = 9999
 
 
 @dataclass(frozen=True)
-class Part:
+class Part(Checked):
     """One of the parts that a conversion is cut into: its number, counted from 1, and how many there are."""
 
-    number: int
-    count: int
+    number: Annotated[int, Range(1)]
+    count: Annotated[int, Range(1, MAX_PARTS)]
 
     def __post_init__(self) -> None:
-        if not 1 <= self.count <= MAX_PARTS:
-            raise OptionError(f"`chunk={self}` must have 1 to {MAX_PARTS} parts; write it like 3/8.")
-        if not 1 <= self.number <= self.count:
+        super().__post_init__()
+        if self.number > self.count:
             raise OptionError(f"`chunk={self}` does not exist; parts are numbered from 1 to {self.count}.")
 
     def __str__(self) -> str:
         return f"{self.number}/{self.count}"
 
-    def folder(self, output: str) -> Path:
+    def folder(self, output: PathName) -> Path:
         """Return where this part of an output is written: beside it, in a folder of its name with ``.parts`` behind it.
 
         Examples
@@ -52,7 +52,7 @@ def parse_part(text: str, option: str = "`chunk`") -> Part:
 
 
 @dataclass(frozen=True)
-class RunOptions:
+class RunOptions(Checked):
     """How a conversion is run; its frames are the same with any of these options.
 
     Parameters
@@ -91,13 +91,14 @@ class RunOptions:
     limit: MemoryLimit | None = option(
         None, "Refuse jobs above this: 8G; else the free memory.", flag="max-memory", parse=parse_memory
     )
-    threads: int | None = option(None, "Pairs of frames in parallel; else one per core.")
+    threads: Annotated[int, Range(1)] | None = option(None, "Pairs of frames in parallel; else one per core.")
     chunk: Part | None = option(None, "Convert part K of N; see fpsboost join.", metavar="K/N", parse=parse_part)
     observer: Observer | None = None
     watcher: FrameWatcher | None = None
     side: SideOutputs = SideOutputs()
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.chunk is not None and self.in_place:
             raise OptionError(
                 "`chunk` writes its part into a folder, which does not work with `in_place`; leave one of them out."

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from itertools import chain, groupby, islice, pairwise
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -31,10 +31,11 @@ from fpsboost.contracts import (
     SourceMoment,
     Summary,
 )
-from fpsboost.errors import InputError, OptionError
+from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, PairMotion
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolated, Interpolator, with_neighbours
+from fpsboost.options import Range, checked
 from fpsboost.pair import Pair
 from fpsboost.repair import group_replaced
 from fpsboost.synthesis.exposure import Exposure
@@ -46,6 +47,7 @@ from fpsboost.timing.time_map import TimeMap
 FRAMES_PER_TASK = 4  # maximum number of output frames that one task makes
 
 
+@checked
 def run_conversion(
     source: FrameSource,
     interpolator: Interpolator,
@@ -54,7 +56,7 @@ def run_conversion(
     observer: Observer | None = None,
     *,
     stretch: Fraction = Fraction(1),
-    threads: int | None = None,
+    threads: Annotated[int, Range(1)] | None = None,
     outputs: OutputRange | None = None,
 ) -> Summary:
     """Run the loop over objects: read, interpolate, write. The caller opens and closes source and sink.
@@ -140,8 +142,6 @@ def interpolate_frames(
 
     When the block begins, kernels are compiled. The summary is updated with the numbers of frames read and made.
     """
-    if threads is not None and threads < 1:
-        raise OptionError(f"`threads` must be at least 1, not {threads}.")
     outputs = outputs or OutputRange()
     detector = None if interpolator.needs_every_frame else interpolator.duplicates
     with (

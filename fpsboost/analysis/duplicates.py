@@ -8,24 +8,24 @@ from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import islice, pairwise
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
 
 from fpsboost.colour import has_alpha, normalised
-from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import view
 from fpsboost.motion.components import CHROMA_WEIGHT, Components, chroma, gray
+from fpsboost.options import Checked, Range
 
 ROUNDING = 0.01  # maximum error of differences by the rounding of sums, 8-bit levels
 BAND_BLOCKS = 8  # height of the bands that are compared one after the other, blocks
 
 
 @dataclass(frozen=True)
-class DuplicateDetector:
+class DuplicateDetector(Checked):
     """Detector of duplicate frames: frames that show the same as an earlier one, up to the noise of an encoder.
 
     The difference of two frames is that of their most different block, so that a mouth that moves in a still picture
@@ -49,22 +49,12 @@ class DuplicateDetector:
         Maximum number of frames of a held picture; this many are kept in memory.
     """
 
-    noise: float = 6.0
-    share: float = 0.25
-    smallest_step: float = 3.0
-    block: int = 16
-    longest: Fraction = Fraction(1, 4)
-    most: int = 8
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.noise <= 255:
-            raise OptionError(f"noise must be 0 to 255 levels, not {self.noise}.")
-        if not 0 <= self.share < 1:
-            raise OptionError(f"share must be at least 0 and below 1, not {self.share}.")
-        if not 0 < self.smallest_step <= 255:
-            raise OptionError(f"smallest_step must be above 0 and at most 255 levels, not {self.smallest_step}.")
-        if self.block < 1 or self.most < 1 or self.longest < 0:
-            raise OptionError("block and most must be at least 1, and longest not below 0; change the detector.")
+    noise: Annotated[float, Range(0, 255, unit=" levels")] = 6.0
+    share: Annotated[float, Range(0, below=1)] = 0.25
+    smallest_step: Annotated[float, Range(above=0, most=255, unit=" levels")] = 3.0
+    block: Annotated[int, Range(1, unit=" pixel")] = 16
+    longest: Annotated[Fraction, Range(0, unit=" s")] = Fraction(1, 4)
+    most: Annotated[int, Range(1)] = 8
 
     @property
     def difference_limit(self) -> float:

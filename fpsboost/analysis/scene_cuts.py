@@ -10,19 +10,20 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha
-from fpsboost.errors import InputError, OptionError, check_at_least, explained
+from fpsboost.errors import InputError, explained
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.image import view
 from fpsboost.motion.components import Components, small_components, small_copy
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_fused
+from fpsboost.options import Checked, Range
 from fpsboost.timing.position import Position, parse_position
 
 CERTAIN_CUT_FRACTION = 0.3
@@ -62,6 +63,7 @@ PATCH_RADIUS = 5
 """Patch radius in thumbnail pixels; a patch is a quarter of a thumbnail wide. Smaller patches match in any picture."""
 
 
+@runtime_checkable
 class CutPolicy(Protocol):
     """Contract: decides where scenes end, pair by pair.
 
@@ -87,7 +89,7 @@ def counts_frames(policy: CutPolicy | None) -> bool:
 
 
 @dataclass(frozen=True)
-class CutDetector:
+class CutDetector(Checked):
     """Detector of scene cuts: pairs in which hardly any motion is consistent forward and backward.
 
     Both frames are reduced to thumbnails, and every patch of either is searched for in the other with the similarity
@@ -110,16 +112,9 @@ class CutDetector:
         strikes another pose in an animation stays below it.
     """
 
-    threshold: float = 0.5
-    drop: float = 0.6
-    times: float = 8.0
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.threshold <= 1:
-            raise OptionError(f"`cut_threshold` must be 0 (no cuts) to 1 (all cuts), not {self.threshold}.")
-        if not 0 < self.drop <= 1:
-            raise OptionError(f"drop must be above 0 and at most 1, not {self.drop}.")
-        check_at_least(1, times=self.times)
+    threshold: Annotated[float, Range(0, 1)] = 0.5
+    drop: Annotated[float, Range(above=0, most=1)] = 0.6
+    times: Annotated[float, Range(1)] = 8.0
 
     def is_cut(self, match_score: float, *neighbours: float) -> bool:
         """Return whether a scene ends within a pair, given its match score and those of the pairs before and after.

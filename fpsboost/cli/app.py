@@ -59,7 +59,7 @@ from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, Re
 from fpsboost.io.staging import discard_unfinished
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.memory import limit_free_memory
+from fpsboost.memory import address_space, limit_free_memory
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import OutputRate
 from fpsboost.version import __version__
@@ -183,7 +183,7 @@ def convert(
     # imported here so that --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost.cli import batch  # noqa: PLC0415
     from fpsboost.cluster import convert_where  # noqa: PLC0415
-    from fpsboost.preparation import ConversionJob  # noqa: PLC0415
+    from fpsboost.preparation import ConversionJob, output_beside  # noqa: PLC0415
     from fpsboost.threads import one_opencv_thread  # noqa: PLC0415
 
     interpolator = cuts.applied_to(motion.interpolator(tuning))
@@ -215,7 +215,7 @@ def convert(
         if job.target(run_options).kind == "images" and not run_options.in_place and LAST_IMAGE not in announced:
             summary.remarks += (said := batch.last_image_remarks(summary.frames_in, summary.frames_out, rate.multiple))
             announced.extend([LAST_IMAGE] * len(said))
-        reporter.say_summary(summary)
+        reporter.say_summary(summary, in_place=run_options.in_place)
 
     if not Path(input).suffix and not os.path.exists(input):
         names = {name.strip("-"): name for name in app}
@@ -225,7 +225,7 @@ def convert(
     inputs = paths if run_options.in_place else paths[:-1]
     check_named_once(inputs)
     if len(inputs) <= 1:
-        run(input, None if run_options.in_place else output or batch.output_beside(input, rate))
+        run(input, None if run_options.in_place else output or output_beside(input, rate))
         return
     of_one_clip = ["--vectors"] * (motion.rendered.vectors is not None) + ["--chunk"] * (run_options.chunk is not None)
     of_one_clip += run_options.side.given
@@ -392,6 +392,7 @@ def run_command(texts: LibraryTexts) -> None:
     verbose = "--verbose" in tokens
     try:
         with all_explained([token for token in tokens if token not in app]), standard_output_finished():
+            address_space()  # which may be too little, and libraries do not say so when they are loaded
             execute(tokens)
         if texts.sentence() and in_json:
             print_object(remarks=[texts.sentence()])

@@ -9,19 +9,13 @@ from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 
-from fpsboost.cli.messages import console, literal, readable, say_error, say_traceback, sentence
+from fpsboost.cli.messages import console, literal, say_error, say_traceback, sentence
 from fpsboost.cli.options import MessageOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained
-from fpsboost.io.animation.sink import ANIMATION_SUFFIXES
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
 from fpsboost.io.images.source import is_pattern
 from fpsboost.io.opening import PIPES
-from fpsboost.io.video.encoding import VIDEO_SUFFIXES
-from fpsboost.timing.rate import OutputRate
-
-OUTPUT_SUFFIXES = (*VIDEO_SUFFIXES, *ANIMATION_SUFFIXES)
-FALLBACK_SUFFIX = ".mkv"
-"""Suffix of the output if the input's cannot be written; Matroska holds every kind of audio and subtitles."""
+from fpsboost.preparation import OUTPUT_SUFFIXES, name_in_folder
 
 Convert = Callable[[str, str | None, str], None]
 """Function that converts an input to an output, None for beside it; the third text numbers it, such as ``2/5``."""
@@ -39,41 +33,13 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
     looks_like_file = not is_folder and extension_of(folder) in (*OUTPUT_SUFFIXES, *IMAGE_SUFFIXES)
     if is_file or looks_like_file or is_pattern(folder):
         raise OptionError(f"{folder} is no folder, and {len(inputs)} inputs need one; name a folder last.")
-    outputs = [_choose_output(path, Path(folder)) for path in inputs]
+    outputs = [name_in_folder(path, Path(folder)) for path in inputs]
     by_output: dict[str, str] = {}
     for path, output in zip(inputs, outputs, strict=True):
         clash = by_output.setdefault(output.casefold(), path)  # many file systems ignore case
         if clash != path:
             raise OptionError(f"{clash} and {path} would both become {output}; convert one of them by itself.")
     return outputs
-
-
-def output_beside(input: str, rate: OutputRate) -> str:
-    """Return the name of an output that is not named: beside the input, with the rate behind its name.
-
-    Examples
-    --------
-    >>> output_beside("films/in.avi", OutputRate(fps=60))
-    'films/in-60fps.mkv'
-    """
-    if input in PIPES:
-        raise OptionError("OUT is missing: name an output for standard input.")
-    if not clip_name(input):
-        return output_beside(str(Path(input).resolve().parent), rate)
-    speed = "filled" if rate.fill_gaps and rate.factor is None else f"{readable(rate.multiple)}x"
-    speed = "repaired" if rate.keeps_frames else "retimed" if rate.retimes else speed
-    parts = [speed] if rate.fps is None or rate.slow_motion or rate.retimes else []
-    parts += ["slow"] * rate.slow_motion + ([] if rate.fps is None else [f"{readable(rate.fps)}fps"])
-    planned, place = _choose_output(input, Path()), Path(input)
-    folder = place.resolve().parent if place.name in ("", "..") else place.parent
-    ending = "/" if planned.endswith("/") else Path(planned).suffix
-    return f"{folder / '-'.join([clip_name(input), *parts])}{ending}"
-
-
-def clip_name(input: str) -> str:
-    """Return the name of a clip without its ending and what a pattern adds to it; of a pattern, nothing may be left."""
-    name = Path(input).resolve().name if os.path.isdir(input) else Path(input).stem
-    return name if os.path.exists(input) else name.split("#")[0].split("%")[0].rstrip("._- ")
 
 
 def last_image_remarks(frames_in: int, frames_out: int, multiple: Fraction) -> list[str]:
@@ -94,14 +60,6 @@ def check_ending(input: str, output: str) -> None:
     if output and is_video and not (Path(output).suffix or is_meant):
         ending = extension_of(input) if extension_of(input) in OUTPUT_SUFFIXES else ".mp4"
         raise OptionError(f"{output} has no ending; say {output}{ending}, or {output}/ for a folder of images.")
-
-
-def _choose_output(path: str, folder: Path) -> str:
-    if os.path.isdir(path) or (is_pattern(path) and not os.path.isfile(path)):
-        images = Path(path) if os.path.isdir(path) else Path(path).parent
-        return f"{folder / images.resolve().name}/"
-    suffix = Path(path).suffix if extension_of(path) in OUTPUT_SUFFIXES else FALLBACK_SUFFIX
-    return str(folder / f"{Path(path).stem}{suffix}")
 
 
 def convert_each(inputs: Sequence[str], folder: str, convert: Convert, options: MessageOptions) -> None:

@@ -11,22 +11,32 @@ from rich.console import Console
 from rich.table import Table
 
 from fpsboost.cli.batch import last_image_remarks
-from fpsboost.cli.messages import literal, readable, sentence
-from fpsboost.errors import OptionError, rounded
+from fpsboost.cli.messages import literal, sentence
+from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo
 from fpsboost.io.opening import PIPES
+from fpsboost.memory import readable_size
 from fpsboost.preparation import ConversionJob, Preparation, prepared, with_duration
 from fpsboost.preview.page import Preview, estimate_sentence, preview
 from fpsboost.probing import as_prospect, expected_losses, list_streams
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Position, format_time
+from fpsboost.timing.rate import OutputRate, readable
 from fpsboost.timing.schedule import count_frames
 
 PLACES = (Fraction(1, 4), Fraction(1, 2), Fraction(3, 4))
 """Places of the passages that are tried, as parts of the clip; where motion is largest, they would be too large."""
 
-MIN_SECONDS = 8  # duration of a clip below which passages at places of their own would overlap
+MIN_FRAMES = 1200  # number of frames of a clip below which one passage is tried, at its beginning
 
+PART = 16
+"""Fraction of a clip's frames that are tried: with what it takes to read them first, a tenth of the run."""
+
+SHORTEST, LONGEST = 3, 24
+"""Number of frames in a passage."""
+
+KEY_INTERVAL = 250
+"""Number of frames that usual encoders write after a picture that needs no other, which is the first of a passage."""
 
 NAMES = {"audio": "sound", "subtitle": "subtitles", "cover": "cover picture", "data": "data", "attachment": "file"}
 """What messages call the kinds of streams beside the pictures."""
@@ -46,35 +56,42 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
         if frames is None:
             source = job.decoding.trim.of_info(with_duration(ready.clip.whole))
             frames = count_frames(ready.base_schedule, source, holds_last_frame=not is_images)
-        kept, places = _kept(ready, remarks), _places(ready, source)
-    with reading.status("trying passages"):
-        tried = replace(job, output="images/" if is_images else job.output)
-        trial = preview(tried, {"": job.method}, RunOptions(limit=run.limit, threads=run.threads), at=places)
+        kept, (places, length) = _kept(ready, remarks), _places(ready, source)
     made = [output.path, *([] if frames is None else [f"{frames} frame{'s' if frames > 1 else ''}"])]
     if ready.target.has_rate:
         made[-1] += f"{',' if frames is None else ' at'} {readable(rate)} fps"
         made += [] if frames is None else [format_time(frames / rate)]
     made += filter(None, details.split(", ")[:2])
-    size = _size(trial, frames if not run.in_place or frames is None else frames - (source.frame_count or 0))
-    length = "" if source.duration is None else f", {format_time(source.duration)}"
-    length = length if source.frame_count is None else f", {source.frame_count} frames"
+    duration = "" if source.duration is None else f", {format_time(source.duration)}"
+    duration = duration if source.frame_count is None else f", {source.frame_count} frames"
     rows = {
-        "from": f"{source.width}x{source.height} at {readable(source.rate)} fps{length}",
+        "from": f"{source.width}x{source.height} at {readable(source.rate)} fps{duration}",
         "makes": ", ".join(made),
         "keeps": ", ".join(kept) or "pictures alone",
-        "takes": estimate_sentence(trial.estimates[""]._replace(frames=frames)),
-        "size": size + (", other streams not counted" if kept else ""),
+        "takes": f"not tried, since a tenth of {source.frame_count} frames tells too little",
     }
+    added = frames if frames is None or not run.in_place else frames - (source.frame_count or 0)
+    if length >= SHORTEST:
+        with reading.status("trying passages"):
+            tried = replace(job, output="images/" if is_images else job.output)
+            if job.rate.retimes:  # of whose frames hardly any is one of the source
+                tried = replace(tried, rate=OutputRate(factor=4))
+            run = RunOptions(limit=run.limit, threads=run.threads)
+            trial = preview(tried, {"": job.method}, run, at=places, length=length)
+        remarks += map(as_prospect, trial.remarks)
+        rows["takes"] = estimate_sentence(frames, trial.seconds_per_frame[""])
+        rows["size"] = _size(trial, added) + ", other streams not counted" * bool(kept)
+        rows["tried"] = f"{sum(each.frames for each in trial.trials[''])} frames, for time and size"
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
     for name, value in rows.items():
         table.add_row(name, sentence(value))
     console = Console(highlight=False)
-    console.print(f"[bold]{literal(job.input)}[/]", table, sep="\n")
+    console.print(f"[bold]{literal(str(job.input))}[/]", table, sep="\n")
     if is_images:
         remarks += last_image_remarks(source.frame_count or 0, frames or 0, job.rate.multiple)
-    for remark in dict.fromkeys([*remarks, *map(as_prospect, trial.remarks)]):
+    for remark in dict.fromkeys(remarks):
         console.print(f"[yellow]Note:[/] {sentence(remark)}", soft_wrap=True)
     console.print("Nothing was written.")
 
@@ -93,22 +110,23 @@ def _kept(ready: Preparation, remarks: Sequence[str]) -> list[str]:
     return kept
 
 
-def _places(ready: Preparation, info: ClipInfo) -> list[Position]:
-    """Return where passages begin that are tried; none where motion or a curve decides, as in short clips."""
-    duration = info.duration or (None if info.frame_count is None else info.frame_count / info.rate)
-    if duration is None or duration < MIN_SECONDS or ready.job.rate.retimes:
-        return []
+def _places(ready: Preparation, info: ClipInfo) -> tuple[list[Position], int]:
+    """Return where passages begin that are tried, and their length in frames: with reading, a tenth of the run.
+
+    Short clips are tried at their beginning, since reading other places may mean to decode all that is before them.
+    """
+    count = info.frame_count or (MIN_FRAMES if info.duration is None else int(info.duration * info.rate))
     begin, _ = ready.job.decoding.trim.seconds(ready.clip.whole.info)
-    return [Position(begin + duration * place) for place in PLACES]
+    shares = PLACES if count >= MIN_FRAMES else (Fraction(0),)
+    length = min(LONGEST, count // (PART * len(shares)))
+    return [Position(begin + count / info.rate * share) for share in shares], length
 
 
 def _size(trial: Preview, frames: int | None) -> str:
-    """Return how large some frames become, by the smallest and the largest passage."""
-    sizes = [each.size / each.frames * (frames or 1) for each in trial.trials[""]]
-    least, most = (_as_bytes(size) for size in (min(sizes), max(sizes)))
-    return (f"about {most}" if least == most else f"{least} to {most}") + (" a frame" if frames is None else "")
-
-
-def _as_bytes(size: float) -> str:
-    unit, name = next((each for each in ((1e9, "GB"), (1e6, "MB")) if size >= each[0]), (1e3, "kB"))
-    return f"{rounded(size / unit, 2)} {name}"
+    """Return how large some frames become, by the mean of those that were tried, and the first of each passage."""
+    trials = trial.trials[""]
+    begun = sum(each.first for each in trials)
+    later = (sum(each.size for each in trials) - begun) / sum(each.frames - (each.first > 0) for each in trials)
+    if frames is None:
+        return f"about {readable_size(later)} a frame"
+    return f"about {readable_size(later * frames + begun / len(trials) * -(-frames // KEY_INTERVAL))}"

@@ -29,6 +29,7 @@ from fpsboost.cli.options import MessageOptions, in_flags
 from fpsboost.errors import notes_of, rounded
 from fpsboost.kernels.compiling import told_of_compiling
 from fpsboost.timing.position import format_time
+from fpsboost.timing.rate import readable
 from fpsboost.timing.replacement import as_ranges
 from fpsboost.version import __version__
 
@@ -239,11 +240,11 @@ class Reporter(ExitStack):
             for part in (interpolator.estimator, interpolator.synthesizer, interpolator.cuts or "no scene cuts"):
                 self._say(f"  {part}")
 
-    def say_summary(self, summary: Summary) -> None:
+    def say_summary(self, summary: Summary, *, in_place: bool = False) -> None:
+        """Print what was made of how many frames, and every remark; `in_place`, also how many images were added."""
         assert self._info is not None, "a summary comes after opening"
         frames = f"{summary.frames_in} -> {summary.frames_out} frame{'s' if summary.frames_out != 1 else ''}"
-        for count, what in ((summary.duplicates, "duplicate frame"), (summary.scene_cuts, "scene cut")):
-            frames += f", {count} {what}{'s' if count > 1 else ''}" if count else ""
+        frames += f", {summary.frames_out - summary.frames_in} added" * in_place
         if summary.replaced:
             frames += f", {len(summary.replaced)} replaced"
         if summary.completed_frames:
@@ -305,7 +306,8 @@ class JsonReporter(ExitStack):
     def say_settings(self, method: str, interpolator: Interpolator) -> None:
         """Do nothing: the program knows what it has asked for."""
 
-    def say_summary(self, summary: Summary) -> None:
+    def say_summary(self, summary: Summary, *, in_place: bool = False) -> None:
+        """Print the counts and remarks; `frames_made` are those that were added `in_place`."""
         self._frames = summary.frames_out
         counts = {
             "frames_in": summary.frames_in,
@@ -351,8 +353,3 @@ def _least_certain(summary: Summary) -> dict[str, float] | None:
 
 def _speed(summary: Summary) -> float:
     return round((summary.frames_out - summary.completed_frames) / max(summary.seconds, 1e-9), 2)
-
-
-def readable(number: Any) -> str:
-    """Return a rate as people write it: 24, 23.976."""
-    return f"{float(number):.3f}".rstrip("0").rstrip(".")

@@ -20,7 +20,7 @@ from fpsboost.errors import OptionError
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.memory import MemoryLimit, parse_memory
-from fpsboost.options import Flag, flags_of, given_in, option, options_from
+from fpsboost.options import Checked, Flag, Range, flags_of, given_in, option, options_from
 from fpsboost.render.convention import ConventionName
 from fpsboost.rerender.options import MergeOptions, PlanOptions
 from fpsboost.run_options import RunOptions
@@ -130,11 +130,13 @@ class MethodOptions:
 
 
 @dataclass(frozen=True)
-class CutOptions:
+class CutOptions(Checked):
     """Options for where scenes end, and for what is shown there."""
 
     at_cuts: Literal["repeat", "blend", "extrapolate"] = option("repeat", "At a cut: repeat, blend or extrapolate.")
-    cut_threshold: float | None = option(None, "Frames less alike than this are a cut: 0 to 1; else 0.5.")
+    cut_threshold: Annotated[float, Range(0, 1)] | None = option(
+        None, "Frames less alike than this are a cut: 0 to 1; else 0.5."
+    )
     no_cuts: bool = option(False, "Treat the clip as one scene.")
     cuts: str | None = option(None, "Cut list: a time or frame per line, or PySceneDetect's.", metavar="FILE")
 
@@ -371,6 +373,8 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
 def parameter_of(flag: Flag, group: Group | None) -> inspect.Parameter:
     """Return the parameter of a command that takes a flag's value, or its text if the library parses it."""
     kind, default, metavar = flag.kind, flag.default, flag.option.metavar
+    if "PathLike" in str(kind):
+        kind = str | None
     if isinstance(default, bool):
         kind, default = bool, False
     else:

@@ -9,7 +9,6 @@ from typing import Annotated
 from cyclopts import Group, Parameter
 from rich.console import Console
 
-from fpsboost.cli.batch import clip_name, output_beside
 from fpsboost.cli.compare import split_methods
 from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import GROUPS, CutOptions, MethodOptions, PathName, PreviewOptions, in_flags, with_flags
@@ -18,6 +17,7 @@ from fpsboost.io.new_output import check_writable
 from fpsboost.io.opening import PIPES
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.options import words_of_options
+from fpsboost.preparation import clip_name, output_beside
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import OutputRate
 
@@ -76,8 +76,8 @@ def preview(
             write_video(options.side_by_side, result, overwrite=options.overwrite)
     for remark in result.remarks:
         console.print(f"Note: {literal(remark)}", soft_wrap=True)
-    for name, estimate in result.estimates.items():
-        console.print(sentence(f"{name}: {estimate_sentence(estimate)}"), soft_wrap=True)
+    for name, seconds in result.seconds_per_frame.items():
+        console.print(sentence(f"{name}: {estimate_sentence(result.frames, seconds)}"), soft_wrap=True)
     if options.side_by_side is not None:
         console.print(f"Video: {literal(options.side_by_side)}", soft_wrap=True)
     console.print(f"Page: {literal(str(place))}", soft_wrap=True)

@@ -60,14 +60,13 @@ def convert_where(where: ClusterOptions, job: ConversionJob, run: RunOptions) ->
 
 def _affordable_workers(job: ConversionJob, run: RunOptions) -> int:
     """Return the number of workers with one thread that this machine has cores and memory for."""
-    from fpsboost import MemoryLimit  # noqa: PLC0415
-    from fpsboost.preparation import opened_clip  # noqa: PLC0415
+    from fpsboost.preparation import memory_limit, opened_clip  # noqa: PLC0415
     from fpsboost.threads import available_cores  # noqa: PLC0415
 
     with opened_clip(job, run) as clip:
         info, images = clip.source.info, clip.whole.stream_info.images
     planes = 0 if images is None else images.planes
-    return (run.limit or MemoryLimit()).affordable_processes(info.width, info.height, available_cores(), planes)
+    return memory_limit(job, run).affordable_processes(info.width, info.height, available_cores(), planes)
 
 
 def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None) -> Summary:

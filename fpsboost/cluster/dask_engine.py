@@ -46,6 +46,7 @@ from fpsboost.errors import ClusterError, CompleteAlreadyError, InUseError, expl
 from fpsboost.io.staging import sync
 from fpsboost.parts.manifest import job_facts
 from fpsboost.parts.plan import PlannedPart, planned_job
+from fpsboost.preparation import output_beside
 
 PARTS_PER_WORKER = 8
 """Parts of a conversion for each worker; at the end, a worker idles for half of one on average."""
@@ -77,7 +78,7 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
     begin, run = time.perf_counter(), run or RunOptions()
     if client.asynchronous:
         raise OptionError("The client is asynchronous, and a conversion waits for its parts; give a synchronous one.")
-    output = None if job.output is None else os.path.abspath(job.output)
+    output = os.path.abspath(output_beside(job.input, job.rate) if job.output is None else job.output)
     # as workers get it
     job = pickle.loads(pickle.dumps(replace(job, input=os.path.abspath(job.input), output=output)))
     given = [*["`in_place`"] * run.in_place, *["`chunk`"] * (run.chunk is not None), *run.side.given]
@@ -88,8 +89,7 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
     observer, progress = run.observer or SilentObserver(), Summary()
     workers = max(GROWN_CLUSTER, len(client.nthreads()))
     with planned_job(job, run, workers * PARTS_PER_WORKER) as (info, planned):
-        assert job.output is not None, "it was opened"
-        folders = {each.part: each.part.folder(job.output) for each in planned}
+        folders = {each.part: each.part.folder(output) for each in planned}
         missing = [each for each in planned if not folders[each.part].is_dir()]
         expected = sum(each.frames for each in planned)
         progress.completed_frames = expected - sum(each.frames for each in missing)
@@ -103,7 +103,7 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
 
         with _Parts(client, job, run, missing) as parts:
             parts.make(wrote)
-    summary = _join(job.output, list(folders.values()), overwrite=run.overwrite)
+    summary = _join(output, list(folders.values()), overwrite=run.overwrite)
     summary.completed_frames, summary.seconds = progress.completed_frames, time.perf_counter() - begin
     return summary
 
@@ -174,7 +174,7 @@ class _Parts:
     def __init__(self, client: Client, job: ConversionJob, run: RunOptions, planned: Sequence[PlannedPart]) -> None:
         assert job.output is not None
         self._client, self._job, self._run, self._output, self._facts = client, job, run, job.output, job_facts(job)
-        self._topic = f"fpsboost-{job_key(self._facts, job.output)}"
+        self._topic = f"fpsboost-{job_key(self._facts, os.fspath(job.output))}"
         self._mark = Part(1, 1).folder(job.output).with_name(f".{self._topic}.{uuid4().hex[:8]}")
         self._planned, self._waiting = planned, largest_first(planned)
         self._attempts = {each.part: _Attempts() for each in planned}

@@ -10,20 +10,20 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import islice, pairwise
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
 from fpsboost.analysis.duplicates import DuplicateDetector, Picture, SourceFrame, find_pictures
 from fpsboost.contracts import FrameSource
-from fpsboost.errors import InputError, OptionError, check_choice
+from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.image import Image
 from fpsboost.io.opening import PIPES, TargetRequirements, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.layered import FrameImage
-from fpsboost.options import words_of, words_of_options
+from fpsboost.options import Checked, Range, words_of, words_of_options
 from fpsboost.preparation import trim_source
 from fpsboost.streaming import beginning
 from fpsboost.timing.schedule import ByRate, rising_time
@@ -92,7 +92,7 @@ class _Truth(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Hiding:
+class Hiding(Checked):
     """Which frames of a clip are hidden, and how the clip is read.
 
     Where a picture is held for several frames between moves (see `fpsboost.analysis.duplicates`), its first frame
@@ -105,7 +105,7 @@ class Hiding:
     that by no more than what conversions take for the rounding and jitter of a clock.
     """
 
-    skip: int = 1
+    skip: Annotated[int, Range(1)] = 1
     first: int = 0
     last: int | None = None
     decoding: DecodeOptions = DecodeOptions()
@@ -113,9 +113,7 @@ class Hiding:
     counts_frames: bool = False
 
     def __post_init__(self) -> None:
-        check_choice("`duplicates`", self.duplicates, get_args(Duplicates))
-        if self.skip < 1:
-            raise OptionError(f"`skip` must be at least 1, the number of frames to hide, not {self.skip}.")
+        super().__post_init__()
         if self.first < 0 or (self.last is not None and self.last - self.first < self.skip + 2):
             raise OptionError(
                 f"`range={self._range}` leaves nothing to hide; with `skip={self.skip}` give at least "

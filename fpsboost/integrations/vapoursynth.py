@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from threading import Lock
-from typing import Any
+from typing import Annotated, Any
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -49,6 +49,7 @@ from fpsboost.colour import luma_weights
 from fpsboost.image import Image, view
 from fpsboost.io.video.ycc import PLANAR_FORMATS, assumed_color_space, bgr_of, from_bgr, in_planes
 from fpsboost.layered import FrameImage
+from fpsboost.options import Range, check_type
 
 MAX_FRAMES = 2**31 - 1
 """Maximum number of frames of a clip; the host counts in 32 bits."""
@@ -153,11 +154,8 @@ def _factor_of(
 
 
 def _fraction(name: str, numerator: int, denominator: int) -> Fraction:
-    for part, value in (("num", numerator), ("den", denominator)):
-        if not isinstance(value, int):
-            raise OptionError(f"`{name}_{part}` must be a whole number, not {value!r}.")
-    if denominator < 1:
-        raise OptionError(f"`{name}_den` must be at least 1, not {denominator}.")
+    check_type(f"{name}_num", numerator, int)
+    check_type(f"{name}_den", denominator, Annotated[int, Range(1)])
     return Fraction(numerator, denominator)
 
 

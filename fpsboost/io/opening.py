@@ -28,6 +28,7 @@ from fpsboost.io.video.pipe import PipeSink, PipeSource
 from fpsboost.io.video.sink import VideoPartSink, VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.memory import MemoryLimit
+from fpsboost.options import PathName, checked
 from fpsboost.timing.schedule import OutputTiming
 
 ASSUMED_IMAGE_RATE = Fraction(24)
@@ -35,8 +36,6 @@ ASSUMED_IMAGE_RATE = Fraction(24)
 
 PIPES = ("-", "pipe:")
 """What stands for standard input or output."""
-
-MIN_IMAGE_RATE, MAX_IMAGE_RATE = Fraction(1, 1000), Fraction(100_000)
 
 
 @dataclass(frozen=True)
@@ -77,8 +76,6 @@ def open_source(
         raise InputError("The name of the input is empty; name a video, a folder or a pattern of images.")
     requirements, decoding = requirements or TargetRequirements(), decoding or DecodeOptions()
     input_fps = None if decoding.input_fps is None else Fraction(decoding.input_fps)
-    if input_fps is not None and not MIN_IMAGE_RATE <= input_fps <= MAX_IMAGE_RATE:
-        raise OptionError(f"`input_fps` must be 0.001 to 100000, not {input_fps}.")
     with explained(InputError, "read", path, "check the name and the permissions"):
         given = {"`fill_gaps`": fill_gaps, "`passes`": decoding.passes is not None, "`view`": decoding.view != "none"}
         for option in (option for option, is_given in given.items() if is_given):
@@ -278,12 +275,15 @@ class Target:
             return VideoSink(output)
 
 
-def open_sink(path: str, info: ClipInfo, *, encoding: Encoding | None = None, overwrite: bool = False) -> FrameSink:
+@checked
+def open_sink(
+    path: PathName, info: ClipInfo, *, encoding: Encoding | None = None, overwrite: bool = False
+) -> FrameSink:
     """Open an output for frames of any origin, such as those of `fpsboost.run_conversion`.
 
     Parameters
     ----------
-    path : str
+    path : str or os.PathLike
         See `fpsboost.convert`.
     info : ClipInfo
         Size, rate and time base of the frames to come, their number if it is known, and a name of their source.
@@ -301,8 +301,12 @@ def open_sink(path: str, info: ClipInfo, *, encoding: Encoding | None = None, ov
     OptionError, OutputError
         The path can be no output, exists, or cannot be written.
     """
-    target, encoding, timing = Target.parse(path), encoding or Encoding(), OutputTiming(info.rate, info.time_base)
+    target, encoding, timing = (
+        Target.parse(os.fspath(path)),
+        encoding or Encoding(),
+        OutputTiming(info.rate, info.time_base),
+    )
     target.check_encoding(encoding)
     return target.open(
-        Output(path, info, timing, encoding=encoding, expected_frames=info.frame_count, overwrite=overwrite)
+        Output(target.path, info, timing, encoding=encoding, expected_frames=info.frame_count, overwrite=overwrite)
     )

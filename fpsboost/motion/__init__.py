@@ -8,12 +8,13 @@ options; values out of range raise `OptionError`.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.motion.field import MotionField
 
 
+@runtime_checkable
 class MotionEstimator(Protocol):
     """Protocol of estimators of the motion between two frames, in both directions."""
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha, normalised
-from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, check_pair
 from fpsboost.kernels.block import SearchPlan, match_blocks
 from fpsboost.motion.field import MotionField
+from fpsboost.options import Checked, Range
 
 Pattern = Literal["full", "three-step", "diamond"]
 
@@ -28,7 +28,7 @@ MAX_RANGE = 1000
 
 
 @dataclass(frozen=True)
-class BlockMatching:
+class BlockMatching(Checked):
     """Block matching: each block's motion has the lowest sum of absolute differences to the other frame.
 
     The sum is Equation 1 of the report, over all colour channels, multiplied by alpha if there is alpha. Of equally
@@ -55,16 +55,9 @@ class BlockMatching:
     ([5.0, 2.0], 1.0)
     """
 
-    block_size: int = 16
-    search_range: int = 24
+    block_size: Annotated[int, Range(2, MAX_BLOCK, unit=" pixels")] = 16
+    search_range: Annotated[int, Range(1, MAX_RANGE, unit=" pixels")] = 24
     pattern: Pattern = "full"
-
-    def __post_init__(self) -> None:
-        if not 2 <= self.block_size <= MAX_BLOCK:
-            raise OptionError(f"`block_size` must be from 2 to {MAX_BLOCK} pixels, not {self.block_size}.")
-        if not 1 <= self.search_range <= MAX_RANGE:
-            raise OptionError(f"`search_range` must be from 1 to {MAX_RANGE} pixels, not {self.search_range}.")
-        check_choice("`pattern`", self.pattern, get_args(Pattern))
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""

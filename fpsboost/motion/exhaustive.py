@@ -22,14 +22,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, get_args
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import colour_components
-from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import check_pair
 from fpsboost.kernels.jit import LANES
@@ -42,13 +41,14 @@ from fpsboost.motion.full_search import Window, search_by_passes, search_fused
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis
 from fpsboost.motion.rendered import RenderedMotion, RenderedVectors
+from fpsboost.options import Checked, Range
 
 Implementation = Literal["fused", "passes"]
 MAX_PATCH_RADIUS = 20  # (2r + 1)^2 fixed-point similarities must fit 31 bits
 
 
 @dataclass(frozen=True)
-class ExhaustiveSearch:
+class ExhaustiveSearch(Checked):
     """The report's motion estimator.
 
     Parameters
@@ -80,22 +80,12 @@ class ExhaustiveSearch:
 
     needs_every_frame: ClassVar[bool] = False
 
-    search_radius: int | None = None
-    patch_radius: int = 5
+    search_radius: Annotated[int, Range(1, 1000, unit=" pixels")] | None = None
+    patch_radius: Annotated[int, Range(1, MAX_PATCH_RADIUS, unit=" pixels")] = 5
     window: Window = "box"
-    v: float = 0.25
+    v: Annotated[float, Range(above=0)] = 0.25
     implementation: Implementation = "fused"
     vectors: RenderedVectors | None = None
-
-    def __post_init__(self) -> None:
-        if self.search_radius is not None and not 1 <= self.search_radius <= 1000:
-            raise OptionError(f"`search_radius` must be 1 to 1000 pixels, not {self.search_radius}.")
-        if not 1 <= self.patch_radius <= MAX_PATCH_RADIUS:
-            raise OptionError(f"`patch_radius` must be 1 to {MAX_PATCH_RADIUS} pixels, not {self.patch_radius}.")
-        if not self.v > 0:
-            raise OptionError(f"`v` must be above 0, not {self.v}.")
-        check_choice("window", self.window, get_args(Window))
-        check_choice("implementation", self.implementation, get_args(Implementation))
 
     def with_vectors(self, vectors: RenderedVectors) -> ExhaustiveSearch:
         return replace(self, vectors=vectors)
@@ -134,7 +124,7 @@ MAX_LONGER_SIDE = 640
 MAX_MOTION_SHARE = 1 / 4
 """Search range as a share of the frame's longer side."""
 
-STEP = 4
+STEP: Final = 4
 """Distance between the points that are compared, pixels."""
 
 NEIGHBOURHOOD_RADIUS = 4

@@ -19,14 +19,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import normalised
-from fpsboost.errors import OptionError, check_at_least
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels, check_pair, view
 from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, search_level
@@ -38,6 +37,7 @@ from fpsboost.kernels.tiles import PADDING
 from fpsboost.motion.components import contrast_components, contrast_planes
 from fpsboost.motion.field import MotionField, spread_points
 from fpsboost.motion.full_search import search_fused
+from fpsboost.options import Checked, Range
 
 COARSEST_STEP = 2
 """Distance between points on the coarsest level, pixels."""
@@ -79,7 +79,7 @@ WEAK_SMOOTHNESS = np.float32(0.25)
 
 
 @dataclass(frozen=True)
-class CoarseToFine:
+class CoarseToFine(Checked):
     """Non-local means motion, coarse to fine.
 
     Parameters
@@ -107,32 +107,15 @@ class CoarseToFine:
 
     takes_planes: ClassVar[bool] = True
 
-    max_motion_share: float = 1 / 6
-    patch_radius: int = 5
-    v: float = 0.09
-    labels: int = 8
-    smoothness: float = 1
-    steepness: float = 4
-    coarsest_side: int = 60
-    step: int = 8
-    finest_level: int = 0
-
-    def __post_init__(self) -> None:
-        if not 0 < self.max_motion_share <= 1:
-            raise OptionError(
-                f"max_motion_share must be above 0 and at most 1 of the frame, not {self.max_motion_share}."
-            )
-        if not 1 <= self.patch_radius <= 10:
-            raise OptionError(f"`patch_radius` must be 1 to 10 pixels for this method, not {self.patch_radius}.")
-        check_at_least(1, labels=self.labels)
-        check_at_least(1, " pixel", coarsest_side=self.coarsest_side)
-        check_at_least(0, smoothness=self.smoothness, finest_level=self.finest_level)
-        if not self.steepness > 0:
-            raise OptionError(f"steepness must be above 0, not {self.steepness}.")
-        if self.step not in {1, 2, 4, 8, 16, 32}:
-            raise OptionError(f"step must be 1, 2, 4, 8, 16 or 32 pixels, not {self.step}.")
-        if not self.v > 0:
-            raise OptionError(f"`v` must be above 0, not {self.v}.")
+    max_motion_share: Annotated[float, Range(above=0, most=1, unit=" of the frame")] = 1 / 6
+    patch_radius: Annotated[int, Range(1, 10, unit=" pixels")] = 5
+    v: Annotated[float, Range(above=0)] = 0.09
+    labels: Annotated[int, Range(1)] = 8
+    smoothness: Annotated[float, Range(0)] = 1
+    steepness: Annotated[float, Range(above=0)] = 4
+    coarsest_side: Annotated[int, Range(1, unit=" pixel")] = 60
+    step: Literal[1, 2, 4, 8, 16, 32] = 8
+    finest_level: Annotated[int, Range(0)] = 0
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""

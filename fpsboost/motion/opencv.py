@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.errors import OptionError, check_at_least, check_choice
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import check_pair
 from fpsboost.motion.components import gray
 from fpsboost.motion.field import MotionField
+from fpsboost.options import Checked, Range
 
 DIS_PRESETS = {
     "ultrafast": cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
@@ -26,7 +26,7 @@ MIN_SIDE = 32  # minimum side for a pyramid level of DIS, pixels
 
 
 @dataclass(frozen=True)
-class Dis:
+class Dis(Checked):
     """Dense inverse search (Kroeger et al. 2016, doi:10.1007/978-3-319-46493-0_29), in OpenCV's implementation.
 
     Parameters
@@ -39,9 +39,6 @@ class Dis:
 
     preset: Literal["ultrafast", "fast", "medium"] = "medium"
 
-    def __post_init__(self) -> None:
-        check_choice("preset", self.preset, DIS_PRESETS)
-
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
         flow = cv2.DISOpticalFlow.create(DIS_PRESETS[self.preset])
@@ -49,7 +46,7 @@ class Dis:
 
 
 @dataclass(frozen=True)
-class Farneback:
+class Farneback(Checked):
     """Polynomial expansion (Farnebäck 2003, doi:10.1007/3-540-45103-X_50), in OpenCV's implementation.
 
     Parameters
@@ -64,12 +61,9 @@ class Farneback:
 
     takes_planes: ClassVar[bool] = True
 
-    levels: int = 5
-    window_size: int = 15
-    iterations: int = 3
-
-    def __post_init__(self) -> None:
-        check_at_least(1, levels=self.levels, window_size=self.window_size, iterations=self.iterations)
+    levels: Annotated[int, Range(1)] = 5
+    window_size: Annotated[int, Range(1, unit=" pixel")] = 15
+    iterations: Annotated[int, Range(1)] = 3
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
@@ -87,7 +81,7 @@ class Farneback:
 
 
 @dataclass(frozen=True)
-class TvL1:
+class TvL1(Checked):
     """Total variation and L1 (Zach et al. 2007, doi:10.1007/978-3-540-74936-3_22), in OpenCV contrib's implementation.
 
     Parameters
@@ -106,20 +100,12 @@ class TvL1:
         OpenCV's defaults of 30 and 10, and an epsilon of 0.01, take seven times as long and find no better motion.
     """
 
-    levels: int = 6
-    scale_step: float = 0.5
-    warps: int = 5
-    epsilon: float = 0.05
-    inner_iterations: int = 5
-    outer_iterations: int = 2
-
-    def __post_init__(self) -> None:
-        check_at_least(1, levels=self.levels, warps=self.warps)
-        check_at_least(1, inner_iterations=self.inner_iterations, outer_iterations=self.outer_iterations)
-        if not 0.1 <= self.scale_step < 1:
-            raise OptionError(f"scale_step must be at least 0.1 and below 1, not {self.scale_step}.")
-        if not self.epsilon > 0:
-            raise OptionError(f"epsilon must be above 0, not {self.epsilon}.")
+    levels: Annotated[int, Range(1)] = 6
+    scale_step: Annotated[float, Range(0.1, below=1)] = 0.5
+    warps: Annotated[int, Range(1)] = 5
+    epsilon: Annotated[float, Range(above=0)] = 0.05
+    inner_iterations: Annotated[int, Range(1)] = 5
+    outer_iterations: Annotated[int, Range(1)] = 2
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,17 +18,19 @@ from fpsboost.io.video.chunks import complete_chunk
 from fpsboost.io.video.encoder import traits_of_image
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.method_table import find_method
+from fpsboost.options import PathName, checked
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, first_difference, input_identity, stored
 from fpsboost.preparation import ConversionJob, closing_remarks, opened_clip, prepare
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import FrameIntervals
 
 
+@checked
 def join(
-    output: str,
-    parts: Sequence[str | Path],
+    output: PathName,
+    parts: PathName | Sequence[PathName],
     *,
-    input: str | None = None,
+    input: PathName | None = None,
     overwrite: bool = False,
     observer: Observer | None = None,
 ) -> Summary:
@@ -37,11 +40,11 @@ def join(
 
     Parameters
     ----------
-    output : str
+    output : str or os.PathLike
         Video or folder of images, of the type for which the parts were converted.
-    parts : sequence of str or Path
+    parts : str, os.PathLike, or a sequence of these
         Folders of parts, in any order, or the folder that holds them.
-    input : str, optional
+    input : str or os.PathLike, optional
         The input, if its path has changed since the parts were converted.
     overwrite : bool
         Replace an existing output.
@@ -59,14 +62,14 @@ def join(
 
     Examples
     --------
-    >>> join("out.mp4", ["out.mp4.parts"])  # doctest: +SKIP
+    >>> join("out.mp4", "out.mp4.parts")  # doctest: +SKIP
     """
     begin = time.perf_counter()
-    folders = find_parts(parts)
+    folders = find_parts([parts] if isinstance(parts, str | os.PathLike) else parts)
     manifests = [Manifest.read(folder) for folder in folders]
     ordered = check_complete(list(zip(folders, manifests, strict=True)))
     first = ordered[0][1]
-    if Target.parse(output).file_type != first.facts.get("output_type"):
+    if Target.parse(os.fspath(output)).file_type != first.facts.get("output_type"):
         raise OptionError(f"{output} is of another type than {first.output}; name one of that type.")
     run = RunOptions(overwrite=overwrite)
     # nothing is made here, so a method that takes images of any kind stands for the one that has made the parts
@@ -102,7 +105,7 @@ PartFiles = tuple[Path, Manifest]
 """Folder of a part, and its manifest."""
 
 
-def find_parts(parts: Sequence[str | Path]) -> list[Path]:
+def find_parts(parts: Sequence[PathName]) -> list[Path]:
     """Return the folders of parts: those named, or those in a folder that holds them."""
     if not parts:
         raise OptionError("No parts are named; name their folders, or the folder that holds them.")

@@ -5,6 +5,7 @@ The views may be written as a video, too, side by side.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -38,7 +39,7 @@ from fpsboost.errors import rounded, say_seconds
 from fpsboost.evaluation.report.self_contained import PlayerData, as_heat, data_uri, encode, templates_of
 from fpsboost.io.new_output import check_writable, write_whole
 from fpsboost.preparation import prepared
-from fpsboost.preview.places import Passage, Selection, View, find_passages, find_retimed
+from fpsboost.preview.places import Passage, Selection, View, find_passages, find_retimed, first_packet_size
 from fpsboost.threads import available_cores
 
 
@@ -56,17 +57,8 @@ class Trial(NamedTuple):
     """Elapsed and CPU time, the pictures for the page not counted."""
     size: int
     """Bytes that were written."""
-
-
-class Estimate(NamedTuple):
-    """Expected cost of the whole conversion on this machine."""
-
-    frames: int | None
-    """Number of frames to be written; None if the header of the source does not say."""
-    least: float
-    most: float
-    """Seconds per frame: if all cores were always busy, and as measured."""
-    cpu: float
+    first: int
+    """Bytes of the first picture of a video, which needs no other; 0 for images and animations."""
 
 
 @dataclass
@@ -79,7 +71,10 @@ class Preview:
     """Duration of the output as a multiple of the source's."""
     selection: Selection
     trials: dict[str, list[Trial]]
-    estimates: dict[str, Estimate]
+    frames: int | None
+    """Number of frames that the conversion writes; None if the header of the source does not say."""
+    seconds_per_frame: dict[str, float]
+    """Expected time on this machine, by the names of the methods."""
     is_video: bool
     """Whether the conversion, and so the estimate, encodes video."""
     remarks: list[str]
@@ -98,13 +93,15 @@ def preview(
     run: RunOptions,
     *,
     at: Iterable[Position] = (),
+    length: int | None = None,
     on_task: Callable[[str], None] = lambda task: None,
 ) -> Preview:
     """Convert passages of a clip, those with the most motion or those that begin `at` some times, by every method.
 
     Where a curve retimes the clip, these are the passages around its points, or around times of the output. The job is
     the whole conversion: its output is not written, and says of what kind the output will be. `methods` replace its
-    own, and `on_task` is called with the name of each task.
+    own, passages have a `length` in source frames, by default about a second, and `on_task` is called with the name of
+    each task.
     """
     target = job.target(run)
     with prepared(job, run) as ready:
@@ -114,7 +111,7 @@ def preview(
         factor = job.rate.multiple if job.rate.fps is None else None
         job = replace(job, rate=replace(job.rate, factor=factor, retime=None, speed=None, slow_motion_sound=None))
     on_task("looking for motion")
-    selection = find_passages(job, run, at) if curve is None else find_retimed(job, run, curve, rate, at)
+    selection = find_passages(job, run, at, length) if curve is None else find_retimed(job, run, curve, rate, at)
     trials: dict[str, list[Trial]] = {name: [] for name in methods}
     remarks = dict.fromkeys(selection.remarks)
     with TemporaryDirectory(prefix="fpsboost-") as folder:
@@ -132,7 +129,8 @@ def preview(
         job.rate.stretch,
         selection,
         trials,
-        {name: _estimate(frames, each) for name, each in trials.items()},
+        frames,
+        {name: _seconds_per_frame(each) for name, each in trials.items()},
         target.kind == "video",
         list(remarks),
     )
@@ -186,14 +184,21 @@ def _try(job: ConversionJob, run: RunOptions, target: Target, passage: Passage, 
         least, confidence = replace(least, time=least.time / job.rate.stretch), recorder.confidences[least.number]
     summary.remarks = [remark.replace(output, target.path) for remark in summary.remarks]
     size = sum(file.stat().st_size for file in [Path(output), *Path(output).glob("*")] if file.is_file())
-    return Trial(recorder.view, least, confidence, summary.frames_out, seconds, cpu * (1 - own), size), summary
+    first = first_packet_size(Path(output)) if target.kind == "video" else 0
+    return Trial(recorder.view, least, confidence, summary.frames_out, seconds, cpu * (1 - own), size, first), summary
 
 
-def _estimate(frames: int | None, trials: list[Trial]) -> Estimate:
+def _seconds_per_frame(trials: list[Trial]) -> float:
+    """Return the expected time for a frame, for the whole conversion.
+
+    A passage is so short that the queues between its threads are never full: it takes longer than the same frames of a
+    long run, and that longer than cores which are always busy. The geometric mean of the two is off by the least
+    factor.
+    """
     count = sum(trial.frames for trial in trials)
-    most = sum(trial.seconds for trial in trials) / count
-    cpu = sum(trial.cpu_seconds for trial in trials) / count
-    return Estimate(frames, min(most, cpu / available_cores()), most, cpu)
+    measured = sum(trial.seconds for trial in trials) / count
+    busy = sum(trial.cpu_seconds for trial in trials) / count / available_cores()
+    return math.sqrt(measured * min(measured, busy))
 
 
 SPEEDS = (Fraction(1), Fraction(1, 4))
@@ -227,7 +232,7 @@ def make_page(preview: Preview, command: str) -> str:
     work = "encoding, but not the copying of sound" if preview.is_video else "writing the images"
     included = (
         f"Measured on {frames} frames of these passages, which have more motion than most; it includes reading and "
-        f"{work}. The shorter time is that of cores that are always busy, the longer one as measured."
+        f"{work}. Long runs use the cores better than these passages, which is allowed for."
     )
     environment = templates_of("fpsboost.preview")
     environment.filters["as_time"] = format_time
@@ -238,7 +243,7 @@ def make_page(preview: Preview, command: str) -> str:
         rates=f"{float(preview.info.rate):.5g} to {float(preview.rate):.5g} frames a second",
         passages=preview.selection.passages,
         least_certain=list(_least_certain(preview)),
-        estimates={name: estimate_sentence(estimate) for name, estimate in preview.estimates.items()},
+        estimates={name: estimate_sentence(preview.frames, each) for name, each in preview.seconds_per_frame.items()},
         included=included,
         command=command,
         played=_player_data(preview),
@@ -284,16 +289,12 @@ def _player_data(preview: Preview) -> PlayerData:
     return data
 
 
-def estimate_sentence(estimate: Estimate) -> str:
+def estimate_sentence(frames: int | None, seconds_per_frame: float) -> str:
     """Return what a conversion would take, in one sentence."""
-    cores = available_cores()
-    speeds = f"{rounded(1 / estimate.most, 2)} to {rounded(1 / estimate.least, 2)} frames a second"
-    each = f"{speeds} on {cores} core{'s' * (cores > 1)}, {rounded(estimate.cpu, 2)} s of CPU time a frame"
-    if estimate.frames is None:
-        return f"{each}; the length of the clip is not known beforehand."
-    least, most = (say_seconds(estimate.frames * seconds) for seconds in (estimate.least, estimate.most))
-    span = f"about {most}" if least == most else f"{least} to {most}"
-    return f"{span} for {estimate.frames:,} frames: {each}."
+    if frames is None:
+        speed = rounded(1 / seconds_per_frame, 2)
+        return f"about {speed} frames a second; the length of the clip is not known beforehand."
+    return f"about {say_seconds(frames * seconds_per_frame)} for {frames:,} frames."
 
 
 def write_video(path: str, preview: Preview, *, overwrite: bool = False) -> None:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import islice, pairwise
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import cv2
@@ -21,6 +22,7 @@ from fpsboost import ClipInfo, ConversionJob, Frame, OptionError, Position, RunO
 from fpsboost.colour import as_shown
 from fpsboost.errors import rounded
 from fpsboost.image import view
+from fpsboost.io.video.demuxer import open_video
 from fpsboost.io.video.pictures import turned_upright
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.preparation import opened_clip
@@ -163,9 +165,20 @@ class Selection(NamedTuple):
         return sorted({duplicate for passage in self.examined for duplicate in passage.duplicates})
 
 
-def find_passages(job: ConversionJob, run: RunOptions, at: Iterable[Position] = ()) -> Selection:
-    """Choose the passages with the most motion that no cut divides, or those at given positions, whatever is there."""
-    span, reader = _opened(job, run)
+def first_packet_size(path: Path) -> int:
+    """Return the bytes of the first picture in a video."""
+    with open_video(path, path.name) as container:
+        return next(container.demux(video=0)).size
+
+
+def find_passages(
+    job: ConversionJob, run: RunOptions, at: Iterable[Position] = (), length: int | None = None
+) -> Selection:
+    """Choose the passages with the most motion that no cut divides, or those at given positions, whatever is there.
+
+    They have a `length` in source frames, by default about a second.
+    """
+    span, reader = _opened(job, run, length)
     starts = [position.seconds(span.info.rate) for position in at]
     for start in starts:
         if span.end is not None and start >= span.end:
@@ -230,7 +243,7 @@ class _Span:
         return [self.begin + (self.end - self.begin) * number / count for number in range(count)]
 
 
-def _opened(job: ConversionJob, run: RunOptions) -> tuple[_Span, _Reader]:
+def _opened(job: ConversionJob, run: RunOptions, length: int | None = None) -> tuple[_Span, _Reader]:
     """Return the part of a job's clip in which passages are chosen, and its reader."""
     with opened_clip(job, run) as clip:
         info, images = clip.whole.info, clip.whole.stream_info.images
@@ -239,7 +252,7 @@ def _opened(job: ConversionJob, run: RunOptions) -> tuple[_Span, _Reader]:
     declared = info.duration or (None if info.frame_count is None else info.frame_count / info.rate)
     end = min((each for each in (end, declared) if each is not None), default=None)
     step = images.step if images is not None and images.fills_gaps else 1
-    count = max(min(round(info.rate), MAX_FRAMES, MAX_PIXELS // (info.width * info.height)), MIN_FRAMES)
+    count = length or max(min(round(info.rate), MAX_FRAMES, MAX_PIXELS // (info.width * info.height)), MIN_FRAMES)
     return _Span(info, begin, end, count, step * count / info.rate), reader
 
 

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import normalised
-from fpsboost.errors import InputError, OptionError, check_choice, explained
+from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.image import Image, Pixels
 from fpsboost.io.images.exr import read_exr, read_exr_header
 from fpsboost.io.images.sequence import (
@@ -40,6 +40,7 @@ from fpsboost.io.images.sequence import (
 )
 from fpsboost.io.side.flow import BACKWARD, FORWARD, read_flow
 from fpsboost.motion.rendered import FrameVectors
+from fpsboost.options import checked
 from fpsboost.render.convention import ConventionName, Direction, StoredVectors, VectorConvention, conventions
 
 CACHED_FRAMES = 4  # number of frames whose vectors are cached: a pair's two frames, and two between them
@@ -77,8 +78,8 @@ class VectorFolder:
         There are no vectors, or the convention does not suit them.
     """
 
+    @checked
     def __init__(self, path: str | Path, depth: str | Path | None = None, convention: ConventionName = "auto") -> None:
-        check_choice("`vector_convention`", convention, get_args(ConventionName))
         self.path = Path(path)
         self.depth_path = None if depth is None else Path(depth)
         self.convention = None if convention == "auto" else conventions[convention]

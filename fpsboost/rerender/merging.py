@@ -6,6 +6,7 @@ those where two regions meet, have no seam.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -30,6 +31,7 @@ from fpsboost.io.images.source import find_images
 from fpsboost.io.new_output import check_new_folder, new_folder
 from fpsboost.io.staging import write_safely
 from fpsboost.layered import FrameImage
+from fpsboost.options import PathName, checked
 from fpsboost.rerender.options import MergeOptions
 from fpsboost.rerender.planning import PlannedFrame, RerenderPlan
 from fpsboost.rerender.regions import Rectangle
@@ -58,17 +60,18 @@ class _Rendered(NamedTuple):
     regions: Mapping[int, Path]  # files of single regions, counted from 1
 
 
-def merge_regions(made: str, rendered: str, output: str, options: MergeOptions) -> MergeSummary:
+@checked
+def merge_regions(made: PathName, rendered: PathName, output: PathName, options: MergeOptions) -> MergeSummary:
     """Put rendered regions back into interpolated frames.
 
     Parameters
     ----------
-    made : str
+    made : str or os.PathLike
         Folder or pattern of all images of a conversion.
-    rendered : str
+    rendered : str or os.PathLike
         Folder with the rendered images: for frame 12 either ``NAME_0012.png`` or a file for each region in the order of
         the plan, ``NAME_0012_1.png``. Each is of the size of the frame, or cropped to the region.
-    output : str
+    output : str or os.PathLike
         New folder. Images without regions are copied to the byte.
     options : MergeOptions
         The plan, and the width of seams.
@@ -90,8 +93,8 @@ def merge_regions(made: str, rendered: str, output: str, options: MergeOptions) 
         raise OptionError("Rendered regions go by a plan; name its folder with `plan=DIR`.")
     check_new_folder(Path(output))
     plan = RerenderPlan.read(Path(options.plan))
-    with explained(InputError, "read", made, "check that it exists and that you may read it"):
-        images = find_images(made)
+    with explained(InputError, "read", str(made), "check that it exists and that you may read it"):
+        images = find_images(os.fspath(made))
     if not images.numbers:
         raise InputError(f"The images of {made} have no numbers in their names, by which a plan goes; number them.")
     for folder in (images.files[0].parent, Path(rendered), Path(options.plan)):

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import Annotated
 
 from fpsboost import OptionError
-from fpsboost.options import option
+from fpsboost.options import Checked, PathName, Range, option
 
 
 def parse_budget(text: str, name: str) -> float:
@@ -18,7 +19,7 @@ def parse_budget(text: str, name: str) -> float:
 
 
 @dataclass(frozen=True)
-class PlanOptions:
+class PlanOptions(Checked):
     """Budget and tiles, by which regions of interpolated frames are chosen.
 
     Parameters
@@ -36,26 +37,20 @@ class PlanOptions:
         A value is out of range.
     """
 
-    budget: float = option(0.1, "Share of the interpolated pixels; else 10%.", metavar="SHARE", parse=parse_budget)
-    factor: int | None = option(None, "Output frames per image; else the step of the numbers.")
-    tile: int = option(16, "The renderer's tile size, pixels.")
-
-    def __post_init__(self) -> None:
-        if not 0 < self.budget <= 1:
-            raise OptionError(f"`budget` must be above 0 and at most 100%, as in 10%, not {self.budget:.6g}.")
-        if self.factor is not None and self.factor < 2:
-            raise OptionError(f"`factor` must be a whole number from 2 on for a plan, not {self.factor}.")
-        if not 1 <= self.tile <= 4096:
-            raise OptionError(f"`tile` must be 1 to 4096 pixels, not {self.tile}.")
+    budget: Annotated[float, Range(above=0, most=1)] = option(
+        0.1, "Share of the interpolated pixels; else 10%.", metavar="SHARE", parse=parse_budget
+    )
+    factor: Annotated[int, Range(2)] | None = option(None, "Output frames per image; else the step of the numbers.")
+    tile: Annotated[int, Range(1, 4096, unit=" pixels")] = option(16, "The renderer's tile size, pixels.")
 
 
 @dataclass(frozen=True)
-class MergeOptions:
+class MergeOptions(Checked):
     """How rendered regions are put back.
 
     Parameters
     ----------
-    plan : str, optional
+    plan : str or os.PathLike, optional
         Folder that a plan was written to.
     feather : int
         Width of the seam inside the edges of a region, pixels, along which it fades into the made frame; 0 for none.
@@ -66,9 +61,5 @@ class MergeOptions:
         `feather` is below 0.
     """
 
-    plan: str | None = option(None, "Folder that fpsboost plan has written.", metavar="DIR")
-    feather: int = option(4, "Width of the seams, inside of the regions, pixels.")
-
-    def __post_init__(self) -> None:
-        if self.feather < 0:
-            raise OptionError(f"`feather` must be at least 0 pixels, not {self.feather}.")
+    plan: PathName | None = option(None, "Folder that fpsboost plan has written.", metavar="DIR")
+    feather: Annotated[int, Range(0, unit=" pixels")] = option(4, "Width of the seams, inside of the regions, pixels.")

@@ -9,6 +9,7 @@ fractions of the frame with y up, and fractions of a pixel are cut off. In a fra
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
@@ -27,6 +28,7 @@ from fpsboost.io.images.source import ImageSource
 from fpsboost.io.new_output import check_new_folder, new_folder
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, stands_for_images
 from fpsboost.io.staging import write_safely
+from fpsboost.options import PathName, checked
 from fpsboost.rerender.options import PlanOptions
 from fpsboost.rerender.regions import Rectangle, TileGrid, choose_regions, partition
 from fpsboost.rerender.score import expect_errors
@@ -182,16 +184,17 @@ MIN_IMAGES = 3  # smallest number of images: one is hidden between two others to
 LEVELS = 255**2
 
 
+@checked
 def plan_rerender(
-    input: str, folder: str, options: PlanOptions | None = None, *, method: str | Interpolator = "nlm"
+    input: PathName, folder: PathName, options: PlanOptions | None = None, *, method: str | Interpolator = "nlm"
 ) -> RerenderPlan:
     """Find the regions of the frames between rendered images that are most likely wrong, and write them to a folder.
 
     Parameters
     ----------
-    input : str
+    input : str or os.PathLike
         A folder or a pattern of images.
-    folder : str
+    folder : str or os.PathLike
         A new folder for ``plan.json`` and a mask for every interpolated frame.
     options : PlanOptions, optional
         Budget and tiles.
@@ -211,7 +214,7 @@ def plan_rerender(
     """
     options = options or PlanOptions()
     interpolator = find_method(method)
-    with open_images(input, folder) as source:
+    with open_images(os.fspath(input), os.fspath(folder)) as source:
         images, info = source.images, source.info
         factor = options.factor or (images.step if images.step > 1 else 2)
         first, step = images.numbers_for(Fraction(factor)) or (images.first_number, 1)

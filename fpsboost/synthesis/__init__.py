@@ -51,6 +51,7 @@ class InterpolatedImage(NamedTuple):
     """Confidence of every pixel, (H, W) float32 in [0, 1]."""
 
 
+@runtime_checkable
 class Synthesizer(Protocol):
     """Protocol of synthesizers of the frames between two frames."""
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha, normalised, premultiplied
-from fpsboost.errors import OptionError, check_at_least, check_choice
+from fpsboost.errors import OptionError
 from fpsboost.image import Image, Pixels, as_image, colour_unseen, rounding_offset, view
 from fpsboost.kernels.candidates import (
     VALUES_PER_MOTION,
@@ -52,6 +52,7 @@ from fpsboost.motion.field import (
     point_places,
 )
 from fpsboost.motion.rendered import RenderedVectors
+from fpsboost.options import Checked, Range
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.fusion_table import fusion_coefficients
 from fpsboost.synthesis.layers import Mixed, Planes, Sources, find_sources, mix_layers
@@ -97,7 +98,7 @@ class _Surfaces(NamedTuple):
 
 
 @dataclass(frozen=True)
-class MultiHypothesis:
+class MultiHypothesis(Checked):
     """Weighted mean over the motions of both frames that pass each node at time t.
 
     Parameters
@@ -131,36 +132,26 @@ class MultiHypothesis:
         `fpsboost.synthesis.rendered_hypothesis`.
     """
 
-    step: int = 8
-    node_spacing: int = 16
+    step: Annotated[int, Range(1, unit=" pixel")] = 8
+    node_spacing: Literal[16, 20, 24, 28] = 16
     support_radius: float = 24
-    merge_distance: float = 0.5
-    max_candidates: int = 12
-    min_weight: float = 0.04
-    bandwidth: float = 0.3
+    merge_distance: Annotated[float, Range(0, unit=" pixels")] = 0.5
+    max_candidates: Annotated[int, Range(1)] = 12
+    min_weight: Annotated[float, Range(0, below=1)] = 0.04
+    bandwidth: Annotated[float, Range(above=0)] = 0.3
     sharpness: float = 18
     sufficient_similarity: float = 0.98
-    min_vote_share: float = 0.2
+    min_vote_share: Annotated[float, Range(0, below=1)] = 0.2
     fusion: Fusion = "plain"
     vectors: RenderedVectors | None = None
 
     def __post_init__(self) -> None:
-        check_choice("fusion", self.fusion, get_args(Fusion))
-        check_at_least(1, " pixel", step=self.step)
-        check_at_least(1, max_candidates=self.max_candidates)
-        check_at_least(0, " pixels", merge_distance=self.merge_distance)
-        if self.node_spacing not in {16, 20, 24, 28}:
-            raise OptionError(f"node_spacing must be 16, 20, 24 or 28 pixels, not {self.node_spacing}.")
+        super().__post_init__()
         if not self.support_radius >= self.node_spacing:
             raise OptionError(
                 f"support_radius must be at least {self.node_spacing} pixels, or motions are lost, "
                 f"not {self.support_radius}."
             )
-        for name in ("min_weight", "min_vote_share"):
-            if not 0 <= getattr(self, name) < 1:
-                raise OptionError(f"{name} must be at least 0 and below 1, not {getattr(self, name)}.")
-        if not self.bandwidth > 0:
-            raise OptionError(f"bandwidth must be above 0, not {self.bandwidth}.")
 
     @property
     def takes_planes(self) -> bool:

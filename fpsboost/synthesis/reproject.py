@@ -5,21 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.errors import OptionError, check_choice
 from fpsboost.image import Image, rounding_offset
 from fpsboost.kernels.reproject import bin_landings, fetch_both, search_iteratively, search_nearest_landing
+from fpsboost.options import Checked, Range
 from fpsboost.synthesis import FramePair
 
 SourceSearch = Literal["iterative", "brute-force"]
 
 
 @dataclass(frozen=True)
-class Reproject:
+class Reproject(Checked):
     """Search of both frames for the pixel that moves to the target (section 3 of the report).
 
     A source is *found* if it lands within half a pixel of the target in x and in y. If it is found in both frames, the
@@ -39,12 +39,7 @@ class Reproject:
     """
 
     search: SourceSearch = "iterative"
-    iterations: int = 10
-
-    def __post_init__(self) -> None:
-        check_choice("search", self.search, get_args(SourceSearch))
-        if self.iterations < 1:
-            raise OptionError(f"iterations must be at least 1, not {self.iterations}.")
+    iterations: Annotated[int, Range(1)] = 10
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """Generate images on linear trajectories; see `fpsboost.synthesis.Synthesizer.synthesize`."""

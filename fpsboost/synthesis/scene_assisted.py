@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import premultiplied
-from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, as_image
 from fpsboost.motion.rendered import FrameVectors, RenderedVectors, frame_number, output_frame_between
+from fpsboost.options import Checked, Range
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.agreement import measure_agreement_along
 from fpsboost.synthesis.blend import Blend
@@ -30,7 +30,7 @@ class _Neighbour(NamedTuple):
 
 
 @dataclass(frozen=True)
-class SceneAssisted:
+class SceneAssisted(Checked):
     """Lookup of both frames along the in-between frame's own motion vectors (section 2.2 of the report).
 
     The renderer provides everything of the in-between frame but its shading. Its vectors point to the adjacent output
@@ -48,11 +48,7 @@ class SceneAssisted:
     needs_every_frame: ClassVar[bool] = True
 
     vectors: RenderedVectors
-    depth_tolerance: float = 0.05
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.depth_tolerance < 1:
-            raise OptionError(f"depth_tolerance must be at least 0 and below 1, not {self.depth_tolerance}.")
+    depth_tolerance: Annotated[float, Range(0, below=1)] = 0.05
 
     def with_vectors(self, vectors: RenderedVectors) -> SceneAssisted:
         return replace(self, vectors=vectors)

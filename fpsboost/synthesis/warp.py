@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import premultiplied
-from fpsboost.errors import OptionError
 from fpsboost.image import Image, as_image, rounding_offset
 from fpsboost.kernels.reproject import fetch_both, splat
+from fpsboost.options import Checked, Range
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.agreement import sample
 
@@ -60,7 +60,7 @@ def _backward_warp(values: NDArray[Any], flow: NDArray[Any], t: float) -> NDArra
 
 
 @dataclass(frozen=True)
-class Splat:
+class Splat(Checked):
     """Forward splatting of the pixels of frame 0 to time t (forward reprojection, section 2.1 of the report).
 
     A pixel of sufficient similarity lands on the nearest target, with the colours of both ends blended in time. Where
@@ -73,11 +73,7 @@ class Splat:
         Minimum similarity of a pixel that is splatted, from 0 to 1.
     """
 
-    least_similarity: float = 0.9
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.least_similarity <= 1:
-            raise OptionError(f"least_similarity must be from 0 to 1, not {self.least_similarity}.")
+    least_similarity: Annotated[float, Range(0, 1)] = 0.9
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """Generate images with the linear motion of frame 0 only; see `fpsboost.synthesis.Synthesizer.synthesize`."""

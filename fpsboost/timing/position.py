@@ -10,7 +10,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from fpsboost.errors import OptionError
-from fpsboost.options import option
+from fpsboost.options import Checked, option
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame import ClipInfo
@@ -82,7 +82,7 @@ def parse_positions(texts: Sequence[str], option: str) -> tuple[Position, ...]:
 
 
 @dataclass(frozen=True)
-class Trim:
+class Trim(Checked):
     """Part of a clip: the frames from `start` to before `end`.
 
     Parameters
@@ -100,6 +100,7 @@ class Trim:
     end: Position | None = option(None, "End position (exclusive); same syntax as `start`.", parse=parse_position)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         start, end = self.start or Position(Fraction(0)), self.end
         comparable = end is not None and (start.is_frame == end.is_frame or not start.value or not end.value)
         if end is not None and comparable and end.value <= start.value:

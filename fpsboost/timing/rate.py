@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from fpsboost.errors import InputError, OptionError, check_choice, rounded
-from fpsboost.options import option
+from fpsboost.errors import InputError, OptionError, rounded
+from fpsboost.options import Checked, PathName, Range, Rate, option
 from fpsboost.timing.position import format_time
 from fpsboost.timing.replacement import Replacement
 from fpsboost.timing.retime import parse_curve, parse_speeds, read_curve
 from fpsboost.timing.schedule import (
     DEFAULT_SAMPLES,
+    MAX_FACTOR,
     MAX_FILLED,
     MAX_RATE,
     ByFactor,
@@ -39,15 +40,16 @@ SlowSound = Literal["drop", "stretch"]
 
 
 @dataclass(frozen=True)
-class OutputRate:
+class OutputRate(Checked):
     """Frame rate of the output; by default constant, and twice the source's.
 
     Parameters
     ----------
-    factor : Fraction or int, optional
-        Output frames per source frame.
-    fps : Fraction or int, optional
-        Output frames per second, instead of `factor`.
+    factor : Fraction, int, float or str, optional
+        Output frames per source frame: 3, 2.5, ``"5/2"``.
+    fps : Fraction, int, float or str, optional
+        Output frames per second, instead of `factor`; 23.976, 29.97, 59.94 and 119.88 mean the exact rates of NTSC,
+        such as 60000/1001.
     keep_timing : bool
         Multiply the frames of each interval, so that a variable rate stays variable.
     slow_motion : bool
@@ -56,7 +58,7 @@ class OutputRate:
         Whether the audio of slow motion is dropped, the default, or stretched at its own pitch; with `retime` or
         `speed`, it is stretched by default where the speed is constant and from 0.5 to 2, with ``stretch`` at any
         constant speed above 0, and silent elsewhere.
-    retime : str, optional
+    retime : str or os.PathLike, optional
         Which time of the source each output time shows, ``0=0 2s=2s 3s=2.25s``, or the name of a file; see
         `fpsboost.timing.retime.parse_curve`. The output has the source's rate, unless `factor` or `fps` is given.
     speed : str, optional
@@ -64,10 +66,10 @@ class OutputRate:
     fill_gaps : bool
         Interpolate the missing images of a numbered sequence, whose numbers are its clock: `factor` then counts frames
         per number, 1 by default, and no gap is too long.
-    replace : str or Replacement, optional
+    replace : Replacement, str or os.PathLike, optional
         Damaged frames (``120-123,340,1:02.5``, or ``auto``), which are interpolated from the good ones around them.
         All others stay, repeated ones too; unless a rate is given, the output has one frame per source frame.
-    shutter : Fraction or int, optional
+    shutter : Fraction, int, float or str, optional
         Motion blur: shutter angle, degrees, above 0 and at most 360. Every frame, the source's own too, becomes the
         mean of several that are made around its time, over this share of the interval between output frames.
     shutter_samples : int, optional
@@ -80,45 +82,44 @@ class OutputRate:
         Options contradict each other, or one is out of range.
     """
 
-    factor: Fraction | int | None = option(
+    factor: Annotated[Rate, Range(above=0, most=MAX_FACTOR)] | None = option(
         None, "Output frames per input frame: 3, 5/2; else 2.", short="f", metavar="N", parse=parse_number
     )
-    fps: Fraction | int | None = option(None, "Output frames per second: 60, 59.94, 60000/1001.", parse=parse_rate)
+    fps: Annotated[Rate, Range(above=0, most=MAX_RATE)] | None = option(
+        None, "Output frames per second: 60, 59.94, 60000/1001.", parse=parse_rate
+    )
     keep_timing: bool = option(False, "Keep a variable rate: multiply each interval.")
     slow_motion: bool = option(False, "Keep the rate and play `factor` times as long.")
     slow_motion_sound: SlowSound | None = option(None, "Audio at other speeds: drop or stretch.")
-    retime: str | None = option(None, "Speed ramp OUT=IN: 0=0 2s=2s 3s=2.25s, or a file.", metavar="CURVE")
+    retime: PathName | None = option(None, "Speed ramp OUT=IN: 0=0 2s=2s 3s=2.25s, or a file.", metavar="CURVE")
     speed: str | None = option(None, "Speed of parts of the input: 0.25@1:00-1:05.", metavar="SPEEDS")
     fill_gaps: bool = option(False, "Interpolate only the missing image numbers.", group="Input")
-    replace: Replacement | str | None = option(
+    replace: Replacement | PathName | None = option(
         None,
         "Damaged frames: 120-123,340,1:02.5, FILE or auto.",
         metavar="FRAMES",
         group="Input",
         parse=Replacement.parse,
     )
-    shutter: Fraction | int | None = option(
+    shutter: Annotated[Rate, Range(above=0, most=360, unit=" degrees")] | None = option(
         None, "Motion blur of this shutter angle, up to 360.", metavar="DEGREES", parse=parse_number
     )
     shutter_samples: int | None = option(None, "Frames averaged for motion blur, odd; else 15.")
 
     def __post_init__(self) -> None:
-        if self.slow_motion_sound is not None:
-            check_choice("`slow_motion_sound`", self.slow_motion_sound, get_args(SlowSound))
-            if not self.slow_motion and not self.retimes:
-                raise OptionError("`slow_motion_sound` goes with `slow_motion`; give that too, or leave it out.")
+        super().__post_init__()
+        if self.slow_motion_sound is not None and not self.slow_motion and not self.retimes:
+            raise OptionError("`slow_motion_sound` goes with `slow_motion`; give that too, or leave it out.")
         if self.retime is not None:
-            object.__setattr__(self, "retime", read_curve(self.retime))
+            object.__setattr__(self, "retime", read_curve(str(self.retime)))
         kinds = ("retime", "speed", "slow_motion", "keep_timing", "fill_gaps")
         given = [f"`{name}`" for name in kinds if getattr(self, name)]
         if self.retimes and len(given) > 1:
             raise OptionError(f"{' and '.join(given)} say different things of time; give one of them.")
         if self.factor is not None and self.fps is not None and not self.slow_motion:
             raise OptionError("`factor` and `fps` say the same thing in two ways; give one of them.")
-        if self.fps is not None:
-            if self.keep_timing:
-                raise OptionError("`fps` makes the rate constant and `keep_timing` does not; give one of them.")
-            ByRate(Fraction(self.fps))
+        if self.fps is not None and self.keep_timing:
+            raise OptionError("`fps` makes the rate constant and `keep_timing` does not; give one of them.")
         if self.shutter_samples is not None and self.shutter is None:
             raise OptionError("`shutter_samples` goes with `shutter`; give that too, or leave it out.")
         _ = self.exposure
@@ -127,13 +128,11 @@ class OutputRate:
         if self.fill_gaps and (self.keep_timing or self.replace is not None):
             other = "`keep_timing` keeps a variable rate" if self.keep_timing else "`replace` those that are damaged"
             raise OptionError(f"`fill_gaps` makes missing images at a constant rate, and {other}; give one of them.")
-        if self.factor is not None:
-            ByFactor(Fraction(self.factor))
 
     @property
     def replacement(self) -> Replacement | None:
         """Frames to replace; None if all stay."""
-        assert not isinstance(self.replace, str), "parsed"
+        assert self.replace is None or isinstance(self.replace, Replacement), "parsed"
         return self.replace
 
     @property
@@ -164,7 +163,7 @@ class OutputRate:
         """Return the time map of a clip, whose first frame has a number in Nuke; None if all of it is as it was."""
         rate = info.rate * self.multiple if self.fps is None else Fraction(self.fps)
         if self.retime is not None:
-            curve = parse_curve(self.retime, rate, info.rate, first_number)
+            curve = parse_curve(str(self.retime), rate, info.rate, first_number)
         elif self.speed is not None:
             curve = parse_speeds(self.speed, info.rate)
         else:
@@ -204,7 +203,7 @@ class OutputRate:
                 f"{rounded(float(info.mean_rate), 3)} of them per second; say with `fps` how fast the output plays, "
                 "such as `fps=60`, or multiply the frames of each interval with `keep_timing`."
             )
-        rate = info.rate * factor if self.fps is None else self.fps * self.stretch
+        rate = info.rate * factor if self.fps is None else Fraction(self.fps) * self.stretch
         if rate > MAX_RATE:
             raise OptionError(
                 f"`factor={factor}` makes {float(rate):g} frames per second of {info.name}, and {MAX_RATE} are the "
@@ -241,6 +240,11 @@ class OutputRate:
                 f"the picture was {filled}, as in all pauses of more than {float(schedule.longest or 0):g} s."
             )
         return remarks
+
+
+def readable(number: Rate) -> str:
+    """Return a rate as people write it: 24, 23.976."""
+    return f"{float(number):.3f}".rstrip("0").rstrip(".")
 
 
 def exposed(schedule: Schedule, rate: OutputRate) -> Schedule:

@@ -15,9 +15,10 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
+from typing import TYPE_CHECKING, Annotated, NamedTuple, Protocol, Self, runtime_checkable
 
 from fpsboost.errors import OptionError
+from fpsboost.options import Checked, Range, check_type
 from fpsboost.timing.time_map import TimeMap
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
@@ -45,6 +46,7 @@ class Step(NamedTuple):
     """Whether it is a further sample of that frame's exposure, at another time than the frame's own."""
 
 
+@runtime_checkable
 class Schedule(Protocol):
     """Contract: determines the times of output frames. Implementations: `ByFactor`, `ByRate`, `RetimeSchedule`."""
 
@@ -73,7 +75,7 @@ class Schedule(Protocol):
 
 
 @dataclass(frozen=True)
-class ByFactor:
+class ByFactor(Checked):
     """Schedule that multiplies the frames: each source interval is divided evenly, whatever its length.
 
     Output frame k lies at source position k / factor, so a variable frame rate stays variable, and every source frame
@@ -90,11 +92,7 @@ class ByFactor:
     [0.0, 0.4, 0.8]
     """
 
-    factor: Fraction
-
-    def __post_init__(self) -> None:
-        if not 0 < self.factor <= MAX_FACTOR:
-            raise OptionError(f"`factor` must be above 0 and at most {MAX_FACTOR}, not {self.factor}.")
+    factor: Annotated[Fraction, Range(above=0, most=MAX_FACTOR)]
 
     def presentation_time(self, start: Fraction, time: Fraction) -> Fraction:
         return time
@@ -142,8 +140,7 @@ class ByRate:
     longest: Fraction | None = None
 
     def __post_init__(self) -> None:
-        if not 0 < self.frames_per_second <= MAX_RATE:
-            raise OptionError(f"`fps` must be above 0 and at most {MAX_RATE}, not {self.frames_per_second}.")
+        check_type("fps", self.frames_per_second, Annotated[Fraction, Range(above=0, most=MAX_RATE)])
 
     @classmethod
     def forgiving(cls, frames_per_second: Fraction, source_rate: Fraction, tick: Fraction) -> Self:
@@ -255,7 +252,7 @@ def representable(*time_bases: Fraction) -> Fraction:
 
 
 def parse_rate(text: str, option: str = "frame rate") -> Fraction:
-    """Parse a frame rate as people write it; 23.976, 29.97, 59.94 and 119.88 mean n x 1000/1001."""
+    """Parse a frame rate as people write it; 23.976, 29.97, 59.94 and 119.88 mean n x 1000/1001, unlike 2997/50."""
     value = parse_number(text, option)
     nearest = round(value * 1001 / 1000)
     ntsc = Fraction(nearest * 1000, 1001)
@@ -310,8 +307,6 @@ class Shutter:
     samples: int = DEFAULT_SAMPLES
 
     def __post_init__(self) -> None:
-        if not 0 < self.angle <= 360:
-            raise OptionError(f"`shutter` must be above 0 and at most 360 degrees, not {float(self.angle):g}.")
         if not 3 <= self.samples <= MAX_SAMPLES or self.samples % 2 == 0:
             raise OptionError(f"`shutter_samples` must be odd, and from 3 to {MAX_SAMPLES}, not {self.samples}.")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 from fpsboost import (
     ConversionJob,
@@ -17,12 +17,11 @@ from fpsboost import (
     find_method,
     format_time,
 )
-from fpsboost.cli.batch import check_ending, output_beside
+from fpsboost.cli.batch import check_ending
 from fpsboost.cli.options import MethodOptions, in_flags
-from fpsboost.errors import check_choice
 from fpsboost.io.video.encoding import encoders
-from fpsboost.options import options_from, words_of_options
-from fpsboost.preparation import prepared
+from fpsboost.options import Checked, options_from, words_of_options
+from fpsboost.preparation import output_beside, prepared
 from fpsboost.probing import expected_losses
 from fpsboost.ui.files import Files
 
@@ -66,37 +65,30 @@ def on_page(sentence: str, *paths: str) -> str:
 
 
 @dataclass(frozen=True)
-class Choices:
+class Choices(Checked):
     """The page's form, as text."""
 
     input: str
     folder: str
     name: str
-    rate: str = "factor"
+    rate: Literal["factor", "fps", "slow", "retime"] = "factor"
     value: str = "2"
     method: str = "nlm"
     start: str = ""
     end: str = ""
     codec: str = ""
-    quality: str = "usual"
+    quality: Literal["usual", "smaller", "higher", "lossless"] = "usual"
     sound: bool = True
     subtitles: bool = True
     streams: str = ""
     overwrite: bool = False
     input_fps: str = ""
 
-    def __post_init__(self) -> None:
-        check_choice("The kind of rate", self.rate, ("factor", "fps", "slow", "retime"))
-        check_choice("The quality", self.quality, CRF_STEPS)
-
     @classmethod
     def of(cls, data: object) -> Self:
-        kinds = {field.name: bool if isinstance(field.default, bool) else str for field in fields(cls)}
-        given = data if isinstance(data, dict) else {}
-        wrong = [name for name in kinds if type(given.get(name)) is not kinds[name]]
-        if wrong:
-            raise OptionError(f"The page has sent no valid value of {', '.join(wrong)}; load it anew.")
-        return cls(**{name: given[name] for name in kinds})
+        """Return what the page has sent; raise `OptionError` for what no page sends."""
+        given: Any = data if isinstance(data, dict) else {}
+        return cls(**{field.name: given.get(field.name) for field in fields(cls)})
 
     def job(self, files: Files) -> ConversionJob:
         files.check_picked(self.input)
@@ -116,15 +108,14 @@ class Choices:
         codec, lossless = self.codec or None, self.quality == "lossless"
         encoding: Encoding = options_from(Encoding, {"codec": codec, "streams": self.streams or None})
         encoding = replace(encoding, lossless=lossless, audio=self.sound, subtitles=self.subtitles)
-        if not CRF_STEPS[self.quality]:
-            return encoding
         codec = self.codec or ("vp9" if self.name.lower().endswith(".webm") else "h264")
-        check_choice("`codec`", codec, encoders)
+        if not CRF_STEPS[self.quality] or codec not in encoders:  # which is said when it is to encode
+            return encoding
         return replace(encoding, crf=encoders[codec].crf + CRF_STEPS[self.quality])
 
     def words(self, job: ConversionJob) -> list[str]:
         given = [job.rate, MethodOptions(self.method), job.decoding, job.encoding, RunOptions(overwrite=self.overwrite)]
-        return ["fpsboost", job.input, job.output or "", *words_of_options(*given)]
+        return ["fpsboost", str(job.input), str(job.output or ""), *words_of_options(*given)]
 
     def check(self, job: ConversionJob) -> dict[str, Any]:
         """Return what the conversion would give, as plain data, without running it."""

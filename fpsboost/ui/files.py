@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from fpsboost import InputError, OutputError
-from fpsboost.cli.batch import OUTPUT_SUFFIXES
 from fpsboost.errors import explained
 from fpsboost.io.images.files import IMAGE_SUFFIXES
 from fpsboost.io.opening import stands_for_images
 from fpsboost.io.staging import unfinished_places
+from fpsboost.preparation import OUTPUT_SUFFIXES
 
 MAX_ENTRIES = 2000
 """Maximum number of folders and clips that are listed of a folder."""

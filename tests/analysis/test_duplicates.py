@@ -20,7 +20,6 @@ from truth import affine, as_type, equal_luma, frozen, noise, prepared
 
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_pictures, group_duplicates
 from fpsboost.contracts import Summary
-from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache
 from fpsboost.io.opening import open_source
@@ -206,15 +205,6 @@ def test_a_slow_fade_is_no_duplicate(levels):
     """Every frame differs a little, by less than an encoder's noise, and it adds up."""
     frames = held([1] * 20, lambda time: np.rint(pan(0) * 0.5 + levels * time).astype(np.uint8))
     assert lengths(frames) == [1] * 21
-
-
-@pytest.mark.parametrize(
-    "options", [{"noise": -1}, {"share": 1}, {"smallest_step": 0}, {"block": 0}, {"most": 0}, {"longest": Fraction(-1)}]
-)
-def test_values_are_checked(options):
-    """One sentence."""
-    with pytest.raises(OptionError):
-        DuplicateDetector(**options)
 
 
 @pytest.mark.parametrize("crf", [18, 28])

@@ -12,7 +12,6 @@ from truth import SCENES, affine, as_type, equal_luma, frozen, moving_object, ne
 
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, group_duplicates
 from fpsboost.analysis.scene_cuts import CutDetector
-from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import with_neighbours
@@ -92,13 +91,6 @@ def test_the_threshold_runs_from_no_cuts_to_all():
     clip = translation(48, 64, 1, 0)
     assert not is_cut(CutDetector(threshold=0), *prepared(scene(1), scene(2)))
     assert is_cut(CutDetector(threshold=1), *clip.prepared)
-
-
-@pytest.mark.parametrize("threshold", [-0.1, 1.1, float("nan")])
-def test_thresholds_out_of_range_are_refused(threshold):
-    """A share is 0 to 1."""
-    with pytest.raises(OptionError, match="`cut_threshold`"):
-        CutDetector(threshold=threshold)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])

@@ -206,7 +206,7 @@ def test_a_request_to_stop_is_repeated_if_it_is_lost(loss):
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     cleaned = False if "error" in loss else None
     assert result.stdout.split("\n") == ["went on", f"stopped {cleaned}", ""]
-    assert "Traceback" not in result.stderr or "FFmpeg" in loss
+    assert "Traceback" not in result.stderr
 
 
 @pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
@@ -308,7 +308,7 @@ MISTAKES: dict[str, tuple[str, str]] = {
     "the same folder twice": ("other other/ --in-place", "other is named twice; name it once"),
     "the same video twice": ("in.mp4 ./in.mp4 out", "in.mp4 is named twice; name it once"),
     "three names": ("in.mp4 out.mp4 more.mp4", "more.mp4"),
-    "no output": ("-", "OUT"),
+    "no output": ("-", "output"),
     "trial of a pipe": ("- out.mp4 --dry-run", "--dry-run"),
     "trial of a part": ("in.mp4 out.mp4 --dry-run --chunk 1/2", "--chunk"),
 }
@@ -489,7 +489,7 @@ def test_no_command_ends_in_a_traceback(fpsboost_, clip, tmp_path, snapshot, mon
         ("in.mp4 -methd nlm", "-methd is no option; write --method nlm, with two dashes."),
         ("ui -port 1", "-port is no option; write --port 1, with two dashes."),
         ("in.mp4 out.mp4 -m nml", "There is no method 'nml'; did you mean 'nlm'?"),
-        ("in.mp4 out.mp4 -m nlm:fusion=bare", "The option fusion must be one of learnt, plain, not 'bare'."),
+        ("in.mp4 out.mp4 -m nlm:fusion=bare", "`fusion` must be one of learnt, plain, not 'bare'."),
         ("in.mp4 out.mp4 --preset slwo", "did you mean 'slow'?"),
         ("in.mp4 --at-cuts rpeat", 'Did you mean "repeat"? See fpsboost --help.'),
         ("in.mp4 --crf 1e1", "--crf must be a whole number, not '1e1'. See fpsboost --help."),

@@ -13,21 +13,22 @@ LAST = "5 frames give 9 images and not 10"
 def rows(text: str) -> dict[str, str]:
     """The rows of the printed table by their names."""
     joined = re.sub(r"\n {3,}", " ", text)
-    return dict(re.findall(r"^(from|makes|keeps|takes|size) +(.*?) *$", joined, re.MULTILINE))
+    return dict(re.findall(r"^(from|makes|keeps|takes|size|tried) +(.*?) *$", joined, re.MULTILINE))
 
 
 def test_a_video(fpsboost_, tmp_path, snapshot):
     """Frames, rate and encoder, the streams that are kept or not, and figures of a trial; nothing is written."""
-    write_clip(tmp_path / "in.mov", sound="pcm_s16le")
+    write_clip(tmp_path / "in.mov", times=range(80), sound="pcm_s16le")
     before = snapshot(tmp_path)
     result = fpsboost_("in.mov", "out.mp4", "--fps", "30", "--audio-codec", "aac", *CHEAP, "--dry-run")
     said = rows(result.out)
     assert (result.code, result.err) == (0, "")
-    assert said["from"] == "64x48 at 25 fps, 10 frames"
-    assert said["makes"].startswith("out.mp4, 12 frames at 30 fps, 0:00.400, libx264, yuv420p")
+    assert said["from"] == "64x48 at 25 fps, 80 frames"
+    assert said["makes"].startswith("out.mp4, 96 frames at 30 fps, 0:03.200, libx264, yuv420p")
     assert said["keeps"] == "pcm_s16le sound (fra)"
-    assert "12 frames: " in said["takes"]
-    assert re.fullmatch(r"(about|[\d.]+ kB to) [\d.]+ kB, other streams not counted", said["size"])
+    assert re.fullmatch(r"about [\d.]+ s for 96 frames\.", said["takes"])
+    assert re.fullmatch(r"about [\d.]+ kB, other streams not counted", said["size"])
+    assert said["tried"] == "6 frames, for time and size"
     assert "encoded anew as aac" in result.out
     assert snapshot(tmp_path) == before
 
@@ -49,7 +50,7 @@ def test_what_is_refused_is_refused_at_once(fpsboost_, tmp_path):
     write_clip(tmp_path / "in.mp4", sound="aac")
     ramp = fpsboost_("in.mp4", "--speed", "0.5@0.2-0.3", "--dry-run", *CHEAP)
     assert rows(ramp.out)["makes"].startswith("in-retimed.mp4, 13 frames at 25 fps")
-    assert "13 frames: " in rows(ramp.out)["takes"]
+    assert rows(ramp.out)["takes"] == "not tried, since a tenth of 10 frames tells too little"
     write_clip(tmp_path / "in.mkv")  # whose header says how long the file is, not the video
     curve = fpsboost_("in.mkv", "--retime", "0=0 0.2s=0.2s 0.4s=0 x0.5", "--dry-run", *CHEAP)
     assert rows(curve.out)["makes"].startswith("in-retimed.mkv, 30 frames at 25 fps, 0:01.200")
@@ -59,9 +60,10 @@ def test_what_is_refused_is_refused_at_once(fpsboost_, tmp_path):
 
 @pytest.mark.parametrize(("more", "count"), [([], 1), (["--factor", "1"], 0), (["--in-place"], 0)])
 def test_last_image_is_explained_once(fpsboost_, tmp_path, save_images, more, count):
-    """Where two folders become images, one note says why there are nine and not ten."""
+    """Where two folders become images, one note says why there are nine and not ten; in place, four are added each."""
     for name in ("a", "b"):
         save_images(tmp_path / name, "shot_{:03d}0.png")
-    result = fpsboost_("a", "b", *(["out"] if "--in-place" not in more else []), "--method", "blend", *more)
+    is_in_place = "--in-place" in more
+    result = fpsboost_("a", "b", *["out"] * (not is_in_place), "--method", "blend", *more)
     assert result.code == 0, result.err
-    assert result.err.count(LAST) == count
+    assert (result.err.count(LAST), result.err.count("5 -> 9 frames, 4 added in ")) == (count, 2 * is_in_place)

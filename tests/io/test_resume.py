@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import threading
+from contextlib import nullcontext
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
@@ -17,7 +18,7 @@ from conversion_options import output_of
 from video_truth import packets_of, pictures_of, samples_of, scene, write_clip
 
 import fpsboost
-from fpsboost.contracts import OutputRange, SilentObserver, Summary
+from fpsboost.contracts import ClosesOnExit, OutputRange, SilentObserver, Summary
 from fpsboost.conversion import convert
 from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.fingerprint import JobFingerprint, fingerprint_options
@@ -63,7 +64,7 @@ class Stop(SilentObserver):
             raise StoppedError
 
 
-class Kept:
+class Kept(nullcontext[None]):
     """A sink that keeps what it is given."""
 
     holds_last_frame, remarks = True, list[str]()
@@ -247,11 +248,13 @@ def test_cuts_and_duplicates_are_counted_the_same(tmp_path):
     images = [scene(k // 2, 48, 64) if k < 12 else 255 - scene(3 * k, 48, 64)[:, ::-1] for k in range(24)]
     frames = [Frame(image, Fraction(k, 25), Fraction(1, 25)) for k, image in enumerate(images)]
 
-    class Source:
+    class Source(ClosesOnExit):
         info, remarks = ClipInfo("x", 48, 64, Fraction(25), Fraction(1, 25), 24), list[str]()
 
         def __iter__(self) -> Any:
             return iter(frames)
+
+        def close(self) -> None: ...
 
     method = replace(find_method("nlm-fast"), synthesizer=Blend())
     found = [
@@ -566,7 +569,7 @@ def test_every_option_belongs_to_the_job(tmp_path, monkeypatch):
     shaping = {"rate": OutputRate(3), "method": methods["nlm"], "decoding": DecodeOptions(), "encoding": Encoding()}
     assert noted == {**shaping, "in_place": False}
     arguments = set(convert.__annotations__) - {"return"}
-    assert set(noted) == arguments - {"input", "output", "factor", "run"} | {"in_place"}
+    assert set(noted) == arguments - {"input", "output", "options", "run"} | {"in_place"}
 
 
 @pytest.mark.parametrize(

@@ -189,38 +189,6 @@ def test_the_type_of_the_pixels_does_not_matter(estimator, dtype):
         np.testing.assert_allclose(field.similarity, other.similarity, atol=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("kind", "option", "values"),
-    [
-        (ExhaustiveSearch, "search_radius", [0, 1001]),
-        (ExhaustiveSearch, "patch_radius", [0, 21]),
-        (ExhaustiveSearch, "v", [0.0, float("nan")]),
-        (ExhaustiveSearch, "window", ["triangle"]),
-        (ExhaustiveSearch, "implementation", ["magic"]),
-        (CoarseToFine, "max_motion_share", [0.0, 1.5]),
-        (CoarseToFine, "patch_radius", [0, 11]),
-        (CoarseToFine, "v", [-1.0]),
-        (CoarseToFine, "labels", [0]),
-        (CoarseToFine, "smoothness", [-0.1]),
-        (CoarseToFine, "coarsest_side", [0]),
-        (CoarseToFine, "finest_level", [-1]),
-        (CoarseToFine, "steepness", [0.0]),
-        (Dis, "preset", ["slow"]),
-        *((Farneback, name, [0]) for name in ("levels", "window_size", "iterations")),
-        *((TvL1, name, [0]) for name in ("levels", "warps", "inner_iterations", "outer_iterations", "epsilon")),
-        (TvL1, "scale_step", [1.0]),
-        (BlockMatching, "block_size", [1, 129]),
-        (BlockMatching, "search_range", [0, 1001]),
-        (BlockMatching, "pattern", ["spiral"]),
-    ],
-)
-def test_options_out_of_range_are_refused(kind, option, values):
-    """When the object is made, by the option's name."""
-    for value in values:
-        with pytest.raises(OptionError, match=rf"^`?{option}`? must be"):
-            kind(**{option: value})
-
-
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 def test_colours_are_normalised_and_premultiplied(dtype):
     """White is 1, gray fills one component, a transparent pixel has no colour."""

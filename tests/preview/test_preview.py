@@ -19,7 +19,6 @@ from fpsboost.method_table import methods
 from fpsboost.preparation import ConversionJob
 from fpsboost.preview.page import (
     LABEL_HEIGHT,
-    Estimate,
     estimate_sentence,
     preview,
     write_page,
@@ -120,8 +119,8 @@ def test_passage_has_the_frames_of_the_whole_conversion(clip, tmp_path):
     """Shown as before and after, at the same times; the estimate counts all frames, each of which took some time."""
     passage = found_in(clip, Position(Fraction(8))).passages[0]
     found = preview(job_of(clip), BLEND, RunOptions(), at=[Position(Fraction(8))])
-    after, estimate = found.trials["blend"][0].after, found.estimates["blend"]
-    assert (estimate.frames, 0 < estimate.least <= estimate.most) == (16 * 2 * RATE, True)
+    after, estimate = found.trials["blend"][0].after, found.seconds_per_frame["blend"]
+    assert (found.frames, estimate > 0) == (16 * 2 * RATE, True)
     assert after.times == [Fraction(place, 2 * RATE) for place in range(2 * RATE)]
     convert(str(clip), str(tmp_path / "frames"), method="blend")
     whole = [cv2.imread(str(path)) for path in sorted((tmp_path / "frames").iterdir())]
@@ -132,11 +131,13 @@ def test_passage_has_the_frames_of_the_whole_conversion(clip, tmp_path):
 
 
 def test_estimate_is_said_with_units():
-    """Short times in seconds, long ones in hours; one figure where both are alike; none without a length."""
-    assert estimate_sentence(Estimate(1000, 0.5, 1, 1)).startswith("8 min to 17 min for 1,000 frames: 1 to 2 frames a")
-    assert estimate_sentence(Estimate(10, 1, 1, 1)).startswith("about 10 s for 10 frames")
-    assert ": 1 to 120 frames a second on " in estimate_sentence(Estimate(10, 1 / 123, 1, 0.1))
-    assert "length of the clip is not known" in estimate_sentence(Estimate(None, 1, 1, 1))
+    """Short times in seconds, long ones in minutes, as one figure; a speed where the length is not known."""
+    said = {
+        (1000, 0.5): "about 8 min for 1,000 frames.",
+        (10, 1): "about 10 s for 10 frames.",
+        (None, 1 / 123): "about 120 frames a second; the length of the clip is not known beforehand.",
+    }
+    assert {each: estimate_sentence(*each) for each in said} == said
 
 
 def test_least_certain_frame_has_its_confidence(short, shown):

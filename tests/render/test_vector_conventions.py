@@ -159,5 +159,5 @@ def test_conventions_that_do_not_apply_are_named(tmp_path):
     save_translation(tmp_path, 2, SIZE, 1, 0)
     with pytest.raises(InputError, match="4 channels of motion, and the vector convention 2"):
         VectorFolder(tmp_path, convention="forward-up").at(0)
-    with pytest.raises(OptionError, match="vector_convention"):
+    with pytest.raises(OptionError, match="`convention` must be one of auto, "):
         VectorFolder(tmp_path, convention="sideways")

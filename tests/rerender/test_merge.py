@@ -194,8 +194,6 @@ def test_inputs_are_not_replaced(tmp_path):
             merge_regions(made, rendered, str(folder), options)
     with pytest.raises(OptionError, match="plan"):
         merge_regions(made, rendered, str(tmp_path / "out"), MergeOptions())
-    with pytest.raises(OptionError, match="feather"):
-        MergeOptions("plan", -1)
 
 
 @given(mask=arrays.arrays(bool, st.tuples(st.integers(1, 20), st.integers(1, 20))), feather=st.integers(0, 9))

@@ -162,13 +162,6 @@ def test_budgets_that_are_none(text):
         parse_budget(text, "`budget`")
 
 
-def test_options_out_of_range():
-    """One sentence for each."""
-    for name, value in (("tile", 0), ("factor", 1), ("budget", 0), ("budget", 1.2)):
-        with pytest.raises(OptionError, match=f"`{name}` must be"):
-            PlanOptions(**{name: value})
-
-
 def test_what_cannot_be_planned(tmp_path, snapshot):
     """Two images, a video, a folder that is not empty: refused, nothing written."""
     clip = unpredictable_clip(tmp_path / "in", range(1, 6, 2))

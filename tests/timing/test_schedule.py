@@ -151,16 +151,6 @@ def test_what_is_no_number_is_refused(text):
         parse_rate(text)
 
 
-@pytest.mark.parametrize(
-    ("kind", "name", "most"), [(ByFactor, "`factor`", 1000), (ByRate, "`fps`", 100_000)], ids=["factor", "rate"]
-)
-def test_what_is_out_of_range_is_refused(kind, name, most):
-    """Above 0 and at most 1000, or 100000."""
-    for value in (0, -1, Fraction(-1, 2), most + 1):
-        with pytest.raises(OptionError, match=name):
-            kind(Fraction(value))
-
-
 @given(factors, st.integers(0, 50))
 def test_source_frames_know_their_place_among_output_frames(factor, index):
     """Output frame k lies at place k, whichever way the rate is given."""

@@ -69,6 +69,11 @@ class NumberedSink(StagedSink):
     def remarks(self) -> list[str]:
         return [*self._unfinished.remarks, *self.names.remarks, *self._encoder.remarks]
 
+    @property
+    def kept_frames(self) -> int:
+        """How many of `completed_frames` are images of the input, which stay where they are."""
+        return sum(self.names.path(place).name in self._originals for place in range(self.completed_frames))
+
     def _count_finished(self) -> int:
         there, count = {*os.listdir(self._staged), *self._originals}, 0
         while self.names.path(count).name in there:

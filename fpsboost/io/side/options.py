@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from fpsboost.options import option
+from fpsboost.options import Checked, PathName, option
 
 
 @dataclass(frozen=True)
-class SideOutputs:
+class SideOutputs(Checked):
     """What is written beside the frames: maps of confidence, and motion.
 
     Each is a folder, created if it does not exist, or a pattern in an existing one. All of its files appear together
@@ -16,10 +16,10 @@ class SideOutputs:
 
     Parameters
     ----------
-    confidence : str, optional
+    confidence : str or os.PathLike, optional
         Where to write the confidence of every interpolated frame, named like the frames of the output: PNG with 255 for
         certain; half OpenEXR with 1 for certain by a pattern (``conf_####.exr``). Original frames have none.
-    save_motion : str, optional
+    save_motion : str or os.PathLike, optional
         Where to write the motion of every source frame next to an interpolated one, named like
         the source's images: ``NAME_backward.flo`` and ``NAME_forward.flo``; OpenEXR in Blender's convention by a
         pattern (``motion_####.exr``). Pictures in colour, ``NAME_forward.png``, are written beside them.
@@ -30,10 +30,10 @@ class SideOutputs:
     ['`confidence`']
     """
 
-    confidence: str | None = option(
+    confidence: PathName | None = option(
         None, "Write confidence maps, PNG; c_####.exr for EXR.", metavar="DIR", group="Side outputs"
     )
-    save_motion: str | None = option(
+    save_motion: PathName | None = option(
         None, "Write motion fields, .flo; m_####.exr for EXR.", metavar="DIR", group="Side outputs"
     )
 

@@ -117,13 +117,13 @@ def with_side_outputs(
     if side.confidence is not None:
         naming, first, step = (written.numbering, written.first, written.step) if written else (None, 1, 1)
         numbers: Sequence[int] = range(first, sys.maxsize, step)
-        names = FileNames.parse(side.confidence, "`confidence`", ConfidenceWriter.suffixes, naming, numbers, taken)
+        names = FileNames.parse(str(side.confidence), "`confidence`", ConfidenceWriter.suffixes, naming, numbers, taken)
         confidence = ConfidenceWriter(names, overwrite=overwrite)
         taken.append(names.numbering.folder)
     if side.save_motion is not None:
         naming = images.numbering if images else None
         numbers = (images and images.numbers) or range(1, sys.maxsize)
-        names = FileNames.parse(side.save_motion, "`save_motion`", MotionWriter.suffixes, naming, numbers, taken)
+        names = FileNames.parse(str(side.save_motion), "`save_motion`", MotionWriter.suffixes, naming, numbers, taken)
         motion = MotionWriter(names, overwrite=overwrite)
     return SideSink(sink, confidence, motion, watcher)
 

@@ -91,4 +91,5 @@ def rate_of(capture: cv2.VideoCapture) -> Fraction | None:
 
 
 def _with_channels(image: Image) -> Image:
-    return np.ascontiguousarray(image[..., np.newaxis] if image.ndim == 2 else image)
+    array = np.ascontiguousarray(image)
+    return array[..., np.newaxis] if array.ndim == 2 else array

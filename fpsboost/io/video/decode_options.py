@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from fractions import Fraction
-from typing import Literal, get_args
+from typing import Annotated, Literal
 
-from fpsboost.errors import OptionError, check_choice
-from fpsboost.options import option
+from fpsboost.options import Checked, Range, Rate, option
 from fpsboost.timing.position import Trim
 from fpsboost.timing.schedule import parse_rate
 
@@ -17,14 +15,14 @@ View = Literal["none", "srgb"]
 
 
 @dataclass(frozen=True)
-class DecodeOptions:
+class DecodeOptions(Checked):
     """Options for reading a source.
 
     Parameters
     ----------
     trim : Trim
         Part of the input that is read; the whole input by default.
-    input_fps : Fraction or int, optional
+    input_fps : Fraction, int, float or str, optional
         Frames per second of input images, or of a raw stream (``.264``, ``.m2v``, ``.obu``), which says none or a wrong
         one. Other videos have times of their own.
     stream : int, optional
@@ -59,10 +57,10 @@ class DecodeOptions:
     """
 
     trim: Trim = Trim()
-    input_fps: Fraction | int | None = option(
+    input_fps: Annotated[Rate, Range(0.001, 100_000)] | None = option(
         None, "Frame rate of images, or of a raw stream such as .264.", parse=parse_rate
     )
-    stream: int | None = option(None, "Video stream, numbered as in probe; else the largest.")
+    stream: Annotated[int, Range(0)] | None = option(None, "Video stream, numbered as in probe; else the largest.")
     deinterlace: bool = option(False, "Make one frame per field: 50 per second from 25i.")
     size_change: SizeChange = option("stop", "If the frame size changes: stop or scale.")
     allow_playlists: bool = option(False, "Read playlists and the files that they name.")
@@ -72,12 +70,6 @@ class DecodeOptions:
         None, "Layers of OpenEXR: all, beauty or their names.", metavar="NAMES", group="Streams"
     )
     view: View = option("none", "View transform of OpenEXR: none or srgb.")
-
-    def __post_init__(self) -> None:
-        for name, choices in (("size_change", SizeChange), ("decoder", Decoder), ("view", View)):
-            check_choice(f"`{name}`", getattr(self, name), get_args(choices))
-        if self.stream is not None and self.stream < 0:
-            raise OptionError(f"`stream` must be the number of a stream, 0 or more, not {self.stream}.")
 
     @property
     def given(self) -> list[str]:

@@ -6,12 +6,10 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from fractions import Fraction
+from typing import Annotated
 
 from fpsboost.errors import OptionError
-from fpsboost.options import option
-
-MIN_BITRATE, MAX_BITRATE = 1000, 2_000_000_000
-"""Range of valid bit rates, bits per second."""
+from fpsboost.options import Checked, Range, option
 
 
 def parse_bitrate(text: str, option: str = "`bitrate`") -> int:
@@ -24,6 +22,7 @@ def parse_bitrate(text: str, option: str = "`bitrate`") -> int:
 
 def parse_encoder_options(texts: Sequence[str], option: str = "`encoder_options`") -> tuple[tuple[str, str], ...]:
     """Split options of the form ``key=value``; messages name them by `option`."""
+    texts = [texts] if isinstance(texts, str) else texts
     pairs = [text.partition("=") for text in texts]
     for text, (name, _, value) in zip(texts, pairs, strict=True):
         if not name.strip() or not value:
@@ -39,7 +38,7 @@ def parse_streams(text: str, option: str = "`streams`") -> tuple[int, ...]:
 
 
 @dataclass(frozen=True)
-class Encoding:
+class Encoding(Checked):
     """Options for encoding, and for the streams that are carried over.
 
     Parameters
@@ -76,7 +75,9 @@ class Encoding:
     codec: str | None = option(None, "h264, hevc, vp9, av1 or any FFmpeg encoder.")
     crf: int | None = option(None, "Constant rate factor; lower is better.")
     preset: str | None = option(None, "Encoder speed, for example slow or veryfast.")
-    bitrate: int | None = option(None, "Bits per second instead of `crf`: 8M, 800k.", parse=parse_bitrate)
+    bitrate: Annotated[int, Range(1000, 2_000_000_000, unit=" bits per second")] | None = option(
+        None, "Bits per second instead of `crf`: 8M, 800k.", parse=parse_bitrate
+    )
     lossless: bool = option(False, "Encode without loss.")
     pixel_format: str | None = option(None, "Pixel format: yuv420p10le...; else the input's.", flag="pix-fmt")
     encoder_options: tuple[tuple[str, str], ...] = option(
@@ -94,6 +95,7 @@ class Encoding:
     )
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.crf is not None and self.bitrate is not None:
             raise OptionError("`crf` and `bitrate` contradict each other; give one of them.")
         if self.lossless and (self.crf, self.bitrate) != (None, None):
@@ -101,8 +103,6 @@ class Encoding:
             raise OptionError(f"`lossless` and {other} contradict each other; give one of them.")
         if self.audio_codec is not None and not self.audio:
             raise OptionError("`audio_codec` and `audio=False` contradict each other; give one of them.")
-        if self.bitrate is not None and not MIN_BITRATE <= self.bitrate <= MAX_BITRATE:
-            raise OptionError(f"`bitrate` must be 1k to 2000M, not {self.bitrate}.")
         names = [name for name, _ in self.encoder_options]
         for name in names:
             if names.count(name) > 1:

@@ -137,7 +137,7 @@ def with_window(data: bytes, name: bytes, *corners: int) -> bytes:
 @pytest.mark.parametrize(
     ("corners", "message"),
     [
-        ((0, 0, 99_999, 99_999), r"100000x100000, which takes about 4\.0 TB of memory|damaged"),
+        ((0, 0, 99_999, 99_999), r"100000x100000, which takes about 4 TB of memory|damaged"),
         ((-(2**31), -(2**31), 2**31 - 1, 2**31 - 1), r"4294967296x4294967296, which takes|damaged"),
         ((0, 0, -1, 10), "damaged"),
         ((10, 10, 0, 0), "damaged"),

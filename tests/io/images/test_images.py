@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fpsboost.errors import InputError, OptionError, OutputError
+from fpsboost.errors import InputError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
 from fpsboost.io.images.encoder import encode_image
@@ -153,8 +153,6 @@ def test_refused_paths(tmp_path: Path) -> None:
     }.items():
         with pytest.raises(InputError, match=message):
             ImageSource(str(tmp_path / path), RATE)
-    with pytest.raises(OptionError, match="above 0"):
-        ImageSource(str(tmp_path), Fraction(0))
 
 
 def test_pattern_picks_one_sequence(tmp_path: Path) -> None:

@@ -348,7 +348,7 @@ def test_half_of_a_pass_ends_where_half_does(folder, tmp_path):
 
 def test_memory_is_counted_by_layers(clip, tmp_path):
     """A limit that the picture alone would keep to."""
-    limit = fpsboost.MemoryLimit(300_000_000 + 500 * HEIGHT * WIDTH)
+    limit = fpsboost.MemoryLimit(300_000_000 + 800 * HEIGHT * WIDTH)
     with pytest.raises(InputError, match=r"is 96x64 with \d+ planes of layers, which takes about"):
         convert(clip, tmp_path / "out", limit=limit)
     assert convert(clip, tmp_path / "out", limit=limit, passes="beauty").frames_in == 3

@@ -245,7 +245,6 @@ def test_repeated_images_are_not_missing(tmp_path):
         ({"in_place": True, "factor": 1}, OptionError, "`in_place` keeps"),
         ({"in_place": True, "overwrite": True}, OptionError, "replaces nothing"),
         ({"in_place": True, "output": "out"}, OptionError, "leave the output out out"),
-        ({}, OptionError, "no output"),
     ],
 )
 def test_contradictions(tmp_path, options, error, message):
@@ -331,7 +330,7 @@ def test_a_run_in_place_that_was_stopped(tmp_path):
     assert times(source) == before
     assert "`resume` goes on from there" in " ".join(stopped.value.__notes__)
     summary = run(source, in_place=True, resume=True)
-    assert summary.completed_frames >= 3
+    assert 1 <= summary.completed_frames <= 3  # of 7, four are originals
     assert contents(source) == contents(whole)
     assert [name for name in names_in(source) if name.startswith(".")] == []
 

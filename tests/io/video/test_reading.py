@@ -396,10 +396,6 @@ def test_options_that_mean_nothing_are_refused(tmp_path, save_images):
             open_source(str(tmp_path / "in"), decoding=replace(decoding, input_fps=24))
         with pytest.raises(OptionError, match=rf"{option} is for video files and not for standard input"):
             open_source("-", decoding=decoding)
-    with pytest.raises(OptionError, match="`stream` must be"):
-        DecodeOptions(stream=-1)
-    with pytest.raises(OptionError, match="`size_change` must be one of stop, scale"):
-        DecodeOptions(size_change="crop")
 
 
 def test_the_command_line(fpsboost_, tmp_path):

@@ -266,7 +266,7 @@ def test_contradictions_are_told():
         ({"crf": 20, "bitrate": 10**6}, "`crf` and `bitrate` contradict"),
         ({"crf": 20, "lossless": True}, "`lossless` and `crf` contradict"),
         ({"bitrate": 10**6, "lossless": True}, "`lossless` and `bitrate` contradict"),
-        ({"bitrate": 10}, "`bitrate` must be 1k to 2000M"),
+        ({"bitrate": 10}, "`bitrate` must be 1000 to 2000000000 bits per second"),
         ({"encoder_options": (("g", "1"), ("g", "2"))}, "`encoder_options=g` is given twice"),
     ):
         with pytest.raises(OptionError, match=sentence):
