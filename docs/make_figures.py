@@ -386,7 +386,7 @@ def add_wheel(picture: Picture, side: int = 48) -> None:
 
 
 def save(name: str, rows: Sequence[Sequence[Panel]]) -> Path:
-    """Save rows of panels as a PNG with 256 colours; return its path."""
+    """Save rows of panels as a WebP image with 256 colours; return its path."""
     widths = [max(row[k].picture.shape[1] for row in rows if k < len(row)) for k in range(len(rows[0]))]
     tops, height = [], GAP // 2
     for row in rows:
@@ -409,8 +409,9 @@ def save(name: str, rows: Sequence[Sequence[Panel]]) -> Path:
     drawn = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])
     palette = Image.new("P", (1, 1))
     palette.putpalette(choose_colours(drawn).ravel().tolist())
-    path = FIGURES / f"{name}.png"
-    Image.fromarray(drawn).quantize(palette=palette, dither=Image.Dither.NONE).save(path, optimize=True)
+    path = FIGURES / f"{name}.webp"
+    few = Image.fromarray(drawn).quantize(palette=palette, dither=Image.Dither.NONE)
+    few.save(path, lossless=True, quality=100, method=6)
     return path
 
 
