@@ -501,13 +501,14 @@ def stopping_on(*numbers: int) -> Iterator[None]:
     for number in numbers:
         signal.signal(number, request.receive)
     sys.unraisablehook = _report_unless_interrupted
+    sys.excepthook = lambda *error: None  # called by Cython alone here, which calls the other hook for the same error
     try:
         yield
     finally:
         request.end()
         for number in numbers:
             signal.signal(number, signal.SIG_DFL)
-        sys.unraisablehook = sys.__unraisablehook__
+        sys.unraisablehook, sys.excepthook = sys.__unraisablehook__, sys.__excepthook__
 
 
 class _Request:
