@@ -245,6 +245,8 @@ class Reporter(ExitStack):
         assert self._info is not None, "a summary comes after opening"
         frames = f"{summary.frames_in} -> {summary.frames_out} frame{'s' if summary.frames_out != 1 else ''}"
         frames += f", {summary.frames_out - summary.frames_in} added" * in_place
+        for count, what in ((summary.duplicates, "duplicate frame"), (summary.scene_cuts, "scene cut")):
+            frames += f", {count} {what}{'s' if count > 1 else ''}" if count else ""
         if summary.replaced:
             frames += f", {len(summary.replaced)} replaced"
         if summary.completed_frames:
