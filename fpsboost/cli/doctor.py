@@ -11,7 +11,7 @@ from typing import Annotated
 
 from cyclopts import Group, Parameter
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from fpsboost.cli.messages import console, literal
 
@@ -38,11 +38,9 @@ def doctor(*, json: Annotated[bool, Parameter(group=options)] = False) -> None:
     else:
         out = Console(highlight=False)
         out.width = min(out.width, MAX_WIDTH)
-        table = Table(box=None, pad_edge=False, show_header=False)
-        table.add_column(style="bold", no_wrap=True)
-        table.add_column(style="dim", no_wrap=True)
-        table.add_column(overflow="fold")
-        table.add_column(no_wrap=True)
+        names = Column(style="bold", no_wrap=True), Column(style="dim", no_wrap=True)
+        values = Column(overflow="fold"), Column(no_wrap=True)
+        table = Table(*names, *values, box=None, pad_edge=False, show_header=False)
         for part, group in groupby(findings, key=attrgetter("part")):
             for place, finding in enumerate(group):
                 state = "[red]fails[/]" if finding.advice else "[green]ok[/]"

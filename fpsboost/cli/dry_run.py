@@ -8,10 +8,9 @@ from dataclasses import replace
 from fractions import Fraction
 
 from rich.console import Console
-from rich.table import Table
 
 from fpsboost.cli.batch import last_image_remarks
-from fpsboost.cli.messages import literal, sentence
+from fpsboost.cli.messages import fact_table, literal, sentence
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo
 from fpsboost.io.opening import PIPES
@@ -82,11 +81,7 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
         rows["takes"] = estimate_sentence(frames, trial.seconds_per_frame[""])
         rows["size"] = _size(trial, added) + ", other streams not counted" * bool(kept)
         rows["tried"] = f"{sum(each.frames for each in trial.trials[''])} frames, for time and size"
-    table = Table(box=None, pad_edge=False, show_header=False)
-    table.add_column(style="dim", no_wrap=True)
-    table.add_column(overflow="fold")
-    for name, value in rows.items():
-        table.add_row(name, sentence(value))
+    table = fact_table({name: sentence(value) for name, value in rows.items()})
     console = Console(highlight=False)
     console.print(f"[bold]{literal(str(job.input))}[/]", table, sep="\n")
     if is_images:

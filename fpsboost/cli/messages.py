@@ -14,7 +14,7 @@ import sys
 import tempfile
 import traceback
 import unicodedata
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
 from functools import partial
 from io import TextIOWrapper
@@ -23,6 +23,7 @@ from typing import IO, TYPE_CHECKING, Any, Self, TextIO
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeRemainingColumn
+from rich.table import Column, Table
 from rich.text import Text
 
 from fpsboost.cli.options import MessageOptions, in_flags
@@ -74,6 +75,15 @@ def literal(text: str) -> str:
 def sentence(text: str) -> str:
     """Return a sentence of the library with flags for the options that it names, escaped like `literal`."""
     return literal(in_flags(text))
+
+
+def fact_table(facts: Mapping[str, str], title: str | None = None) -> Table:
+    """Return a table of names, dim, and their values, which are marked up and may be long; the title is on the left."""
+    columns = Column(style="dim", no_wrap=True), Column(overflow="fold")
+    table = Table(*columns, box=None, pad_edge=False, show_header=False, title=title, title_justify="left")
+    for name, value in facts.items():
+        table.add_row(name, value)
+    return table
 
 
 def say_error(errors: Console, error: BaseException) -> None:

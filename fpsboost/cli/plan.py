@@ -8,7 +8,7 @@ from cyclopts import Group, Parameter
 from rich.console import Console
 from rich.table import Table
 
-from fpsboost.cli.messages import console, literal, sentence
+from fpsboost.cli.messages import console, fact_table, literal, sentence
 from fpsboost.cli.options import MethodOptions, PathName, PlannedMethodOptions, with_flags
 from fpsboost.rerender.options import MergeOptions, PlanOptions
 
@@ -51,17 +51,15 @@ def plan_table(plan: RerenderPlan, folder: str) -> Table:
     started = [frame for frame in plan.frames if frame.regions]
     regions = sum(len(frame.regions) for frame in started)
     whole = sum(frame.whole for frame in started)
-    title = f"[bold]{literal(folder)}[/]"
-    table = Table(box=None, pad_edge=False, show_header=False, title=title, title_justify="left")
-    table.add_column(style="dim", no_wrap=True)
-    table.add_column(overflow="fold")
-    table.add_row("frames", f"{len(started)} of {len(plan.frames)} that are made" + f", {whole} whole" * (whole > 0))
-    table.add_row("regions", f"{regions} rectangles")
-    table.add_row("pixels", f"{plan.rendered_share:.1%} of those frames")
     before, after = plan.expected_error, plan.remaining_error
     less = f", {1 - after / before:.0%} less" if before > 0 else ""
-    table.add_row("squared error", f"{before:.1f} -> {after:.1f} expected{less}")
-    return table
+    facts = {
+        "frames": f"{len(started)} of {len(plan.frames)} that are made" + f", {whole} whole" * (whole > 0),
+        "regions": f"{regions} rectangles",
+        "pixels": f"{plan.rendered_share:.1%} of those frames",
+        "squared error": f"{before:.1f} -> {after:.1f} expected{less}",
+    }
+    return fact_table(facts, f"[bold]{literal(folder)}[/]")
 
 
 @with_flags

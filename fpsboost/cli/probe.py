@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Group, Parameter
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
-from fpsboost.cli.messages import literal
+from fpsboost.cli.messages import fact_table, literal
 from fpsboost.cli.options import PathName, in_flags
 from fpsboost.errors import rounded
 from fpsboost.timing.replacement import as_ranges
@@ -72,21 +72,16 @@ def probe(
     console.print(f"[bold]{literal(result.name)}[/]")
     if result.streams:
         console.print(stream_table(result.streams))
-    table = Table(box=None, pad_edge=False, show_header=False)
-    table.add_column(style="dim", no_wrap=True)
-    table.add_column(overflow="fold")
-    for name, value in facts(result).items():
-        table.add_row(name, literal(value))
-    console.print(table)
+    console.print(fact_table({name: literal(value) for name, value in facts(result).items()}))
     for remark in [*result.remarks, *result.conversion.remarks]:
         console.print(f"[yellow]Note:[/] {literal(remark)}")
 
 
 def stream_table(streams: list[StreamFacts]) -> Table:
     """Return a table with one row per stream, which says whether an .mp4 can hold it."""
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    for name in ("stream", "kind", "codec", "", "language", "title", "in .mp4"):
-        table.add_column(name, overflow="fold")
+    names = ("stream", "kind", "codec", "", "language", "title", "in .mp4")
+    columns = (Column(name, overflow="fold") for name in names)
+    table = Table(*columns, box=None, pad_edge=False, header_style="dim")
     for stream in streams:
         cells = (str(stream.index), stream.kind, stream.codec, stream.details, stream.language, stream.title)
         table.add_row(*(literal(cell or "-") for cell in cells), "yes" if stream.carries_over else "[yellow]no[/]")
