@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import ClassVar, NamedTuple, Protocol, Self
 
-import av
 import av.error
 import av.filter
 import cv2

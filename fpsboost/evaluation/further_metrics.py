@@ -17,7 +17,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Protocol
 
-import av
 import av.filter
 import numpy as np
 from numpy.typing import NDArray

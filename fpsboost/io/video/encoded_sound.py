@@ -19,7 +19,6 @@ from functools import cached_property
 from operator import attrgetter
 from typing import Any, get_args
 
-import av
 import av.container
 import av.error
 import av.filter

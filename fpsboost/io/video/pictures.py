@@ -8,7 +8,6 @@ from fractions import Fraction
 from itertools import chain, groupby, pairwise
 from typing import Any, cast
 
-import av
 import av.filter
 import numpy as np
 from av.video.reformatter import VideoReformatter

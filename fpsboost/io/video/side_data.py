@@ -9,7 +9,6 @@ from contextlib import suppress
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-import av
 import av.filter
 
 from fpsboost.io.video.pyav import trial_file
