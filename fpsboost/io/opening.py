@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal, Self
 
 from fpsboost.contracts import FrameSink
@@ -169,6 +171,11 @@ def _check_decoding(decoding: DecodeOptions, what: str, advice: str) -> None:
 
 Kind = Literal["video", "pipe", "animation", "images"]
 
+sinks: Mapping[Kind, Callable[[Output], FrameSink]] = MappingProxyType(
+    {"video": VideoSink, "pipe": PipeSink, "animation": AnimationSink, "images": ImageSink}
+)
+"""Sink of a whole output by its kind."""
+
 
 @dataclass(frozen=True)
 class Target:
@@ -265,14 +272,8 @@ class Target:
         if output.part is not None:
             self.check_parts()
             return ImagePartSink(output) if self.kind == "images" else VideoPartSink(output)
-        if self.kind == "pipe":
-            return PipeSink(output)
-        if self.kind == "animation":
-            return AnimationSink(output)
-        if self.kind == "images":
-            return ImageSink(output)
         with explained(OutputError, "write to", self.path, "check the name and the permissions"):
-            return VideoSink(output)
+            return sinks[self.kind](output)
 
 
 @checked
