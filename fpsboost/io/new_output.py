@@ -52,13 +52,11 @@ def check_folder(path: Path, *, may_be_new: bool = True) -> None:
 
 def _check_takes_files(folder: Path, name: str) -> None:
     """Raise `OutputError` unless a file can be made in a folder; what the permissions say is not enough to know."""
-    try:
-        with NamedTemporaryFile(dir=folder, prefix=".fpsboost-"):
-            pass
-    except OSError as error:
-        raise OutputError(
-            f"{name} cannot be written because no file can be made in its folder ({error.strerror}); choose another."
-        ) from None
+    with (
+        explained(OutputError, "write", name, "choose another folder, in which files can be made"),
+        NamedTemporaryFile(dir=folder, prefix=".fpsboost-"),
+    ):
+        pass
 
 
 def write_whole(path: Path, data: bytes) -> None:
