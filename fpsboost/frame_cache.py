@@ -31,11 +31,8 @@ class Results:
 
     def cached(self, key: Hashable, compute: Callable[[], Result]) -> Result:
         """Return the result of `compute`, computed when the key is first asked for."""
-        stored: Result = self._stored.get(key, self)
-        if stored is not self:
-            return stored
         with self._lock:
-            stored = self._stored.get(key, self)
+            stored: Result = self._stored.get(key, self)
             if stored is not self:
                 return stored
             turn = self._computing.setdefault(key, Lock())
