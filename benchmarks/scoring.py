@@ -176,7 +176,7 @@ def make_hidden(interpolator: Interpolator, clip: Clip, confidence: bool = False
     return Made(
         [each.image for each in made],
         mean([each.cpu_seconds for each in made]) * 1e3,
-        [kept.get(interval.number, unknown) for interval in clip.intervals] if kept else [],
+        [kept.get(interval.begin.number, unknown) for interval in clip.intervals] if kept else [],
     )
 
 

@@ -363,9 +363,7 @@ class _LoopState:
 
     def place(self, source: SourceFrame) -> int:
         """Return the place of a frame in the clip, from 0."""
-        position = source.image.source_position
-        assert position is not None, "known of every frame of a clip"
-        return position.number - self.beginning.number
+        return source.position.number - self.beginning.number
 
 
 class _Part(NamedTuple):

@@ -15,7 +15,7 @@ import numpy as np
 
 from fpsboost.colour import has_alpha, normalised
 from fpsboost.frame import Frame
-from fpsboost.frame_cache import FrameCache
+from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.image import view
 from fpsboost.motion.components import CHROMA_WEIGHT, Components, chroma, gray
 from fpsboost.options import Checked, Range
@@ -135,6 +135,12 @@ class SourceFrame(NamedTuple):
 
     frame: Frame
     image: FrameCache
+
+    @property
+    def position(self) -> SourcePosition:
+        """Position of the frame in its clip."""
+        assert self.image.source_position is not None, "known of every frame of a clip"
+        return self.image.source_position
 
 
 FrameGroup = tuple[SourceFrame, ...]

@@ -195,7 +195,7 @@ class _Facts:
                 self.unknown += [hidden.number for hidden in interval.hidden]
             self.repeats += interval.repeats
             self.kind = view(interval.shown0.array).describe()
-            self.clip_frames += interval.last - interval.number
+            self.clip_frames += interval.end.number - interval.begin.number
             self.pictures += len(interval.hidden) + 1
             self.seconds += interval.shown1.time - interval.shown0.time
             yield interval

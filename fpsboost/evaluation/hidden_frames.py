@@ -59,16 +59,6 @@ class Interval(NamedTuple):
     is_known: bool
     """Whether the pictures at the times of the hidden frames are known; see `Hiding`."""
 
-    @property
-    def number(self) -> int:
-        """Number of the first shown frame in the clip."""
-        return self.begin.number
-
-    @property
-    def last(self) -> int:
-        """Number of the second shown frame in the clip."""
-        return self.end.number
-
     def prepared(self, *, with_layers: bool = False) -> tuple[FrameCache, FrameCache]:
         """Return the shown frames, as arrays or with layers, at their positions in the clip, with empty caches."""
         first, second = (frame.image if with_layers else frame.array for frame in (self.shown0, self.shown1))
@@ -203,7 +193,7 @@ class Hiding(Checked):
         else:
             pictures = find_pictures(frames, DuplicateDetector())
         for picture in pictures:
-            placed = [(each.frame, _position_of(each)) for each in picture.frames]
+            placed = [(each.frame, each.position) for each in picture.frames]
             if picture.is_still:
                 first_repeat = len(placed) - picture.repeats
                 for index, (frame, position) in enumerate(placed):
@@ -211,11 +201,6 @@ class Hiding(Checked):
             else:
                 frame, position = placed[0]
                 yield _Truth(frame, position, tuple(repeat.number for _, repeat in placed[1:]), is_repeat=False)
-
-
-def _position_of(frame: SourceFrame) -> SourcePosition:
-    assert frame.image.source_position is not None
-    return frame.image.source_position
 
 
 def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
@@ -254,7 +239,7 @@ class Sample(NamedTuple):
 
     @property
     def interval(self) -> Interval:
-        return next(each for each in self.window if each.number < self.hidden.number < each.last)
+        return next(each for each in self.window if each.begin.number < self.hidden.number < each.end.number)
 
     def interpolate(self, contestant: Contestant) -> Image:
         """Interpolate it exactly as in a comparison, unless the method looks farther than the window."""

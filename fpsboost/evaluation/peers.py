@@ -64,10 +64,10 @@ def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerF
     count_of_images, own = len(images.files), list(images.numbers)
     hidden, first, last, most = [], None, 0, 0
     for interval in intervals:
-        first = interval.number if first is None else first
+        first = interval.begin.number if first is None else first
         hidden += [each.number for each in interval.hidden]
         most = max(most, len(interval.hidden))
-        last = interval.last
+        last = interval.end.number
     assert first is not None
     steps = _steps(own)
     numbers: Iterable[int]

@@ -142,8 +142,7 @@ def find_entry(
         entry: tuple[int, float] | None = None
         with read_from(first) as frames:
             for source_frame, step in find_synchronised(_presented(frames, first, latest, times, schedule), detector):
-                assert source_frame.image.source_position is not None
-                number = source_frame.image.source_position.number
+                number = source_frame.position.number
                 if numbers.is_certain(number):
                     entry = number, step
         if entry is not None:

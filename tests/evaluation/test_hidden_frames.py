@@ -29,11 +29,13 @@ def folder(tmp_path, save_images):
 def test_shown_and_hidden_frames_follow_each_other_without_gaps(folder, skip, first, length):
     """Every interval begins where the last one ended; hidden frames lie evenly in it; only a rest is left out."""
     intervals = list(Hiding(skip, first, first + length).intervals(folder))
-    assert [each.number for each in intervals] == list(range(first, first + len(intervals) * (skip + 1), skip + 1))
+    assert [each.begin.number for each in intervals] == list(
+        range(first, first + len(intervals) * (skip + 1), skip + 1)
+    )
     available = min(11, first + length) - first
     assert len(intervals) == (available - 1) // (skip + 1)
     for interval in intervals:
-        assert [each.number - interval.number for each in interval.hidden] == list(range(1, skip + 1))
+        assert [each.number - interval.begin.number for each in interval.hidden] == list(range(1, skip + 1))
         assert [each.t for each in interval.hidden] == [Fraction(k, skip + 1) for k in range(1, skip + 1)]
 
 
@@ -83,7 +85,7 @@ def test_a_repeat_is_neither_shown_nor_a_truth(tmp_path):
     intervals = list(Hiding().intervals(path))
     half = Fraction(1, 2)
     assert what_counts(intervals) == [*((number, half, True) for number in (1, 3, 5)), (8, Fraction(2, 3), False)]
-    assert [(each.number, each.last, each.repeats) for each in intervals][3] == (6, 9, (7,))
+    assert [(each.begin.number, each.end.number, each.repeats) for each in intervals][3] == (6, 9, (7,))
     kept = list(Hiding(duplicates="keep").intervals(path))
     assert [each.hidden[0].number for each in kept] == [1, 3, 5, 7, 9]
     assert all(each.is_known and not each.repeats for each in kept)
@@ -139,7 +141,7 @@ def test_a_part_of_images_keeps_their_numbers(folder):
     for start, rate in (("3f", None), ("0.3", Fraction(10))):
         trim = Trim(parse_position(start, "`start`"))
         hiding = Hiding(decoding=DecodeOptions(trim, input_fps=rate))
-        assert [each.number for each in hiding.intervals(folder)] == [3, 5, 7]
+        assert [each.begin.number for each in hiding.intervals(folder)] == [3, 5, 7]
     with pytest.raises(OptionError, match="`input_fps`"):
         list(Hiding(decoding=DecodeOptions(trim=trim)).intervals(folder))
 

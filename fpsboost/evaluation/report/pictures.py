@@ -147,7 +147,7 @@ def view_motion(
     ]
     return MotionView(
         number=sample.hidden.number,
-        between=(interval.number, interval.last),
+        between=(interval.begin.number, interval.end.number),
         width=width,
         height=height,
         shown=encode(not_too_wide(as_shown(interval.shown0.array))),
@@ -317,7 +317,7 @@ def view_passages(
             if hidden.number not in passage_of:
                 continue
             passage = passage_of[hidden.number]
-            for number, frame in ((interval.number, interval.shown0), (interval.last, interval.shown1)):
+            for number, frame in ((interval.begin.number, interval.shown0), (interval.end.number, interval.shown1)):
                 if (passage, number) not in frames:
                     add(number, passage, frame.array, "shown")
             add(hidden.number, passage, hidden.truth, "hidden")
@@ -336,7 +336,7 @@ def _until(intervals: Iterable[Interval], last: int, more: int) -> Iterator[Inte
     """Yield intervals up to the one with the last hidden frame, and some more."""
     for interval in intervals:
         yield interval
-        if interval.last > last:
+        if interval.end.number > last:
             if not more:
                 return
             more -= 1
