@@ -7,7 +7,7 @@ import re
 import statistics
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
@@ -126,11 +126,9 @@ class Probe:
     remarks: list[str]
     conversion: Conversion
 
-    def as_json(self) -> dict[str, Any]:
-        return asdict(self)
-
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> Self:
+        """Return what `dataclasses.asdict` has made of it, perhaps on its way through JSON."""
         look = data["look"] and Look(**data["look"])
         streams, conversion = [StreamFacts(**each) for each in data["streams"]], Conversion(**data["conversion"])
         return cls(**{**data, "look": look, "streams": streams, "conversion": conversion})

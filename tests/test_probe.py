@@ -1,6 +1,7 @@
 """What `fpsboost probe` finds out about a clip, as data, on the terminal and as JSON."""
 
 import json
+from dataclasses import asdict
 from fractions import Fraction
 from pathlib import Path
 
@@ -135,7 +136,7 @@ def test_json(fpsboost_, tmp_path):
     result = fpsboost_("probe", "in.mp4", "--json")
     assert (result.code, result.err) == (0, "")
     data = json.loads(result.out)
-    assert data == json.loads(json.dumps(probe(str(Path("in.mp4"))).as_json()))
+    assert data == json.loads(json.dumps(asdict(probe(str(Path("in.mp4"))))))
     assert (data["duplicates"], data["frames"], data["streams"][0]["codec"]) == (10, 16, "h264")
 
 

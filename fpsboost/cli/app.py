@@ -54,7 +54,7 @@ from fpsboost.cli.options import (
     default_text,
     with_flags,
 )
-from fpsboost.cluster import ClusterOptions
+from fpsboost.cluster import ClusterOptions, convert_where
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
 from fpsboost.io.staging import discard_unfinished
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -182,7 +182,6 @@ def convert(
     gc.disable()  # until kernels are compiled or loaded: importing and loading them makes many objects and few cycles
     # imported here so that --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost.cli import batch  # noqa: PLC0415
-    from fpsboost.cluster import convert_where  # noqa: PLC0415
     from fpsboost.preparation import ConversionJob, output_beside  # noqa: PLC0415
     from fpsboost.threads import one_opencv_thread  # noqa: PLC0415
 
@@ -311,16 +310,11 @@ def completion(shell: Annotated[Shell, Parameter(name="SHELL")], /) -> None:
     shell
         bash, zsh or fish.
     """
-    print(completion_script(shell))
-
-
-def completion_script(shell: Shell) -> str:
-    """Return the script for a shell."""
     script = app.generate_completion(shell=shell)
     if shell == "bash":
         # where nothing is proposed, bash itself completes names of files, as it does everywhere else
-        return script.replace(SPLIT_AT_SPACES, "COMPREPLY=()").replace("\ncomplete -F ", "\ncomplete -o default -F ")
-    return script + ZSH_ENTRY if shell == "zsh" else script
+        script = script.replace(SPLIT_AT_SPACES, "COMPREPLY=()").replace("\ncomplete -F ", "\ncomplete -o default -F ")
+    print(script + ZSH_ENTRY if shell == "zsh" else script)
 
 
 def print_short_help() -> None:

@@ -207,7 +207,6 @@ class Reporter(ExitStack):
         self._announced = [] if announced is None else announced
         self._console = console(quiet=quiet)
         self._output, self._verbose = output, verbose
-        self._info: ClipInfo | None = None
         self._task: TaskID | None = None
         self._progress = Progress(
             TextColumn("{task.description}"),
@@ -225,7 +224,6 @@ class Reporter(ExitStack):
         return self
 
     def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
-        self._info = info
         if self._verbose:
             count = "an unknown number of" if info.frame_count is None else info.frame_count
             self._say(f"{info.name}: {info.width}x{info.height}, {count} frames at {readable(info.rate)} fps")
@@ -252,7 +250,6 @@ class Reporter(ExitStack):
 
     def say_summary(self, summary: Summary, *, in_place: bool = False) -> None:
         """Print what was made of how many frames, and every remark; `in_place`, also how many images were added."""
-        assert self._info is not None, "a summary comes after opening"
         frames = f"{summary.frames_in} -> {summary.frames_out} frame{'s' if summary.frames_out != 1 else ''}"
         frames += f", {summary.frames_out - summary.frames_in} added" * in_place
         for count, what in ((summary.duplicates, "duplicate frame"), (summary.scene_cuts, "scene cut")):
@@ -319,8 +316,11 @@ class JsonReporter(ExitStack):
         """Do nothing: the program knows what it has asked for."""
 
     def say_summary(self, summary: Summary, *, in_place: bool = False) -> None:
-        """Print the counts and remarks; `frames_made` are those that were added `in_place`."""
-        self._frames = summary.frames_out
+        """Print the counts and remarks; `frames_made` are those that were added `in_place`.
+
+        Nothing is least certain if nothing was made between two frames of a scene.
+        """
+        self._frames, lowest = summary.frames_out, summary.lowest_match
         counts = {
             "frames_in": summary.frames_in,
             "frames_made": summary.frames_made,
@@ -330,7 +330,12 @@ class JsonReporter(ExitStack):
             "unsure_pixels": round(summary.unsure_pixels, 4),
             "scene_cuts": summary.scene_cuts,
             "seconds": round(summary.seconds, 3),
-            "least_certain": _least_certain(summary),
+            "least_certain": lowest
+            and {
+                "frame": lowest.number,
+                "time": round(float(lowest.time), 6),
+                "match_score": round(lowest.match_score, 4),
+            },
         }
         remarks = [in_flags(remark) for remark in summary.remarks]
         self._print("done", fps=_speed(summary), done=True, output=self._output, **counts, remarks=remarks)
@@ -352,15 +357,6 @@ def print_object(**values: Any) -> None:
     """Print a JSON object on one line of standard error."""
     sys.stderr.write(json.dumps(values) + "\n")
     sys.stderr.flush()
-
-
-def _least_certain(summary: Summary) -> dict[str, float] | None:
-    """Return where the result is least certain; None if nothing was made between two frames of a scene."""
-    lowest = summary.lowest_match
-    if lowest is None:
-        return None
-    time, match_score = round(float(lowest.time), 6), round(lowest.match_score, 4)
-    return {"frame": lowest.number, "time": time, "match_score": match_score}
 
 
 def _speed(summary: Summary) -> float:

@@ -14,10 +14,10 @@ from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import GROUPS, CutOptions, MethodOptions, PathName, PreviewOptions, in_flags, with_flags
 from fpsboost.errors import OptionError
 from fpsboost.io.new_output import check_writable
-from fpsboost.io.opening import PIPES
+from fpsboost.io.opening import PIPES, Target
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.options import words_of_options
-from fpsboost.preparation import clip_name, output_beside
+from fpsboost.preparation import ConversionJob, clip_name, output_beside
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import OutputRate
 
@@ -42,8 +42,6 @@ def preview(
     page
         The page, an .html file; else IN-preview.html here.
     """
-    from fpsboost.io.opening import Target  # noqa: PLC0415
-    from fpsboost.preparation import ConversionJob  # noqa: PLC0415
     from fpsboost.preview.page import check_video, estimate_sentence, write_page, write_video  # noqa: PLC0415
     from fpsboost.preview.page import preview as run  # noqa: PLC0415
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json as plain
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Group, Parameter
@@ -65,7 +65,7 @@ def probe(
         ),
     )
     if json:
-        print(plain.dumps(result.as_json(), indent=1))
+        print(plain.dumps(asdict(result), indent=1))
         return
     console = Console(highlight=False)
     console.width = min(console.width, MAX_WIDTH)
