@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -67,12 +66,11 @@ class RandomAccess(Protocol):
         """
 
 
-class ClosesOnExit(ABC):
+class ClosesOnExit:
     """Context manager that calls `close` on exit."""
 
-    @abstractmethod
     def close(self) -> None:
-        """Release all resources."""
+        """Release all resources; there are none unless a subclass says how."""
 
     def __enter__(self) -> Self:
         return self

@@ -221,8 +221,6 @@ class FoldedSource(ClosesOnExit):
     read_from: Callable[[int], AbstractContextManager[FrameSource]]
     first: int = 0
 
-    def close(self) -> None: ...
-
     def frame_times(self) -> Sequence[Fraction]:
         return self.times
 

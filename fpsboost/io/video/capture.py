@@ -25,6 +25,8 @@ MAX_DENOMINATOR = 1001  # maximum denominator of a frame rate that OpenCV gives 
 class ArraySource(ClosesOnExit):
     """Source of the images of an iterable, at a constant frame rate; the first one is read at once.
 
+    Closing it does nothing, since the caller owns the origin of the images.
+
     Images are (H, W, C) or (H, W), all of one shape and dtype, and must not be modified afterwards. Raises `InputError`
     if there are none, or one is no image or differs from the first; `name` stands for the source there.
     """
@@ -46,9 +48,6 @@ class ArraySource(ClosesOnExit):
         for number, image in enumerate(map(_with_channels, self._images)):
             check_pair(self._first, image)
             yield Frame(image, number / self.info.rate, 1 / self.info.rate)
-
-    def close(self) -> None:
-        """Do nothing: the caller owns the origin of the images."""
 
 
 class CaptureSource(ArraySource):
