@@ -73,9 +73,8 @@ def group_replaced(
     number, end = 0, None
     marked = find_damaged(frames) if replacement.detect else ((frame, False) for frame in frames)
     for _, (frame, is_damaged), after in with_neighbours(marked):
-        place, following = frame.image.source_position, after and after[0].image.source_position
-        assert place is not None, "known of every frame of a clip"
-        number, end = place.number, following.seconds if following else place.seconds + frame.frame.duration
+        place = frame.position
+        number, end = place.number, after[0].position.seconds if after else place.seconds + frame.frame.duration
         is_replaced = is_damaged or replacement.includes(number, place.seconds, end)
         if is_replaced and group:
             group.append(frame)
