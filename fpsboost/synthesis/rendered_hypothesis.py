@@ -14,17 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
-from fpsboost.kernels.reproject import search_iteratively
 from fpsboost.kernels.spline import Source, mix_along
 from fpsboost.motion.field import MotionField, forward_backward_error
 from fpsboost.motion.rendered import FrameVectors, RenderedVectors, frame_number, output_frame_between
+from fpsboost.synthesis.reproject import Reproject
 
 CONSISTENCY_TOLERANCE = 1.5
 """Maximum forward-backward error of a surface that both frames show, in pixels for each output frame between them:
 vectors that span several frames are extrapolated."""
-
-MAX_ITERATIONS = 10
-"""Maximum number of iterations of the search for the pixel that lands on another, as in `Reproject`."""
 
 PATCH_SIZE = 9
 """Side of the patches over which agreement is averaged, pixels, about that of the patches of `MultiHypothesis`."""
@@ -96,9 +93,7 @@ def _seen_from(here: FrameVectors, there: FrameVectors, distance: int) -> tuple[
 def _landed(there: FrameVectors, distance: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the same without vectors of the in-between frame, from the pixels of the other frame that land there."""
     flow = _displacement(there, distance)
-    height, width = flow.shape[:2]
-    source, is_visible = np.empty((height, width), np.int32), np.empty((height, width), np.bool_)
-    search_iteratively(flow, np.float32(1), MAX_ITERATIONS, source, is_visible)
+    source, is_visible = Reproject().find_sources(flow, 1)
     return -flow.reshape(-1, 2)[source], is_visible
 
 
