@@ -30,9 +30,8 @@ from fpsboost.motion.rendered import RenderedVectors, UsesVectors
 from fpsboost.options import Checked, Range, checked
 from fpsboost.pair import Layered, Pair, as_bgr
 from fpsboost.synthesis import FramePair, FusesHypotheses, InterpolatedImage, Synthesizer
-from fpsboost.synthesis.agreement import measure_agreement
+from fpsboost.synthesis.agreement import Uncertain, fall_back, measure_agreement, measure_doubt
 from fpsboost.synthesis.blend import Blend, Nearest
-from fpsboost.synthesis.fallback import Uncertain, fall_back, measure_doubt
 from fpsboost.synthesis.layers import MixesLayers
 from fpsboost.synthesis.warp import Extrapolate
 from fpsboost.threads import available_cores
@@ -374,7 +373,7 @@ class Interpolator(Checked):
         for name, part in (("estimator", self.estimator), ("synthesizer", self.synthesizer)):
             if isinstance(part, UsesVectors) and part.vectors is not None:
                 vectors = change(part.vectors)
-                matched[name] = part.with_vectors(vectors)
+                matched[name] = replace(part, vectors=vectors)  # type: ignore[type-var]
                 remarks += [remark for remark in vectors.remarks if remark not in remarks]
         return replace(self, **matched), remarks
 

@@ -87,9 +87,6 @@ class ExhaustiveSearch(Checked):
     implementation: Implementation = "fused"
     vectors: RenderedVectors | None = None
 
-    def with_vectors(self, vectors: RenderedVectors) -> ExhaustiveSearch:
-        return replace(self, vectors=vectors)
-
     def without_vectors(self) -> ExhaustiveSearch:
         return replace(self, vectors=None)
 

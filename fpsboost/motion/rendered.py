@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, ClassVar, NamedTuple, Protocol, Self, runtime_checkable
+from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,16 +49,13 @@ class RenderedVectors(Protocol):
 
 @runtime_checkable
 class UsesVectors(Protocol):
-    """Contract: an estimator or synthesizer that may read a renderer's motion vectors."""
+    """Contract: an estimator or synthesizer, a dataclass, that may read a renderer's motion vectors."""
 
     needs_every_frame: bool
     """Whether it has motion from each frame to the very next alone, so that none may be left out."""
 
     @property
     def vectors(self) -> RenderedVectors | None: ...
-
-    def with_vectors(self, vectors: RenderedVectors) -> Self:
-        """Return the same with other vectors."""
 
     def without_vectors(self) -> Any:
         """Return what compiles the same kernels and needs no vectors."""
@@ -74,9 +71,6 @@ class RenderedMotion:
     needs_every_frame: ClassVar[bool] = True
 
     vectors: RenderedVectors
-
-    def with_vectors(self, vectors: RenderedVectors) -> RenderedMotion:
-        return replace(self, vectors=vectors)
 
     def without_vectors(self) -> ZeroMotion:
         return ZeroMotion()

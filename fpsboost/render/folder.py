@@ -143,12 +143,6 @@ class VectorFolder:
             ]
         return folder
 
-    def with_convention(self, convention: VectorConvention, remarks: Sequence[str]) -> VectorFolder:
-        """Return the same vectors with this meaning of their channels, and with remarks on it."""
-        folder = copy(self)
-        folder.convention, folder.remarks = convention, [*self.remarks, *remarks]
-        return folder
-
     def has(self, number: int) -> bool:
         """Return whether there is a file for an output frame, counted from 0."""
         return self._place_of(self._vectors, number) is not None
@@ -392,7 +386,9 @@ def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], 
             f"Frames fetched along the vectors of {folder.path} agree less than without any motion: check that they "
             "are in pixels per frame, and of these frames."
         )
-    return folder.with_convention(fit.convention, remarks)
+    fitted = copy(folder)
+    fitted.convention, fitted.remarks = fit.convention, [*folder.remarks, *remarks]
+    return fitted
 
 
 def fit_convention(pairs: Iterable[RenderedPair], usual: VectorConvention) -> VectorFit:

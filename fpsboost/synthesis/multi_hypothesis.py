@@ -162,9 +162,6 @@ class MultiHypothesis(Checked):
     def needs_every_frame(self) -> bool:
         return self.vectors is not None
 
-    def with_vectors(self, vectors: RenderedVectors) -> MultiHypothesis:
-        return replace(self, vectors=vectors)
-
     def without_vectors(self) -> MultiHypothesis:
         return replace(self, vectors=None)
 

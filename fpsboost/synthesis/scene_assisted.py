@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -49,9 +49,6 @@ class SceneAssisted(Checked):
 
     vectors: RenderedVectors
     depth_tolerance: Annotated[float, Range(0, below=1)] = 0.05
-
-    def with_vectors(self, vectors: RenderedVectors) -> SceneAssisted:
-        return replace(self, vectors=vectors)
 
     def without_vectors(self) -> Blend:
         return Blend()
