@@ -298,8 +298,19 @@ def choose(
     texts: Sequence[str], vectors: VectorFolder | None, cuts: CutOptions = CutOptions()
 ) -> tuple[dict[str, Contestant], dict[str, str]]:
     """Return the methods of ``--methods``, and those that cannot be run with the reason."""
-    from fpsboost.evaluation.contestants import method_names  # noqa: PLC0415
-    from fpsboost.method_table import split_method, vector_methods  # noqa: PLC0415
+    from fpsboost.evaluation.contestants import (  # noqa: PLC0415
+        MINTERPOLATE,
+        InterpolatorContestant,
+        Minterpolate,
+        method_names,
+    )
+    from fpsboost.method_table import (  # noqa: PLC0415
+        find_method,
+        may_use_vectors,
+        methods,
+        split_method,
+        vector_methods,
+    )
 
     names = method_names()
     contestants: dict[str, Contestant] = {}
@@ -311,21 +322,13 @@ def choose(
                 raise OptionError(f"There is no method {name!r}; {choose_one(name, [*names, 'all'])}")
             if name in vector_methods and vectors is None:
                 skipped[text] = "it needs the renderer's motion vectors (--vectors)"
-                continue
-            contestants[text] = _make(text, name, options, vectors, cuts)
+            elif name == MINTERPOLATE:
+                contestants[text] = Minterpolate.with_options(options)
+            else:
+                takes_vectors = name in vector_methods or may_use_vectors(methods[name])
+                method_of_text = find_method(text, vectors if takes_vectors else None)
+                contestants[text] = InterpolatorContestant(cuts.applied_to(method_of_text))
     return contestants, skipped
-
-
-def _make(text: str, name: str, options: dict[str, str], vectors: VectorFolder | None, cuts: CutOptions) -> Contestant:
-    """Return a method of ``--methods``, whose text is split into its name and options."""
-    from fpsboost.evaluation.contestants import MINTERPOLATE, InterpolatorContestant, Minterpolate  # noqa: PLC0415
-    from fpsboost.method_table import find_method, may_use_vectors, methods  # noqa: PLC0415
-
-    if name == MINTERPOLATE:
-        return Minterpolate.with_options(options)
-    if name in methods and not may_use_vectors(methods[name]):
-        vectors = None
-    return InterpolatorContestant(cuts.applied_to(find_method(text, vectors)))
 
 
 class Others(NamedTuple):
