@@ -35,7 +35,7 @@ from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.layers import MixesLayers
 from fpsboost.synthesis.warp import Extrapolate
 from fpsboost.threads import available_cores
-from fpsboost.timing.replacement import Replacement
+from fpsboost.timing.position import Replacement
 
 AtCuts = Literal["repeat", "blend", "extrapolate"]
 

@@ -12,7 +12,7 @@ from fpsboost.analysis.duplicates import FrameGroup, SourceFrame
 from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import InputError
 from fpsboost.interpolator import with_neighbours
-from fpsboost.timing.replacement import MAX_RUN, TOO_LONG, Replacement, as_ranges
+from fpsboost.timing.position import MAX_RUN, TOO_LONG, Replacement, as_ranges
 
 SHARE = 0.78
 """Largest match score of a band of a damaged frame, as a fraction of that of its neighbours with each other. It is 0.83

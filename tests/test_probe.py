@@ -1,7 +1,6 @@
 """What `fpsboost probe` finds out about a clip, as data, on the terminal and as JSON."""
 
 import json
-from dataclasses import asdict
 from fractions import Fraction
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from video_truth import QUARTER_TURN, png, spoil_packets, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
-from fpsboost.probing import probe
+from fpsboost.probing import Probe, probe
 
 
 def test_a_plain_clip(tmp_path):
@@ -136,7 +135,7 @@ def test_json(fpsboost_, tmp_path):
     result = fpsboost_("probe", "in.mp4", "--json")
     assert (result.code, result.err) == (0, "")
     data = json.loads(result.out)
-    assert data == json.loads(json.dumps(asdict(probe(str(Path("in.mp4"))))))
+    assert Probe.from_json(data) == probe(str(Path("in.mp4")))
     assert (data["duplicates"], data["frames"], data["streams"][0]["codec"]) == (10, 16, "h264")
 
 

@@ -24,7 +24,7 @@ from fpsboost.motion.components import Components, small_components, small_copy
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_fused
 from fpsboost.options import Checked, Range
-from fpsboost.timing.position import Position, parse_position
+from fpsboost.timing.position import TIME_TOLERANCE, Position, parse_position
 
 CERTAIN_CUT_FRACTION = 0.3
 """Fraction of the threshold below which a pair is a cut regardless of its neighbours, or if it has none."""
@@ -228,8 +228,6 @@ def _sample_patches(thumbnail: Components, places: NDArray[np.intp]) -> NDArray[
     return np.asarray(thumbnail[rows[:, :, np.newaxis], columns[:, np.newaxis]])
 
 
-TIME_TOLERANCE = Fraction(1, 1000)
-"""Seconds by which a listed time may lie after the frame that it refers to: lists are written with three decimals."""
 SECONDS_COLUMN = "Start Time (seconds)"
 """Column of PySceneDetect's scene lists with the start of each scene. Their column of frames counts from 1."""
 

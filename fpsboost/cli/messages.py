@@ -29,9 +29,8 @@ from rich.text import Text
 from fpsboost.cli.options import MessageOptions, in_flags
 from fpsboost.errors import notes_of, rounded
 from fpsboost.kernels.compiling import told_of_compiling
-from fpsboost.timing.position import format_time
+from fpsboost.timing.position import as_ranges, format_time
 from fpsboost.timing.rate import readable
-from fpsboost.timing.replacement import as_ranges
 from fpsboost.version import __version__
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from rich.table import Column, Table
 from fpsboost.cli.messages import fact_table, literal
 from fpsboost.cli.options import PathName, in_flags
 from fpsboost.errors import rounded
-from fpsboost.timing.replacement import as_ranges
+from fpsboost.timing.position import as_ranges
 
 if TYPE_CHECKING:
     from fpsboost.probing import Probe, StreamFacts

@@ -38,8 +38,8 @@ from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_dif
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, prepared, read_again
 from fpsboost.repair import CERTAIN_AFTER
 from fpsboost.run_options import MAX_PARTS, Part, RunOptions
+from fpsboost.timing.position import MAX_RUN
 from fpsboost.timing.rate import exposed
-from fpsboost.timing.replacement import MAX_RUN
 from fpsboost.timing.schedule import MAX_FILLED, ByFactor, Schedule, count_frames, rising_time
 
 LEAD_IN = 24  # number of frames that are searched first, before those that are needed, for one where reading may begin

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from fpsboost.errors import InputError, OptionError, rounded
 from fpsboost.options import Checked, PathName, Range, Rate, option
-from fpsboost.timing.position import format_time
-from fpsboost.timing.replacement import Replacement
+from fpsboost.timing.position import Replacement, format_time
 from fpsboost.timing.retime import parse_curve, parse_speeds, read_curve
 from fpsboost.timing.schedule import (
     DEFAULT_SAMPLES,

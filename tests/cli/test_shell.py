@@ -9,14 +9,13 @@ import shutil
 import signal
 import subprocess
 import sys
-from contextlib import redirect_stdout
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fpsboost import diagnosis
-from fpsboost.cli.app import app, completion
+from fpsboost.cli.app import app
 from fpsboost.cli.options import METHODS
 from fpsboost.diagnosis import Finding, diagnose
 from fpsboost.method_table import methods, vector_methods
@@ -39,8 +38,7 @@ def scripts(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the script of each shell, named after it."""
     folder = tmp_path_factory.mktemp("completion")
     for shell in SHELLS:
-        with (folder / shell).open("w") as script, redirect_stdout(script):
-            completion(shell)
+        (folder / shell).write_bytes(subprocess.check_output([sys.executable, "-m", "fpsboost", "completion", shell]))
     return folder
 
 
