@@ -67,6 +67,8 @@ class StreamInfo:
 
     traits: VideoTraits | None = None
     """Colour coding, pixel shape, rotation and HDR metadata of video."""
+    colours: VideoTraits = field(default_factory=VideoTraits)
+    """What images say of their colours, where the output is no images; of video see `traits`."""
     video: VideoFile | None = None
     images: NumberedImages | None = None
     plays: int = 0

@@ -90,7 +90,9 @@ def join(
         with sink:
             files = [folder / file.name for folder, manifest in ordered for file in manifest.files]
             if isinstance(sink, VideoSink):
-                traits = clip.whole.stream_info.traits or traits_of_image(next(iter(clip.whole)).pixels)
+                traits = clip.whole.stream_info.traits or traits_of_image(
+                    next(iter(clip.whole)).pixels, clip.whole.stream_info.colours
+                )
                 sink.join([complete_chunk(file) for file in files], traits)
             elif isinstance(sink, ImageSink):
                 sink.join(files)

@@ -12,6 +12,7 @@ import os
 import secrets
 import struct
 import zlib
+from abc import ABC, abstractmethod
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, BinaryIO, Self, cast
@@ -23,11 +24,13 @@ import numpy as np
 from fpsboost.errors import OutputError
 from fpsboost.frame import Frame
 from fpsboost.image import Image, view
-from fpsboost.io.animation.source import MAX_DELAY_TERM, PNG_SIGNATURE, SHORTEST_GIF_DELAY, WEBP_ANIMATED, opened
+from fpsboost.io.animation.source import MAX_DELAY_TERM, SHORTEST_GIF_DELAY, WEBP_ANIMATED, opened
+from fpsboost.io.images.metadata import PNG_SIGNATURE
 from fpsboost.io.new_output import check_writable
 from fpsboost.io.output import Output, check_frame_size
 from fpsboost.io.staging import StagedSink
 from fpsboost.io.video.pyav import missing_codecs
+from fpsboost.io.video.side_data import MASTERING
 from fpsboost.io.video.ycc import straight_16_bit
 
 OPAQUE = 128  # alpha from which on a pixel of a GIF is visible
@@ -35,7 +38,7 @@ OPAQUE = 128  # alpha from which on a pixel of a GIF is visible
 WEBP_ALPHA, WEBP_REPLACES = 0x10, 0x02
 
 
-class AnimationWriter:
+class AnimationWriter(ABC):
     """Encoder and muxer of one type of animation to an empty file that can be read, too; frames are BGR or BGRA.
 
     It is shown `plays` times, or for ever if that is 0; a `tick` is in seconds.
@@ -52,9 +55,11 @@ class AnimationWriter:
     most_plays: int
     is_deep = False
     """Whether the type holds 16 bits per channel as well as 8."""
+    has_tags = False
+    """Whether the type says primaries and transfer function."""
 
-    def __init__(self, file: BinaryIO, plays: int, tick: Fraction) -> None:
-        self._file, self._tick = file, tick
+    def __init__(self, file: BinaryIO, plays: int, tick: Fraction, code_points: tuple[int, int]) -> None:
+        self._file, self._tick, self._code_points = file, tick, code_points
         options = {self.loop_option: str(self.loops(plays))}
         self._container = av.open(file, "w", format=self.muxer, options=options)
         self._stream: av.VideoStream | None = None
@@ -64,11 +69,13 @@ class AnimationWriter:
     def loops(self, plays: int) -> int:
         return plays
 
+    @abstractmethod
     def picture(self, image: Image) -> av.VideoFrame:
-        raise NotImplementedError
+        """Return an image as the encoder takes it."""
 
+    @abstractmethod
     def encoder_options(self) -> dict[str, str]:
-        raise NotImplementedError
+        """Return the encoder's options for frames of the first one's shape."""
 
     def add(self, image: Image, ticks: int) -> None:
         """Write the next frame, shown for a number of ticks."""
@@ -82,6 +89,7 @@ class AnimationWriter:
             self._stream.pix_fmt = picture.format.name
             self._stream.time_base = self._stream.codec_context.time_base = self._tick
         picture.pts, picture.time_base = self._ticks, self._tick
+        picture.color_primaries, picture.color_trc = self._code_points
         for packet in self._stream.encode(picture):
             packet.duration = ticks
             self.mux(packet)
@@ -177,11 +185,9 @@ def _palette_graph(picture: av.VideoFrame, has_alpha: bool) -> av.filter.Graph:
     split, sink = graph.add("split"), graph.add("buffersink")
     chosen = graph.add("palettegen", f"stats_mode=single:reserve_transparent={int(has_alpha)}")
     used = graph.add("paletteuse", f"new=1:alpha_threshold={OPAQUE}:dither=sierra2_4a")
-    entry.link_to(split)
-    split.link_to(used, 0, 0)
+    graph.link_nodes(entry, split, used, sink)
     split.link_to(chosen, 1, 0)
     chosen.link_to(used, 0, 1)
-    used.link_to(sink)
     graph.configure()
     return graph
 
@@ -193,7 +199,7 @@ class ApngWriter(AnimationWriter):
     loop_option = "plays"
     shortest, longest = Fraction(1, MAX_DELAY_TERM), Fraction(MAX_DELAY_TERM)
     largest_side = most_plays = 2**31 - 1
-    is_deep = True
+    is_deep = has_tags = True
     _delays = (0, 0)
 
     def encoder_options(self) -> dict[str, str]:
@@ -291,7 +297,10 @@ class AnimationSink(StagedSink):
         self._begin: Fraction | None = None
         self._shown_until = 0
         self._latest = Fraction(0)
-        self._losses: list[str] = []
+        colours = output.stream.traits or output.stream.colours
+        lost = " and the ".join(word for word in colours.beyond_sdr if not self._type.has_tags or word == MASTERING)
+        self._code_points = colours.code_points
+        self._losses = [f"{self._name} cannot say the {lost} of its source; left out."] * bool(lost)
         self._has_short_frames = False
 
     def _check_fits(self, rate: Fraction) -> None:
@@ -315,23 +324,19 @@ class AnimationSink(StagedSink):
 
     @property
     def remarks(self) -> list[str]:
-        remarks = list(self._losses)
-        if self._latest >= self._type.shortest:
-            remarks.append(
-                f"{self._name} shows some frames up to {float(self._latest * 1000):.0f} ms late, because "
-                f"{self._path.suffix.lower()} cannot show one for less than {float(self._type.shortest * 1000):.3g} ms."
-            )
-        if self._has_short_frames:
-            remarks.append(
-                f"{self._name} has frames of 10 ms and less, which browsers slow down to 100 ms; use `fps=90` or less "
-                "for them."
-            )
-        return remarks
+        suffix, shortest = self._path.suffix.lower(), self._type.shortest
+        late = {
+            f"{self._name} shows some frames up to {float(self._latest * 1000):.0f} ms late, because {suffix} cannot "
+            f"show one for less than {float(shortest * 1000):.3g} ms.": self._latest >= shortest,
+            f"{self._name} has frames of 10 ms and less, which browsers slow down to 100 ms; use `fps=90` or less for "
+            "them.": self._has_short_frames,
+        }
+        return [*self._losses, *(remark for remark, is_due in late.items() if is_due)]
 
     def __enter__(self) -> Self:
         with self._explained():
             self._file = self._temporary.open("x+b")
-        self._writer = self._type(self._file, self._plays, self._tick)
+        self._writer = self._type(self._file, self._plays, self._tick, self._code_points)
         return self
 
     def write(self, frame: Frame) -> None:
@@ -365,8 +370,8 @@ class AnimationSink(StagedSink):
         return image
 
     def _lose(self, what: str) -> None:
-        remark = f"{self._name} lost {what}, because {self._path.suffix.lower()} holds "
-        remark += "16 bits." if self._type.is_deep else "8 bits; write an .apng to keep it."
+        bits = "16 bits" if self._type.is_deep else "8 bits; write an .apng to keep it"
+        remark = f"{self._name} lost {what}, because {self._path.suffix.lower()} holds {bits}."
         if remark not in self._losses:
             self._losses.append(remark)
 

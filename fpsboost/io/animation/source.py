@@ -18,6 +18,8 @@ from fpsboost.contracts import ClosesOnExit
 from fpsboost.errors import InputError, explained
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
+from fpsboost.io.images.encoder import colours_of
+from fpsboost.io.images.metadata import PNG_SIGNATURE, ImageMetadata, png_chunks
 from fpsboost.io.output import StreamInfo
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.memory import MemoryLimit
@@ -31,7 +33,6 @@ DEFAULT_DELAY, SHORTEST_GIF_DELAY = Fraction(1, 10), Fraction(1, 50)
 MAX_DELAY_TERM = 65535
 """Largest numerator and denominator of an APNG's delay."""
 
-PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 WEBP_ANIMATED = 0x02
 HEADER_SIZE = 30
 """Bytes in which a PNG declares its depth, and a WebP its size."""
@@ -80,19 +81,14 @@ class AnimationSource(ClosesOnExit):
             self._file = self.path.open("rb")
         self._keeps_alpha, self._has_alpha = keeps_alpha, False
         self._delays: list[Fraction] = []
-        self.remarks: list[str] = []
         try:
             self._survey(limit or MemoryLimit())
         except BaseException:
             self._file.close()
             raise
-        if self._has_alpha and not keeps_alpha:
-            self.remarks.append(
-                f"{path} has transparent parts, which the output cannot hold; they were laid over white."
-            )
         rate = len(self._delays) / sum(self._delays, Fraction(0))
         time_base = Fraction(1, math.lcm(*(delay.denominator for delay in self._delays)))
-        self.stream_info = StreamInfo(plays=self.plays, files=[self.path])
+        self.stream_info = StreamInfo(colours=self._colours, plays=self.plays, files=[self.path])
         self.info = ClipInfo(path, self._height, self._width, rate, time_base, len(self._delays))
 
     def _survey(self, limit: MemoryLimit) -> None:
@@ -112,6 +108,8 @@ class AnimationSource(ClosesOnExit):
         if self._format == "GIF":  # which counts the repeats
             self.plays = 1 if loop is None else loop + 1 if loop else 0
         limit.check(self._name, *image.size)
+        metadata = ImageMetadata(image.info.get("icc_profile", b""), chunks=tuple(png_chunks(self.path)))
+        self._colours, untaggable = colours_of(self.path, metadata)
         self._first = int(getattr(image, "default_image", False))  # which an APNG has for viewers without animation
         try:
             for pixels, delay in self._decoded():
@@ -122,11 +120,16 @@ class AnimationSource(ClosesOnExit):
             is_whole = False
         if not self._delays:
             raise InputError(f"{self._name} is damaged or no animation; replace it.")
-        if start.startswith(PNG_SIGNATURE) and start[24] == 16:
-            self.remarks.append(f"{self._name} has 16 bits per channel, of which 8 were read.")
-        if not is_whole:
-            frames = f"{len(self._delays)} frame{'' if len(self._delays) == 1 else 's'}"
-            self.remarks.append(f"{self._name} is damaged or ends early; {frames} could be decoded and were converted.")
+        frames, name = f"{len(self._delays)} frame{'' if len(self._delays) == 1 else 's'}", self._name
+        said = {
+            **dict.fromkeys(untaggable, True),
+            f"{name} has 16 bits per channel, of which 8 were read.": start.startswith(PNG_SIGNATURE)
+            and start[24] == 16,
+            f"{name} is damaged or ends early; {frames} could be decoded and were converted.": not is_whole,
+            f"{name} has transparent parts, which the output cannot hold; they were laid over white.": self._has_alpha
+            and not self._keeps_alpha,
+        }
+        self.remarks = [remark for remark, is_due in said.items() if is_due]
 
     def __iter__(self) -> Iterator[Frame]:
         time = Fraction(0)

@@ -8,8 +8,10 @@ LZW with a predictor takes a third off an 8-bit TIFF; float TIFF stays uncompres
 
 from __future__ import annotations
 
+import re
+import struct
 import tempfile
-from dataclasses import dataclass
+from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -26,11 +28,31 @@ from fpsboost.io.images.layers import contents_of, encode_like, losses_like
 from fpsboost.io.images.library import image_library
 from fpsboost.io.images.metadata import ImageMetadata, into_png, lost_metadata, metadata_of, pillow_options
 from fpsboost.io.images.sequence import NumberedImages
+from fpsboost.io.video.traits import LINEAR, SRGB, VideoTraits, primaries, traits_of_png, transfers
+from fpsboost.io.video.ycc import BT709, BT2020, UNSPECIFIED
 
-_jpeg = ("JPEG", {"quality": 95})
-_webp = ("WEBP", {"lossless": True, "exact": True, "quality": 70})  # of the search for a small file
 _short_names = {".jpeg": ".jpg", ".tiff": ".tif"}
-_pillow_types: dict[str, tuple[str, dict[str, Any]]] = {".jpg": _jpeg, ".jpeg": _jpeg, ".webp": _webp}
+_pillow_types: dict[str, tuple[str, dict[str, Any]]] = {
+    **dict.fromkeys((".jpg", ".jpeg"), ("JPEG", {"quality": 95})),
+    ".webp": ("WEBP", {"lossless": True, "exact": True, "quality": 70}),  # of the search for a small file
+}
+
+_chromaticities = {
+    BT709: (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, 0.3127, 0.3290),
+    BT2020: (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290),
+    12: (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290),  # Display P3
+}
+"""CIE 1931 x and y of red, green, blue and white, by the number of primaries in ITU-T H.273."""
+_patches = np.array([[(255, 0, 0), (0, 255, 0), (0, 0, 255), (32, 32, 32), (128, 128, 128)]], np.uint8)
+"""Red, green, blue and two grays, whose CIELab tells an ICC profile's primaries and transfer function."""
+_patches_of_primaries = {
+    BT709: ((138, 81, 70), (224, 177, 81), (75, 68, 144)),
+    BT2020: ((152, 117, 107), (219, 128, 109), (65, 74, 130)),
+    12: ((143, 94, 99), (221, 149, 103), (79, 70, 140)),
+}
+"""The first three of these in CIELab, as Pillow has it in 8 bits, by the number of primaries."""
+_patches_of_transfers = {BT709: (50, 148), 4: (24, 138), 5: (7, 115), LINEAR: (107, 194), SRGB: (31, 137)}
+"""Lightness of the two grays, likewise, by the number of the transfer function; 4 and 5 are gamma 2.2 and 2.8."""
 
 
 def encode_image(path: Path, image: Image, *, half: bool = True, metadata: ImageMetadata | None = None) -> bytes:
@@ -101,24 +123,96 @@ def _encode_by_openimageio(extension: str, image: Image, metadata: ImageMetadata
     return data
 
 
-@dataclass(frozen=True)
-class ImageFile:
-    """The file that a frame was read from: its `Frame.original`."""
+def colours_of(
+    path: Path, metadata: ImageMetadata | None = None, *, displayed: bool = False
+) -> tuple[VideoTraits, list[str]]:
+    """Return the colour tags of a video made of images like this one, and remarks on colours that have no tag.
 
-    path: Path
+    FFmpeg's decoder tells those of a PNG. Light (OpenEXR and HDR) is linear, unless it is `displayed`: encoded by the
+    curve of sRGB. What the image does not say is unspecified. Its `metadata` is read where it is not given.
+    """
+    extension, chunks = extension_of(path.name), dict[bytes, bytes]()
+    if extension in (".exr", ".hdr"):
+        said = read_exr_header(path).parts[0].attributes if extension == ".exr" else {}
+        points, chunks[b"cHRM"] = said.get("chromaticities", _chromaticities[BT709]), b""
+        number, transfer = _number_of(_chromaticities, points, 0.001), SRGB if displayed else LINEAR
+        tags = VideoTraits(color_primaries=number, color_transfer=transfer)
+    else:
+        metadata = metadata or metadata_of(path)
+        chunks |= metadata.chunks
+        tags = traits_of_png(path) if chunks else VideoTraits()
+        if metadata.profile and b"cICP" not in chunks:
+            tags, chunks = _traits_of_profile(metadata.profile), {b"iCCP": metadata.profile}
+    has_primaries, has_transfer = tags.color_primaries in primaries, tags.color_transfer in transfers
+    untaggable = {
+        "ICC profile": b"iCCP" in chunks and not (has_primaries and has_transfer),
+        "code points": b"cICP" in chunks and not (has_primaries and has_transfer),
+        "chromaticities": b"cHRM" in chunks and not has_primaries,
+        "gamma": b"gAMA" in chunks and not has_transfer,
+        "limited range": chunks.get(b"cICP", b"")[3:] == b"\0",
+    }
+    words = " and the ".join(word for word, is_lost in untaggable.items() if is_lost)
+    remark = (
+        f"No colour tag stands for the {words} of {path.name}, whose colours are written unchanged; convert it to sRGB "
+        "first."
+    )
+    return tags, [remark] * bool(words)
+
+
+def _number_of(known: dict[int, Any], values: Any, tolerance: float) -> int:
+    """Return the number whose values these are, within a tolerance; that of unspecified colours if there is none."""
+    close = (number for number, those in known.items() if np.allclose(those, values, rtol=0, atol=tolerance))
+    return next(close, UNSPECIFIED)
+
+
+def _traits_of_profile(profile: bytes) -> VideoTraits:
+    """Return primaries and transfer function that an ICC profile says in its `cicp` tag, or has; else nothing.
+
+    What it has is measured by converting a few colours to CIELab, because profiles give themselves any name.
+    """
+    from PIL import Image, ImageCms  # noqa: PLC0415  # only who converts such images to a video waits for it
+
+    said = re.search(rb"cicp\0{4}(..)", profile, re.DOTALL)
+    if said:
+        return VideoTraits(color_primaries=said[1][0], color_transfer=said[1][1])
+    with suppress(ImageCms.PyCMSError, OSError):  # profiles of gray or of print, and damaged ones
+        ours, lab = ImageCms.getOpenProfile(BytesIO(profile)), ImageCms.createProfile("LAB")
+        transform = ImageCms.buildTransform(ours, lab, "RGB", "LAB", ImageCms.Intent.RELATIVE_COLORIMETRIC)
+        measured = np.asarray(ImageCms.applyTransform(Image.fromarray(_patches), transform))[0].astype(int)
+        return VideoTraits(
+            color_primaries=_number_of(_patches_of_primaries, measured[:3], 1),
+            color_transfer=_number_of(_patches_of_transfers, measured[3:, 0], 1),
+        )
+    return VideoTraits()
+
+
+def metadata_of_video(traits: VideoTraits) -> ImageMetadata:
+    """Return what PNG says of a video's colours: cICP, mDCV and cLLI; an unknown part of mDCV is 0."""
+    display, light, chunks = traits.mastering_display, traits.light_level, dict[bytes, bytes]()
+    if traits.code_points != (UNSPECIFIED, UNSPECIFIED):
+        chunks[b"cICP"] = bytes((*traits.code_points, 0, 1))  # RGB of full range
+    if display is not None:
+        points = [point or (0, 0) for point in (display.red, display.green, display.blue, display.white)]
+        numbers = [50_000 * part for point in points for part in point]
+        numbers += [10_000 * (limit or 0) for limit in (display.brightest, display.darkest)]
+        chunks[b"mDCV"] = struct.pack(">8H2I", *map(round, numbers))
+    if light is not None:
+        chunks[b"cLLI"] = struct.pack(">2I", light.brightest_pixel * 10_000, light.brightest_frame * 10_000)
+    return ImageMetadata(chunks=tuple(chunks.items()))
 
 
 class ImageEncoder:
-    """Encoder of frames into image files.
+    """Encoder of frames into image files; `Frame.original` of a source of images is the path of its file.
 
-    `name` is that of the output in messages; `images` are those of the source, None for a video; with `anew`, frames
-    are numbered anew, so that motion vectors lead to other numbers. Its `remarks` say what the files cannot hold.
+    `name` is that of the output in messages; `images` are those of the source, None for a video or an animation, of
+    whose traits the `colours` count; with `anew`, frames are numbered anew, so that motion vectors lead to other
+    numbers. Its `remarks` say what the files cannot hold.
     """
 
-    def __init__(self, name: str, images: NumberedImages | None, *, anew: bool) -> None:
+    def __init__(self, name: str, images: NumberedImages | None, colours: VideoTraits, *, anew: bool) -> None:
         self._path, self._anew = name, anew
         self._half = images is None  # float images of other types would lose precision
-        self._metadata = ImageMetadata()
+        self._metadata = metadata_of_video(colours)
         self._exr: ExrHeader | None = None
         self._layers = () if images is None else images.layers
         self._followed: Path | None = None
@@ -140,14 +234,14 @@ class ImageEncoder:
 
     def content(self, path: Path, frame: Frame) -> bytes:
         """Return the bytes to write: of an original into a file of its own type that file, else an encoded image."""
-        if isinstance(frame.original, ImageFile):
-            source = frame.original.path
+        if isinstance(frame.original, Path):
+            source = frame.original
             data = content_of(source, "leave the input as it is until all is done")
             ours, theirs = (_short_names.get(name, name) for name in map(extension_of, (path.name, source.name)))
             if self.passes(source, is_same=ours == theirs):
                 return data
-        elif isinstance(frame.preceding, ImageFile) and frame.preceding.path != self._followed:
-            self._follow(frame.preceding.path)
+        elif isinstance(frame.preceding, Path) and frame.preceding != self._followed:
+            self._follow(frame.preceding)
         lost = lost_metadata(extension_of(path.name), self._metadata, frame.array.shape[2])
         self._remark([f"{self._path} cannot hold the {item} of its source; left out." for item in lost])
         if self._exr is not None and extension_of(path.name) == ".exr":
@@ -171,15 +265,17 @@ class ImageEncoder:
 
     def _remark_on_layers(self, header: ExrHeader) -> None:
         """Remark, once, what the frames between do not have of the originals."""
-        lost = [f"The originals {loss}." for loss in losses_like(header)]
         interpolated = {name for layer in self._layers for name in layer.channels}
-        if any(not interpolated.issuperset(layer.channels) for layer in contents_of(header).layers):
-            lost.append("The originals passed with all their layers, of which the frames between have fewer.")
-        if self._anew and any(layer.has_vectors for layer in self._layers):
-            lost.append(
-                "Motion vectors lead from one original to the next, also in the frames between, as the originals' do."
-            )
-        self._remark(lost)
+        lost = {
+            **dict.fromkeys((f"The originals {loss}." for loss in losses_like(header)), True),
+            "The originals passed with all their layers, of which the frames between have fewer.": any(
+                not interpolated.issuperset(layer.channels) for layer in contents_of(header).layers
+            ),
+            "Motion vectors lead from one original to the next, also in the frames between, as the originals' do.": (
+                self._anew and any(layer.has_vectors for layer in self._layers)
+            ),
+        }
+        self._remark([remark for remark, is_lost in lost.items() if is_lost])
 
     def _remark(self, remarks: list[str]) -> None:
         self.remarks += [remark for remark in remarks if remark not in self.remarks]

@@ -144,15 +144,18 @@ def _room_in(extension: str) -> int:
 def into_png(data: bytes, metadata: ImageMetadata, channels: int) -> bytes:
     """Put metadata into a PNG that OpenCV has encoded, behind its header."""
     profile = metadata.profile_for(channels)
-    added = {b"iCCP": b"ICC profile\0\0" + zlib.compress(profile)} if profile else {}
-    if metadata.dots_per_inch is not None:
-        added[b"pHYs"] = struct.pack(">IIB", *(round(dots / INCH) for dots in metadata.dots_per_inch), 1)
-    added |= dict(metadata.chunks)
-    added |= {b"eXIf": metadata.exif} if metadata.exif else {}
-    added |= {b"iTXt": b"XML:com.adobe.xmp\0\0\0\0\0" + metadata.xmp} if metadata.xmp else {}
+    dots = metadata.dots_per_inch
+    bodies = {  # by the names of chunks, empty for those that are not written
+        b"iCCP": b"ICC profile\0\0" + zlib.compress(profile) if profile else b"",
+        b"pHYs": b"" if dots is None else struct.pack(">IIB", *(round(each / INCH) for each in dots), 1),
+        **dict(metadata.chunks),
+        b"eXIf": metadata.exif,
+        b"iTXt": b"XML:com.adobe.xmp\0\0\0\0\0" + metadata.xmp if metadata.xmp else b"",
+    }
     chunks = b"".join(
         struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
-        for name, body in added.items()
+        for name, body in bodies.items()
+        if body
     )
     behind_header = len(PNG_SIGNATURE) + 25
     return data[:behind_header] + chunks + data[behind_header:]

@@ -60,7 +60,9 @@ class NumberedSink(StagedSink):
     def __init__(self, output: Output, names: ImageNames, unfinished: StagingDirectory) -> None:
         self.names, self._unfinished = names, unfinished
         self._name, self._staged = unfinished.name, unfinished.staged
-        self._encoder = ImageEncoder(output.path, output.stream.images, anew=names.is_anew)
+        self._encoder = ImageEncoder(
+            output.path, output.stream.images, output.stream.traits or output.stream.colours, anew=names.is_anew
+        )
         self._originals = set[str]()
         self._written: list[str] = []
         self._frames = 0

@@ -20,7 +20,7 @@ from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.image import Image, view
-from fpsboost.io.images.encoder import ImageFile
+from fpsboost.io.images.encoder import colours_of
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, read_image
 from fpsboost.io.images.layers import ALL, BEAUTY, Passes
 from fpsboost.io.images.metadata import metadata_of
@@ -37,6 +37,7 @@ from fpsboost.io.output import StreamInfo
 from fpsboost.io.staging import hidden_place
 from fpsboost.io.video.decode_options import View
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES
+from fpsboost.io.video.traits import VideoTraits
 from fpsboost.layered import LayeredImage
 from fpsboost.memory import MemoryLimit
 
@@ -117,6 +118,11 @@ class ImageSource(ClosesOnExit):
             layers=() if self._passes is None else self._passes.layers,
         )
         self._holds_more = metadata_of(first).has_more
+        self._colours, self._untaggable = (  # images that stay images keep what they say
+            colours_of(first, displayed=self._reading.view == "srgb")
+            if self._reading.upright
+            else (VideoTraits(), list[str]())
+        )
         self._kind, self._described = (image.shape, image.dtype), f"{first} ({view(image).describe()})"
         height, width = image.shape[:2]
         # floats, and what is computed from them, take more; measured: 160 bytes a pixel with `nearest`, 390 with `nlm`
@@ -130,7 +136,7 @@ class ImageSource(ClosesOnExit):
 
     @property
     def stream_info(self) -> StreamInfo:
-        return StreamInfo(images=self.images, files=self.images.files)
+        return StreamInfo(images=self.images, files=self.images.files, colours=self._colours)
 
     @property
     def beginning(self) -> SourcePosition:
@@ -139,28 +145,22 @@ class ImageSource(ClosesOnExit):
     @property
     def remarks(self) -> list[str]:
         """What is guessed and what is not read; what is wrong with images is an error."""
-        name, images, remarks = self.info.name, self.images, []
-        if images.step > 1:
-            remarks.append(
-                f"The numbers of {name} rise by {images.step}: taken for a sequence rendered with that step."
-            )
-        first = self.images.files[0].name
-        pictures, names = ([], []) if self._passes is None else (self._passes.pictures, self._passes.left_out)
-        if len(pictures) > 1:
-            remarks.append(
-                f"{first} and its like hold several pictures ({', '.join(pictures)}), the first of which leads."
-            )
-        if self._is_linear and self._reading.upright and self._reading.view == "none":
-            remarks.append(
-                f"{first} and its like hold linear light, which was written as it is and looks dark on a display; "
-                "`view='srgb'` makes a preview."
-            )
-        if self._holds_more:
-            remarks.append(f"{first} and its like hold several pictures, the first of which was read.")
-        if names:
-            listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
-            remarks.append(f"{first} and its like hold other channels ({listed}), which were left out.")
-        return remarks
+        name, step, first = self.info.name, self.images.step, self.images.files[0].name
+        pictures, names = ((), ()) if self._passes is None else (self._passes.pictures, self._passes.left_out)
+        listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+        is_dark = self._is_linear and self._reading.upright and self._reading.view == "none"
+        said = {
+            f"The numbers of {name} rise by {step}: taken for a sequence rendered with that step.": step > 1,
+            f"{first} and its like hold several pictures ({', '.join(pictures)}), the first of which leads.": bool(
+                pictures[1:]
+            ),
+            f"{first} and its like hold linear light, which was written as it is and looks dark on a display; "
+            "`view='srgb'` makes a preview.": is_dark,
+            **dict.fromkeys(self._untaggable, True),
+            f"{first} and its like hold several pictures, the first of which was read.": self._holds_more,
+            f"{first} and its like hold other channels ({listed}), which were left out.": bool(names),
+        }
+        return [remark for remark, is_due in said.items() if is_due]
 
     def __iter__(self) -> Iterator[Frame]:
         for number in range(self._first, len(self.images.files)):
@@ -170,7 +170,7 @@ class ImageSource(ClosesOnExit):
                 raise InputError(
                     f"{path} ({view(image).describe()}) is unlike {self._described}; make all images one size and type."
                 )
-            original = None if self._reading.upright else ImageFile(path)
+            original = None if self._reading.upright else path
             yield Frame(image, self._time_of(number), 1 / self.info.rate, original)
 
     def frame_times(self) -> Sequence[Fraction]:

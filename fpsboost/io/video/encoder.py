@@ -24,9 +24,18 @@ from fpsboost.image import Pixels
 from fpsboost.io.output import Output
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, depth_of
 from fpsboost.io.video.pixel_choice import choose_pixel_format
-from fpsboost.io.video.side_data import filtered, stereo_modes
-from fpsboost.io.video.traits import LightLevel, MasteringDisplay, VideoTraits
-from fpsboost.io.video.ycc import FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha, is_gray
+from fpsboost.io.video.side_data import MASTERING, filtered, stereo_modes
+from fpsboost.io.video.traits import LightLevel, MasteringDisplay, VideoTraits, primaries, transfers
+from fpsboost.io.video.ycc import (
+    BT709,
+    BT2020,
+    FULL_RANGE,
+    LIMITED_RANGE,
+    RGB,
+    as_picture,
+    has_alpha,
+    is_gray,
+)
 
 MIN_CUTREE_WIDTH = 64
 """Minimum width for x265's "cutree", pixels; in narrower pictures it writes out of bounds (seen up to 48)."""
@@ -66,18 +75,18 @@ class VideoEncoder:
             self._options["x265-params"] = ":".join(filter(None, [self._options.get("x265-params"), "cutree=0"]))
         # PyAV cannot set the field of Matroska's container, so there the coded stream must hold it
         keeps_shape = container in EXACT_TIME_BASE_CONTAINERS or encoder in ("libx264", "libx265")
-        if traits.sample_aspect_ratio not in (None, 1) and not keeps_shape:
-            self.remarks.append(
-                f"{name} lost the pixel shape {traits.sample_aspect_ratio} of its source, which {encoder} cannot say "
-                "in this container; write an .mp4 or .mov to keep it."
-            )
         self._options, is_whole = with_hdr(self._options, encoder, traits.mastering_display, traits.light_level)
         kept = self._kept_side_data(traits)
         if is_whole:
             kept |= {"MASTERING_DISPLAY_METADATA", "CONTENT_LIGHT_LEVEL"}
         lost = dict.fromkeys(said for kind, said in traits.side_data.items() if kind not in kept)
-        if lost:
-            self.remarks.append(f"{name} lost the {' and the '.join(lost)} of its source.")
+        shape = traits.sample_aspect_ratio
+        said = {
+            f"{name} lost the pixel shape {shape} of its source, which {encoder} cannot say in this container; write "
+            "an .mp4 or .mov to keep it.": shape not in (None, 1) and not keeps_shape,
+            f"{name} lost the {' and the '.join(lost)} of its source.": bool(lost),
+        }
+        self.remarks += [remark for remark, is_due in said.items() if is_due]
         self._has_captions = "A53_CC" in kept & traits.side_data.keys()
         self._last_original: object | None = None
         self._nowhere: av.container.OutputContainer | None = None
@@ -204,11 +213,25 @@ class VideoEncoder:
             ) from None
 
 
-def traits_of_image(image: Pixels | None) -> VideoTraits:
-    """Return the traits to write for images, which have no tags: BT.709, limited range, own channels and depth."""
+def traits_of_image(image: Pixels | None, colours: VideoTraits) -> VideoTraits:
+    """Return the traits to write for images: limited range, own channels and depth, and the colours that they name.
+
+    Colours that they do not name, or by unknown numbers, are tagged as BT.709. Y, Cb and Cr are made by the matrix of
+    BT.2020 for its primaries, otherwise by that of BT.709.
+    """
     channels = 3 if image is None else image.shape[2]
     deep = image is not None and image.dtype != np.uint8
-    return VideoTraits({1: "gray", 3: "gbrp"}.get(channels, "gbrap") + ("16le" if deep else ""))
+    matrix = BT2020 if colours.color_primaries == BT2020 else BT709
+    return VideoTraits(
+        {1: "gray", 3: "gbrp"}.get(channels, "gbrap") + ("16le" if deep else ""),
+        color_space=matrix,
+        tagged_color_space=matrix,
+        color_primaries=colours.color_primaries if colours.color_primaries in primaries else BT709,
+        color_transfer=colours.color_transfer if colours.color_transfer in transfers else BT709,
+        mastering_display=colours.mastering_display,
+        light_level=colours.light_level,
+        side_data={kind: word for kind, word in colours.side_data.items() if word == MASTERING},
+    )
 
 
 def _is_rgb(pixel_format: str) -> bool:
@@ -250,9 +273,9 @@ def with_hdr(
     if light is not None:
         parameters.append(f"{name_of_light}={light.brightest_pixel},{light.brightest_frame}")
     is_whole = len(parameters) == (display is not None) + (light is not None)
-    if not parameters:
-        return dict(options), is_whole
-    return {**options, name: ":".join([*parameters, *([options[name]] if options.get(name) else [])])}, is_whole
+    if parameters:
+        options = {**options, name: ":".join(filter(None, [*parameters, options.get(name)]))}
+    return dict(options), is_whole
 
 
 _parameters = {

@@ -34,7 +34,7 @@ from fpsboost.io.video.encoding import depth_of
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import interlaced_remark, lost_companions_remark, lost_shape_remark
 from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
-from fpsboost.io.video.ycc import UNSPECIFIED, as_picture, assumed_color_space, in_planes, plane_arrays, to_bgr
+from fpsboost.io.video.ycc import as_picture, assumed_color_space, in_planes, plane_arrays, to_bgr
 from fpsboost.memory import MemoryLimit
 
 T = TypeVar("T")
@@ -65,9 +65,6 @@ formats: dict[str, str] = {
 chroma_locations = {"420jpeg": "center", "420mpeg2": "left", "420paldv": "topleft"}
 """Where the chroma samples of a format sit, if its name says that."""
 
-SDR_PRIMARIES = (1, UNSPECIFIED, 5, 6)
-HDR_TRANSFERS = (16, 18)  # PQ and HLG
-
 
 class PipeSource(ClosesOnExit):
     """Frames of a YUV4MPEG2 stream, by default from standard input; opening waits for the first frame.
@@ -87,7 +84,6 @@ class PipeSource(ClosesOnExit):
         self._waiting = None if stream else _descriptor(sys.stdin, InputError, INPUT_NAME, advice)
         self._file = CountingReader(stream or self._waiting)
         self._for_images = for_images
-        self._started = False
         self._end = 0
         try:
             # what the stream is stands in its first line; to guess at more, FFmpeg would read and keep many frames
@@ -108,23 +104,25 @@ class PipeSource(ClosesOnExit):
             raise InputError(f"{INPUT_NAME} holds no whole frame; check the program that writes it.")
         # FFmpeg takes 25 for a rate that is missing, 0:0 or no ratio
         says_rate = re.match(rb"[^\n]* F0*[1-9][0-9]*:0*[1-9]", self._file.start)
-        self.remarks = [] if says_rate else [assumed_rate_remark(INPUT_NAME)]
         self._reformatter = VideoReformatter()
         rate = as_fraction(video.average_rate) or ASSUMED_RATE
         self.info = ClipInfo(INPUT_NAME, video.height, video.width, rate, 1 / rate, None)
         traits = read_traits(self._first, video, self._reformatter, INPUT_NAME)
         self.stream_info = StreamInfo(traits=traits)
         self._coding = coding_of(traits) if keeps_planes and not for_images else None
-        if self._first.interlaced_frame:
-            self.remarks.append(interlaced_remark(INPUT_NAME))
-        if for_images and traits.sample_aspect_ratio not in (None, 1):
-            self.remarks.append(lost_shape_remark(INPUT_NAME, traits.sample_aspect_ratio))
+        said = {
+            assumed_rate_remark(INPUT_NAME): not says_rate,
+            interlaced_remark(INPUT_NAME): self._first.interlaced_frame,
+            lost_shape_remark(INPUT_NAME, traits.sample_aspect_ratio): for_images
+            and traits.sample_aspect_ratio not in (None, 1),
+        }
+        self.remarks = [remark for remark, is_due in said.items() if is_due]
 
     def __iter__(self) -> Iterator[Frame]:
-        if self._started:
+        first, self._first = self._first, None
+        if first is None:
             raise InputError(f"{INPUT_NAME} can be read only once; pipe it in again.")
-        self._started = True
-        return self._frames()
+        return self._frames(first)
 
     def cancel(self) -> None:
         if self._waiting is not None:
@@ -140,9 +138,8 @@ class PipeSource(ClosesOnExit):
                 self._end = packet.pos + packet.size
             yield from packet.decode()
 
-    def _frames(self) -> Iterator[Frame]:
-        picture, number = self._first, 0
-        self._first = None
+    def _frames(self, picture: av.VideoFrame | None) -> Iterator[Frame]:
+        number = 0
         while picture is not None:
             picture.pts, picture.time_base = number, self.info.time_base
             image = to_bgr(picture, self._reformatter) if self._coding is None else in_planes(picture, self._coding)
@@ -207,7 +204,7 @@ class PipeSink:
                 f"{', '.join(pixel_formats)}."
             )
         self._timing, self._encoding, self._info = output.timing, encoding, output.info
-        self._traits = output.stream.traits
+        self._traits, self._colours = output.stream.traits, output.stream.colours
         advice = "pipe it into a program"
         self._waiting = None if stream else _descriptor(sys.__stdout__, OutputError, OUTPUT_NAME, advice)
         self._stream: Any = stream or self._waiting
@@ -265,11 +262,11 @@ class PipeSink:
             is_rgb = av.VideoFormat(wanted).is_rgb
             full_range = False if is_rgb else traits.full_range or (None if traits.color_range == 0 else False)
             color_space, location = traits.color_space, traits.chroma_location
-            self._remark_on_traits(traits)
         pixel_format = self._encoding.pixel_format or self._nearest(wanted)
         if traits is None:  # as the name of 8-bit 4:2:0 usually says
             location = "center" if pixel_format == "yuv420p" else "left"
         self._coding = Coding(depth_of(pixel_format), color_space, bool(full_range), location, pixel_format)
+        self._remark_on_traits(traits or self._colours, color_space)
         names = [name for name, other in formats.items() if other == pixel_format]
         name = next((name for name in names if chroma_locations.get(name) == location), names[0])
         rate = self._timing.rate.limit_denominator((2**31 - 1) // (int(self._timing.rate) + 1))
@@ -286,11 +283,10 @@ class PipeSink:
             self.remarks.append(f"{OUTPUT_NAME} cannot hold all of {wanted} and was written as {nearest.name}.")
         return nearest.name
 
-    def _remark_on_traits(self, traits: VideoTraits) -> None:
+    def _remark_on_traits(self, traits: VideoTraits, color_space: int) -> None:
         lost = {
-            "colour matrix": traits.color_space != assumed_color_space(self._info.height),
-            "colour primaries": traits.color_primaries not in SDR_PRIMARIES,
-            "transfer function": traits.color_transfer in HDR_TRANSFERS,
+            "colour matrix": color_space != assumed_color_space(self._info.height),
+            **dict.fromkeys(traits.beyond_sdr, True),
             "rotation": traits.display_matrix is not None,
             **dict.fromkeys(traits.side_data.values(), True),
         }

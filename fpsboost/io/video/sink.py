@@ -19,7 +19,6 @@ import numpy as np
 
 from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.frame import Frame
-from fpsboost.image import Image
 from fpsboost.io.new_output import check_writable
 from fpsboost.io.output import Output, check_frame_size
 from fpsboost.io.staging import PartFolder, StagedSink, StagingDirectory, complete_already, hidden_place
@@ -62,13 +61,11 @@ class ChunkSink(StagedSink):
         self._durations: dict[int, int] = {}
         self._frames_seen = self._frames_in_chunk = 0
         self._last_pts: int | None = None
-        self._alpha_dropped = self._light_clipped = False
         self._remarks: list[str] = []
 
     @property
     def remarks(self) -> list[str]:
-        encoding = self._encoder.remarks if self._encoder else []
-        return [*self._unfinished.remarks, *encoding, *self._remarks]
+        return [*self._unfinished.remarks, *(self._encoder.remarks if self._encoder else []), *self._remarks]
 
     @property
     def details(self) -> str:
@@ -93,14 +90,10 @@ class ChunkSink(StagedSink):
         check_frame_size(frame, self._output.info, name)
         with self._explained():
             if self._encoder is None:
-                self._start(traits_of_image(frame.pixels))
+                self._start(traits_of_image(frame.pixels, self._output.stream.colours))
             encoder = self._encoder
             assert encoder is not None
-            if frame.image.dtype == np.float32:
-                self._remark_on_floats(frame.array, encoder.pixel_format)
-            if frame.image.shape[2] == 4 and not self._alpha_dropped and not has_alpha(encoder.pixel_format):
-                self._alpha_dropped = True
-                self._remarks.append(f"{name} cannot hold an alpha channel, which was left out.")
+            self._remark_on(frame, encoder.pixel_format)
             time_base = self._output.timing.time_base
             pts = round(frame.time / time_base)
             if self._last_pts is not None and pts <= self._last_pts:
@@ -162,16 +155,19 @@ class ChunkSink(StagedSink):
         pixels = self._output.info.height * self._output.info.width
         return choose_encoder(self._output.encoding, self._container, self._output.path, *coding, pixels=pixels)
 
-    def _remark_on_floats(self, image: Image, pixel_format: str) -> None:
-        """Add a remark, once each, on depth and light of floating-point images that the integer format cannot hold."""
-        name, colours = self._output.path, image[..., :3]
-        if self._last_pts is None and depth_of(pixel_format) == 16:  # else a remark exists already
-            self._remarks.append(f"{name} holds the floating-point values of its source in 16 bits.")
-        if not self._light_clipped and (np.max(colours, initial=0) > 1 or np.min(colours, initial=0) < 0):
-            self._light_clipped = True
-            self._remarks.append(
-                f"{name} holds no light beyond white or below black, which was clipped; images as .exr keep it."
-            )
+    def _remark_on(self, frame: Frame, pixel_format: str) -> None:
+        """Add a remark, once each, on alpha, and on depth and light of floats, that the pixel format cannot hold."""
+        name, is_float = self._output.path, frame.image.dtype == np.float32
+        is_beyond = is_float and bool(np.logical_or(frame.array[..., :3] < 0, frame.array[..., :3] > 1).any())
+        has_more = frame.image.shape[2] == 4 and not has_alpha(pixel_format)
+        lost = {
+            f"{name} cannot hold an alpha channel, which was left out.": has_more,
+            # with fewer bits a remark exists already
+            f"{name} holds the floating-point values of its source in 16 bits.": is_float
+            and depth_of(pixel_format) == 16,
+            f"{name} holds no light beyond white or below black, which was clipped; images as .exr keep it.": is_beyond,
+        }
+        self._remarks += [remark for remark, is_lost in lost.items() if is_lost and remark not in self._remarks]
 
 
 class VideoSink(ChunkSink):
@@ -195,8 +191,7 @@ class VideoSink(ChunkSink):
 
     @property
     def remarks(self) -> list[str]:
-        later = self._assembly.remarks if self._assembly else []
-        return [*super().remarks, *later]
+        return [*super().remarks, *(self._assembly.remarks if self._assembly else [])]
 
     def join(self, chunks: Sequence[Chunk], traits: VideoTraits) -> None:
         """Take chunks that were encoded elsewhere, all of the output's, instead of frames."""

@@ -44,7 +44,7 @@ from fpsboost.io.video.remarks import (
     lost_companions_remark,
     lost_shape_remark,
 )
-from fpsboost.io.video.side_data import read_header
+from fpsboost.io.video.side_data import MASTERING, read_header
 from fpsboost.io.video.tags import ORDER, unread_of_chapters
 from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
 from fpsboost.io.video.ycc import has_alpha, in_planes, to_bgr
@@ -104,7 +104,9 @@ class VideoSource(ClosesOnExit):
             traits = self.traits
             if is_on_its_side(traits.display_matrix):
                 self.info = replace(self.info, width=self.info.height, height=self.info.width)
-            lost = [*self.file.companions, *dict.fromkeys(traits.side_data.values())]
+            # what is said of mastering PNG keeps, and the sinks of others report
+            sides = dict.fromkeys(word for word in traits.side_data.values() if word != MASTERING)
+            lost = [*self.file.companions, *sides]
             if lost:
                 self.remarks.append(lost_companions_remark(self._name, lost, "images"))
             if traits.sample_aspect_ratio not in (None, 1):

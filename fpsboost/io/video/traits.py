@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
+from pathlib import Path
 
 import av
 import numpy as np
@@ -14,10 +16,11 @@ from av.video.reformatter import VideoReformatter
 from fpsboost.colour import Coding
 from fpsboost.errors import InputError
 from fpsboost.io.video.pyav import as_fraction
-from fpsboost.io.video.side_data import described, is_ordinary, side_data_of, stereo_mode_of
+from fpsboost.io.video.side_data import MASTERING, described, is_ordinary, side_data_of, stereo_mode_of
 from fpsboost.io.video.ycc import (
     BT709,
     LIMITED_RANGE,
+    NO_COLOUR_TAG,
     PLANAR_FORMATS,
     UNSPECIFIED,
     bgr_of,
@@ -27,12 +30,19 @@ from fpsboost.io.video.ycc import (
 )
 
 matrices = {0: "rgb", 1: "bt709", 4: "fcc", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020nc", 10: "bt2020c"}
-primaries = {1: "bt709", 4: "bt470m", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020", 12: "smpte432"}
+primaries = {
+    **{1: "bt709", 4: "bt470m", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 8: "film", 9: "bt2020"},
+    **{10: "smpte428", 11: "smpte431", 12: "smpte432"},
+}
 transfers = {
-    **{1: "bt709", 4: "gamma22", 5: "gamma28", 6: "smpte170m", 7: "smpte240m", 8: "linear", 11: "iec61966-2-4"},
-    **{13: "srgb", 14: "bt2020-10", 15: "bt2020-12", 16: "pq", 18: "hlg"},
+    **{1: "bt709", 4: "gamma22", 5: "gamma28", 6: "smpte170m", 7: "smpte240m", 8: "linear", 9: "log100", 10: "log316"},
+    **{11: "iec61966-2-4", 12: "bt1361e", 13: "srgb", 14: "bt2020-10", 15: "bt2020-12", 16: "pq", 17: "smpte428"},
+    18: "hlg",
 }
 """Common names of FFmpeg's colour tags, by number; a tag without a name is shown as its number."""
+
+LINEAR, SRGB, PQ, HLG = 8, 13, 16, 18  # transfer functions
+_plain = {BT709, *NO_COLOUR_TAG["color_primaries"]}
 
 UPRIGHT = struct.pack("=9i", 1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 30)
 """Display matrix that changes nothing, as of EXIF."""
@@ -73,15 +83,15 @@ class VideoTraits:
     height, and the display matrix is in 16.16 and 2.30 fixed point. Further side data is described by its type;
     `stereo_mode` is Matroska's name of how a picture holds two views. Colours of `dolby_vision_only` are those of no
     other format. `codec` is FFmpeg's name of the format that the pictures were coded in, empty if they were not. The
-    defaults are what images get, which have no tags.
+    defaults are those of images that say nothing.
     """
 
-    pixel_format: str
+    pixel_format: str = "gbrp"
     color_space: int = BT709
     tagged_color_space: int = BT709
     color_range: int = LIMITED_RANGE
-    color_primaries: int = BT709
-    color_transfer: int = BT709
+    color_primaries: int = UNSPECIFIED
+    color_transfer: int = UNSPECIFIED
     full_range: bool = False
     chroma_location: str = "left"
     tagged_chroma_location: bool = True
@@ -93,6 +103,25 @@ class VideoTraits:
     stereo_mode: str = field(default="", compare=False)
     dolby_vision_only: bool = field(default=False, compare=False)
     codec: str = field(default="", compare=False)
+
+    @property
+    def code_points(self) -> tuple[int, int]:
+        """Primaries and transfer function for images to say; unspecified for BT.709, for which they are taken anyway.
+
+        Without a word most viewers take images for sRGB, and show BT.709 nearly as a player does.
+        """
+        numbers = self.color_primaries, self.color_transfer
+        return (UNSPECIFIED, UNSPECIFIED) if {*numbers} <= _plain else numbers
+
+    @property
+    def beyond_sdr(self) -> list[str]:
+        """What a target without any tags loses, in words; SDR is shown nearly right without."""
+        said = {
+            "colour primaries": self.color_primaries not in {*_plain, 5, 6},  # 5 and 6 are of BT.601
+            "transfer function": self.color_transfer in (LINEAR, PQ, HLG),
+            MASTERING: self.mastering_display is not None or self.light_level is not None,
+        }
+        return [word for word, is_said in said.items() if is_said]
 
 
 def read_traits(
@@ -134,6 +163,14 @@ def read_traits(
         dolby_vision_only=not is_ordinary(sides, dolby_vision),
         codec=codec,
     )
+
+
+def traits_of_png(path: Path) -> VideoTraits:
+    """Return what FFmpeg's decoder says of a PNG; nothing where it cannot decode it."""
+    with suppress(av.error.FFmpegError), path.open("rb") as file, av.open(file, "r") as container:
+        stream = container.streams.video[0]
+        return read_traits(next(container.decode(stream)), stream, VideoReformatter(), path.name)
+    return VideoTraits()
 
 
 def parse_mastering_display(data: bytes | None) -> MasteringDisplay | None:

@@ -21,7 +21,7 @@ from fpsboost.colour import Coding, bgr_to_ycc, luma_weights
 from fpsboost.frame import Frame
 from fpsboost.image import Image, YCbCrImage, view
 
-SMPTE170M, BT709, RGB, UNSPECIFIED = 6, 1, 0, 2  # AVColorSpace
+SMPTE170M, BT709, BT2020, RGB, UNSPECIFIED = 6, 1, 9, 0, 2  # AVColorSpace
 FULL_RANGE, LIMITED_RANGE = 2, 1  # AVColorRange
 
 NO_COLOUR_TAG = {"colorspace": (0, 2, 3), "color_primaries": (0, 2, 3), "color_trc": (0, 2, 3), "color_range": (0,)}

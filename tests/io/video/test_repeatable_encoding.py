@@ -16,6 +16,7 @@ from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoder import VideoEncoder, traits_of_image
 from fpsboost.io.video.encoding import ENCODER_THREADS, choose_encoder, repeatable_parameters
+from fpsboost.io.video.traits import VideoTraits
 from fpsboost.timing.schedule import OutputTiming
 
 RATE = Fraction(25)
@@ -27,7 +28,7 @@ def packets_of_noise(encoding: Encoding) -> bytes:
     info = ClipInfo("noise", 96, 128, RATE, 1 / RATE, 12)
     images = np.random.default_rng(0).integers(0, 256, (12, 96, 128, 3), dtype=np.uint8)
     encoder, options = choose_encoder(encoding, "matroska", "out.mkv", pixels=PIXELS)
-    traits = traits_of_image(images[0])
+    traits = traits_of_image(images[0], VideoTraits())
     output = Output("out.mkv", info, OutputTiming(RATE, Fraction(1, 1000)), encoding=encoding)
     video = VideoEncoder(output, encoder, options, "matroska", traits)
     extradata = bytes(video.stream.codec_context.extradata or b"")
