@@ -13,6 +13,7 @@ from typing import Any
 import av
 import av.error
 import numpy as np
+from av.format import Flags
 
 from fpsboost.io.video.pyav import open_input
 
@@ -32,6 +33,8 @@ class Video:
     end: Fraction = Fraction(0)
     shown: list[list[np.ndarray]] = field(default_factory=list)
     """The first frames: planes as stored, in levels of 8 bits."""
+    first: Any = None
+    """The first frame as decoded: its pixel format, matrix and range are those of the file."""
     tags: dict[str, str] = field(default_factory=dict)
     """Colour range, matrix, primaries, transfer and pixel shape."""
     is_rgb: bool = False
@@ -45,6 +48,11 @@ class Video:
         """Seconds from the first frame to the end of the last."""
         return self.end - self.times[0] if self.times else Fraction(0)
 
+    @property
+    def longest(self) -> Fraction:
+        """Seconds for which the frame that is shown longest is shown."""
+        return max(np.diff([*self.times, self.end]), default=Fraction(0))
+
 
 def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
     """Read the largest video stream, which players choose, with some frames, as stored or in RGB, and all sound."""
@@ -53,16 +61,18 @@ def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
         moving = [each for each in file.streams.video if not each.disposition & av.stream.Disposition.attached_pic]
         # of equal ones the longest: animated AVIF has a still picture beside its sequence
         stream = max(moving, key=lambda each: (each.codec_context.width * each.codec_context.height, each.frames))
-        tracks: dict[int, list[tuple[Fraction, str]]] = {each.index: [] for each in file.streams.audio}
+        video.sound = {each.index: [] for each in file.streams.audio}
         base = Fraction(stream.time_base)
+        has_times = Flags.no_timestamps not in Flags(file.format.flags) or file.format.name == "m4v"  # in its codec
+        raw_rate = None if has_times else Fraction(stream.guessed_rate)
         stream.thread_type = "AUTO"  # as fpsboost does: what a decoder makes of damage depends on its threads
         for packet in _packets(file):
-            if packet.stream.index in tracks and packet.size and packet.pts is not None:
+            if packet.stream.index in video.sound and packet.size and packet.pts is not None:
                 time = packet.pts * Fraction(packet.time_base)
-                tracks[packet.stream.index].append((time, hashlib.sha256(_payload(packet)).hexdigest()))
+                video.sound[packet.stream.index].append((time, hashlib.sha256(_payload(packet)).hexdigest()))
             elif packet.stream.index == stream.index:
                 for frame in _decoded(packet):
-                    _note(video, frame, base, len(video.shown) < keep, in_rgb)
+                    _note(video, frame, base, raw_rate, keeps=len(video.shown) < keep, in_rgb=in_rgb)
         rate = stream.average_rate or stream.guessed_rate or 0
         context = stream.codec_context
         video.description = f"{context.name} {context.width}x{context.height} {context.pix_fmt}, {float(rate):.6g} fps"
@@ -76,7 +86,6 @@ def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
             elif file.format.name == "avi":
                 video.end = max(end, video.end)
     video.times.sort()  # pictures come in order, but not always with their own times
-    video.sound = {index: tracks[index] for index in sorted(tracks)}
     return video
 
 
@@ -96,31 +105,33 @@ def _packets(file: av.container.InputContainer) -> Iterator[Any]:
             stream.discard = av.stream.Discard.all
     for _ in range(1000 if file.format.name.startswith("mov") else 1):
         for _ in range(10):
-            try:
+            with contextlib.suppress(av.error.FFmpegError):
                 yield from (packet for packet in file.demux() if packet.size)
                 break
-            except av.error.FFmpegError:
-                continue
     with contextlib.suppress(av.error.FFmpegError):
         yield from file.demux()  # the packets that flush
 
 
 def _decoded(packet: Any) -> list[Any]:
-    try:
+    with contextlib.suppress(av.error.FFmpegError):
         return list(packet.decode())
-    except av.error.FFmpegError:
-        return []
+    return []
 
 
-def _note(video: Video, frame: Any, base: Fraction, keeps: bool, in_rgb: bool) -> None:
-    time = frame.pts * Fraction(frame.time_base or base) if frame.pts is not None else video.end
+def _note(video: Video, frame: Any, base: Fraction, raw_rate: Fraction | None, *, keeps: bool, in_rgb: bool) -> None:
+    """Add a frame; one of a raw stream begins where the one before it ends and lasts as `raw_rate` says.
+
+    Nothing in such a stream says when a frame is shown: FFmpeg's times are guesses, and where the parameters of the
+    stream change, its durations are single ticks. They are right where fields or frames are repeated (pulldown).
+    """
+    time = video.end if frame.pts is None or raw_rate is not None else frame.pts * Fraction(frame.time_base or base)
     if not video.times:
+        video.first = frame
         video.turned = float(frame.rotation or 0)
         video.is_rgb = frame.format.is_rgb or frame.format.has_palette
         if not video.is_rgb and len(frame.format.components) > 2:  # RGB and gray need not say what they mean
-            is_full = frame.color_range == 2 or frame.format.name.startswith("yuvj")
             video.tags |= {
-                "range": "full" if is_full else "limited",
+                "range": "full" if frame.color_range == 2 or frame.format.name.startswith("yuvj") else "limited",
                 "matrix": str(frame.colorspace),
                 "primaries": str(frame.color_primaries),
                 "transfer": str(frame.color_trc),
@@ -128,13 +139,28 @@ def _note(video: Video, frame: Any, base: Fraction, keeps: bool, in_rgb: bool) -
     lasted = time - video.times[-1] if video.times else Fraction(0)
     video.times.append(time)
     duration = frame.duration * Fraction(frame.time_base or base) if frame.duration else lasted
+    if raw_rate is not None and duration * raw_rate not in (Fraction(3, 2), 2, 3):
+        duration = 1 / raw_rate
     video.end = max(video.end, time + duration)  # of AVI, times are not always in order
     if keeps:
-        if in_rgb or video.is_rgb:
-            image = frame.to_ndarray(format="rgb24", interpolation=EXACT_SCALER)
-            video.shown.append(list(image.astype(np.float32).transpose(2, 0, 1)))
-        else:
-            video.shown.append(_planes(frame))
+        video.shown.append(_rgb(frame) if in_rgb or video.is_rgb else _planes(frame))
+
+
+def _rgb(frame: Any) -> list[np.ndarray]:
+    return list(frame.to_ndarray(format="rgb24", interpolation=EXACT_SCALER).astype(np.float32).transpose(2, 0, 1))
+
+
+def _held(planes: list[np.ndarray], like: Any) -> list[np.ndarray]:
+    """Return what the pixel format, matrix and range of another frame keep of RGB without any encoder."""
+    frame = av.VideoFrame.from_ndarray(np.stack(planes, axis=-1).astype(np.uint8), "rgb24")
+    return _rgb(
+        frame.reformat(
+            format=like.format.name,
+            dst_colorspace=like.colorspace,
+            dst_color_range=like.color_range,
+            interpolation=EXACT_SCALER,
+        )
+    )
 
 
 def _planes(frame: Any) -> list[np.ndarray]:
@@ -154,6 +180,9 @@ class Colours:
 
     shift: float
     """The largest difference between means of a plane, levels of 8 bits."""
+    change: float
+    """The part of it that the pixel format of the result does not explain: of RGB in YCbCr, the difference from what
+    is left of the source's own frames there, of all others the whole."""
     psnr: float
     """Of the first plane (luma, or red) in the median frame, dB; infinite where nothing differs."""
 
@@ -162,21 +191,25 @@ def compare_colours(before: Video, after: Video) -> Colours | None:
     """Compare frames shown at the same time since each file's first frame; return None if there are none."""
     if not before.shown or not after.shown or before.shown[0][0].shape != after.shown[0][0].shape:
         return None
-    steps = np.diff([float(time) for time in after.times[: len(after.shown)]])
-    near = float(np.median(steps)) / 50 if len(steps) else 0.0
     clock = np.array([float(time - after.times[0]) for time in after.times[: len(after.shown)]])
-    shifts, errors = [], []
+    near = float(np.median(np.diff(clock))) / 50 if len(clock) > 1 else 0.0
+    pairs = []
     for time, planes in zip(before.times, before.shown, strict=False):
         place = int(np.abs(clock - float(time - before.times[0])).argmin())
         if abs(clock[place] - float(time - before.times[0])) <= near + 0.0011:  # Matroska counts milliseconds
-            others = after.shown[place]
-            shifts.append([one.mean() - other.mean() for one, other in zip(planes, others, strict=False)])
-            errors.append(np.square(planes[0] - others[0]).mean())
-    if not errors:
+            pairs.append((planes, after.shown[place]))
+    if not pairs:
         return None
-    error = float(np.median(errors))
+    error = float(np.median([np.square(planes[0] - others[0]).mean() for planes, others in pairs]))
     psnr = float("inf") if error == 0 else 10 * float(np.log10(255**2 / error))
-    return Colours(float(np.abs(np.median(shifts, axis=0)).max()), psnr)
+    held = [(_held(planes, after.first), others) for planes, others in pairs] if before.is_rgb else pairs
+    return Colours(_mean_shift(pairs), _mean_shift(held), psnr)
+
+
+def _mean_shift(pairs: list[tuple[list[np.ndarray], list[np.ndarray]]]) -> float:
+    """Return the largest difference between means of a plane, in the median frame."""
+    shifts = [[one.mean() - other.mean() for one, other in zip(*pair, strict=False)] for pair in pairs]
+    return float(np.abs(np.median(shifts, axis=0)).max())
 
 
 def compare_sound(before: Video, after: Video, left_out: Collection[int] = ()) -> str:

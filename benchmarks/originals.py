@@ -16,7 +16,7 @@ import tempfile
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from coming_through import COMPARED_FRAMES, Video, compare_colours, compare_sound, read_video
+from coming_through import COMPARED_FRAMES, Colours, Video, compare_colours, compare_sound, read_video
 from rich.markup import escape
 from rich.table import Table
 from scoring import wide_console
@@ -25,7 +25,13 @@ POLL_INTERVAL = 600
 """Seconds that a conversion may take; none of them should hang."""
 
 MAX_SHIFT = 0.5
-"""Levels of 8 bits by which the mean of a channel may change."""
+"""Levels of 8 bits by which the mean of a channel may change, beyond what the pixel format of the result changes."""
+
+MAX_ROUNDING = (255 / 219 + 1.8814 * 255 / 224) / 2
+"""The most that a pixel format may change: the rounding of luma and chroma to 8 bits, where it matters most.
+
+That is the blue of BT.2020 in limited range: half a step of luma, and half a step of chroma 1.8814 times.
+"""
 
 CONTAINERS = (".mp4", ".mkv")
 """Tried one after the other: not every kind of sound fits into the first."""
@@ -40,8 +46,7 @@ class Row:
     result: str = ""
     duration_difference: float | None = None
     sound: str = ""
-    colour_shift: float | None = None
-    psnr: float | None = None
+    colours: Colours | None = None
     orientation: str = ""
     verdict: str = ""
     passed: bool = False
@@ -50,7 +55,6 @@ class Row:
 
 def convert(path: Path, folder: Path, options: list[str]) -> tuple[Path | None, list[str]]:
     """Convert a file; return the result, if there is one, and what was said."""
-    lines: list[str] = []
     for suffix in CONTAINERS:
         target = folder / f"{path.name}{suffix}"  # two files may differ in their endings alone
         command = [sys.executable, "-m", "fpsboost", str(path), str(target), *options]
@@ -81,9 +85,7 @@ def judge(path: Path, folder: Path, options: list[str]) -> Row:
     named = {int(number) for remark in row.remarks for number in re.findall(r"stream (\d+) was left out", remark)}
     row.sound = compare_sound(before, after, named)
     row.orientation = "same" if after.turned == before.turned else f"{before.turned:g} -> {after.turned:g} degrees"
-    colours = compare_colours(before, after)
-    if colours is not None:
-        row.colour_shift, row.psnr = colours.shift, colours.psnr
+    row.colours = compare_colours(before, after)
     faults = find_faults(row, before, after)
     row.passed = not faults
     row.verdict = "; ".join(faults) or "pass"
@@ -93,16 +95,18 @@ def judge(path: Path, folder: Path, options: list[str]) -> Row:
 def find_faults(row: Row, before: Video, after: Video) -> list[str]:
     """Return the properties that did not come through, except a length whose difference a remark explains."""
     faults = []
-    interval = after.duration / max(len(after.times), 1)
     is_said = any("its header promises" in remark for remark in row.remarks)  # the header is where its end comes from
-    if abs(row.duration_difference or 0) > max(interval, 0.002) and not is_said:
+    if abs(row.duration_difference or 0) > max(after.duration / max(len(after.times), 1), 0.002) and not is_said:
         faults.append("length")
+    if after.longest - before.longest > 0.002:
+        faults.append("gap")
     if row.sound not in ("none", "identical"):
         faults.append("sound")
-    if row.colour_shift is not None and row.colour_shift > MAX_SHIFT:
+    if row.colours and (row.colours.change > MAX_SHIFT or row.colours.shift > MAX_SHIFT + MAX_ROUNDING):
         faults.append("colour")
-    changed = [name for name, tag in before.tags.items() if after.tags.get(name) != tag]
-    faults += [f"{name} {before.tags[name]} -> {after.tags.get(name)}" for name in changed]
+    faults += [
+        f"{name} {tag} -> {after.tags.get(name)}" for name, tag in before.tags.items() if after.tags.get(name) != tag
+    ]
     if row.orientation != "same":
         faults.append("orientation")
     return faults
@@ -114,44 +118,45 @@ def table(rows: list[Row]) -> Table:
     for name in ("file", "in", "out", "length, s", "sound", "colour", "PSNR", "turned", "verdict"):
         result.add_column(name, overflow="fold")
     for row in rows:
-        figures = (
+        cells = (
+            row.name,
+            row.source,
+            row.result,
             "" if row.duration_difference is None else f"{row.duration_difference:+.4f}",
             row.sound,
-            "" if row.colour_shift is None else f"{row.colour_shift:.2f}",
-            "" if row.psnr is None else f"{row.psnr:.1f}",
+            "" if row.colours is None else f"{row.colours.shift:.2f}",
+            "" if row.colours is None else f"{row.colours.psnr:.1f}",
+            row.orientation,
         )
-        cells = (row.name, row.source, row.result, *figures, row.orientation)
-        colour = "green" if row.passed else "red"
-        result.add_row(*map(escape, cells), f"[{colour}]{escape(row.verdict)}[/]")
+        result.add_row(*map(escape, cells), f"[{'green' if row.passed else 'red'}]{escape(row.verdict)}[/]")
     return result
 
 
 def main() -> None:
     """Run the command line."""
-    own, options = sys.argv[1:], []
-    if "--" in own:
-        place = own.index("--")
-        own, options = own[:place], own[place + 1 :]
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="videos; other files are tried too")
     parser.add_argument("--only", default="", help="names that contain this")
     parser.add_argument("--keep", type=Path, help="an empty folder for the results")
     parser.add_argument("--json", type=Path, help="write the rows here")
-    arguments = parser.parse_args(own)
-    paths = sorted(each for each in arguments.folder.iterdir() if each.is_file() and each.suffix.lower() != ".md")
+    parser.add_argument("options", nargs="*", help="after --: options of fpsboost")
+    arguments = parser.parse_intermixed_args()
+    paths = sorted(
+        each
+        for each in arguments.folder.iterdir()
+        if each.is_file() and each.suffix.lower() != ".md" and arguments.only in each.name
+    )
     console = wide_console()
     with tempfile.TemporaryDirectory() as scratch:
         folder = arguments.keep or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
         rows = []
         for path in paths:
-            if arguments.only in path.name:
-                with console.status(escape(path.name)):
-                    rows.append(judge(path, folder, options))
+            with console.status(escape(path.name)):
+                rows.append(judge(path, folder, arguments.options))
     console.print(table(rows))
-    for row in rows:
-        for remark in row.remarks:
-            console.print(f"[dim]{escape(remark)}[/]")
+    for remark in (each for row in rows for each in row.remarks):
+        console.print(f"[dim]{escape(remark)}[/]")
     if arguments.json:
         arguments.json.write_text(json.dumps([asdict(row) for row in rows], indent=1))
     failed = [row.name for row in rows if not row.passed]
