@@ -174,7 +174,7 @@ class OtherStreams:
         sound = EncodedSound(stream, self._output, encoder, self._window)
         self._sounds[stream.index] = sound
         self._add_target(stream, sound.stream)
-        stretched = "" if self._curve is None else "stretched as its pictures and "
+        stretched = "" if self._curve is None else "fitted to the speeds of its pictures and "
         if self._curve is not None and self._curve.is_steady and (speed := self._curve.segments[0].speed):
             stretched = f"stretched to {1 / speed} times its length and "
         self._remark(
