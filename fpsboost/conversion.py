@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import cv2
 
 from fpsboost.contracts import FrameSource, OutputRange, SilentObserver, Summary
-from fpsboost.errors import InputError, OptionError, explained
+from fpsboost.errors import InputError, OptionError, choose_one, explained
 from fpsboost.fingerprint import JobFingerprint, fingerprint_files, fingerprint_options
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
@@ -26,7 +26,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pyav import pyav_version
 from fpsboost.method_table import find_method
-from fpsboost.options import PathName, Range, Rate, checked, with_options
+from fpsboost.options import PathName, Range, Rate, checked, flags_of, with_options
 from fpsboost.parts.plan import enter, plan_part, share_index
 from fpsboost.preparation import ConversionJob, closing_remarks, memory_limit, prepared
 from fpsboost.run_options import RunOptions
@@ -95,8 +95,8 @@ def convert(
     rate, decoding, encoding, run = (with_options(group, options, name) for name, group in groups.items())
     if options:
         raise OptionError(
-            f"convert takes no {next(iter(options))}; OutputRate, DecodeOptions, Encoding and RunOptions "
-            "list what it takes."
+            f"convert takes no {(name := next(iter(options)))}; "
+            + choose_one(name, [flag.field for group in groups.values() for flag in flags_of(type(group))])
         )
     return convert_job(ConversionJob(input, output, rate, find_method(method), decoding, encoding), run)
 
@@ -155,7 +155,8 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
             if part is not None:
                 part.summary = summary
             if isinstance(main, ImageSink):
-                summary.completed_frames -= main.kept_frames  # which no earlier run has made
+                # those that no earlier run has made; with side outputs, none were skipped
+                summary.completed_frames -= min(main.kept_frames, summary.completed_frames)
                 if summary.lowest_match is not None:
                     summary.lowest_match_file = main.names.path(summary.lowest_match.number).name
     # some are known only after the sink has finished the output

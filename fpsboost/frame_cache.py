@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from fpsboost.image import Image, Pixels, view
 from fpsboost.layered import FrameImage
+from fpsboost.options import checked
 
 Result = TypeVar("Result")
 
@@ -91,6 +92,7 @@ class FrameCache:
     True
     """
 
+    @checked
     def __init__(
         self, image: FrameImage, output_position: Fraction | None = None, source_position: SourcePosition | None = None
     ) -> None:

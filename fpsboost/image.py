@@ -367,10 +367,12 @@ def check_image(image: Image | ImageView, name: str = "An image") -> None:
         raise InputError(f"{name} must be uint8, uint16 or float32, not {image.dtype}; convert it first.")
 
 
-def check_pair(image0: Image | ImageView, image1: Image | ImageView) -> None:
-    """Raise `InputError` unless both are valid images of one size and type."""
-    for image in (image0, image1):
-        check_image(image)
+def check_pair(
+    image0: Image | ImageView, image1: Image | ImageView, name0: str = "An image", name1: str = "An image"
+) -> None:
+    """Raise `InputError` unless both, which it calls by their names, are valid images of one size and type."""
+    for image, name in ((image0, name0), (image1, name1)):
+        check_image(image, name)
     kinds = [(image.shape, image.dtype, view(image).coding) for image in (image0, image1)]
     if kinds[0] != kinds[1]:
         raise InputError(

@@ -21,7 +21,7 @@ from fpsboost.analysis.overlay import find_overlay, keep_overlay
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
 from fpsboost.errors import OptionError, SceneCutWarning
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import SAMPLE_BITS, Image, check_image, view
+from fpsboost.image import SAMPLE_BITS, Image, check_pair, view
 from fpsboost.kernels.compiling import compiled_aside, uncollected
 from fpsboost.layered import FrameImage
 from fpsboost.motion import MotionEstimator
@@ -195,8 +195,7 @@ class Interpolator(Checked):
         SceneCutWarning
             There is a cut, and a time lies between the two.
         """
-        check_image(image0, "image0")
-        check_image(image1, "image1")
+        check_pair(image0, image1, "image0", "image1")
         interpolator = replace(self, cuts=cuts)
         pair = interpolator.pair(FrameCache(image0), FrameCache(image1))
         images, scene_cut = interpolator.between(pair, times)
@@ -206,7 +205,9 @@ class Interpolator(Checked):
         return arrays
 
     @checked
-    def pair(self, image0: FrameCache, image1: FrameCache, duration: Fraction | float = 1) -> Pair:
+    def pair(
+        self, image0: FrameCache, image1: FrameCache, duration: Annotated[Fraction | float, Range(above=0)] = 1
+    ) -> Pair:
         """Return two frames as `between` takes them; `duration` is the time between them, see `Pair`.
 
         Each frame is to be the same object in both of its pairs, so that what depends on it alone is computed once.

@@ -85,7 +85,7 @@ class MemoryLimit(Checked):
     """
 
     bytes: Annotated[int, Range(above=0)] = field(default_factory=available_memory)
-    bytes_per_pixel: int = BYTES_PER_PIXEL
+    bytes_per_pixel: Annotated[int, Range(1)] = BYTES_PER_PIXEL
 
     def check(
         self, name: str | os.PathLike[str], width: int, height: int, planes: int = 0, *, decoding: int = 0
@@ -97,7 +97,8 @@ class MemoryLimit(Checked):
             layers = f" with {planes} planes of layers" if planes else ""
             raise InputError(
                 f"{os.fspath(name)} is {width}x{height}{layers}, which takes about {readable_size(need)} of memory "
-                f"where {readable_size(most)} may be taken; scale it down, or allow more with `limit`."
+                f"where {readable_size(most)} may be taken; scale it down, or allow more with "
+                f"{'`limit`' if most == self.bytes else 'ulimit -v'}."
             )
 
     def affordable_threads(self, width: int, height: int, most: int, planes: int = 0) -> int:
@@ -109,11 +110,13 @@ class MemoryLimit(Checked):
         [1, 6]
         """
         per_thread = (BYTES_PER_PIXEL_OF_A_THREAD + BYTES_PER_PLANE_OF_A_THREAD * planes) * width * height
-        return max(1, min(most, 1 + (self.bytes - self._needed(width, height, planes)) // per_thread))
+        return max(
+            1, min(most, 1 + (min(self.bytes, address_space()) - self._needed(width, height, planes)) // per_thread)
+        )
 
     def affordable_processes(self, width: int, height: int, most: int, planes: int = 0) -> int:
         """Return how many processes can each convert a clip of this size with one thread, from 1 to `most`."""
-        return max(1, min(most, self.bytes // self._needed(width, height, planes)))
+        return max(1, min(most, min(self.bytes, address_space()) // self._needed(width, height, planes)))
 
     def _needed(self, width: int, height: int, planes: int) -> int:
         return AT_LEAST + (self.bytes_per_pixel + BYTES_PER_PLANE * planes) * width * height

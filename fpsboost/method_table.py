@@ -15,7 +15,7 @@ import numpy as np
 from fpsboost.analysis.scene_cuts import CutPolicy
 from fpsboost.errors import OptionError, choose_one
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Image, check_image, view
+from fpsboost.image import Image, check_pair, view
 from fpsboost.interpolator import Interpolator
 from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.exhaustive import ExhaustiveSearch
@@ -283,19 +283,18 @@ def interpolate_with_confidence(
     >>> bool(interpolate_with_confidence(frame, frame).confidence.min() > 0.99)
     True
     """
-    interpolator = find_method(method)
+    interpolator = replace(find_method(method), cuts=None)
     if not 0 < t < 1:
         raise OptionError(f"A confidence is for times between two frames, above 0 and below 1, not at {t}.")
     image0, image1 = (FrameCache(image) for image in _with_channels(frame0, frame1))
-    interpolator = replace(interpolator, cuts=None)
     (interpolated,) = interpolator.between_with_confidence(interpolator.pair(image0, image1), [t]).images
     return InterpolatedImage(view(interpolated.image).array().reshape(frame0.shape), interpolated.confidence)
 
 
 def _with_channels(frame0: Image, frame1: Image) -> tuple[Image, Image]:
-    """Return the two as images of the library; gray ones may come without a channel axis."""
-    if frame0.ndim == 2 and frame1.ndim == 2:
-        frame0, frame1 = frame0[..., np.newaxis], frame1[..., np.newaxis]
-    check_image(frame0, "frame0")
-    check_image(frame1, "frame1")
-    return np.ascontiguousarray(frame0), np.ascontiguousarray(frame1)
+    """Return the two as images of the library; gray ones may come without a channel axis, and as other arrays."""
+    image0, image1 = np.ascontiguousarray(frame0), np.ascontiguousarray(frame1)
+    if image0.ndim == 2 and image1.ndim == 2:
+        image0, image1 = image0[..., np.newaxis], image1[..., np.newaxis]
+    check_pair(image0, image1, "frame0", "frame1")
+    return image0, image1

@@ -12,12 +12,12 @@ from __future__ import annotations
 import math
 import os
 import reprlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from fractions import Fraction
 from functools import lru_cache, partial, wraps
 from inspect import signature
-from numbers import Integral, Rational, Real
+from numbers import Integral, Number, Rational, Real
 from pathlib import Path
 from textwrap import shorten
 from types import NoneType, UnionType
@@ -143,8 +143,8 @@ def with_options(options: Any, given: dict[str, Any], group: str) -> Any:
         if each.name in given:
             if value != each.default:
                 raise OptionError(f"`{each.name}` is given twice, by itself and in `{group}`; give one of them.")
-            values[each.name] = given.pop(each.name)
-        elif is_dataclass(each.default):
+            value = values[each.name] = given.pop(each.name)
+        if is_dataclass(each.default) and is_dataclass(value):
             values[each.name] = with_options(value, given, group)
     return replace(options, **values)
 
@@ -152,19 +152,22 @@ def with_options(options: Any, given: dict[str, Any], group: str) -> Any:
 class Checked:
     """Base of dataclasses whose values are checked against the types of their fields, with `Range` where they have one.
 
-    Rates become fractions, paths texts, and lists tuples. Texts are read as on the command line, and so are numbers for
-    fields of another type: ``start=90`` is a position. `OptionError` names the field that is wrong.
+    Rates become fractions, paths texts, and lists, sets and arrays tuples. Texts are read as on the command line, and
+    so are numbers for fields of another type: ``start=90`` is a position. `OptionError` names the field that is wrong.
     """
 
     def __post_init__(self) -> None:
         for each in fields(self):  # type: ignore[arg-type]
-            value, hint = getattr(self, each.name), hints_of(type(self))[each.name]
+            given, hint = getattr(self, each.name), hints_of(type(self))[each.name]
+            value = os.fspath(given) if isinstance(given, os.PathLike) else given
             parse = getattr(each.metadata.get("option"), "parse", None)
-            is_exact = isinstance(value, Fraction) or (_is_of(value, hint) and not _is_rate(hint))
-            if parse and isinstance(value, str | Real) and not is_exact:
-                value = parse(str(value), f"`{each.name}`")
-            elif isinstance(value, os.PathLike | list):
-                value = os.fspath(value) if isinstance(value, os.PathLike) else tuple(value)
+            is_exact = isinstance(value, Fraction) if _is_rate(hint) else _is_of(value, hint)
+            if parse and (isinstance(value, str) or (isinstance(value, Number) and not is_exact)):
+                value = parse(str(float(value) if isinstance(value, Fraction) else value), f"`{each.name}`")
+            elif isinstance(value, float) and _is_rate(hint) and math.isfinite(value):
+                value = Fraction(str(value))  # as it is written: 0.1 is a tenth
+            elif isinstance(value, list | range | Set) or getattr(value, "ndim", 0) == 1:
+                value = tuple(value)
             check_type(each.name, value, hint)
             object.__setattr__(self, each.name, value)
 
@@ -237,7 +240,11 @@ def _is_of(value: Any, hint: Any) -> bool:
     if origin in NUMBERS:
         return isinstance(value, NUMBERS[origin]) and not isinstance(value, bool)
     try:
-        is_of = isinstance(value, origin) and (origin is str or not isinstance(value, str))
+        # arrays of other libraries are arrays, too; those of one dimension are sequences
+        is_of = (isinstance(value, origin) and (origin is str or not isinstance(value, str))) or (
+            hasattr(value, "__array__")
+            and (origin.__name__ == "ndarray" or (origin is Sequence and getattr(value, "ndim", 0) == 1))
+        )
     except TypeError:  # a hint that is no class, or a contract that cannot be checked
         return True
     elements = get_args(hint)[:1] if origin in (tuple, Sequence) else ()
@@ -267,4 +274,5 @@ def _described(hint: Any, value: Any) -> str:
     if origin is Literal:
         return f"one of {', '.join(map(str, get_args(hint)))}"
     name = origin.__name__.removeprefix("nd")  # of an array
-    return DESCRIPTIONS.get(origin, f"{'an' if name[0].lower() in 'aeio' else 'a'} {name}")
+    items = [f", each item {_described(each, value)}" for each in get_args(hint)[:1] if origin in (tuple, Sequence)]
+    return DESCRIPTIONS.get(origin, f"{'an' if name[0].lower() in 'aeio' else 'a'} {name}") + "".join(items)

@@ -65,8 +65,6 @@ def test_unlike_frames_are_refused(method):
             methods[method].pair(*prepared(image, other))
         with pytest.raises(InputError):
             methods[method].interpolate(image, other, [])
-    with pytest.raises(InputError, match="float64"):
-        methods[method].interpolate(image / 255.0, image / 255.0, [0.5])
 
 
 @every_method
@@ -305,16 +303,6 @@ def test_confidence_belongs_to_the_image_that_interpolate_makes(scene, method):
     assert 0 <= fused.confidence.min() <= fused.confidence.max() <= 1 + 1e-5
 
 
-def test_confidence_is_refused_where_there_is_none():
-    """At the frames themselves, and for frames that are unlike."""
-    image = noise(40, 48)
-    for t in (0, 1, -0.5, float("nan")):
-        with pytest.raises(OptionError, match="above 0 and below 1"):
-            interpolate_with_confidence(image, image, t)
-    with pytest.raises(InputError):
-        interpolate_with_confidence(image, noise(40, 47))
-
-
 def test_cuts_repeat_the_nearer_frame_or_mix():
     """Repeated: the earlier one up to and at the middle. Mixed: as without motion."""
     image0, image1 = affine(60, 80, seed=1).image0, affine(60, 80, seed=2).image0
@@ -419,5 +407,3 @@ def test_one_image_is_one_call():
     np.testing.assert_array_equal(gray[..., np.newaxis], interpolate(clip.image0, clip.image1))
     flipped = interpolate(clip.image0[::-1], clip.image1[::-1], 0.5, method=methods["blend"])
     np.testing.assert_array_equal(flipped[::-1], interpolate(clip.image0, clip.image1, 0.5, method="blend"))
-    with pytest.raises(InputError):
-        interpolate(clip.image0[..., 0], clip.image1)

@@ -149,7 +149,9 @@ def test_the_option_reaches_every_kind_of_input(fpsboost_, tmp_path, save_images
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="it has no such limit")
-@pytest.mark.parametrize(("left", "said"), [(0, "more than 1.6 GB with ulimit -v."), (1, "is 64x48, which takes")])
+@pytest.mark.parametrize(
+    ("left", "said"), [(0, "more than 1.6 GB with ulimit -v."), (1, "or allow more with ulimit -v.")]
+)
 def test_where_the_address_space_ends(fpsboost_, tmp_path, save_images, monkeypatch, left, said):
     """Too little for the libraries, or for a clip, is one sentence, and nothing is begun."""
     limit = ADDRESS_SPACE + AT_LEAST + left
@@ -170,6 +172,9 @@ def test_as_many_threads_as_memory_reaches_for(tmp_path, monkeypatch):
         taken.append(threads)
         raise InterruptedError
 
+    with monkeypatch.context() as limited:
+        limited.setattr(memory, "address_space", lambda: AT_LEAST)
+        assert MemoryLimit(10**10).affordable_threads(640, 480, 8) == 1
     monkeypatch.setattr("fpsboost.conversion.run_conversion", take)
     monkeypatch.setattr("fpsboost.conversion.available_cores", lambda: 9)
     write_clip(tmp_path / "in.mp4")

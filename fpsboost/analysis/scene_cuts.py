@@ -23,7 +23,7 @@ from fpsboost.image import view
 from fpsboost.motion.components import Components, small_components, small_copy
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_fused
-from fpsboost.options import Checked, Range
+from fpsboost.options import Checked, PathName, Range, checked
 from fpsboost.timing.position import TIME_TOLERANCE, Position, parse_position
 
 CERTAIN_CUT_FRACTION = 0.3
@@ -233,7 +233,7 @@ SECONDS_COLUMN = "Start Time (seconds)"
 
 
 @dataclass(frozen=True)
-class CutList:
+class CutList(Checked):
     """Cut policy with the scene cuts of a list and no others; takes the place of a `CutDetector`.
 
     The positions, counted from the first frame of the clip, are those of the first frames of new scenes.
@@ -277,7 +277,8 @@ class CutList:
         return sorted(place.value for place in self.positions if not place.is_frame)
 
 
-def read_cuts(path: str | os.PathLike[str]) -> CutList:
+@checked
+def read_cuts(path: PathName) -> CutList:
     """Read a list of cuts from a file; raises `InputError` if it cannot be read, `OptionError` for a wrong line.
 
     It has one position per line, as `parse_position` reads it, and comments after ``#``, or is the list of scenes that

@@ -62,12 +62,14 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
         made += [] if frames is None else [format_time(frames / rate)]
     made += filter(None, details.split(", ")[:2])
     duration = "" if source.duration is None else f", {format_time(source.duration)}"
-    duration = duration if source.frame_count is None else f", {source.frame_count} frames"
+    duration = (
+        duration if source.frame_count is None else f", {source.frame_count} frame{'s'[: source.frame_count - 1]}"
+    )
     rows = {
         "from": f"{source.width}x{source.height} at {readable(source.rate)} fps{duration}",
         "makes": ", ".join(made),
         "keeps": ", ".join(kept) or "pictures alone",
-        "takes": f"not tried, since a tenth of {source.frame_count} frames tells too little",
+        "takes": "not tried, since a tenth of so few frames tells too little",
     }
     added = frames if frames is None or not run.in_place else frames - (source.frame_count or 0)
     if length >= SHORTEST:

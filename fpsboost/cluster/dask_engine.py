@@ -44,6 +44,7 @@ from fpsboost.cluster.worker import LOCK_INTERVAL, Outcome, WorkerOrder, job_key
 from fpsboost.contracts import SilentObserver
 from fpsboost.errors import ClusterError, CompleteAlreadyError, InUseError, explained
 from fpsboost.io.staging import sync
+from fpsboost.options import checked
 from fpsboost.parts.manifest import job_facts
 from fpsboost.parts.plan import PlannedPart, planned_job
 from fpsboost.preparation import output_beside
@@ -73,6 +74,7 @@ PIECE_BYTES = 16 << 20
 in memory."""
 
 
+@checked
 def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None) -> Summary:
     """See `fpsboost.cluster.convert`; parts that earlier runs of the same job have made are taken over."""
     begin, run = time.perf_counter(), run or RunOptions()

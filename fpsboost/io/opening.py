@@ -185,8 +185,10 @@ class Target:
     kind: Kind
 
     @classmethod
-    def parse(cls, path: str) -> Self:
+    @checked
+    def parse(cls, path: PathName) -> Self:
         """Return the target that a path names, or raise `OptionError` if it can be none."""
+        path = os.fspath(path)
         if not path:
             raise OptionError("The name of the output is empty; name a video, a folder or a pattern of images.")
         if path in PIPES:
@@ -201,8 +203,10 @@ class Target:
         if suffix in IMAGE_SUFFIXES:
             raise OptionError(f"{path} would be a single image; give a folder, or a pattern like shot_####{suffix}.")
         if suffix:
-            endings = ", ".join(VIDEO_SUFFIXES + ANIMATION_SUFFIXES)
-            raise OptionError(f"{path} has an ending that cannot be written; choose {endings}, or a folder for images.")
+            raise OptionError(
+                f"{path} has an ending that cannot be written; choose "
+                f"{', '.join(VIDEO_SUFFIXES + ANIMATION_SUFFIXES)}, or a folder for images."
+            )
         return cls(path, "images")
 
     @property
@@ -303,7 +307,7 @@ def open_sink(
         The path can be no output, exists, or cannot be written.
     """
     target, encoding, timing = (
-        Target.parse(os.fspath(path)),
+        Target.parse(path),
         encoding or Encoding(),
         OutputTiming(info.rate, info.time_base),
     )

@@ -26,6 +26,7 @@ class FrameVectors(NamedTuple):
     """(H, W) float32, distance from the camera in any unit, infinite where nothing is; None if it is not known."""
 
 
+@runtime_checkable
 class RenderedVectors(Protocol):
     """Contract: motion vectors for every frame at the output rate, such as `fpsboost.render.folder.VectorFolder`."""
 

@@ -69,7 +69,7 @@ def join(
     manifests = [Manifest.read(folder) for folder in folders]
     ordered = check_complete(list(zip(folders, manifests, strict=True)))
     first = ordered[0][1]
-    if Target.parse(os.fspath(output)).file_type != first.facts.get("output_type"):
+    if Target.parse(output).file_type != first.facts.get("output_type"):
         raise OptionError(f"{output} is of another type than {first.output}; name one of that type.")
     run = RunOptions(overwrite=overwrite)
     # nothing is made here, so a method that takes images of any kind stands for the one that has made the parts

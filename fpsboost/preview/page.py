@@ -122,7 +122,8 @@ def preview(
                 output.parent.mkdir(exist_ok=True)
                 trial, summary = _try(replace(job, method=method), run, target, passage, output)
                 trials[name].append(trial)
-                remarks |= dict.fromkeys(summary.remarks)
+                # what `replace` lists behind the end of a passage need not lie behind that of the clip
+                remarks |= dict.fromkeys(each for each in summary.remarks if not each.startswith("The last frame is"))
     return Preview(
         info,
         rate,

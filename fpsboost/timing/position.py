@@ -15,14 +15,14 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Self
 
 from fpsboost.errors import InputError, OptionError, explained
-from fpsboost.options import Checked, option
+from fpsboost.options import Checked, PathName, checked, option
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame import ClipInfo
 
 
 @dataclass(frozen=True)
-class Position:
+class Position(Checked):
     """Position in a clip, counted from its first frame.
 
     Parameters
@@ -52,7 +52,8 @@ class Position:
         return self.value / rate if self.is_frame else self.value
 
 
-def format_time(seconds: Fraction, decimals: int = 3) -> str:
+@checked
+def format_time(seconds: Fraction | float, decimals: int = 3) -> str:
     """Return seconds as players show them, to the millisecond by default; options that are positions read it.
 
     Examples
@@ -72,7 +73,7 @@ def parse_position(text: str, option: str) -> Position:
     word = text.strip()
     if re.fullmatch(r"[0-9]{1,15}f", word):
         return Position(Fraction(word[:-1]), is_frame=True)
-    found = re.fullmatch(r"(?:(?:([0-9]{1,9}):)?([0-9]{1,9}):)?([0-9]{1,15}(?:\.[0-9]{1,15})?|\.[0-9]{1,15})", word)
+    found = re.fullmatch(r"(?:(?:([0-9]{1,9}):)?([0-9]{1,9}):)?([0-9]{1,15}(?:\.[0-9]{1,30})?|\.[0-9]{1,30})", word)
     if found is None or (found[2] and Fraction(found[3]) >= 60) or (found[1] and int(found[2]) >= 60):
         raise OptionError(
             f"{option} {text!r} is no place in a clip; write seconds (90.5), a time (1:30 or 00:01:30.5), or the "
@@ -149,7 +150,7 @@ Range = tuple[Position, Position]
 
 
 @dataclass(frozen=True)
-class Replacement:
+class Replacement(Checked):
     """Frames of a clip to be replaced by frames interpolated between the good ones around them.
 
     Parameters
@@ -175,6 +176,7 @@ class Replacement:
     detect: bool = False
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for first, last in self.ranges:
             count = last.value - first.value + 1
             if not first.value:
@@ -185,16 +187,17 @@ class Replacement:
                 raise OptionError(f"`replace` has {count} frames in a row ({first} to {last}), and {TOO_LONG}.")
 
     @classmethod
-    def parse(cls, text: str, option: str = "`replace`") -> Self:
+    @checked
+    def parse(cls, text: PathName, option: str = "`replace`") -> Self:
         """Parse ``120-123,340,1:02.5``, ``auto``, or the name of a file with these; messages name it by `option`.
 
         Whole numbers are frames; times have a colon or a point. A file has lines of them, and comments after ``#``.
         Raises `OptionError`, or `InputError` if the file cannot be read.
         """
-        lines = [text]
+        lines = [os.fspath(text)]
         if os.path.isfile(text):
             with (
-                explained(InputError, "read", text, f"check {option}"),
+                explained(InputError, "read", lines[0], f"check {option}"),
                 open(text, encoding="utf-8-sig", errors="replace") as file,
             ):
                 lines = file.read(MAX_CHARACTERS).splitlines()

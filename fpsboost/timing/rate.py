@@ -90,7 +90,9 @@ class OutputRate(Checked):
     keep_timing: bool = option(False, "Keep a variable rate: multiply each interval.")
     slow_motion: bool = option(False, "Keep the rate and play `factor` times as long.")
     slow_motion_sound: SlowSound | None = option(None, "Audio at other speeds: drop or stretch.")
-    retime: PathName | None = option(None, "Speed ramp OUT=IN: 0=0 2s=2s 3s=2.25s, or a file.", metavar="CURVE")
+    retime: PathName | None = option(
+        None, "Speed ramp OUT=IN: 0=0 2s=2s 3s=2.25s, or a file.", metavar="CURVE", parse=read_curve
+    )
     speed: str | None = option(None, "Speed of parts of the input: 0.25@1:00-1:05.", metavar="SPEEDS")
     fill_gaps: bool = option(False, "Interpolate only the missing image numbers.", group="Input")
     replace: Replacement | PathName | None = option(
@@ -109,8 +111,6 @@ class OutputRate(Checked):
         super().__post_init__()
         if self.slow_motion_sound is not None and not self.slow_motion and not self.retimes:
             raise OptionError("`slow_motion_sound` goes with `slow_motion`; give that too, or leave it out.")
-        if self.retime is not None:
-            object.__setattr__(self, "retime", read_curve(str(self.retime)))
         kinds = ("retime", "speed", "slow_motion", "keep_timing", "fill_gaps")
         given = [f"`{name}`" for name in kinds if getattr(self, name)]
         if self.retimes and len(given) > 1:
@@ -122,8 +122,6 @@ class OutputRate(Checked):
         if self.shutter_samples is not None and self.shutter is None:
             raise OptionError("`shutter_samples` goes with `shutter`; give that too, or leave it out.")
         _ = self.exposure
-        if isinstance(self.replace, str):  # once, since the file that it may name is read
-            object.__setattr__(self, "replace", Replacement.parse(self.replace))
         if self.fill_gaps and (self.keep_timing or self.replace is not None):
             other = "`keep_timing` keeps a variable rate" if self.keep_timing else "`replace` those that are damaged"
             raise OptionError(f"`fill_gaps` makes missing images at a constant rate, and {other}; give one of them.")
@@ -131,15 +129,13 @@ class OutputRate(Checked):
     @property
     def replacement(self) -> Replacement | None:
         """Frames to replace; None if all stay."""
-        assert self.replace is None or isinstance(self.replace, Replacement), "parsed"
-        return self.replace
+        return self.replace if isinstance(self.replace, Replacement) else None
 
     @property
     def exposure(self) -> Shutter | None:
         """The shutter; None without motion blur."""
-        if self.shutter is None:
-            return None
-        return Shutter(Fraction(self.shutter), self.shutter_samples or DEFAULT_SAMPLES)
+        samples = self.shutter_samples or DEFAULT_SAMPLES
+        return None if self.shutter is None else Shutter(Fraction(self.shutter), samples)
 
     @property
     def multiple(self) -> Fraction:

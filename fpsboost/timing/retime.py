@@ -12,11 +12,11 @@ from fpsboost.timing.schedule import parse_number
 from fpsboost.timing.time_map import TimeMap
 
 
-def read_curve(text: str) -> str:
-    """Return a curve that is written as points, or in the file of this name."""
+def read_curve(text: str, option: str = "`retime`") -> str:
+    """Return a curve that is written as points, or in the file of this name; messages name it by `option`."""
     if "=" in text or "\n" in text.strip() or not text.strip():
         return text
-    with explained(OptionError, "read", text, "name a file, or write points like 0=0 2s=2s 3s=2.25s"):
+    with explained(OptionError, "read", text, f"give {option} a file, or points like 0=0 2s=2s 3s=2.25s"):
         return Path(text).read_text("utf-8-sig", errors="replace")
 
 

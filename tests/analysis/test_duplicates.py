@@ -5,6 +5,7 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -123,7 +124,7 @@ def test_what_ends_in_a_cut_stays_held():
 
 def test_rendered_motion_needs_every_frame(monkeypatch):
     """A renderer's vectors lead from each frame to the very next, so there duplicates are not looked for."""
-    no_vectors: Any = None
+    no_vectors: Any = SimpleNamespace(step=1, remarks=[], has=len, for_image=len)
     rendered = replace(methods["blend"], synthesizer=SceneAssisted(no_vectors))
     assert rendered.needs_every_frame
     assert replace(methods["blend"], estimator=RenderedMotion(no_vectors)).needs_every_frame

@@ -30,6 +30,9 @@ def test_a_video(fpsboost_, tmp_path, snapshot):
     assert re.fullmatch(r"about [\d.]+ kB, other streams not counted", said["size"])
     assert said["tried"] == "6 frames, for time and size"
     assert "encoded anew as aac" in result.out
+    repaired = fpsboost_("in.mov", "out.mp4", "--no-audio", "--replace", "70", *CHEAP, "--dry-run")
+    assert rows(repaired.out)["tried"] == "5 frames, for time and size"  # the clip does not end with them
+    assert "behind it" not in repaired.out
     assert snapshot(tmp_path) == before
 
 
@@ -50,7 +53,7 @@ def test_what_is_refused_is_refused_at_once(fpsboost_, tmp_path):
     write_clip(tmp_path / "in.mp4", sound="aac")
     ramp = fpsboost_("in.mp4", "--speed", "0.5@0.2-0.3", "--dry-run", *CHEAP)
     assert rows(ramp.out)["makes"].startswith("in-retimed.mp4, 13 frames at 25 fps")
-    assert rows(ramp.out)["takes"] == "not tried, since a tenth of 10 frames tells too little"
+    assert rows(ramp.out)["takes"] == "not tried, since a tenth of so few frames tells too little"
     write_clip(tmp_path / "in.mkv")  # whose header says how long the file is, not the video
     curve = fpsboost_("in.mkv", "--retime", "0=0 0.2s=0.2s 0.4s=0 x0.5", "--dry-run", *CHEAP)
     assert rows(curve.out)["makes"].startswith("in-retimed.mkv, 30 frames at 25 fps, 0:01.200")

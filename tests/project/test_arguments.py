@@ -1,9 +1,11 @@
 """Arguments as users write them: what is taken, which mypy checks here too, and one sentence for what is not."""
 
 from collections.abc import Callable
+from decimal import Decimal
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -18,16 +20,22 @@ from fpsboost import (
     DecodeOptions,
     DuplicateDetector,
     Encoding,
+    FrameCache,
     MergeOptions,
     OutputRate,
     PlanOptions,
+    Position,
     RunOptions,
     SideOutputs,
+    Target,
+    Trim,
     convert,
     interpolate,
+    interpolate_with_confidence,
     methods,
     stream,
 )
+from fpsboost.analysis.scene_cuts import CutList
 from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis, Farneback, TvL1
@@ -51,8 +59,22 @@ TAKEN: list[Callable[[], object]] = [
     lambda: interpolate(NOISE[:, ::2], NOISE[:, ::2], 0.25, method="blend"),
     lambda: interpolate(NOISE[..., 0], NOISE[..., 0], method="blend"),
     lambda: methods["blend"].interpolate(NOISE, NOISE, (0, 0.5, Fraction(1))),
+    lambda: untyped.methods["blend"].interpolate(NOISE, NOISE, np.linspace(0, 1, 3)),
+    lambda: interpolate(TENSOR, TENSOR, method="dis"),
+    lambda: convert("in", "o", fps=Decimal("59.94"), input_fps=24, start=0.1 / 3, end=Fraction(1, 7), method="blend"),
+    lambda: convert("in", "o", trim=Trim(Position(Fraction(1), is_frame=True)), end="3f", method="blend"),
+    lambda: untyped.ByFactor(2.5),
+    lambda: untyped.Position(90.1),
+    lambda: [untyped.Encoding(streams=streams) for streams in ([1, 2], range(2), {1, 2}, np.arange(2))],
+    lambda: Target.parse(Path("o.mp4")),
 ]
 """Calls that work, with names, rates, numbers and arrays of every kind; images lie in the folder ``in``."""
+
+TENSOR: Any = type("Tensor", (), {"__array__": lambda self, *_, **__: NOISE, "shape": NOISE.shape})()
+"""Image of another library."""
+
+UNTYPED_CUTS: Any = CutList
+VECTORS: Any = SimpleNamespace(step=1, remarks=[], has=len, for_image=len)
 
 untyped: Any = fpsboost
 """The library, for calls that mypy refuses."""
@@ -64,7 +86,7 @@ REFUSED: dict[str, Callable[[], object]] = {
     "`fps` must be above 0 and at most 100000, not 0": lambda: convert("in", fps=0),
     "`fps` 'fast' is not a number": lambda: convert("in", fps="fast"),
     "`fps` is given twice": lambda: convert("in", fps=60, rate=OutputRate(fps=50)),
-    "convert takes no fbs": lambda: convert("in", fbs=60),
+    "convert takes no fbs; did you mean 'fps'?": lambda: convert("in", fbs=60),
     "`overwrite` must be True or False, not 'yes'": lambda: convert("in", overwrite="yes"),
     "`crf` must be a whole number, not 18.5": lambda: convert("in", crf=18.5),
     "`start` 'soon' is no place in a clip": lambda: convert("in", start="soon"),
@@ -80,13 +102,34 @@ REFUSED: dict[str, Callable[[], object]] = {
     "frame1 must have the shape": lambda: interpolate(NOISE, NOISE[:, :0]),
     "frame0 must be uint8, uint16 or float32, not float64": lambda: interpolate(NOISE / 1, NOISE / 1),
     "must be alike": lambda: interpolate(NOISE, NOISE[:20]),
+    "frame0 must have the shape (height, width, 1 to 4), not (48, 64)": lambda: interpolate(NOISE[..., 0], NOISE),
+    "image0 must be uint8, uint16 or float32, not float64": lambda: methods["dis"].interpolate(NOISE / 1, NOISE, []),
+    "above 0 and below 1, not at 0": lambda: interpolate_with_confidence(NOISE, NOISE, 0),
+    "above 0 and below 1, not at 1": lambda: interpolate_with_confidence(NOISE, NOISE, 1),
+    "above 0 and below 1, not at -0.5": lambda: interpolate_with_confidence(NOISE, NOISE, -0.5),
+    "above 0 and below 1, not at nan": lambda: interpolate_with_confidence(NOISE, NOISE, float("nan")),
+    "the other 64x40, 3 channels, 8-bit": lambda: interpolate_with_confidence(NOISE, NOISE[:40]),
     "`cuts` must be a CutPolicy": lambda: untyped.interpolate(NOISE, NOISE, cuts=0.5),
-    "`times` must be a sequence, not 0.5": lambda: untyped.methods["blend"].interpolate(NOISE, NOISE, 0.5),
-    "`times` must be a sequence, not ['half']": lambda: untyped.methods["blend"].interpolate(NOISE, NOISE, ["half"]),
+    "`times` must be a sequence, each item a number, not 0.5": lambda: untyped.methods["blend"].interpolate(
+        NOISE, NOISE, 0.5
+    ),
+    "`times` must be a sequence, each item a number, not ['half']": lambda: untyped.methods["blend"].interpolate(
+        NOISE, NOISE, ["half"]
+    ),
     "`source` must be a FrameSource": lambda: untyped.run_conversion("in", methods["blend"], None, None),
     "`parts` must be text or a path or a sequence": lambda: untyped.join("out.mp4", None),
     "`info` must be a ClipInfo": lambda: untyped.open_sink("out.mp4", None),
     "`job` must be a ConversionJob": lambda: untyped.convert_job("in"),
+    "`streams` must be a sequence, each item a whole number, not ('a',)": lambda: untyped.Encoding(streams=["a"]),
+    "`value` must be a fraction, not '1:30'": lambda: untyped.Position("1:30"),
+    "`duration` must be above 0": lambda: methods["blend"].pair(FrameCache(NOISE), FrameCache(NOISE), 0),
+    "`image` must be an array or": lambda: untyped.FrameCache([NOISE]),
+    "`vectors` must be a RenderedVectors": lambda: untyped.find_method("nlm", vectors="folder"),
+    "`positions` must be a sequence, each item a Position, not (5,)": lambda: UNTYPED_CUTS([5]),
+    "`path` must be text or a path, not None": lambda: untyped.Target.parse(None),
+    "`ranges` must be a sequence": lambda: untyped.Replacement(5),
+    "`text` must be text or a path, not 5": lambda: untyped.Replacement.parse(5),
+    "`seconds` must be a number": lambda: untyped.format_time("1:30"),
     "`options` must be a MergeOptions": lambda: untyped.merge_regions("a", "b", "c", None),
 }
 """Calls that end in a sentence of the library, which names the argument."""
@@ -113,7 +156,7 @@ def test_what_is_refused(sentence: str) -> None:
 @pytest.mark.parametrize(
     ("kind", "option", "values"),
     [
-        (ByFactor, "factor", [0, -1, Fraction(-1, 2), 1001, 2.5, "2"]),
+        (ByFactor, "factor", [0, -1, Fraction(-1, 2), 1001, 2000.5, "2"]),
         (lambda **rate: ByRate(*rate.values()), "fps", [0, -1, Fraction(-1, 2), 100_001, 59.94]),
         (OutputRate, "factor", [0, -1, "-1/2", 1001]),
         (OutputRate, "fps", [0, -1, "-1/2", 100_001]),
@@ -137,7 +180,7 @@ def test_what_is_refused(sentence: str) -> None:
         (MultiHypothesis, "min_weight", [1]),
         (MultiHypothesis, "bandwidth", [0, float("nan")]),
         (Splat, "least_similarity", [-0.1, 1.1, float("nan")]),
-        (partial(SceneAssisted, untyped), "depth_tolerance", [-0.1, 1]),
+        (partial(SceneAssisted, VECTORS), "depth_tolerance", [-0.1, 1]),
         (CoarseToFine, "step", [3, "8"]),
         (CoarseToFine, "max_motion_share", [0.0, 1.5]),
         (CoarseToFine, "patch_radius", [0, 11, 2.5, "5"]),
