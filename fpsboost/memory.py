@@ -92,7 +92,7 @@ class MemoryLimit(Checked):
     ) -> None:
         """Raise `InputError` if frames of this size, planes of layers, and further bytes for decoding, need more."""
         need = self._needed(width, height, planes) + decoding
-        most = min(self.bytes, address_space())
+        most = self._most()
         if need > most:
             layers = f" with {planes} planes of layers" if planes else ""
             raise InputError(
@@ -110,13 +110,15 @@ class MemoryLimit(Checked):
         [1, 6]
         """
         per_thread = (BYTES_PER_PIXEL_OF_A_THREAD + BYTES_PER_PLANE_OF_A_THREAD * planes) * width * height
-        return max(
-            1, min(most, 1 + (min(self.bytes, address_space()) - self._needed(width, height, planes)) // per_thread)
-        )
+        return max(1, min(most, 1 + (self._most() - self._needed(width, height, planes)) // per_thread))
 
     def affordable_processes(self, width: int, height: int, most: int, planes: int = 0) -> int:
         """Return how many processes can each convert a clip of this size with one thread, from 1 to `most`."""
-        return max(1, min(most, min(self.bytes, address_space()) // self._needed(width, height, planes)))
+        return max(1, min(most, self._most() // self._needed(width, height, planes)))
+
+    def _most(self) -> int:
+        """Return the bytes that may be taken, which are never more than the system leaves of the address space."""
+        return min(self.bytes, address_space())
 
     def _needed(self, width: int, height: int, planes: int) -> int:
         return AT_LEAST + (self.bytes_per_pixel + BYTES_PER_PLANE * planes) * width * height

@@ -14,6 +14,7 @@ from fpsboost.cli.messages import fact_table, literal, sentence
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo
 from fpsboost.io.opening import PIPES
+from fpsboost.io.video.remarks import counted
 from fpsboost.memory import readable_size
 from fpsboost.preparation import ConversionJob, Preparation, prepared, with_duration
 from fpsboost.preview.page import Preview, estimate_sentence, preview
@@ -56,15 +57,13 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
             source = job.decoding.trim.of_info(with_duration(ready.clip.whole))
             frames = count_frames(ready.base_schedule, source, holds_last_frame=not is_images)
         kept, (places, length) = _kept(ready, remarks), _places(ready, source)
-    made = [output.path, *([] if frames is None else [f"{frames} frame{'s' if frames > 1 else ''}"])]
+    made = [output.path, *([] if frames is None else [counted(frames, "frame")])]
     if ready.target.has_rate:
         made[-1] += f"{',' if frames is None else ' at'} {readable(rate)} fps"
         made += [] if frames is None else [format_time(frames / rate)]
     made += filter(None, details.split(", ")[:2])
     duration = "" if source.duration is None else f", {format_time(source.duration)}"
-    duration = (
-        duration if source.frame_count is None else f", {source.frame_count} frame{'s'[: source.frame_count - 1]}"
-    )
+    duration = duration if source.frame_count is None else f", {counted(source.frame_count, 'frame')}"
     rows = {
         "from": f"{source.width}x{source.height} at {readable(source.rate)} fps{duration}",
         "makes": ", ".join(made),
