@@ -266,16 +266,14 @@ class ImageEncoder:
     def _remark_on_layers(self, header: ExrHeader) -> None:
         """Remark, once, what the frames between do not have of the originals."""
         interpolated = {name for layer in self._layers for name in layer.channels}
-        lost = {
-            **dict.fromkeys((f"The originals {loss}." for loss in losses_like(header)), True),
-            "The originals passed with all their layers, of which the frames between have fewer.": any(
-                not interpolated.issuperset(layer.channels) for layer in contents_of(header).layers
-            ),
-            "Motion vectors lead from one original to the next, also in the frames between, as the originals' do.": (
-                self._anew and any(layer.has_vectors for layer in self._layers)
-            ),
-        }
-        self._remark([remark for remark, is_lost in lost.items() if is_lost])
+        lost = [f"The originals {loss}." for loss in losses_like(header)]
+        if any(not interpolated.issuperset(layer.channels) for layer in contents_of(header).layers):
+            lost.append("The originals passed with all their layers, of which the frames between have fewer.")
+        if self._anew and any(layer.has_vectors for layer in self._layers):
+            lost.append(
+                "Motion vectors lead from one original to the next, also in the frames between, as the originals' do."
+            )
+        self._remark(lost)
 
     def _remark(self, remarks: list[str]) -> None:
         self.remarks += [remark for remark in remarks if remark not in self.remarks]
