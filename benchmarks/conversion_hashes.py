@@ -118,7 +118,7 @@ def run(command: list[str], stdin: Path | None = None, stdout: Path | None = Non
     kept = [
         line.replace(str(Path(folder).parent), "").replace(str(SAMPLES), "samples")
         for line in lines
-        if line.strip() and "frames/s" not in line and not line.startswith("Compiling")
+        if line.strip() and "frames/s" not in line
     ]
     return [f"exit {done.returncode}", *(re.sub(r"[\d.]+ s\b", "N s", line) for line in kept)]
 

@@ -142,8 +142,8 @@ class KeepingConfidence:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
         position = frame_pair.image0.source_position
         for image, confidence in _with_confidence(self.inner, frame_pair, times):
-            if position is not None:  # not the noise for which kernels are compiled
-                self.kept[position.number] = confidence
+            assert position is not None, "a frame of a clip"
+            self.kept[position.number] = confidence
             yield view(image).array()
 
 

@@ -156,7 +156,6 @@ class Profile:
 
 def profile_sequence(interpolator: Interpolator, frames: Sequence[Image]) -> Profile:
     """Make a sequence, and return the cost of each stage."""
-    interpolator.compile_for(frames[0])
     bill, whole = Bill(), Cost()
     with watched(bill, frames[0].shape[1]) as missing:
         begin = time.process_time()

@@ -1,7 +1,7 @@
 """Draw the figures of the documentation: ``python docs/make_figures.py``, into ``docs/figures/``.
 
 Everything is computed by the package from this project's own samples (``samples/``). Needs an installed fpsboost; takes
-about half a minute after compiling.
+about half a minute.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Make the gallery of the documentation: ``python docs/make_gallery.py``, into ``docs/figures/`` and ``docs/gallery/``.
 
 Animations of the rendered samples before and after, which are kept in the repository, and a comparison page of each,
-which is not: the site shows those that are there when it is built. Needs an installed fpsboost; takes about a minute
-after compiling.
+which is not: the site shows those that are there when it is built. Needs an installed fpsboost; takes about a minute.
 """
 
 from __future__ import annotations

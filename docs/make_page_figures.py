@@ -1,7 +1,7 @@
 """Draw the pages of the documentation's guides: ``python docs/make_page_figures.py``, into ``docs/figures/``.
 
 The pages of `fpsboost compare`, `preview` and `ui` for the sample clip, as Chromium shows them. Needs an installed
-fpsboost with the extras ``dev`` and ``ui``, and Chromium; takes about a minute after compiling.
+fpsboost with the extras ``dev`` and ``ui``, and Chromium; takes about a minute.
 """
 
 from __future__ import annotations

@@ -34,7 +34,6 @@ from .io.opening import open_sink as open_sink
 from .io.side.options import SideOutputs as SideOutputs
 from .io.video.decode_options import DecodeOptions as DecodeOptions
 from .io.video.encode_options import Encoding as Encoding
-from .kernels.compiling import told_of_compiling as told_of_compiling
 from .layered import Layer as Layer
 from .layered import LayeredImage as LayeredImage
 from .memory import MemoryLimit as MemoryLimit

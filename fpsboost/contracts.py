@@ -188,7 +188,7 @@ class Summary:
     completed_frames: int = 0
     """Frames of `frames_out` that an earlier run had finished."""
     seconds: float = 0.0
-    """Wall time of the loop, without compiling."""
+    """Wall time of the loop."""
     remarks: list[str] = field(default_factory=list)
     """Sentences about everything that was lost or guessed."""
     details: str = ""

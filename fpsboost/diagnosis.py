@@ -1,6 +1,6 @@
 """Whether fpsboost works on this machine: what is installed, what it finds there, and whether its frames are right.
 
-Everything is imported where it is looked at, because a broken installation is what is to be found.
+Libraries are imported where they are looked at, because a broken installation is what is to be found.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 
+from fpsboost.memory import available_memory
+from fpsboost.threads import available_cores
 from fpsboost.version import __version__
 
 libraries: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "NumPy": ("numpy", "numpy"),
         "OpenCV": ("cv2", "opencv-contrib-python-headless"),
-        "numba": ("numba", "numba"),
         "PyAV": ("av", "av"),
     }
 )
@@ -39,7 +39,7 @@ known_digests: Mapping[str, str] = MappingProxyType({"nlm": "089d8d0ee1038ef6", 
 MAX_ERROR = 4.0
 """Mean absolute error of a frame whose motion is known, of 255, beyond which kernels are broken; 0.02 is usual."""
 
-Part = Literal["programs", "codecs", "machine", "kernels", "self-test"]
+Part = Literal["programs", "kernels", "codecs", "machine", "self-test"]
 
 
 @dataclass(frozen=True)
@@ -55,10 +55,11 @@ class Finding:
 
 def diagnose() -> Iterator[Finding]:
     """Yield what is found, each as soon as it is known; an error is a finding, too, and a missing library the last."""
-    programs = list(_programs())
-    yield from programs
-    if any(each.advice for each in programs):
-        return
+    for needed in (_programs, _kernels):
+        findings = list(needed())
+        yield from findings
+        if any(each.advice for each in findings):
+            return
     for part, (look, advice) in _looks.items():
         try:
             yield from look()
@@ -79,6 +80,16 @@ def _programs() -> Iterator[Finding]:
         except ImportError as error:
             advice = f"{name} cannot be imported; install {package} anew with pip."
             yield Finding("programs", name, str(error), advice)
+
+
+def _kernels() -> Iterator[Finding]:
+    from fpsboost.kernels.binding import LEVELS, library, processor_level  # noqa: PLC0415
+
+    try:
+        levels = LEVELS[: library().count_levels()]
+        yield Finding("kernels", "level", f"{processor_level()} of {', '.join(levels)}")
+    except ImportError as error:
+        yield Finding("kernels", "level", "none", str(error))
 
 
 def _codecs() -> Iterator[Finding]:
@@ -104,27 +115,12 @@ def _codecs() -> Iterator[Finding]:
 def _machine() -> Iterator[Finding]:
     import cv2  # noqa: PLC0415
 
-    from fpsboost.memory import available_memory  # noqa: PLC0415
-    from fpsboost.threads import available_cores  # noqa: PLC0415
-
     features = [name.strip("*") for name in cv2.getCPUFeaturesLine().split() if not name.endswith("?")]
     processor = platform.processor() or platform.machine()
     yield Finding("machine", "processor", f"{processor}, {', '.join(features) or 'no vector instructions'}")
     cores = available_cores()
     yield Finding("machine", "cores", f"{cores} of {os.cpu_count()}; as many pairs of frames side by side")
     yield Finding("machine", "free memory", f"{available_memory() / 1e9:.1f} GB")
-
-
-def _kernels() -> Iterator[Finding]:
-    from fpsboost.kernels.block import match_blocks  # noqa: PLC0415
-
-    folder = Path(match_blocks.dispatcher.stats.cache_path)
-    files = [path for path in folder.glob("*.nb[ci]") if path.is_file()]
-    size = sum(path.stat().st_size for path in files)
-    yield Finding("kernels", "compiled", f"{len(files)} files, {size / 1e6:.1f} MB")
-    writable = os.access(folder, os.W_OK)
-    advice = "" if writable else f"Compiled kernels cannot be kept in {folder}; {SET_CACHE}"
-    yield Finding("kernels", "kept in", str(folder), advice)
 
 
 def _self_test() -> Iterator[Finding]:
@@ -139,21 +135,19 @@ def _self_test() -> Iterator[Finding]:
         bits = "same bits as elsewhere" if is_known else OTHER_BITS
         made = interpolate(texture, np.roll(texture, 8, axis=1), method=method)
         error = float(np.abs(made.astype(float) - np.roll(texture, 4, axis=1))[16:-16, 16:-16].mean())
-        advice = "" if error <= MAX_ERROR else f"Frames of {method} are wrong; {DELETE_CACHE}"
+        advice = "" if error <= MAX_ERROR else f"Frames of {method} are wrong; {REINSTALL}"
         yield Finding("self-test", method, f"{bits}, error {error:.2f} of 255", advice)
 
 
 REINSTALL_PYAV = "install the wheel of av anew with pip."
 OTHER_BITS = "other bits than elsewhere: make parts of one video on machines of this kind alone"
-SET_CACHE = "set NUMBA_CACHE_DIR to a folder that can be written."
-DELETE_CACHE = "delete the folder of the compiled kernels, so that they are compiled anew."
+REINSTALL = "install fpsboost again with pip."
 
 _looks: Mapping[Part, tuple[Callable[[], Iterator[Finding]], str]] = MappingProxyType(
     {
         "codecs": (_codecs, f"FFmpeg cannot be used; {REINSTALL_PYAV}"),
-        "machine": (_machine, "The processor cannot be examined; install fpsboost anew."),
-        "kernels": (_kernels, f"Kernels cannot be compiled or kept; {SET_CACHE}"),
-        "self-test": (_self_test, f"No frame can be made; {DELETE_CACHE}"),
+        "machine": (_machine, f"The processor cannot be examined; {REINSTALL}"),
+        "self-test": (_self_test, f"No frame can be made; {REINSTALL}"),
     }
 )
-"""What is looked at after the programs, and the advice where that raises an error."""
+"""What is looked at after the programs and the kernels, and the advice where that raises an error."""

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import partial
 from itertools import repeat
 from types import MappingProxyType
 from typing import Annotated, Any, Generic, Literal, NamedTuple, TypeVar
@@ -21,8 +19,7 @@ from fpsboost.analysis.overlay import find_overlay, keep_overlay
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
 from fpsboost.errors import OptionError, SceneCutWarning
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import SAMPLE_BITS, Image, check_pair, view
-from fpsboost.kernels.compiling import compiled_aside, uncollected
+from fpsboost.image import Image, check_pair, view
 from fpsboost.layered import FrameImage
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.field import MotionField, Neighbour, ZeroMotion
@@ -34,7 +31,6 @@ from fpsboost.synthesis.agreement import Uncertain, fall_back, measure_agreement
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.layers import MixesLayers
 from fpsboost.synthesis.warp import Extrapolate
-from fpsboost.threads import available_cores
 from fpsboost.timing.position import Replacement
 
 AtCuts = Literal["repeat", "blend", "extrapolate"]
@@ -378,37 +374,11 @@ class Interpolator(Checked):
                 remarks += [remark for remark in vectors.remarks if remark not in remarks]
         return replace(self, **matched), remarks
 
-    @uncollected()
-    def compile_for(self, image: FrameImage) -> None:
-        """Compile the kernels for the type and channels of an image, or load them, by interpolating a tiny clip."""
-        # long enough for a pyramid with all kinds of levels
-        noise = view(image).filled(np.random.default_rng(0).integers(0, 1 << SAMPLE_BITS, (48, 480, 4)))
-        first, second, third = (FrameCache(noise) for _ in range(3))
-        rehearsal = self.without_vectors()
-        before, pair = rehearsal.pair(first, second), rehearsal.pair(second, third)
-        with compiled_aside(partial(_rehearse_synthesis, rehearsal, noise)) if available_cores() > 1 else nullcontext():
-            # all but what is aside
-            _rehearse(replace(rehearsal, synthesizer=Nearest()), before, pair)
-        _rehearse(rehearsal, before, pair)
-
     def without_vectors(self) -> Interpolator:
-        """Return an interpolator with the same kernels that needs no rendered motion."""
+        """Return an interpolator that does the same as far as that needs no rendered motion."""
         parts = {"estimator": self.estimator, "synthesizer": self.synthesizer}
         bare = {name: part.without_vectors() for name, part in parts.items() if isinstance(part, UsesVectors)}
         return replace(self, **bare)
-
-
-def _rehearse(interpolator: Interpolator, before: Pair, pair: Pair) -> None:
-    """Make an image between the frames of a pair."""
-    list(interpolator.between(pair, [0.5], before).images)
-
-
-def _rehearse_synthesis(interpolator: Interpolator, image: FrameImage) -> None:
-    """Make an image between equal ones, and nothing else: half of all that is to compile."""
-    still = replace(interpolator, estimator=ZeroMotion(), cuts=None, compensate_illumination=False)
-    still = replace(still, match_grain=False, overlays=False)
-    first, second, third = (FrameCache(image) for _ in range(3))
-    _rehearse(still, still.pair(first, second), still.pair(second, third))
 
 
 def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, Item | None]]:

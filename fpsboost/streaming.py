@@ -140,7 +140,7 @@ def interpolate_frames(
 ) -> Generator[Iterator[Frame]]:
     """Yield the output frames in order, made while the block lasts; see `run_conversion`.
 
-    When the block begins, kernels are compiled. The summary is updated with the numbers of frames read and made.
+    The first frame is read when the block begins. The summary is updated with the numbers of frames read and made.
     """
     outputs = outputs or OutputRange()
     detector = None if interpolator.needs_every_frame else interpolator.duplicates
@@ -148,10 +148,8 @@ def interpolate_frames(
         read_ahead(source, 1, _cancel_of(source)) as arriving,
         run_in_parallel(threads or available_cores(), _cancel_of(source)) as in_order,
     ):
-        first = next(arriving, None)
-        if first is not None:
-            interpolator.compile_for(first.image)
-        frames = arriving if first is None else chain([first], arriving)
+        first = list(islice(arriving, 1))
+        frames = chain(first, arriving)
         place = beginning(source)
         clip = _LoopState(source.info, schedule, interpolator, summary, place, needs or Needs(), outputs, stretch)
         before, start = clip.outputs_before, None if outputs.entry is None else outputs.entry.start

@@ -25,19 +25,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
-from fpsboost.kernels.fusion_features import (
-    CELL_FEATURES,
-    CELLS,
-    FEATURES,
-    SCALAR_FEATURES,
-    SQUARE_FEATURES,
-    describe_candidate,
-    spread_cells,
-)
-from fpsboost.kernels.multi_hypothesis import Window, window_shape
-from fpsboost.kernels.pixel_weights import make_sums, make_work, pool_pixels, start_node, weigh_features
-from fpsboost.kernels.window_rows import SQUARES_PER_ROW, SQUARES_PER_WINDOW
-from fpsboost.kernels.window_samples import WINDOW, locate_window, make_layer, sample_layer
+from fpsboost.kernels.fusion_features import FEATURES
+from fpsboost.kernels.multi_hypothesis import window_shape
+from fpsboost.kernels.pixel_weights import describe_node
+from fpsboost.kernels.window_samples import SQUARES_PER_ROW, WINDOW, make_layer
 from fpsboost.method_table import configure, methods
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.fusion_table import TABLE, mirrored
@@ -89,37 +80,6 @@ class Squares:
     """(squares,)."""
 
 
-@njit
-def describe_node(
-    layer, window, t, motions, priors, support, weighting, around, work, sums, features, gains, mixed, change
-):
-    """Write features, gains and samples of the candidates of a node that the method compares; return their number."""
-    start_node(sums)
-    spread = np.empty(SQUARES_PER_WINDOW, np.float32)
-    least, alike, count = np.float32(0), np.float32(0), 0
-    for k in range(priors.size):
-        if priors[k] <= 0:
-            continue
-        if priors[k] < weighting.min_vote_share * least or alike >= weighting.sufficient_similarity:
-            break
-        place = locate_window(window.top, window.left, motions[k], t, window.height, window.width, work.room.marks)
-        sample_layer(layer, place, motions[k], work.room)
-        pool_pixels(layer.distance, work.squared)
-        room = work.features
-        describe_candidate(work.squared, weighting.scale, window, motions[k], priors[k], support[k], t, around, room)
-        features[count, :SQUARE_FEATURES] = room.squares.reshape(SQUARE_FEATURES, SQUARES_PER_WINDOW)
-        for n in range(CELL_FEATURES):
-            spread_cells(room.cells[n * CELLS : (n + 1) * CELLS], room, spread, 0)
-            features[count, SQUARE_FEATURES + n] = spread
-        for n in range(SCALAR_FEATURES):
-            features[count, SQUARE_FEATURES + CELL_FEATURES + n] = room.scalars[n]
-        mixed[count], change[count] = layer.mixed, layer.change
-        least, alike = weigh_features(priors[k], motions[k], t, weighting, work, sums)
-        gains[count] = work.gain
-        count += 1
-    return count
-
-
 def draw_squares(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[Any], count: int, seed: int) -> Squares:
     """Draw squares of the frame in the middle of a pair, more of them where the plain weights err."""
     (listed,) = synthesizer._listed(pair, [0.5])
@@ -153,19 +113,14 @@ def draw_squares(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[A
                 out.shape[i, slot] = share[square]
                 wanted.setdefault((row, column), []).append((i, slot, square))
     layer = make_layer(*_full_samples(pair), (1, 1), 0, 0)
-    weighting, work, sums = synthesizer._weighting(pair.image0.pixels), make_work(), make_sums()
-    room = listed.candidates.weights.shape[2]
-    features, gains = (np.zeros((room, *size, SQUARES_PER_WINDOW), np.float32) for size in ((FEATURES,), ()))
+    weighting, half = synthesizer._weighting(pair.image0.pixels), np.float32(0.5)
+    room, squares_per_window = listed.candidates.weights.shape[2], SQUARES_PER_ROW**2
+    features, gains = (np.zeros((room, *size, squares_per_window), np.float32) for size in ((FEATURES,), ()))
     mixed, change = (np.zeros((room, 3, WINDOW * WINDOW), np.float32) for _ in range(2))
     for (row, column), squares in wanted.items():
-        window = Window(row * 16 - 8, column * 16 - 8, *truth.shape[:2])
-        number = listed.candidates.listed[row, column]
-        priors = listed.candidates.weights[row, column, :number]
-        motions, around = listed.candidates.motions[row, column, :number], listed.surroundings
-        support, half = around.support[row, column], np.float32(0.5)
-        found = describe_node(
-            layer, window, half, motions, priors, support, weighting, around, work, sums, features, gains, mixed, change
-        )
+        node = layer, row, column, half, listed.candidates, weighting, listed.surroundings
+        found = describe_node(*node, features, gains, mixed, change)
+        priors = listed.candidates.weights[row, column, : listed.candidates.listed[row, column]]
         priors = priors[priors > 0][:found]
         for i, slot, square in squares:
             order = np.argsort(-priors * np.exp(18 * features[:found, 0, square]), kind="stable")[:KEPT]

@@ -188,14 +188,6 @@ def synthesize(search: Reproject, pair: Sequence[FrameCache], fields: Sequence[M
     return np.asarray(image)
 
 
-def compile_kernels(clip: Clip) -> None:
-    """Run what is timed once, on a corner, so that no frame's time contains the compiler's."""
-    pair = [FrameCache(np.ascontiguousarray(image[:64, :64])) for image in clip.images[:2]]
-    fields = ExhaustiveSearch(2).estimate(*pair)
-    for search in SEARCHES.values():
-        synthesize(search, pair, fields)
-
-
 def error_of(truth: Picture, image: Picture) -> float:
     """Return the mean squared error, levels of 255 squared."""
     return score(truth, image).mse
@@ -719,7 +711,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     measured: Measured = {}
     for name in options.scene or scenes:
         clips[name] = clip = read_clip(options.folder, name, options.step, options.frames)
-        compile_kernels(clip)
         measured[name] = [
             measure(clip, number, options.radii if k % PATCH_STEP == 0 else ()) for k, number in enumerate(clip.hidden)
         ]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from video_truth import scene
 
 from fpsboost.__main__ import stop_signals
-from fpsboost.cli import app, messages
+from fpsboost.cli import app
 
 collect_ignore = ["blender_round_trip.py"]  # runs in Blender
 
@@ -32,7 +32,7 @@ for name, handler in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.
     if hasattr(signal, name) and signal.getsignal(getattr(signal, name)) is signal.SIG_IGN:
         signal.signal(getattr(signal, name), handler)
 
-settings.register_profile("fpsboost", deadline=None)  # the first case may compile, and no test asserts a time
+settings.register_profile("fpsboost", deadline=None)  # no test asserts a time
 settings.load_profile("fpsboost")
 
 Snapshot = dict[str, bytes | None]
@@ -139,7 +139,6 @@ def fpsboost_(monkeypatch, capfd, tmp_path) -> Iterator[Command]:
     """Run the command line in this process and in `tmp_path`, as if its output were piped."""
     handlers = {number: signal.getsignal(number) for number in stop_signals()}
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(messages.Reporter, "_say_compiling", lambda self: None)  # the cache may be cold
     for name in COLOUR_VARIABLES:
         monkeypatch.delenv(name, raising=False)
 

@@ -1,13 +1,9 @@
 """Frames as the kernels of the search take them, and parts of kernels by themselves."""
 
-from functools import cache
-
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.jit import FINITE_JIT, LANES
-from fpsboost.kernels.planes import PlanePair
+from fpsboost.kernels.planes import LANES, PlanePair
 
 
 def plane_pair(image0: NDArray, image1: NDArray, padding: int, most: int) -> PlanePair:
@@ -20,9 +16,3 @@ def plane_pair(image0: NDArray, image1: NDArray, padding: int, most: int) -> Pla
 def points(size: tuple[int, int], step: int) -> tuple[int, int]:
     """How many points there are, down and across."""
     return -(-size[0] // step), -(-size[1] // step)
-
-
-@cache
-def compiled(function):
-    """A function that only kernels call, compiled for Python."""
-    return numba.njit(**FINITE_JIT)(function)

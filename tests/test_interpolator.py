@@ -24,7 +24,7 @@ plain_methods = pytest.mark.parametrize(
 
 
 def test_the_method_loads_no_library_for_files():
-    """Two arrays are enough for it, with NumPy, OpenCV and numba."""
+    """Two arrays are enough for it, with NumPy and OpenCV."""
     program = """
 import sys, numpy, fpsboost.interpolator, fpsboost.streaming
 from fpsboost.method_table import methods

@@ -633,30 +633,6 @@ def marked(images: list[Array], motion: Array, spacing: int, shortest: float, sa
     return out
 
 
-def uncompiled(kernel):
-    """The plain function behind a kernel, also where NUMBA_DISABLE_JIT has left it plain."""
-    return getattr(kernel, "py_func", kernel)
-
-
-def listed_offsets(offsets: Array, similarities: Array, capacity: int) -> list[tuple[float, float, float]]:
-    """``(similarity, dx, dy)`` of the most similar offsets, falling.
-
-    A new one takes the place of the most similar of its neighbours, if it is more similar than that, or else of the
-    last one of a full list.
-    """
-    kept: list[tuple[float, float, float]] = []
-    for (dx, dy), similarity in zip(offsets.tolist(), similarities.tolist(), strict=True):
-        near = [entry for entry in kept if abs(entry[1] - dx) <= 1 and abs(entry[2] - dy) <= 1]
-        rival = near[0] if near else kept[-1] if len(kept) == capacity else None
-        if rival is not None:
-            if similarity <= rival[0]:
-                continue
-            kept.remove(rival)
-        place = sum(entry[0] >= similarity for entry in kept)
-        kept.insert(place, (similarity, dx, dy))
-    return kept
-
-
 def way_there_and_back(vector: Array, back: Array, y: int, x: int) -> tuple[float, bool]:
     """How far from pixel (y, x) its vector ends, there and back, and whether it leads to a pixel of the other frame."""
     height, width = back.shape[:2]

@@ -7,6 +7,7 @@ had to change, does not move. Such pixels are left unchanged.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -48,9 +49,9 @@ def find_overlay(
     white = 255 if view(image0.pixels).luma is None else float(view(image0.pixels).white)
     motion, _ = field01.at_points(BLOCK_SIZE)
     surroundings = np.dstack([cv2.medianBlur(np.ascontiguousarray(motion[..., axis]), MEDIAN_SIZE) for axis in (0, 1)])
-    marks = stands_out = _mark(Frames(*(_luma(image) for image in images)), surroundings, white, 1)
+    marks = stands_out = _mark([_luma(image) for image in images], surroundings, white, 1)
     for planes in zip(*(image.cached(half_chroma) for image in images), strict=True):
-        of_chroma = _mark(Frames(*planes), surroundings / 2, white / CHROMA_WEIGHT, 2)
+        of_chroma = _mark(planes, surroundings / 2, white / CHROMA_WEIGHT, 2)
         if of_chroma.max() == STANDS_OUT:  # of the luma of what moves behind it
             stands_out = np.maximum(
                 stands_out, cv2.resize(of_chroma, marks.shape[::-1], interpolation=cv2.INTER_NEAREST)
@@ -64,13 +65,14 @@ def find_overlay(
     return overlay if overlay.any() else None
 
 
-def _mark(frames: Frames, motion: NDArray[Any], white: float, step: int) -> NDArray[np.uint8]:
+def _mark(planes: Sequence[NDArray[Any]], motion: NDArray[Any], white: float, step: int) -> NDArray[np.uint8]:
     """Return where one plane stays and stands out; see `fpsboost.kernels.overlay.mark_overlay`.
 
     `motion` is that of the surroundings in samples of the plane, of which one comes every `step` pixels; `white` is the
     difference in code values that counts like that of black and white in luma.
     """
     same, different = (int(levels * white // 255) for levels in (STATIC_THRESHOLD, CHANGE_THRESHOLD))
+    frames = Frames(*map(np.ascontiguousarray, planes))
     marks, smallest = np.empty(frames.image0.shape, np.uint8), np.empty_like(frames.image0[0])
     mark_overlay(frames, motion, BLOCK_SIZE // step, MIN_MOTION / np.float32(step), same, different, smallest, marks)
     return marks

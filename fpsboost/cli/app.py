@@ -5,7 +5,6 @@ Signals ask a process to stop; requests are repeated until they have an effect.
 
 from __future__ import annotations
 
-import atexit
 import gc
 import os
 import re
@@ -61,6 +60,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.memory import address_space, limit_free_memory
 from fpsboost.run_options import RunOptions
+from fpsboost.threads import one_opencv_thread
 from fpsboost.timing.rate import OutputRate
 from fpsboost.version import __version__
 
@@ -179,11 +179,10 @@ def convert(
     dry_run
         Write nothing; say what it would make and take.
     """
-    gc.disable()  # until kernels are compiled or loaded: importing and loading them makes many objects and few cycles
-    # imported here so that --help and --version need not wait for OpenCV, numba and FFmpeg
+    gc.disable()  # until the first frame is read: importing makes many objects and few cycles
+    # imported here so that --help and --version need not wait for OpenCV and FFmpeg
     from fpsboost.cli import batch  # noqa: PLC0415
     from fpsboost.preparation import ConversionJob, output_beside  # noqa: PLC0415
-    from fpsboost.threads import one_opencv_thread  # noqa: PLC0415
 
     interpolator = cuts.applied_to(motion.interpolator(tuning))
 
@@ -206,7 +205,7 @@ def convert(
         with (
             library_prints_apart(),
             all_explained([input], unfinished),
-            reporter_of(called, messages, place, announced) as reporter,
+            reporter_of(called, messages, place) as reporter,
             one_opencv_thread(),
         ):
             reporter.say_settings(motion.method, interpolator)
@@ -344,22 +343,12 @@ def check_dashes(tokens: Sequence[str]) -> None:
             raise OptionError(f"{token} is no option; write {meant}{value.rstrip()}, with two dashes.")
 
 
-def _end_at_once() -> None:
-    """Leave out searches for cycles at the end, a second with numba; OpenImageIO prints what of it is left, so one."""
-    gc.disable()
-    if "OpenImageIO" in sys.modules:
-        gc.unfreeze()
-    else:
-        gc.freeze()
-
-
 def main() -> None:
     """Run the command line and exit; called by `fpsboost.__main__`."""
     gc.freeze()  # what is imported by now stays
     gc.enable()
     limit_free_memory()  # before there is a second thread
     keep_columns_readable()
-    atexit.register(_end_at_once)
     with stopping_on(*stop_signals()), LibraryTexts() as texts:
         run_command(texts)
 
@@ -439,6 +428,9 @@ def all_explained(names: Sequence[str], output: str | None = None) -> Iterator[N
         yield
     except (FpsboostError, CycloptsError):
         raise
+    except ImportError as error:  # that of the kernels says itself what to do
+        others = f"{error.name} cannot be imported ({error}); fpsboost doctor says what is missing."
+        raise FpsboostError(others if error.name else str(error)) from error
     except (OSError, MemoryError) as error:
         raise FpsboostError(explain(error, STANDARD_OUTPUT if output is None else names[0])) from error
     except Exception as error:
@@ -475,9 +467,6 @@ def standard_output_finished() -> Iterator[None]:
             raise ReaderGoneError from None
         raise
 
-
-CANNOT_STOP = {"llvmlite.binding.executionengine", "importlib._bootstrap"}
-"""Modules whose functions LLVM calls while it writes machine code, and Python while it imports a module."""
 
 AGAIN_AFTER = 0.05
 """Time after which a request to stop is repeated, seconds."""
@@ -520,7 +509,7 @@ class _Request:
         self._timer.daemon = True
         self._timer.start()
         modules = {caller.f_globals.get("__name__") for caller, _ in walk_stack(frame)}
-        if not CANNOT_STOP & modules and not (is_repeated and _is_on_its_way(sys.exc_info()[1])):
+        if "importlib._bootstrap" not in modules and not (is_repeated and _is_on_its_way(sys.exc_info()[1])):
             raise KeyboardInterrupt
 
     def end(self) -> None:

@@ -13,6 +13,7 @@ from cyclopts import Group, Parameter
 from rich.console import Console
 from rich.table import Column, Table
 
+from fpsboost import diagnosis
 from fpsboost.cli.messages import console, literal
 
 MAX_WIDTH = 100
@@ -28,10 +29,8 @@ def doctor(*, json: Annotated[bool, Parameter(group=options)] = False) -> None:
     json
         Plain JSON on standard output.
     """
-    from fpsboost.diagnosis import diagnose  # noqa: PLC0415 (--help need not wait for it)
-
-    with Console(stderr=True, quiet=json).status("looking, and compiling kernels that are not there yet"):
-        findings = list(diagnose())
+    with Console(stderr=True, quiet=json).status("looking"):
+        findings = list(diagnosis.diagnose())
     broken = [finding for finding in findings if finding.advice]
     if json:
         print(plain.dumps({"works": not broken, "findings": [asdict(finding) for finding in findings]}, indent=1))

@@ -16,7 +16,6 @@ import traceback
 import unicodedata
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
-from functools import partial
 from io import TextIOWrapper
 from typing import IO, TYPE_CHECKING, Any, Self, TextIO
 
@@ -28,7 +27,6 @@ from rich.text import Text
 
 from fpsboost.cli.options import MessageOptions, in_flags
 from fpsboost.errors import notes_of, rounded
-from fpsboost.kernels.compiling import told_of_compiling
 from fpsboost.timing.position import as_ranges, format_time
 from fpsboost.timing.rate import readable
 from fpsboost.version import __version__
@@ -193,17 +191,20 @@ class FramesPerSecondColumn(ProgressColumn):
 
 
 def collect_from_here_on() -> None:
-    """Have Python look for cycles among objects again, but not among what was imported and compiled, as that stays."""
-    gc.freeze()
+    """Have Python look for cycles among objects again, but not among what was imported, as that stays.
+
+    OpenImageIO is to be torn down at the end of the process, as it prints what of it is left.
+    """
+    if "OpenImageIO" not in sys.modules:
+        gc.freeze()
     gc.enable()
 
 
 class Reporter(ExitStack):
     """Observer that shows a conversion: a bar on a terminal, nothing when piped, a summary at the end."""
 
-    def __init__(self, output: str, *, quiet: bool, verbose: bool, announced: list[str] | None = None) -> None:
+    def __init__(self, output: str, *, quiet: bool, verbose: bool) -> None:
         super().__init__()
-        self._announced = [] if announced is None else announced
         self._console = console(quiet=quiet)
         self._output, self._verbose = output, verbose
         self._task: TaskID | None = None
@@ -226,7 +227,6 @@ class Reporter(ExitStack):
         if self._verbose:
             count = "an unknown number of" if info.frame_count is None else info.frame_count
             self._say(f"{info.name}: {info.width}x{info.height}, {count} frames at {readable(info.rate)} fps")
-        self.enter_context(told_of_compiling(self._say_compiling))
         self._task = self._progress.add_task(
             literal(self._output), total=expected_frames, start=False, frames=expected_frames or "?"
         )
@@ -280,12 +280,6 @@ class Reporter(ExitStack):
         for remark in summary.remarks:
             self._say(f"Note: {remark}")
 
-    def _say_compiling(self) -> None:
-        text = "Compiling for this machine, once; later runs start at once."
-        if text not in self._announced:
-            self._announced.append(text)
-            self._say(text)
-
     def _say(self, text: str) -> None:
         self._console.print(sentence(text))
 
@@ -300,7 +294,6 @@ class JsonReporter(ExitStack):
 
     def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
         self._expected = expected_frames
-        self.enter_context(told_of_compiling(partial(self._print, "compiling")))
         self._print("opened")
 
     def ready(self) -> None:
@@ -343,13 +336,11 @@ class JsonReporter(ExitStack):
         print_object(frame=self._frames, frames=self._expected, fps=fps, stage=stage, **more)
 
 
-def reporter_of(
-    output: str, messages: MessageOptions, place: str = "", announced: list[str] | None = None
-) -> Reporter | JsonReporter:
-    """Return the observer that the options ask for; `place` precedes the output; what was `announced` is not again."""
+def reporter_of(output: str, messages: MessageOptions, place: str = "") -> Reporter | JsonReporter:
+    """Return the observer that the options ask for; `place` precedes the output."""
     if messages.progress == "json":
         return JsonReporter(output)
-    return Reporter(place + output, quiet=messages.quiet, verbose=messages.verbose, announced=announced)
+    return Reporter(place + output, quiet=messages.quiet, verbose=messages.verbose)
 
 
 def print_object(**values: Any) -> None:

@@ -1,6 +1,6 @@
 """Options of the command line alone, the flags of all options by the names of their fields, and signatures with them.
 
-Heavy modules are imported only when an option is used, so that --help need not wait for OpenCV, numba and FFmpeg.
+Heavy modules are imported only when an option is used, so that --help need not wait for OpenCV and FFmpeg.
 """
 
 from __future__ import annotations

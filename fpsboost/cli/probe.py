@@ -14,6 +14,7 @@ from fpsboost.cli.messages import fact_table, literal
 from fpsboost.cli.options import PathName, in_flags
 from fpsboost.errors import rounded
 from fpsboost.timing.position import as_ranges
+from fpsboost.timing.schedule import parse_rate
 
 if TYPE_CHECKING:
     from fpsboost.probing import Probe, StreamFacts
@@ -50,7 +51,6 @@ def probe(
         Plain JSON on standard output.
     """
     from fpsboost.probing import probe as run  # noqa: PLC0415
-    from fpsboost.timing.schedule import parse_rate  # noqa: PLC0415
 
     rate = None if input_fps is None else parse_rate(input_fps, "`input_fps`")
     with Console(stderr=True, quiet=json).status("reading"):

@@ -29,6 +29,7 @@ from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult, a
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import view
 from fpsboost.interpolator import with_neighbours
+from fpsboost.kernels.binding import processor_level
 from fpsboost.method_table import methods
 from fpsboost.pair import Pair
 from fpsboost.render.folder import VectorFolder
@@ -122,8 +123,9 @@ def compare(
         made_with={  # versions of what affects frames, scores or speed
             "fpsboost": __version__,
             "Python": platform.python_version(),
-            **{name: version(name.lower()) for name in ("NumPy", "Numba", "scikit-image")},
+            **{name: version(name.lower()) for name in ("NumPy", "scikit-image")},
             "OpenCV": cv2.__version__,
+            "kernels": processor_level(),
             "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
         },
         rendered=rendered,

@@ -99,7 +99,6 @@ class InterpolatorContestant:
             first, image = interval.prepared(with_layers=self.interpolator.takes_layers)
             if last is None:
                 last = first
-                self.interpolator.compile_for(first.image)
             yield interval, self.interpolator.pair(last, image, interval.shown1.time - interval.shown0.time)
             last = image
 

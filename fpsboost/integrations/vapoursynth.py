@@ -43,7 +43,6 @@ from fpsboost import (
     SourcePosition,
     YCbCrImage,
     find_method,
-    told_of_compiling,
 )
 from fpsboost.colour import luma_weights
 from fpsboost.image import Image, view
@@ -287,7 +286,6 @@ class _OutputFrames:
         # frames that are made at once lie in so many pairs, each needs those beside its own, and threads lag
         most = math.ceil(vs.core.num_threads / factor) + 4
         self._pairs = _Pairs(clip, interpolator, factor, finds_cuts=finds_cuts, most=most)
-        self._compiling, self._is_compiled = Lock(), False
 
     def node(self, like: vs.VideoNode, n: int) -> vs.VideoNode:
         """Return a clip of one frame, output frame `n`, for `FrameEval`; `like` has its format."""
@@ -304,23 +302,12 @@ class _OutputFrames:
         with _host_errors():
             if self._is_between(number):
                 pair, before, after = self._surroundings(index, frames)
-                self._compile(pair)
                 (image,) = self._interpolator.between(pair, [t], before, after).images
                 for plane, values in enumerate(self._layout.planes(image, output_frame)):
                     np.asarray(output_frame[plane])[:] = values
             self._set_scene_changes(number, output_frame, frames)
         self._set_times(number, output_frame, frames)
         return output_frame
-
-    def _compile(self, pair: Pair) -> None:
-        """Compile the kernels, or load them from the cache, before several threads need them; say so if it is long."""
-        text = "fpsboost: Compiling for this machine, once; later runs start at once."
-        say = partial(vs.core.core.log_message, vs.MESSAGE_TYPE_INFORMATION, text)
-        with self._compiling:
-            if not self._is_compiled:
-                with told_of_compiling(say):
-                    self._interpolator.compile_for(pair.image0.image)
-                self._is_compiled = True
 
     def _position(self, number: int) -> tuple[int, Fraction]:
         """Return the source frame at or before an output frame, and t between it and the next one."""

@@ -6,7 +6,7 @@ import os
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import NamedTemporaryFile
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Self
 
 from fpsboost.errors import OutputError, explained
@@ -54,7 +54,7 @@ def _check_takes_files(folder: Path, name: str) -> None:
     """Raise `OutputError` unless a file can be made in a folder; what the permissions say is not enough to know."""
     with (
         explained(OutputError, "write", name, "choose another folder, in which files can be made"),
-        NamedTemporaryFile(dir=folder, prefix=".fpsboost-"),
+        TemporaryFile(dir=folder, prefix=".fpsboost-"),  # without a name where the system has such files
     ):
         pass
 

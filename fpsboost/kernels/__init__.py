@@ -1,1 +1,1 @@
-"""Numba kernels: hot loops over plain contiguous arrays, with outputs last and no other imports from the package."""
+"""Kernels: hot loops over plain contiguous arrays, in C++, with outputs last and no other imports from the package."""

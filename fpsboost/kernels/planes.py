@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from fpsboost.kernels.instruction import Index
-from fpsboost.kernels.jit import FINITE_JIT, JIT, njit
-from fpsboost.kernels.similarity import WHITE
+from fpsboost.kernels.binding import Array, compiled
+
+LANES = 16
+"""Group size, pixels: rows are processed in whole groups, as a remainder would cost as much as ten of them."""
 
 CACHE_LINE = 64
 """Bytes; a vector that straddles two lines costs two accesses."""
 
 HIGH_PASS_SIZE = 9
 """Side of the box whose mean luma is subtracted, pixels."""
-
-SHARE = 1 / HIGH_PASS_SIZE**2
-"""Weight of each pixel of the box."""
 
 RADIUS = HIGH_PASS_SIZE // 2
 KEPT_ROWS = HIGH_PASS_SIZE + 1
@@ -29,37 +27,14 @@ KEPT_ROWS = HIGH_PASS_SIZE + 1
 class PlanePair(NamedTuple):
     """Component planes of two frames of `height` x `width` pixels, with edges repeated over `padding` pixels."""
 
-    planes0: NDArray[Any]
-    """(3, H + 2 padding, W + 2 padding or more) uint8 or float32, both."""
-    planes1: NDArray[Any]
+    planes0: Annotated[Array, "uint8|float32 (3, rows, columns)"]
+    """H + 2 padding rows and W + 2 padding columns or more, both."""
+    planes1: Annotated[Array, "uint8|float32 (3, rows, columns)"]
     padding: int
     height: int
     width: int
     max_similarity: int | np.uint8
     """Similarity of two equal pixels: `truncation` or `UNIT` of `fpsboost.kernels.similarity`."""
-
-
-class FlatPair(NamedTuple):
-    """Planes of two frames as flat arrays, and the distances between planes and between rows."""
-
-    flat0: NDArray[Any]
-    flat1: NDArray[Any]
-    plane: np.uint64
-    stride: int
-
-
-@njit(**FINITE_JIT)
-def flatten(pair):
-    """Return the planes of a pair as flat arrays."""
-    planes0, planes1 = pair.planes0, pair.planes1
-    _, rows, stride = planes0.shape
-    return FlatPair(planes0.reshape(planes0.size), planes1.reshape(planes1.size), Index(rows * stride), stride)
-
-
-@njit(**FINITE_JIT)
-def opposite(pair):
-    """Return the pair from frame 1 to frame 0."""
-    return PlanePair(pair.planes1, pair.planes0, pair.padding, pair.height, pair.width, pair.max_similarity)
 
 
 def aligned_empty(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
@@ -83,163 +58,50 @@ class CodeLevels(NamedTuple):
 class Room(NamedTuple):
     """Work arrays. The high-pass filter follows the conversion by RADIUS rows."""
 
-    rows: NDArray[Any]
-    """Ring buffer of the latest rows of luma, (KEPT_ROWS, W) float32."""
-    sums: NDArray[Any]
-    """Sum of each column over the rows of the box, with RADIUS reflected columns on either side, (W + 2 RADIUS,)
-    float64: sums of integer codes are exact."""
-    chroma: NDArray[Any]
-    """A row of the third plane at the resolution of chroma, (W,) uint8."""
+    rows: Annotated[Array, "float32 (10, width)"]
+    """Ring buffer of the latest rows of luma: the KEPT_ROWS of `make_room`."""
+    sums: Annotated[Array, "float64 (columns,)"]
+    """Sum of each column over the rows of the box, with RADIUS reflected columns on either side, (W + 2 RADIUS,)."""
+    chroma: Annotated[Array, "uint8 (width,)"]
+    """A row of the third plane at the resolution of chroma."""
 
 
-@njit(**FINITE_JIT)
-def as_level(value):
-    """Return a value rounded and clipped to a byte."""
-    return np.uint8(min(max(value + np.float32(0.5), np.float32(0)), np.float32(WHITE)))
-
-
-@njit(**FINITE_JIT)
-def reflected(place, size):
-    """Return the index that stands for one beyond the ends of an axis, mirrored at the first and last element."""
-    if size == 1:
-        return 0
-    while place < 0 or place >= size:
-        place = -place if place < 0 else 2 * (size - 1) - place
-    return place
-
-
-@njit(**FINITE_JIT)
-def write_high_pass(room, y, height, scale, middle, second):
-    """Write row y of the second plane, twice the luma minus its local mean, once the room has all rows to y + RADIUS.
-
-    Must be called in order. Differences have both signs: `scale` levels represent 1, and `middle` represents 0.
-    """
-    rows, sums = room.rows, room.sums
-    width = rows.shape[1]
-    if y == 0:
-        sums[:] = 0
-    else:
-        leaves = rows[reflected(y - RADIUS - 1, height) % KEPT_ROWS]
-        for x in range(width):
-            sums[RADIUS + x] -= np.float64(leaves[x])
-    for n in range(-RADIUS if y == 0 else RADIUS, RADIUS + 1):
-        enters = rows[reflected(y + n, height) % KEPT_ROWS]
-        for x in range(width):
-            sums[RADIUS + x] += np.float64(enters[x])
-    for n in range(1, RADIUS + 1):
-        sums[RADIUS - n] = sums[RADIUS + reflected(-n, width)]
-        sums[RADIUS + width - 1 + n] = sums[RADIUS + reflected(width - 1 + n, width)]
-    luma, twice = rows[y % KEPT_ROWS], np.float32(2) * scale
-    for x in range(width):
-        total = sums[x]
-        for n in range(1, HIGH_PASS_SIZE):
-            total += sums[x + n]
-        second[x] = as_level(twice * (luma[x] - np.float32(total * SHARE)) + middle)
-
-
-@njit(**FINITE_JIT)
-def repeat_edges(height, width, padding, planes):
-    """Repeat the edges of the frame on all sides of the planes."""
-    channels, _, columns = planes.shape
-    for c in range(channels):
-        for y in range(padding, padding + height):
-            row = planes[c, y]
-            first, last = row[padding], row[padding + width - 1]
-            for x in range(padding):
-                row[x] = first
-            for x in range(padding + width, columns):
-                row[x] = last
-        above, below = planes[c, padding], planes[c, padding + height - 1]
-        for y in range(padding):
-            first, last = planes[c, y], planes[c, y + padding + height]
-            for x in range(columns):
-                first[x] = above[x]
-                last[x] = below[x]
-
-
-@njit(inline="always", **FINITE_JIT)
-def split_row(pixels, channels, normalise, scale, luma, first, third):
-    """Split one row for `split_colours`; `pixels` is (W C,)."""
-    half, chroma_red, chroma_blue = np.float32(0.5), np.float32(0.713 / 2), np.float32(0.564 / 2)
-    for x in range(Index(luma.size)):
-        place = x * Index(channels)
-        blue = np.float32(pixels[place]) * normalise
-        alpha = np.float32(1)
-        if channels in (2, 4):
-            alpha = np.float32(pixels[place + Index(channels - 1)]) * normalise
-        value, chroma = blue, np.float32(0)
-        if channels >= 3:
-            green = np.float32(pixels[place + Index(1)]) * normalise
-            red = np.float32(pixels[place + Index(2)]) * normalise
-            value = np.float32(0.299) * red + np.float32(0.587) * green + np.float32(0.114) * blue
-            chroma = (chroma_red * (red - value) + chroma_blue * (blue - value)) * alpha + half
-        value *= alpha
-        luma[x] = value
-        first[x] = as_level(value * half * scale)
-        third[x] = as_level(chroma * scale)
-
-
-@njit(cache=True, **FINITE_JIT)
-def split_colours(image, normalise, scale, middle, padding, room, planes):
+@compiled
+def split_colours(
+    image: Annotated[Array, "uint8|uint16|float32 (height, width, channels)"],
+    normalise: np.float32,
+    scale: np.float32,
+    middle: np.float32,
+    padding: int,
+    room: Room,
+    planes: Annotated[Array, "uint8 (3, rows, columns)"],
+) -> None:
     """Write half the luma, twice its difference from the local mean, and mean chroma.
 
-    - `image`: (H, W, C), gray or BGR; the planes are multiplied by alpha if there is a second or a fourth channel
+    - `image`: gray or BGR; the planes are multiplied by alpha if there is a second or a fourth channel
     - `normalise`: factor that scales the image's white to 1
     - `scale`, `middle`: levels that represent a difference of 1, and the level of zero difference from the mean
     - `padding`: pixels on every side of the planes
-    - `planes`: (3, H + 2 padding, W + 2 padding or more) uint8 out, with repeated edges
+    - `planes`: (3, H + 2 padding, W + 2 padding or more) out, with repeated edges
     """
-    height, width, channels = image.shape
-    rows = np.ascontiguousarray(image).reshape(height, width * channels)
-    for y in range(height + RADIUS):
-        if y < height:
-            luma = room.rows[y % KEPT_ROWS]
-            first, third = planes[0, padding + y, padding:], planes[2, padding + y, padding:]
-            if channels == 3:  # a compile-time constant: pixels three values apart can be vectorised
-                split_row(rows[y], 3, normalise, scale, luma, first, third)
-            else:
-                split_row(rows[y], channels, normalise, scale, luma, first, third)
-        done = y - RADIUS
-        if done >= 0:
-            write_high_pass(room, done, height, scale, middle, planes[1, padding + done, padding:])
-    repeat_edges(height, width, padding, planes)
 
 
-@njit(cache=True, **FINITE_JIT)
-def split_planes(y_plane, cb_plane, cr_plane, code_levels, scale, middle, padding, room, planes):
-    """Do the same as `split_colours` for an image in planes of luma and chroma.
+@compiled
+def split_planes(
+    y_plane: Annotated[Array, "uint8|uint16 (height, width)"],
+    cb_plane: Annotated[Array, "uint8|uint16 (rows, columns)"],
+    cr_plane: Annotated[Array, "uint8|uint16 (rows, columns)"],
+    code_levels: CodeLevels,
+    scale: np.float32,
+    middle: np.float32,
+    padding: int,
+    room: Room,
+    planes: Annotated[Array, "uint8 (3, rows, columns)"],
+) -> None:
+    """Do the same as `split_colours` for an image in planes of luma and chroma, all of one type.
 
-    Luma is (H, W) uint8 or uint16, chroma of the same shape or subsampled by 2 along x or along both axes.
+    Chroma has the shape of luma, or is subsampled by 2 along x or along both axes.
     """
-    black, luma_unit, neutral, chroma_unit = code_levels
-    height, width = y_plane.shape
-    rows, columns = cb_plane.shape
-    half, down, mean = np.float32(0.5), 1 if rows == height else 2, room.chroma
-    for y in range(height + RADIUS):
-        if y < height:
-            codes, to = y_plane[y], room.rows[y % KEPT_ROWS]
-            first, third = planes[0, padding + y, padding:], planes[2, padding + y, padding:]
-            for x in range(width):
-                value = (np.float32(codes[x]) - black) * luma_unit
-                to[x] = value
-                first[x] = as_level(value * half * scale)
-            if y % down == 0:
-                cb, cr = cb_plane[y // down], cr_plane[y // down]
-                for x in range(columns):
-                    chroma = np.float32(cb[x]) + np.float32(cr[x])
-                    mean[x] = as_level(((chroma * half - neutral) * chroma_unit + half) * scale)
-            if columns == width:
-                for x in range(width):
-                    third[x] = mean[x]
-            else:
-                for x in range(Index(width // 2)):
-                    third[Index(2) * x] = mean[x]
-                    third[Index(2) * x + Index(1)] = mean[x]
-                third[width - 1] = mean[columns - 1]
-        done = y - RADIUS
-        if done >= 0:
-            write_high_pass(room, done, height, scale, middle, planes[1, padding + done, padding:])
-    repeat_edges(height, width, padding, planes)
 
 
 def make_room(width: int) -> Room:
@@ -249,28 +111,13 @@ def make_room(width: int) -> Room:
     )
 
 
-@njit(cache=True, **JIT)
-def shrink(rows, small):
+@compiled
+def shrink(
+    rows: Annotated[Array, "uint8|uint16|float32 (height, values)"],
+    line: Annotated[Array, "float32 (values,)"],
+    small: Annotated[Array, "float32 (rows, columns, channels)"],
+) -> None:
     """Write the mean over the area of each pixel of a reduced image; partly covered pixels count in part.
 
-    The image is (H, W * C) uint8, uint16 or float32, the reduced one (h, w, C) float32 with h from 1 to H and w from 1
-    to W.
+    The image is (H, W * C), the reduced one (h, w, C) with h from 1 to H and w from 1 to W; `line` is a work array.
     """
-    height, (down, across, channels) = rows.shape[0], small.shape
-    width = rows.shape[1] // channels
-    area = height / down * (width / across)
-    line = np.empty(rows.shape[1], np.float32)
-    for v in range(down):
-        top, bottom = v * height / down, (v + 1) * height / down
-        line[:] = 0
-        for y in range(int(top), min(math.ceil(bottom), height)):
-            share, row = np.float32(min(bottom, y + 1) - max(top, y)), rows[y]
-            for x in range(line.size):
-                line[x] += share * np.float32(row[x])
-        for u in range(across):
-            left, right = u * width / across, (u + 1) * width / across
-            for c in range(channels):
-                total = 0.0
-                for x in range(int(left), min(math.ceil(right), width)):
-                    total += (min(right, x + 1) - max(left, x)) * line[x * channels + c]
-                small[v, u, c] = total / area

@@ -95,7 +95,7 @@ def colour_values(image: Image) -> NDArray[Any]:
     """Return the colours as comparable numbers, (H, W, 1 or 3), multiplied by alpha if there is any; see `white_of`."""
     values = normalised(image) if image.dtype == np.float32 else image
     if not has_alpha(image):
-        return values.copy()  # kernels are compiled once more for arrays that must not be written to
+        return np.ascontiguousarray(values)
     colours, alpha = values[..., :-1], values[..., -1:]
     products: NDArray[Any]
     if image.dtype == np.uint8:

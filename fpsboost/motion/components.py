@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from fpsboost.colour import compress_highlights
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, Pixels, view
-from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.planes import (
     HIGH_PASS_SIZE,
+    LANES,
     CodeLevels,
     aligned_empty,
     make_room,
@@ -80,11 +80,12 @@ def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> NDArray[An
     if seen.coding is None:
         white = 1 if seen.dtype == np.float32 else np.iinfo(seen.dtype).max
         colours = compress_highlights(seen.array()) if seen.dtype == np.float32 else seen.array()
-        split_colours(colours, np.float32(1 / white), *target)
+        split_colours(np.ascontiguousarray(colours), np.float32(1 / white), *target)
     else:
         black, luma_span, neutral, chroma_span = seen.coding.levels
         levels = CodeLevels(*map(np.float32, (black, 1 / luma_span, neutral, 1 / chroma_span)))
-        split_planes(*seen.channels(), levels, *target)
+        y, cb, cr = map(np.ascontiguousarray, seen.channels())
+        split_planes(y, cb, cr, levels, *target)
     return planes
 
 
@@ -106,7 +107,8 @@ def _shrunk(size: tuple[int, int], image: Image) -> NDArray[Any]:
     height, width, channels = image.shape
     across, down = min(size[0], width), min(size[1], height)
     small = np.empty((down, across, channels), np.float32)
-    shrink(np.ascontiguousarray(image).reshape(height, width * channels), small)
+    rows = np.ascontiguousarray(image).reshape(height, width * channels)
+    shrink(rows, np.empty(rows.shape[1], np.float32), small)
     if (across, down) == size:
         return small
     return cv2.resize(small, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], channels)

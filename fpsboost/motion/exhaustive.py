@@ -31,8 +31,7 @@ from numpy.typing import NDArray
 from fpsboost.colour import colour_components
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import check_pair
-from fpsboost.kernels.jit import LANES
-from fpsboost.kernels.planes import PlanePair
+from fpsboost.kernels.planes import LANES, PlanePair
 from fpsboost.kernels.shortest import ShortestMotion, find_shortest
 from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.motion.components import contrast_components, padded_planes, small_copy
@@ -213,7 +212,7 @@ def _compare(
     points, _ = field.at_points(STEP)
     found = ShortestMotion(*(np.empty(points.shape[:2], np.float32) for _ in range(3)))
     pair = PlanePair(planes0, planes1, EDGE_PADDING, size[0], size[1], UNIT)
-    find_shortest(pair, STEP, PATCH_RADIUS, LANES, around, np.float32(SIMILARITY_TOLERANCE), points, found)
+    find_shortest(pair, STEP, PATCH_RADIUS, around, np.float32(SIMILARITY_TOLERANCE), points, found)
     return found
 
 

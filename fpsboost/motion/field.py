@@ -38,6 +38,11 @@ class MotionField:
     size: tuple[int, int] | None = None
     """(H, W) or None: size of the frame; None if every pixel has a vector of its own."""
 
+    def __post_init__(self) -> None:
+        """Bring the arrays, which may be views, into the form that kernels take."""
+        for name in ("vectors", "similarities"):
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), np.float32))
+
     @property
     def shape(self) -> tuple[int, int]:
         """Size of the frame, ``(H, W)``."""
@@ -96,7 +101,7 @@ def forward_backward_error(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[An
     The vectors, (rows, columns, 2) float32, are the motion of the pixels in rows `y` and columns `x`; `back` is that of
     the other frame, whose edges are repeated.
     """
-    distance = np.empty(vectors.shape[:2], np.float32)
+    vectors, distance = np.ascontiguousarray(vectors, np.float32), np.empty(vectors.shape[:2], np.float32)
     measure_forward_backward_errors(vectors, y, x, back.vectors, back.spacing, *back.shape, distance)
     return distance
 

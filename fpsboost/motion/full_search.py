@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.jit import LANES
-from fpsboost.kernels.search import BestOffsets, exhaustive_kernel, rank_offsets
+from fpsboost.kernels.planes import LANES
+from fpsboost.kernels.search import BestOffsets, rank_offsets, search
 from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.motion.components import Components, padded_planes
 from fpsboost.motion.field import MotionField
@@ -50,20 +50,19 @@ def search_fused(
     are those of the best offsets, minus their penalties.
     """
     height, width = colours0.shape[:2]
-    taps = None if window == "box" else window_taps(window, patch_radius)
+    is_box, weights = window == "box", np.array(window_taps(window, patch_radius), np.float32)
     scale = colour_scale(bandwidth)
     planes0 = padded_planes(colours0, patch_radius, 0, 2 * LANES, scale)
     planes1 = padded_planes(colours1, patch_radius, LANES, 3 * LANES, scale)
-    score_type = np.int32 if taps is None else np.float32
+    score_type = np.int32 if is_box else np.float32
     widths = width + LANES, width + 2 * LANES
     best01, best10 = (np.full((height, each), -1, score_type) for each in widths)
     winners01, winners10 = (np.zeros((height, each), np.int32) for each in widths)
     ranks, offsets = rank_offsets(search_radius)
-    search = exhaustive_kernel(patch_radius, taps)
-    share = np.float32(1 / UNIT if taps else 1 / (UNIT * (2 * patch_radius + 1) ** 2))
+    share = np.float32(1 / (UNIT * (2 * patch_radius + 1) ** 2) if is_box else 1 / UNIT)
     prices = _prices(search_radius, penalty / share, score_type)
     found01, found10 = BestOffsets(best01, winners01), BestOffsets(best10, winners10)
-    search(planes0, planes1, height, width, ranks, prices, found01, found10)
+    search(planes0, planes1, height, width, ranks, prices, found01, found10, weights)
     inside = slice(LANES, LANES + width)
     return (
         MotionField(offsets.take(winners01[:, :width], axis=0), best01[:, :width].astype(np.float32) * share),

@@ -59,7 +59,7 @@ class UsesVectors(Protocol):
     def vectors(self) -> RenderedVectors | None: ...
 
     def without_vectors(self) -> Any:
-        """Return what compiles the same kernels and needs no vectors."""
+        """Return what does the same as far as that needs no vectors."""
 
 
 @dataclass(frozen=True)

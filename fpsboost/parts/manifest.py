@@ -1,7 +1,7 @@
 """Manifest of a part: the job that it belongs to, its files, and the facts by which it is joined with the others.
 
 One fact is a digest of in-between frames, by which two machines tell whether they compute the same bits. Processors
-differ in the instructions that a compiler or a library chooses for them, and with them in how results are rounded. The
+differ in the instructions that a library such as OpenCV chooses for them, and with them in how results are rounded. The
 frames are made of whole random numbers, so that the input at least is the same everywhere.
 """
 
@@ -109,9 +109,7 @@ def first_difference(facts: Mapping[str, str], others: Mapping[str, str]) -> str
 
 def program_facts() -> dict[str, str]:
     """Return the versions that must be the same for the same result."""
-    from importlib.metadata import version  # noqa: PLC0415 (it imports a dozen modules, and few runs make parts)
-
-    libraries = f"PyAV {pyav_version()}, OpenCV {cv2.__version__}, numba {version('numba')}"
+    libraries = f"PyAV {pyav_version()}, OpenCV {cv2.__version__}"
     return {"fpsboost": f"fpsboost {__version__}", "libraries": libraries}
 
 
@@ -195,7 +193,7 @@ def _collection(kind: Any, kinds: Any, value: Any) -> Any:
 
 
 SIZE = (48, 480)
-"""Height and width of the frames, pixels: those of `Interpolator.compile_for`, so that the same kernels run."""
+"""Height and width of the frames, pixels: long enough for a pyramid with all kinds of levels."""
 
 TIMES = (0.25, 0.5)
 FRAMES = 4
@@ -212,10 +210,10 @@ def self_test(interpolator: Interpolator, image: FrameImage) -> str:
     the other direction. A renderer's motion vectors are not used. `image` is any of the clip to convert; only its type,
     channels and layers matter. The digest is SHA-256 in hexadecimal digits, the same wherever the same frames are made.
     """
-    rehearsal = interpolator.without_vectors()
+    bare = interpolator.without_vectors()
     frames = [FrameCache(view(image).filled(samples)) for samples in _moving_samples()]
-    before, pair, after = (rehearsal.pair(*two) for two in pairwise(frames))
-    return digest_of(*rehearsal.between(pair, TIMES, before, after).images)
+    before, pair, after = (bare.pair(*two) for two in pairwise(frames))
+    return digest_of(*bare.between(pair, TIMES, before, after).images)
 
 
 def digest_of(*images: FrameImage) -> str:

@@ -222,7 +222,6 @@ def plan_rerender(
         match = partial(VectorFolder.matched, numbers=numbers, must_match=images.step > 1)
         interpolator, _ = interpolator.with_vectors(match)
         interpolator = replace(interpolator, duplicates=None)
-        interpolator.compile_for(next(iter(source)).image)
         grid = TileGrid(info.height, info.width, options.tile)
         threads = MemoryLimit().affordable_threads(info.width, info.height, available_cores())
         with run_in_parallel(threads) as in_order:

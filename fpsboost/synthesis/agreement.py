@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels, view
-from fpsboost.kernels.window_rows import END_WEIGHT
+from fpsboost.kernels.window_samples import END_WEIGHT
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair
 

@@ -67,14 +67,13 @@ def mirrored(coefficients: NDArray[np.floating]) -> NDArray[np.floating]:
 def as_coefficients(rows: NDArray[np.floating], outputs: NDArray[np.floating]) -> Coefficients:
     """Return a table, (2 + hinges, FEATURES), and the factors of the hinges, (hinges, 2), as the kernels take them.
 
-    These are the even and the odd part of the table by exchange of the frames, and the coefficients and factors of each
-    row that `fpsboost.kernels.window_rows.add_feature_row` takes.
+    These are the even and the odd part of the table by exchange of the frames, and the factors of each row for both
+    frames and for either alone.
     """
     even = (rows + mirrored(rows)) / 2
     odd = rows - even
-    every = np.vstack([[(1, 0), (0, 1)], outputs]) * (0.5, 1)
-    factors = np.column_stack([even[:, :7], odd[:, 4], every])
-    return even.astype(np.float32), odd.astype(np.float32), factors.astype(np.float32).ravel()
+    factors = np.vstack([[(1, 0), (0, 1)], outputs]) * (0.5, 1)
+    return even.astype(np.float32, order="C"), odd.astype(np.float32, order="C"), factors.astype(np.float32)
 
 
 @cache

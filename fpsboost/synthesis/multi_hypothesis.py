@@ -29,10 +29,8 @@ from fpsboost.kernels.dominant_motion import find_dominant_motion
 from fpsboost.kernels.fusion_features import Surroundings
 from fpsboost.kernels.multi_hypothesis import (
     CONFIDENCE_POWER,
-    SPARE,
     Blended,
     SampledImage,
-    Target,
     ValueRange,
     blend_hypotheses,
     window_shape,
@@ -40,7 +38,7 @@ from fpsboost.kernels.multi_hypothesis import (
 from fpsboost.kernels.pixel_weights import Weighting
 from fpsboost.kernels.planes import aligned_empty
 from fpsboost.kernels.spline import MARGIN, filter_weights, find_coefficients
-from fpsboost.kernels.window_samples import Samples
+from fpsboost.kernels.window_samples import SPARE, Samples
 from fpsboost.layered import LayeredImage
 from fpsboost.motion.field import (
     ONE_SIDED_WEIGHT,
@@ -246,7 +244,7 @@ class MultiHypothesis(Checked):
                 self._weighting(frame_pair.image0.pixels),
                 listed.surroundings,
                 ValueRange(np.float32(1), np.float32(0), numbers.min, numbers.max, False),
-                Blended(Target.of(pixels), Target.of(output), nobody_asks),
+                Blended(pixels, output, nobody_asks),
             )
             if surfaces is not None:
                 along, _ = surfaces.motion.mix(sampled0.coefficients, sampled1.coefficients)
@@ -309,7 +307,7 @@ class MultiHypothesis(Checked):
             self._weighting(image0),
             listed.surroundings,
             ValueRange(view(image0).white, rounding_offset(image0), *_value_range(frame_pair), straight_alpha),
-            Blended(Target.of(pixels), Target.of(chroma), confidence),
+            Blended(pixels, chroma, confidence),
         )
         if straight_alpha:
             colour_unseen(view(output).array(), view(image0).array(), view(image1).array(), listed.t)
@@ -390,6 +388,7 @@ def _samples(image: Pixels) -> SampledImage:
 
 
 def _with_coefficients(planes: NDArray[Any], unit: np.float32, bits: int) -> Samples:
+    planes = np.ascontiguousarray(planes)
     channels, height, width = planes.shape
     if not channels:
         return Samples(planes, np.empty(planes.shape, np.float32), np.float32(1))

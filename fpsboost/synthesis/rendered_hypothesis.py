@@ -100,4 +100,4 @@ def _landed(there: FrameVectors, distance: int) -> tuple[NDArray[Any], NDArray[A
 def _displacement(vectors: FrameVectors, distance: int) -> NDArray[Any]:
     """Return the displacement over several vectors, (H, W, 2) float32, at constant acceleration."""
     far, velocity = np.float32(distance), (vectors.forward - vectors.backward) / 2
-    return np.asarray(far * velocity + far * far / 2 * (vectors.forward + vectors.backward))
+    return np.ascontiguousarray(far * velocity + far * far / 2 * (vectors.forward + vectors.backward))

@@ -43,7 +43,7 @@ class Reproject(Checked):
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """Generate images on linear trajectories; see `fpsboost.synthesis.Synthesizer.synthesize`."""
-        image0, image1 = frame_pair.image0.array, frame_pair.image1.array
+        image0, image1 = (np.ascontiguousarray(image.array) for image in (frame_pair.image0, frame_pair.image1))
         for t in times:
             source0, found0 = self.find_sources(frame_pair.field01.flow, t)
             source1, found1 = self.find_sources(frame_pair.field10.flow, 1 - t)
@@ -66,6 +66,6 @@ class Reproject(Checked):
         starts, members = np.empty(height * width + 1, np.int32), np.empty(height * width, np.int32)
         bin_landings(flow, np.float32(t), starts, members)
         # no source is further from its landing position than the largest motion, which bounds the search (section 3)
-        radius = math.ceil(float(np.abs(flow).max(initial=0)))
+        radius = math.ceil(min(float(np.abs(flow).max(initial=0)), max(height, width)))
         search_nearest_landing(flow, np.float32(t), radius, starts, members, source, found)
         return source, found

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.candidates import Candidates
 from fpsboost.kernels.fusion_features import Surroundings
-from fpsboost.kernels.instruction import EIGHT
-from fpsboost.kernels.node_support import AREA, count_landings, measure_support
+from fpsboost.kernels.node_support import count_landings, measure_support
 from fpsboost.kernels.spline import MARGIN
-from fpsboost.kernels.window_rows import SQUARES_PER_ROW
+from fpsboost.kernels.window_samples import SQUARES_PER_ROW
 from fpsboost.motion.components import gray
 from fpsboost.motion.field import MotionField, forward_backward_error, point_places
 from fpsboost.synthesis import FramePair
@@ -22,7 +21,7 @@ from fpsboost.synthesis import FramePair
 FLAT = 0.02
 """Contrast, for white 1, at which ground counts as flat."""
 
-NOTHING = np.empty(0, np.float32)
+NOTHING = np.empty((0, 0), np.float32)
 
 
 def half_luma(image: FrameCache) -> NDArray[Any]:
@@ -55,22 +54,20 @@ def find_surroundings(frame_pair: FramePair, step: int) -> Surroundings:
     """Return what is known of a pair whatever the time; see `at_time`."""
     image0, image1, before, after = frame_pair.image0, frame_pair.image1, frame_pair.before, frame_pair.after
     images = before and before.image, image0, image1, after and after.image
-    first, second, third, fourth = (NOTHING if image is None else image.derived(half_luma).ravel() for image in images)
-    rows, stride = image0.derived(half_luma).shape
+    first, second, third, fourth = (NOTHING if image is None else image.derived(half_luma) for image in images)
     zero, one = np.float32(0), np.float32(1)
     times = np.float32(-before.ratio if before else -1), zero, one, np.float32(1 + after.ratio if after else 2)
     points0 = describe_points(image0, frame_pair.field01, frame_pair.field10, step)
     points1 = describe_points(image1, frame_pair.field10, frame_pair.field01, step)
     nothing = np.empty((0, 0, 0), np.float32)
-    return Surroundings((first, second, third, fourth), rows, stride, times, (points0, points1), step, nothing, nothing)
+    return Surroundings((first, second, third, fourth), times, (points0, points1), step, nothing, nothing)
 
 
 def at_time(around: Surroundings, t: float, candidates: Candidates) -> Surroundings:
     """Return the same with what depends on the time and on the candidates."""
     landings = np.empty((2, *around.points[0].shape[:2]), np.float32)
     for points, time, counts in zip(around.points, (t, 1 - t), landings, strict=True):
-        count_landings(points, np.float32(time), np.float32(around.step), counts)
+        count_landings(points, np.float32(time), around.step, counts)
     around = around._replace(landings=landings, support=np.zeros_like(candidates.weights))
-    rows, luma = np.empty((EIGHT + 3) * EIGHT, np.float32), np.empty(2 * AREA, np.float32)
-    measure_support(candidates, around, np.float32(t), rows, luma, np.empty_like(candidates.weights))
+    measure_support(candidates, around, np.float32(t), np.empty_like(candidates.weights))
     return around

@@ -77,7 +77,7 @@ class Splat(Checked):
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """Generate images with the linear motion of frame 0 only; see `fpsboost.synthesis.Synthesizer.synthesize`."""
-        image0, image1 = frame_pair.image0.array, frame_pair.image1.array
+        image0, image1 = (np.ascontiguousarray(image.array) for image in (frame_pair.image0, frame_pair.image1))
         flow, similarity = frame_pair.field01.flow, frame_pair.field01.similarity
         valid = np.ones(similarity.shape, np.bool_)  # so that colours are always blended
         for t in times:

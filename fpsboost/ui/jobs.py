@@ -43,7 +43,6 @@ class Job:
     words: list[str]
     output: str
     state: State = "waiting"
-    stage: str = ""
     frame: int = 0
     frames: int | None = None
     fps: float | None = None
@@ -58,7 +57,7 @@ class Job:
 
     def take(self, report: dict[str, Any]) -> None:
         """Take over the progress that a run reports."""
-        for name in ("stage", "frame", "frames", "fps"):
+        for name in ("frame", "frames", "fps"):
             setattr(self, name, report.get(name, getattr(self, name)))
         remarks = [on_page(each, self.words[1], self.output) for each in report.get("remarks", [])]
         self.remarks += [each for each in remarks if each not in self.remarks]
@@ -198,7 +197,7 @@ class Queue:
                 if job is None:
                     self._changed.wait()
                     continue
-                job.state, job.stage, job.fps, kept = "running", "", None, job.frame
+                job.state, job.fps, kept = "running", None, job.frame
                 with suppress(OutputError):
                     self._save()
             try:  # without holding up the page, since the disk may be slow

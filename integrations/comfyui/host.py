@@ -25,7 +25,7 @@ class HostObserver:
         """Do nothing: the batch is there already."""
 
     def ready(self) -> None:
-        """End the run if it was cancelled while kernels were compiled."""
+        """End the run if it was cancelled already."""
         self._check_cancelled()
 
     def wrote(self, summary: Summary) -> None:
@@ -33,11 +33,6 @@ class HostObserver:
         if self._bar is not None:
             self._bar.update_absolute(summary.frames_out)
         self._check_cancelled()
-
-
-def say_compiling() -> None:
-    """Say why nothing happens yet."""
-    log.info("fpsboost compiles its kernels, which takes about half a minute and happens once.")
 
 
 def say_summary(summary: Summary) -> None:

@@ -14,14 +14,13 @@ from fpsboost import (
     find_method,
     methods,
     run_conversion,
-    told_of_compiling,
 )
 from fpsboost.interpolator import AtCuts
 from fpsboost.io.video.capture import ArraySource
 from fpsboost.threads import available_cores
 
 from .batch import BatchSink, Tensor, check_batch, frames_of
-from .host import HostObserver, say_compiling, say_summary
+from .host import HostObserver, say_summary
 
 MAX_MULTIPLIER = 16
 """The same as that of ComfyUI's own node."""
@@ -101,15 +100,14 @@ class FrameInterpolation:
             sink.write(Frame(next(frames_of(images)), Fraction(0)))
             return sink.images, sink.confidence
         source = ArraySource(frames_of(images), ANY_RATE, "`images`")
-        with told_of_compiling(say_compiling):
-            summary = run_conversion(
-                source,
-                _interpolator(method, scene_cuts, duplicates),
-                sink,
-                OutputRate(factor=multiplier).schedule(source.info, has_clock=False),
-                HostObserver(outputs),
-                threads=sink.memory_left.affordable_threads(width, height, available_cores()),
-            )
+        summary = run_conversion(
+            source,
+            _interpolator(method, scene_cuts, duplicates),
+            sink,
+            OutputRate(factor=multiplier).schedule(source.info, has_clock=False),
+            HostObserver(outputs),
+            threads=sink.memory_left.affordable_threads(width, height, available_cores()),
+        )
         say_summary(summary)
         return sink.images, sink.confidence
 

@@ -125,7 +125,7 @@ def test_everything_works_here():
     findings = list(diagnose())
     assert [each for each in findings if each.advice] == []
     assert [part for part in dict.fromkeys(each.part for each in findings)] == [
-        *("programs", "codecs", "machine", "kernels", "self-test"),
+        *("programs", "kernels", "codecs", "machine", "self-test"),
     ]
 
 
@@ -151,16 +151,16 @@ def test_an_error_is_a_finding(monkeypatch):
         raise RuntimeError("no locator\navailable")
         yield
 
-    monkeypatch.setattr(diagnosis, "_looks", {**diagnosis._looks, "kernels": (broken, "Do this.")})
+    monkeypatch.setattr(diagnosis, "_looks", {**diagnosis._looks, "machine": (broken, "Do this.")})
     monkeypatch.setattr(diagnosis, "MAX_ERROR", -1.0)  # so that frames are wrong, too
     advised = [each for each in diagnose() if each.advice]
-    assert advised[0] == Finding("kernels", "error", "RuntimeError: no locator", "Do this.")
+    assert advised[0] == Finding("machine", "error", "RuntimeError: no locator", "Do this.")
     assert [each.name for each in advised[1:]] == ["nlm", "nlm-fast"]
 
 
 def test_doctor_prints_and_exits(monkeypatch, capsys):
     """A table, and 0 where everything works; else 1 and a sentence; the same as JSON."""
-    good, bad = Finding("codecs", "FFmpeg", "8"), Finding("kernels", "kept in", "/x", "Do this.")
+    good, bad = Finding("codecs", "FFmpeg", "8"), Finding("kernels", "level", "none", "Do this.")
     monkeypatch.setattr(diagnosis, "diagnose", lambda: iter([good]))
     assert run(["doctor"]) == 0
     assert "Everything works." in capsys.readouterr().out
@@ -172,4 +172,4 @@ def test_doctor_prints_and_exits(monkeypatch, capsys):
     assert run(["doctor", "--json"]) == 1
     data = json.loads(capsys.readouterr().out)
     assert data["works"] is False
-    assert data["findings"][1] == {"part": "kernels", "name": "kept in", "value": "/x", "advice": "Do this."}
+    assert data["findings"][1] == {"part": "kernels", "name": "level", "value": "none", "advice": "Do this."}

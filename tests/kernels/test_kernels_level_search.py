@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from planes import compiled, plane_pair, points
+from planes import plane_pair, points
 from truth import noise
 
-from fpsboost.kernels.instruction import EIGHT
 from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, search_level
-from fpsboost.kernels.semi_global import choose_labels
-from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals, search_tiles
+from fpsboost.kernels.scratch import scratch_of
+from fpsboost.kernels.semi_global import EIGHT, choose_labels, label_scratch
+from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals, search_tiles, tile_scratch
 from fpsboost.motion.field import resample_points
 
 RADIUS, LABELS, MAX_OFFSET, MOST = 2, 3, 6, np.uint8(200)
@@ -23,13 +23,15 @@ def searched_in_one_direction(pair, size, proposed, expected, ties, settings):
     whole = (np.rint(each * settings.scale).astype(np.int32) for each in (proposed, expected))
     proposals = Proposals(*whole, settings.spacing)
     radii = settings.refine_radius, MAX_OFFSET, RADIUS
-    compiled(search_tiles)(pair, proposals, settings.step, *radii, settings.row_step, lists)
+    sizes = tile_scratch(settings.step, settings.refine_radius, MAX_OFFSET, settings.spacing, LABELS)
+    search_tiles(pair, proposals, settings.step, *radii, settings.row_step, lists, scratch_of(*sizes))
     shared = np.ascontiguousarray(resample_points(ties, size, settings.spacing, settings.step))
     costs = np.empty((*shape, EIGHT), np.float32)
     flow, chosen = np.empty((*shape, 2), np.float32), np.empty(shape, np.float32)
     count, similarity, offsets = lists
     limits = settings.smoothness, settings.slope
-    compiled(choose_labels)(count, offsets, similarity, shared, *limits, costs, flow, chosen)
+    scratch = scratch_of(*label_scratch(shared.size, LABELS))
+    choose_labels(count, offsets, similarity, shared, *limits, costs, flow, chosen, scratch)
     return flow, chosen
 
 

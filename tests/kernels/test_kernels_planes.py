@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from truth import noise
-from twins import local_mean, split_codes, split_levels, uncompiled
+from twins import local_mean, split_codes, split_levels
 
 from fpsboost.kernels.planes import HIGH_PASS_SIZE, CodeLevels, make_room, shrink, split_colours, split_planes
 from fpsboost.kernels.similarity import WHITE, level_scale, truncation
@@ -113,7 +113,8 @@ def test_a_small_copy_has_the_means_of_its_areas(dtype, size, small, channels):
     """Of whole pixels and of parts of them."""
     image = noise(*size, channels, dtype)
     found = np.empty((*small, channels), np.float32)
-    uncompiled(shrink)(image.reshape(size[0], -1), found)
+    rows = image.reshape(size[0], -1)
+    shrink(rows, np.empty(rows.shape[1], np.float32), found)
     down, across = (covered(length, places) for length, places in zip(size, small, strict=True))
     expected = np.einsum("vy,ux,yxc->vuc", down, across, image.astype(float)) / (size[0] * size[1] / np.prod(small))
     np.testing.assert_allclose(found, expected, rtol=1e-4)

@@ -12,6 +12,7 @@ from fpsboost.kernels.points import (
     find_gradients,
     measure_forward_backward_errors,
 )
+from fpsboost.motion.field import MotionField, forward_backward_error
 
 HEIGHT, WIDTH = 20, 27
 Y, X = frozen(np.array([2, 7, 12, 19])), frozen(np.array([0, 5, 13, 26]))  # as `point_places` has them
@@ -34,6 +35,19 @@ def test_trips_equal_their_slow_twin(seed):
     for i, j in np.ndindex(distance.shape):
         expected, _ = way_there_and_back(vectors[i, j], back, Y[i], X[j])
         assert distance[i, j] == np.float32(expected)
+
+
+def test_fields_may_be_views():
+    """What an estimator of one's own returns need not fill its memory in order, nor be of 32 bits."""
+    there, back = field(3), field(4)
+    views = (np.asfortranarray(each, np.float64) for each in (there, back))
+    errors = [
+        forward_backward_error(
+            vectors[:, ::2], np.arange(HEIGHT), np.arange(0, WIDTH, 2), MotionField(other, other[..., 0])
+        )
+        for vectors, other in ((there, back), views)
+    ]
+    np.testing.assert_array_equal(*errors)
 
 
 @pytest.mark.parametrize("ratio", [1.0, 0.5, 2.0])

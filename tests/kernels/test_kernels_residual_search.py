@@ -4,17 +4,12 @@ import cv2
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planes import compiled, plane_pair
+from planes import plane_pair
 from truth import noise
 from twins import level_similarity
 
 from fpsboost.kernels.points import measure_forward_backward_errors
-from fpsboost.kernels.residual_search import (
-    loosen_ties,
-    measure_point_similarity,
-    search_residuals,
-    search_residuals_bidirectional,
-)
+from fpsboost.kernels.residual_search import loosen_ties, search_residuals_bidirectional, search_residuals_in
 
 PADDING, RADIUS, MOST = 12, 1, np.uint8(255)
 
@@ -36,10 +31,12 @@ def patch_similarity(image0, image1, here, there):
     return total / (2 * RADIUS + 1) ** 2
 
 
-def measured(image0, image1, step, flow):
-    """What the kernel measures."""
-    known = np.empty(flow.shape[:2], np.float32)
-    compiled(measure_point_similarity)(plane_pair(image0, image1, PADDING, MOST), step, RADIUS, flow, known)
+def measured(images, step, flow):
+    """What the kernel measures in both directions, if every point counts as explained, so that no motion changes."""
+    known, kept = np.empty((2, *flow.shape[:3]), np.float32), flow.copy()
+    pair = plane_pair(*images, PADDING, MOST)
+    search_residuals_in(pair, step, 5, RADIUS, np.float32(0), np.float32(0), kept, known)
+    np.testing.assert_array_equal(kept, flow)
     return known
 
 
@@ -47,81 +44,61 @@ def measured(image0, image1, step, flow):
 @given(st.integers(1, 14), st.integers(1, 17), st.integers(2, 5), st.integers(0, 2**32))
 def test_points_are_measured_as_by_plain_loops(height, width, step, seed):
     """Similarity of small patches at both ends of any motion; one that leads out of the frame ends at its edge."""
-    image0, image1 = (noise(height, width, 3, np.uint8, seed + k) for k in (0, 1))
+    images = [noise(height, width, 3, np.uint8, seed + k) for k in (0, 1)]
     rows, columns = places((height, width), step)
-    flow = np.random.default_rng(seed).uniform(-6, 6, (rows.size, columns.size, 2)).astype(np.float32)
-    known = measured(image0, image1, step, flow)
-    for row, y in enumerate(rows):
-        for column, x in enumerate(columns):
-            dx, dy = np.rint(flow[row, column]).astype(int)
-            there = min(max(y + dy, 0), height - 1), min(max(x + dx, 0), width - 1)
-            expected = patch_similarity(image0, image1, (y, x), there)
-            np.testing.assert_allclose(known[row, column], expected, atol=1e-3)
+    flow = np.random.default_rng(seed).uniform(-6, 6, (2, rows.size, columns.size, 2)).astype(np.float32)
+    known, lowest = measured(images, step, flow)
+    for direction, row, column in np.ndindex(known.shape):
+        y, x = rows[row], columns[column]
+        dx, dy = np.rint(flow[direction, row, column]).astype(int)
+        there = min(max(y + dy, 0), height - 1), min(max(x + dx, 0), width - 1)
+        expected = patch_similarity(*images[:: 1 - 2 * direction], (y, x), there)
+        np.testing.assert_allclose(known[direction, row, column], expected, atol=1e-3)
+    for each, around in zip(known, lowest, strict=True):
+        np.testing.assert_array_equal(cv2.erode(each, np.ones((3, 3), np.uint8)), around)
 
 
 @settings(max_examples=10)
 @given(st.integers(3, 14), st.integers(3, 17), st.integers(2, 4), st.integers(0, 2**32))
 def test_the_best_unexplained_place_is_found(height, width, step, seed):
     """Among places near unexplained points of the other frame the most similar, if it is that much better."""
-    random = np.random.default_rng(seed)
-    image0, image1 = (noise(height, width, 3, np.uint8, seed + k) for k in (0, 1))
-    rows, columns = places((height, width), step)
-    shape = rows.size, columns.size
-    known, elsewhere = random.random(shape).astype(np.float32), random.random(shape).astype(np.float32)
-    flow = np.full((*shape, 2), 99, np.float32)
-    enough, better, limit = np.float32(0.6), np.float32(0.02), 5
-    pair, known_here = plane_pair(image0, image1, PADDING, MOST), known * np.float32(0.1)
-    compiled(search_residuals)(pair, step, limit, RADIUS, known_here, elsewhere, enough, better, flow)
-    for row, y in enumerate(rows):
-        for column, x in enumerate(columns):
-            inside = [
-                (v, u)
-                for v in range(height)
-                for u in range(width)
-                if abs(v - y) <= limit and abs(u - x) <= limit and elsewhere[v // step, u // step] < enough
-            ]
-            scores = {place: patch_similarity(image0, image1, (y, x), place) for place in inside}
-            threshold = known[row, column] * 0.1 + better
-            most = max(scores.values(), default=0.0)
-            if abs(most - threshold) < 2e-3:
-                continue  # rounding decides
-            if most <= threshold:
-                assert (flow[row, column] == 99).all()
-            else:
-                dx, dy = flow[row, column].astype(int)
-                assert scores[y + dy, x + dx] > most - 2e-3
-
-
-def test_what_is_explained_stays():
-    """Points that are similar enough keep their motion bit by bit, and so do all if the other frame is explained."""
-    image0, image1 = (noise(20, 24, 3, np.uint8, seed) for seed in (1, 2))
-    for known, elsewhere in ((1.0, 0.0), (0.0, 1.0)):
-        flow = np.random.default_rng(1).random((5, 6, 2)).astype(np.float32)
-        before = flow.copy()
-        shares = (np.full((5, 6), share, np.float32) for share in (known, elsewhere))
-        limits = np.float32(0.6), np.float32(0.2)
-        compiled(search_residuals)(plane_pair(image0, image1, PADDING, MOST), 4, 6, RADIUS, *shares, *limits, flow)
-        np.testing.assert_array_equal(flow, before)
-
-
-@settings(max_examples=10)
-@given(st.integers(1, 14), st.integers(1, 17), st.integers(2, 4), st.integers(0, 2**32))
-def test_both_frames_are_searched_near_what_the_other_does_not_explain(height, width, step, seed):
-    """Each frame like by itself, at the places of the other where any neighbour is not explained."""
     images = [noise(height, width, 3, np.uint8, seed + k) for k in (0, 1)]
-    shape = [rows.size for rows in places((height, width), step)]
-    before = np.random.default_rng(seed).uniform(-3, 3, (2, *shape, 2)).astype(np.float32)
-    enough, better, limit = np.float32(0.4), np.float32(0.02), 5
-    looked = before.copy()
-    search_residuals_bidirectional(plane_pair(*images, PADDING, MOST), step, limit, RADIUS, enough, better, looked)
-    known = [measured(*images, step, before[0]), measured(*images[::-1], step, before[1])]
-    around = [cv2.erode(each, np.ones((3, 3), np.uint8)) for each in known]
-    for direction, pair in enumerate((plane_pair(*images, PADDING, MOST), plane_pair(*images[::-1], PADDING, MOST))):
-        flow = before[direction].copy()
-        compiled(search_residuals)(
-            pair, step, limit, RADIUS, known[direction], around[1 - direction], enough, better, flow
-        )
-        np.testing.assert_array_equal(looked[direction], flow)
+    rows, columns = places((height, width), step)
+    before = np.random.default_rng(seed).uniform(-3, 3, (2, rows.size, columns.size, 2)).astype(np.float32)
+    known, lowest = measured(images, step, before)
+    enough, better, limit = np.float32(np.quantile(known, 0.7)), np.float32(0.02), 5
+    flow = before.copy()
+    search_residuals_bidirectional(plane_pair(*images, PADDING, MOST), step, limit, RADIUS, enough, better, flow)
+    for direction, row, column in np.ndindex(known.shape):
+        y, x, elsewhere = rows[row], columns[column], lowest[1 - direction]
+        scores = {
+            (v, u): patch_similarity(*images[:: 1 - 2 * direction], (y, x), (v, u))
+            for v, u in np.ndindex(height, width)
+            if abs(v - y) <= limit and abs(u - x) <= limit and elsewhere[v // step, u // step] < enough
+        }
+        threshold = known[direction, row, column] + better
+        most = max(scores.values(), default=0.0)
+        if abs(most - threshold) < 2e-3:
+            continue  # rounding decides
+        if known[direction, row, column] >= enough or most <= threshold:
+            np.testing.assert_array_equal(flow[direction, row, column], before[direction, row, column])
+        else:
+            dx, dy = flow[direction, row, column].astype(int)
+            assert scores[y + dy, x + dx] > most - 2e-3
+
+
+def test_what_the_other_frame_explains_is_no_place_to_look():
+    """Points of equal frames that move away keep their motion bit by bit, as every point of the other frame stays."""
+    image = noise(20, 24, 3, np.uint8, 1)
+    flow = np.zeros((2, 5, 6, 2), np.float32)
+    flow[0] = np.random.default_rng(1).uniform(2, 4, (5, 6, 2))
+    before = flow.copy()
+    limits = np.float32(0.6), np.float32(0.2)
+    search_residuals_bidirectional(plane_pair(image, image, PADDING, MOST), 4, 6, RADIUS, *limits, flow)
+    np.testing.assert_array_equal(flow, before)
+    flow[1] = flow[0]
+    search_residuals_bidirectional(plane_pair(image, image, PADDING, MOST), 4, 6, RADIUS, *limits, flow)
+    assert not flow[:, 1:-1, 1:-1].any()
 
 
 @settings(max_examples=20)

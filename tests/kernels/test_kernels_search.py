@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from planes import compiled, plane_pair
+from planes import plane_pair
 from truth import noise
 from twins import (
     best_offset,
@@ -11,12 +11,11 @@ from twins import (
     level_similarity,
     patch_scores,
     pixel_similarity,
-    uncompiled,
 )
 
 from fpsboost.kernels import tiles
+from fpsboost.kernels.scratch import scratch_of
 from fpsboost.kernels.search import STRIP_WIDTH
-from fpsboost.kernels.similarity import FRACTION_BITS, UNIT, colour_scale, similarity
 from fpsboost.kernels.tiles import PADDING, TILE, OffsetLists, Proposals
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_by_passes, search_fused
@@ -93,15 +92,15 @@ def test_ties_go_to_the_smallest_motion_and_then_in_raster_order(axis):
 def test_similarity_is_the_reports_exponential():
     """The fixed-point polynomial is within 2e-6 of the product of Gaussians, from equal to unlike colours."""
     random = np.random.default_rng(7)
-    a, spread = random.random((4000, 3)), random.random((4000, 1)) ** 2
-    b = a + (random.random((4000, 3)) - 0.5) * spread
+    a, spread = random.random((40, 100, 3)), random.random((40, 100, 1)) ** 2
+    b = a + (random.random((40, 100, 3)) - 0.5) * spread
+    a, b = np.float32(a), np.float32(b)
     for v in (0.06, 0.25):
-        exact = pixel_similarity(a, b, v)
-        scaled0, scaled1 = (np.float32(values * colour_scale(v)) for values in (a, b))
-        found = np.array([uncompiled(similarity)(*p, *q) for p, q in zip(scaled0, scaled1, strict=True)]) / UNIT
-        assert np.abs(found - exact).max() < 2e-6
+        exact = pixel_similarity(a.astype(float), b.astype(float), v)
+        field, _ = search_fused(a, b, 0, 0, "box", v)
+        assert np.abs(field.similarity - exact).max() < 2e-6
         assert exact.min() < 0.02
-    assert uncompiled(similarity)(*np.float32([1, 2, 3]), *np.float32([1, 2, 3])) == UNIT == 1 << FRACTION_BITS
+    assert (search_fused(a, a, 0, 0, "box", 0.25)[0].similarity == 1).all()
 
 
 @pytest.mark.parametrize("window", ["box", "gaussian"])
@@ -137,7 +136,8 @@ def list_tiles(
     around = 2 * radius if proposals is None else 0
     proposals = proposals or Proposals(still, np.full_like(still, expected), 1)
     lists = OffsetLists(count, best, flows)
-    compiled(tiles.search_tiles)(pair, proposals, step, around, radius, patch_radius, every, lists)
+    scratch = scratch_of(*tiles.tile_scratch(step, around, radius, proposals.spacing, capacity))
+    tiles.search_tiles(pair, proposals, step, around, radius, patch_radius, every, lists, scratch)
     return count, best, flows
 
 
@@ -240,7 +240,7 @@ def test_every_second_row_of_the_patches_may_do(step):
 @pytest.mark.parametrize("motion", [(0, TILE - 1), (0, -TILE), (TILE - 1, 0), (-TILE, 0)])
 @pytest.mark.parametrize("step", [1, 8])
 def test_tiles_that_lead_far_outside_read_nothing_else(motion, step):
-    """The last, partial tiles stay within the planes at the largest offsets; uncompiled, a stray index would raise."""
+    """The last, partial tiles stay within the planes at the largest offsets."""
     image = level_image(TILE + 1, TILE + 1, 13)
     motions = np.full((1, 1, 2), motion, np.int32)
     proposals = Proposals(motions, motions, 2 * TILE)

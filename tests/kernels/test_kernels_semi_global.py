@@ -3,11 +3,10 @@
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planes import compiled
 from twins import smoothed
 
-from fpsboost.kernels.instruction import EIGHT
-from fpsboost.kernels.semi_global import choose_labels
+from fpsboost.kernels.scratch import scratch_of
+from fpsboost.kernels.semi_global import EIGHT, choose_labels, label_scratch
 
 
 def smooth(motions, energies, smoothness, slope, room=0, ties=None):
@@ -27,7 +26,8 @@ def smooth(motions, energies, smoothness, slope, room=0, ties=None):
     costs = np.full((*motions.shape, -(-capacity // EIGHT) * EIGHT), np.float32(np.nan))
     flow, chosen = np.full((*motions.shape, 2), np.float32(np.nan)), np.full(motions.shape, np.float32(np.nan))
     limits = np.float32(smoothness), np.float32(slope)
-    compiled(choose_labels)(count, numbers, similarity, ties, *limits, costs, flow, chosen)
+    scratch = scratch_of(*label_scratch(motions.size, capacity))
+    choose_labels(count, numbers, similarity, ties, *limits, costs, flow, chosen, scratch)
     for place in np.ndindex(motions.shape):
         best = int(costs[place][: count[place]].argmin())
         np.testing.assert_array_equal(flow[place], numbers[place][best])

@@ -1,46 +1,29 @@
 """The weighted mean over candidate motions, against a slow twin, and its parts."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from planes import compiled
 from truth import noise, waves
-from twins import blended, finished, heaviest, spline_coefficients, uncompiled
+from twins import blended, finished, heaviest, spline_coefficients
 
+import fpsboost.native
+from fpsboost.kernels import spline, window_samples
 from fpsboost.kernels.candidates import VALUES_PER_MOTION, Candidates
-from fpsboost.kernels.dominant_motion import find_dominant_motion
-from fpsboost.kernels.multi_hypothesis import (
-    SPARE,
-    Blended,
-    SampledImage,
-    Target,
-    ValueRange,
-    blend_hypotheses,
-    finish_rows,
-    window_shape,
-)
+from fpsboost.kernels.dominant_motion import compare_candidates, find_dominant_motion
+from fpsboost.kernels.multi_hypothesis import Blended, SampledImage, ValueRange, blend_hypotheses, window_shape
 from fpsboost.kernels.pixel_weights import Weighting
 from fpsboost.kernels.spline import MARGIN
-from fpsboost.kernels.window_rows import SQUARES_PER_ROW
-from fpsboost.kernels.window_samples import (
-    AREA,
-    BLOCK,
-    WINDOW,
-    Room,
-    Samples,
-    WindowPlace,
-    fetch_window,
-    flat_planes,
-    make_layer,
-    sample_layer,
-)
+from fpsboost.kernels.window_samples import BLOCK, SPARE, WINDOW, Samples, make_layer
 from fpsboost.synthesis.fusion_table import fusion_coefficients
 
 
 def samples(image):
     """Planes and their coefficients, which the twin finds: uncompiled, the kernel would take most of the time."""
-    planes = image.transpose(2, 0, 1).astype(np.float32)
+    planes = image.transpose(2, 0, 1).astype(np.float32, order="C")
     beyond = 2 * SPARE  # the solver knows nothing of what lies farther out
     coefficients = [
         spline_coefficients(plane, MARGIN + beyond)[beyond:-beyond, beyond:-SPARE] for plane in split(image)
@@ -66,12 +49,19 @@ def split(image):
     return [image[..., c].astype(float) for c in range(image.shape[2])]
 
 
-def blend(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=0, chroma=None, spacing=16):
-    """Call the kernels; the mean as an image, and the confidence; with chroma or layers of both, their mean, too."""
-    image = np.full(np.moveaxis(image0, 2, 0).shape, np.nan, np.float32)
-    confidence = np.full(image0.shape[:2], np.nan, np.float32)
+def weighting(spacing, scale, sharpness, enough, negligible=0):
+    """How candidates are weighed, with the learnt table, which plain weights do not look at."""
     numbers = map(np.float32, (scale, sharpness, enough, negligible))
-    bounds = map(np.float32, (1, 0, -1e30, 1e30))
+    return Weighting(*numbers, window_shape(spacing), *fusion_coefficients())
+
+
+UNLIMITED = ValueRange(*map(np.float32, (1, 0, -1e30, 1e30)), False)
+
+
+def blend(image0, image1, t, candidates, *, chroma=None, spacing=16, values=UNLIMITED, dtype=np.float32, **options):
+    """Call the kernels; the mean as an image, and the confidence; with chroma or layers of both, their mean, too."""
+    image = np.full(image0.shape, np.nan if dtype == np.float32 else 77, dtype)
+    confidence = np.full(image0.shape[:2], np.nan, np.float32)
     nothing = Samples(np.empty((0, 1, 1), np.float32), np.empty((0, 1, 1), np.float32), np.float32(1))
     further0, further1 = (nothing, nothing) if chroma is None else (samples(each) for each in chroma)
     further = np.full((0, 0, 0) if chroma is None else np.moveaxis(chroma[0], 2, 0).shape, np.nan, np.float32)
@@ -83,13 +73,12 @@ def blend(image0, image1, t, candidates, *, scale, sharpness, enough, negligible
         else tuple(-(-a // b) for a, b in zip(image0.shape[:2], chroma[0].shape[:2], strict=True)),
         np.float32(t),
         listed(candidates, spacing),
-        Weighting(*numbers, window_shape(spacing), *fusion_coefficients()),
+        weighting(spacing, **options),
         None,
-        ValueRange(*bounds, False),
-        Blended(Target.of(image), Target.of(further), confidence),
+        values,
+        Blended(image.transpose(2, 0, 1), further, confidence),
     )
-    image, further = (np.moveaxis(each, 0, 2) for each in (image, further))
-    return (image, confidence) if chroma is None else (image, further, confidence)
+    return (image, confidence) if chroma is None else (image, np.moveaxis(further, 0, 2), confidence)
 
 
 def nodes_of(size, candidates=(), spacing=16):
@@ -133,10 +122,11 @@ OPTIONS = {"scale": 4.0, "sharpness": 10.0, "enough": 2.0}
         ((25, 61), 1, 0.3, 6, 1, 20),
         ((5, 44), 2, 0.75, 60, 2, 24),
         ((29, 58), 3, 0.5, 3, 1, 28),
+        ((41, 58), 2, 0.3, 3, 2, 16),
     ],
 )
 def test_blending_equals_its_slow_twin(size, channels, t, largest, most, spacing):
-    """Within the frame, across its borders and far out, along straight and bent paths, in windows that prefetch."""
+    """Within the frame, across its borders and far out, along straight and bent paths."""
     image0, image1 = two_frames(size, channels)
     candidates = random_candidates(np.random.default_rng(channels), size, most, largest, spacing)
     mean, confidence = blend(image0, image1, t, candidates, **OPTIONS, spacing=spacing)
@@ -214,13 +204,12 @@ def test_the_dominant_motion_equals_its_slow_twin(size, channels, t, largest, sp
     image0, image1 = two_frames(size, channels)
     candidates = random_candidates(np.random.default_rng(channels), size, 2, largest, spacing)
     weights, places = np.zeros(size, np.float32), np.zeros((4, *size), np.float32)
-    numbers = map(np.float32, (4, 10, 2, 0))
     find_dominant_motion(
         samples(image0),
         samples(image1),
         np.float32(t),
         listed(candidates, spacing),
-        Weighting(*numbers, window_shape(spacing), *fusion_coefficients()),
+        weighting(spacing, **OPTIONS),
         weights,
         places,
     )
@@ -305,61 +294,49 @@ def test_a_window_is_not_torn_by_motion_that_changes_too_fast():
     assert np.abs(zoomed - rigid).max() > 0.01
 
 
-@pytest.mark.parametrize("share", [-0.25, 0.75])
-def test_the_blocks_of_a_window_move_as_their_middles_do(share):
-    """On ramps, which a spline reproduces, every sample tells where it was taken."""
-    motion = np.float32([9, 9, 9, 9, 0.05, -0.02, 0.03, 0.1])
-    y, x = np.mgrid[0:60, 0:70]
-    away = np.arange(WINDOW) // BLOCK * BLOCK + BLOCK / 2 - WINDOW / 2  # of the blocks' middles
-    shift_x = share * (0.05 * away + 0.03 * away[:, np.newaxis])
-    shift_y = share * (-0.02 * away + 0.1 * away[:, np.newaxis])
-    for ramp, expected in (
-        (x, 12.25 + np.arange(WINDOW) + shift_x),
-        (y, 9.5 + np.arange(WINDOW)[:, np.newaxis] + shift_y),
-    ):
-        planes = flat_planes(samples(ramp[..., np.newaxis].astype(np.float32)))
-        out, rows = np.empty(AREA, np.float32), np.empty((WINDOW + 3) * WINDOW, np.float32)
-        place = np.float32(9.5 + MARGIN), np.float32(12.25 + MARGIN)
-        window = np.float32(share), motion, WINDOW, WINDOW
-        uncompiled(fetch_window)(planes, 0, *place, *window, rows, out)
-        np.testing.assert_allclose(out.reshape(WINDOW, WINDOW), expected, atol=2e-3)
-
-
-@pytest.mark.parametrize("motion", [(2.5, 1.25, 0, 0, 0, 0, 0, 0), (2.5, 1.25, 0, 0, 0.05, -0.02, 0.03, 0.1)])
-@pytest.mark.parametrize("wide", [WINDOW, SQUARES_PER_ROW])
-def test_windows_inside_are_mixed_as_they_are_fetched(motion, wide):
-    """In one go as one by one, for windows that move as a whole and for those that zoom and turn."""
-    frames = [samples(noise(60, 70, 1, np.float32, seed=seed)) for seed in (1, 2)]
-    motion, t = np.float32(motion), np.float32(0.25)
-    places = np.float32([9.5 + MARGIN, 12.25 + MARGIN, 10.75 + MARGIN, 14.75 + MARGIN])
-    found = []
-    for within in (True, False):
-        everywhere = np.ones((4, WINDOW), np.float32)
-        room = Room(
-            *(np.empty((WINDOW + 3) * WINDOW, np.float32) for _ in range(3)), np.empty(16, np.float32), everywhere
-        )
-        layer = make_layer(*frames, (WINDOW // wide, WINDOW // wide), 0, 0)
-        uncompiled(sample_layer)(layer, WindowPlace(*places, t, within), motion, room)
-        found.append(np.stack([layer.distance, layer.mixed[0], layer.change[0]]))
-    np.testing.assert_allclose(found[0], found[1], atol=1e-5)
+@pytest.mark.parametrize("t", [0.25, 0.75])
+def test_the_blocks_of_a_window_move_as_their_middles_do(t):
+    """On ramps, which a spline reproduces, every sample of a window within both frames tells where it was taken."""
+    dx, dy, *gradients = motion = 2.25, -1.5, 0, 0, 0.05, -0.02, 0.03, 0.1
+    ramps = np.dstack(np.mgrid[0:60, 0:70][::-1]).astype(np.float32)
+    candidates, size = nodes_of(ramps.shape), ramps.shape[:2]
+    candidates[1, 1] = [[1, *motion]]  # whose window begins at (8, 8)
+    layer = make_layer(samples(ramps), samples(ramps), (1, 1), 0, 0)
+    weights, places = np.zeros(size, np.float32), np.zeros((4, *size), np.float32)
+    compare_candidates(layer, np.float32(t), listed(candidates, 16), weighting(16, **OPTIONS), weights, places)
+    middles = np.arange(WINDOW) // BLOCK * BLOCK + BLOCK / 2 - WINDOW / 2
+    changes = np.reshape(gradients[2:], (2, 2)).T @ np.stack(np.meshgrid(middles, middles)).reshape(2, -1)
+    begin = np.stack(np.meshgrid(8 + np.arange(WINDOW), 8 + np.arange(WINDOW))).reshape(2, -1)
+    for found, share in ((layer.mixed - t * layer.change, -t), (layer.mixed + (1 - t) * layer.change, 1 - t)):
+        expected = begin + share * (np.array([[dx], [dy]]) + changes)
+        np.testing.assert_allclose(found, expected, atol=2e-3)
 
 
 @pytest.mark.parametrize(("dtype", "white"), [(np.uint8, 255), (np.uint8, 219), (np.uint16, 65535), (np.float32, 1)])
 @pytest.mark.parametrize("channels", [1, 2, 3, 4])
-def test_finished_rows_equal_their_slow_twin(dtype, white, channels):
-    """Sums become values of the image's type, the nearest ones, straight alpha too; other rows are left alone."""
-    random, first, last, top = np.random.default_rng(channels), 2, 7, 11
-    band = random.uniform(-0.2, 1.2, (channels + 2, 9, 13)).astype(np.float32)
-    band[channels] = random.uniform(0.1, 3, band.shape[1:])
-    band[channels - 1, 3, :5] = 0  # which is no alpha at all
+def test_finished_values_equal_their_slow_twin(dtype, white, channels):
+    """Means become values of the image's type, the nearest ones, straight alpha too."""
+    images = [noise(21, 37, channels, np.float32, seed=seed).copy() for seed in (1, 2)]
+    for image in images:
+        image[5:15, :20, -1] = 0  # which is no alpha at all
     straight_alpha = channels in (2, 4) and dtype != np.float32
     lowest, highest = (-0.5, 5) if dtype == np.float32 else (0, np.iinfo(dtype).max)
-    expected = finished(band[:channels, first:last], band[channels, first:last], white, lowest, highest, straight_alpha)
-    image = np.full((24, 13, channels), 77, dtype)
     half = 0 if dtype == np.float32 else 0.5
-    bounds = (np.float32(value) for value in (white, half, lowest, highest))
-    target = Target.of(image.transpose(2, 0, 1))
-    compiled(finish_rows)(band, first, last, top, ValueRange(*bounds, straight_alpha), target)
-    found = image[top + first : top + last].astype(float).transpose(2, 0, 1)
-    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=half + 1e-5)
-    assert (np.delete(image, range(top + first, top + last), axis=0) == 77).all()
+    values = ValueRange(*map(np.float32, (white, half, lowest, highest)), straight_alpha)
+    moving = images[0] - 0.2, 1.3 * images[1], 0.25, nodes_of((21, 37), [(1, 1.5, 0.5, 0, 0)])
+    mean, _ = blend(*moving, **OPTIONS)
+    found, _ = blend(*moving, **OPTIONS, values=values, dtype=dtype)
+    mean = mean.transpose(2, 0, 1)
+    expected = finished(mean, np.ones(mean.shape[1:]), white, lowest, highest, straight_alpha)
+    np.testing.assert_allclose(found.astype(float).transpose(2, 0, 1), expected, rtol=1e-5, atol=half + 1e-5)
+
+
+def test_sizes_are_those_of_the_kernels():
+    """What Python and C++ both have to know of windows is the same."""
+    headers = "".join(path.read_text() for path in Path(fpsboost.native.__file__).parent.glob("*.h"))
+    for module, names in (
+        (window_samples, ("SQUARES_PER_ROW", "WINDOW", "BLOCK", "END_WEIGHT")),
+        (spline, ("MARGIN",)),
+    ):
+        for name in names:
+            assert float(re.search(rf"constexpr .*\b{name} = ([\d.]+)", headers)[1]) == getattr(module, name)

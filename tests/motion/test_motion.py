@@ -34,8 +34,7 @@ from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.colour import colour_components
 from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
-from fpsboost.kernels.jit import LANES
-from fpsboost.kernels.planes import PlanePair
+from fpsboost.kernels.planes import LANES, PlanePair
 from fpsboost.kernels.shortest import ShortestMotion, find_shortest
 from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.method_table import find_method, methods
@@ -318,7 +317,7 @@ def test_shortest_motions_equal_their_slow_twin(seed, around, step):
     results = [np.empty(flow.shape[:2], np.float32) for _ in range(3)]
     tolerance = np.float32(0.2)
     pair = PlanePair(*planes, padding, height, width, UNIT)
-    find_shortest(pair, step, radius, LANES, around, tolerance, flow, ShortestMotion(*results))
+    find_shortest(pair, step, radius, around, tolerance, flow, ShortestMotion(*results))
     for result, expected in zip(
         results, shortest_motions(*components, step, radius, around, 0.2, 0.3, flow), strict=True
     ):

@@ -72,7 +72,8 @@ ABOUT_FORM = {"GL01", "GL02", "GL05", "GL06", "GL07", "GL10", "SS02", "SS03"}
 MODULES = [
     module.name
     for module in pkgutil.walk_packages(fpsboost.__path__, "fpsboost.")
-    if not module.name.endswith("__main__") and not module.name.startswith(("fpsboost.cli", "fpsboost.ui.command"))
+    if not module.name.endswith(("__main__", "native.kernels"))  # the latter is no module, but a library
+    and not module.name.startswith(("fpsboost.cli", "fpsboost.ui.command"))
 ]
 """All modules but those of the command line, whose docstrings are texts of the help."""
 
@@ -96,7 +97,7 @@ def faults_in(name: str) -> list[str]:
     """Return what is wrong with a docstring.
 
     A short one may have no section about parameters. Parameters may come in groups that another docstring describes;
-    those of kernels come in groups anyway, and their types are what numba infers.
+    those of kernels come in groups anyway.
     """
     result = validate(name)
     text = result["docstring"] or ""

@@ -16,7 +16,6 @@ from types import ModuleType
 from typing import Any
 
 import cv2
-import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -247,7 +246,6 @@ def test_samples_show_the_place_that_the_matrix_takes_there(raster: ModuleType) 
     np.testing.assert_allclose(seen[..., 1], y - 1.5, atol=0.1)
 
 
-@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="uncompiled, the fit takes minutes")
 def test_the_table_of_weights_is_what_the_fit_makes(program: ModuleType, tmp_path: Path) -> None:
     """A short fit to small scenes improves on plain weights, its gradient is right, and the table improves on them."""
     fit = importlib.import_module("fit_fusion")

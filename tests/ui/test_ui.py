@@ -840,7 +840,7 @@ def serving(films, state):
 def opened(chromium, address, **options):
     """The page, which must not complain while the block lasts."""
     page = chromium.new_page(**options)
-    page.set_default_timeout(100_000)  # kernels may be compiled meanwhile
+    page.set_default_timeout(100_000)
     complaints: list[str] = []
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)

@@ -578,7 +578,7 @@ async function look() {
     return;
   }
   const { clip } = state, looking = (state.looking = { again: false });
-  byId("between").textContent = "Making it… the first time, code is compiled for this machine.";
+  byId("between").textContent = "Making it…";
   state.player?.element.classList.add("is-busy");
   const wish = choices();
   const question = { choices: { ...clip.choices, method: wish.method }, time: +byId("time").value };
@@ -636,7 +636,6 @@ function left(job) {
 function stateOf(job) {
   const frames = job.frames ? `${job.frame.toLocaleString("en")} of ${job.frames.toLocaleString("en")} frames` : `${job.frame} frames`;
   if (job.state === "running") {
-    if (job.stage === "compiling") return "Compiling for this machine, once";
     if (!job.fps) return "Starting";
     return [frames, `${job.fps.toFixed(1)} a second`, ...(job.frames ? [left(job)] : [])].join(", ");
   }

@@ -1,6 +1,6 @@
 """Command lines of fpsboost, a running one, and what it says while it runs.
 
-Blender's process holds neither numba nor OpenCV: fpsboost is a program of its own, in its own Python.
+Blender's process holds neither PyAV nor OpenCV: fpsboost is a program of its own, in its own Python.
 """
 
 from __future__ import annotations

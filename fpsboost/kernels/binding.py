@@ -1,0 +1,167 @@
+"""Calls of the compiled kernels: the library for this processor, and arguments as it takes them.
+
+A kernel is a Python function without a body, whose annotations describe its arguments and whose docstring says what
+they mean. `compiled` makes it call the function of the same name in ``fpsboost/native``. There, the arguments are one
+record, whose fields have the names and the order of the parameters. Python's lock is released during the call.
+
+Kernels are compiled for several levels of processors when fpsboost is installed, and give the same bits at all of them.
+The environment variable ``FPSBOOST_CPU`` chooses a lower one than the highest that the processor has.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import re
+import sys
+from collections.abc import Callable
+from functools import cache, wraps
+from inspect import signature
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, ParamSpec, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
+
+Array = NDArray[Any]
+
+LEVELS = ("baseline", "avx2", "avx512")
+"""Levels of x86-64, from the lowest; processors of other kinds have the first alone."""
+
+SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
+LIBRARY = Path(__file__).parent.parent / "native" / f"kernels{SUFFIX}"
+
+KINDS = ("uint8", "uint16", "float32", "int32", "int64", "float64", "bool")
+"""Types of elements; the place of each is its number in C++."""
+
+MAX_AXES = 5
+
+
+class ArrayRecord(ctypes.Structure):
+    """Array as C++ has it: the first element, the number of the element type, and sizes and steps along the axes."""
+
+    _fields_ = (
+        ("data", ctypes.c_void_p),
+        ("kind", ctypes.c_int64),
+        ("shape", ctypes.c_int64 * MAX_AXES),
+        ("steps", ctypes.c_int64 * MAX_AXES),  # in elements
+    )
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """Return the compiled kernels; raises `ImportError` if they are missing."""
+    try:
+        return ctypes.CDLL(os.fspath(LIBRARY))
+    except OSError as error:
+        raise ImportError(
+            f"The compiled kernels cannot be loaded ({error}); install fpsboost again with pip."
+        ) from None
+
+
+@cache
+def processor_level() -> str:
+    """Return the level whose kernels are used: the highest of this processor, or that of ``FPSBOOST_CPU``.
+
+    Raises `ImportError` if the processor does not have the level that is asked for.
+    """
+    levels = LEVELS[: library().count_levels()]
+    wanted = os.environ.get("FPSBOOST_CPU") or levels[-1]
+    if wanted not in levels:
+        raise ImportError(f"FPSBOOST_CPU is {wanted}, and this processor has {', '.join(levels)}; choose one of these.")
+    return wanted
+
+
+def compiled(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Decorate the description of a kernel: calls check the arguments and go to the kernel of the same name in C++.
+
+    Arguments are integers, floats, arrays, named tuples of these, and tuples of a fixed number of them; a named tuple
+    may be None, which C++ sees as zeros. Arrays are annotated as ``Annotated[Array, "uint8|uint16 (height, width)"]``,
+    with their possible types of elements and their axes; numbers among the axes are checked. All but those that are
+    ``strided`` must fill their memory in C order.
+
+    Raises `TypeError` if an argument has another type, and `ValueError` if an array has another shape.
+    """
+    names = list(signature(function).parameters)
+
+    @cache
+    def entry() -> tuple[Any, Any]:
+        kernel = getattr(library(), f"{function.__name__}_{processor_level()}")
+        kernel.restype = {NoneType: None, int: ctypes.c_int64, float: ctypes.c_double}[
+            get_type_hints(function)["return"]
+        ]
+        return kernel, arguments_of(function)
+
+    @wraps(function)
+    def call(*arguments: Parameters.args, **named: Parameters.kwargs) -> Result:
+        kernel, as_record = entry()
+        given = (*arguments, *(named[name] for name in names[len(arguments) :]))
+        return cast("Result", kernel(ctypes.byref(as_record(given))))
+
+    return call
+
+
+def arguments_of(function: Callable[..., Any]) -> Callable[[Any], Any]:
+    """Return the function that converts the arguments of a kernel to its record; see `record`."""
+    hints = get_type_hints(function, include_extras=True)
+    fields = {name: converter(f"{function.__name__}: {name}", hint) for name, hint in hints.items() if name != "return"}
+    return record(function.__name__, fields)
+
+
+@cache
+def converter(name: str, hint: Any) -> tuple[Any, Callable[[Any], Any]]:
+    """Return the type that C++ has for an annotation, and the function that converts values to it."""
+    if get_origin(hint) is Annotated:
+        return ArrayRecord, array_converter(name, *get_args(hint)[1:])
+    members = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    hint = next(kind for kind in members if kind is not NoneType)
+    if get_origin(hint) is tuple:
+        kinds, converts = zip(*(converter(name, each) for each in get_args(hint)), strict=True)
+        several = kinds[0] * len(kinds)
+        return several, lambda values: several(
+            *(convert(value) for convert, value in zip(converts, values, strict=True))
+        )
+    if hasattr(hint, "_fields"):
+        fields = get_type_hints(hint, include_extras=True)
+        convert = record(hint.__name__, {each: converter(f"{name}.{each}", fields[each]) for each in hint._fields})
+        return convert(None).__class__, convert
+    if issubclass(hint, int | np.integer):
+        return ctypes.c_int64, int
+    return ctypes.c_double, float
+
+
+def record(name: str, fields: dict[str, tuple[Any, Callable[[Any], Any]]]) -> Callable[[Any], Any]:
+    """Return the function that converts a tuple to a structure with these fields, and None to one of zeros."""
+    structure = type(name, (ctypes.Structure,), {"_fields_": [(each, kind) for each, (kind, _) in fields.items()]})
+    converts = [convert for _, convert in fields.values()]
+
+    def convert(values: Any) -> Any:
+        if values is None:
+            return structure()
+        return structure(*[convert(value) for convert, value in zip(converts, values, strict=True)])
+
+    return convert
+
+
+def array_converter(name: str, description: str) -> Callable[[Array], ArrayRecord]:
+    """Return the function that converts an array of the type and shape that are described, after checking it."""
+    kinds, axes, strided = re.fullmatch(r"([\w|]+) \(([^()]*)\)( strided)?", description).groups()  # type: ignore[union-attr]
+    sizes = [int(axis) if axis.isdigit() else None for axis in re.split(", *", axes.rstrip(","))]
+    numbers = {np.dtype(kind): KINDS.index(kind) for kind in kinds.split("|")}
+
+    def convert(array: Array) -> ArrayRecord:
+        shape, kind = array.shape, numbers.get(array.dtype)
+        if kind is None:
+            raise TypeError(f"{name} must be {kinds.replace('|', ' or ')}, not {array.dtype}.")
+        if len(shape) != len(sizes) or any(size not in (None, own) for size, own in zip(sizes, shape, strict=True)):
+            raise ValueError(f"{name} must have the shape ({axes}), not {shape}.")
+        if not (strided or array.flags.c_contiguous):
+            raise ValueError(f"{name} must be contiguous.")
+        steps = [step // array.itemsize for step in array.strides]
+        return ArrayRecord(array.__array_interface__["data"][0], kind, shape, (*steps,))
+
+    return convert

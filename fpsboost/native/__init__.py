@@ -1,0 +1,1 @@
+"""Kernels in C++, which are compiled when fpsboost is installed; `fpsboost.kernels` calls them."""

@@ -1,0 +1,214 @@
+// In-between frame as a weighted mean of both frames along every candidate motion.
+//
+// Each window is the mean of its samples along the candidates of its node, by the weights of the pixels. Windows are
+// overlapped and added (overlapped block motion compensation, Orchard and Sullivan 1994, doi:10.1109/83.334974).
+#include "pixel_weights.h"
+
+struct ValueRange {
+  double white, rounding_offset, lowest, highest;
+  Int straight_alpha;
+};
+
+struct Blended {
+  Array image, further, confidence;
+};
+
+struct BlendNodes {
+  Layer full, further;
+  double t;
+  Candidates candidates;
+  Weighting weighting;
+  Surroundings around;
+  ValueRange value_range;
+  Blended blended;
+};
+
+struct DescribeNode {
+  Layer layer;
+  Int row, column;
+  double t;
+  Candidates candidates;
+  Weighting weighting;
+  Surroundings around;
+  Array features, gains, mixed, change;
+};
+
+namespace {
+
+// Adds the samples of a candidate, times their weights, to the sums of the node.
+void add_samples(LayerSamples &layer, bool leans, const CandidateWeights &candidate) {
+  alignas(64) float weight[WINDOW * WINDOW], lean[WINDOW * WINDOW];
+  upsample_squares(candidate.weight, layer.across, layer.down, weight);
+  if (leans) upsample_squares(candidate.lean, layer.across, layer.down, lean);
+  for (Int c = 0; c < layer.channels; c++) {
+    float *total = layer.total + c * layer.size;
+    const float *mixed = layer.mixed + c * layer.size, *change = layer.change + c * layer.size;
+    for (Int i = 0; i < layer.size; i += 16) {
+      const F16 sum = fma(load<F16>(weight + i), load<F16>(mixed + i), load<F16>(total + i));
+      store(total + i, leans ? fma(load<F16>(lean + i), load<F16>(change + i), sum) : sum);
+    }
+  }
+}
+
+struct WindowPart {  // rows and columns of the samples of a window that lie within the frame
+  Int first_row, last_row, first_column, last_column;
+  Int left;  // column of the frame at which the window begins
+};
+
+// Adds a weighted window to a plane of the band of its layer.
+INLINE void add_window(const LayerSamples &layer, const WindowPart &part, const float *weight, const float *values,
+                       const View<float, 2> &band) {
+  for (Int j = part.first_row; j < part.last_row; j++) {
+    const float *weights = weight + j * layer.wide, *row = values + j * layer.wide;
+    float *sums = band.at(j);
+    if (part.last_column - part.first_column < layer.wide)
+      for (Int i = part.first_column; i < part.last_column; i++) sums[part.left + i] += weights[i] * row[i];
+    else
+      for (Int i = 0; i < layer.wide; i += 16) add_row(weights + i, row + i, sums + part.left + i);
+  }
+}
+
+// Adds the mean of a node's window to the band of a layer, and the sums of its weights and similarities.
+void add_node(const LayerSamples &layer, Int top, Int left, Int height, Int width, const float *weight,
+              const NodeSums &sums) {
+  alignas(64) float weights[WINDOW * WINDOW], values[WINDOW * WINDOW];
+  const Int down = layer.down, across = layer.across;
+  const WindowPart part = {most(-top, Int(0)) / down, (least(height - top, Int(WINDOW)) + down - 1) / down,
+                           most(-left, Int(0)) / across, (least(width - left, Int(WINDOW)) + across - 1) / across,
+                           divide_down(left, across)};
+  upsample_squares(weight, across, down, weights);
+  for (Int c = 0; c < layer.channels; c++)
+    add_window(layer, part, weights, layer.total + c * layer.size, layer.band[c]);
+  for (Int c = layer.channels; c < layer.band.shape[0]; c++) {
+    upsample_squares(c == layer.channels ? sums.weights : sums.similarities, across, down, values);
+    add_window(layer, part, weights, values, layer.band[c]);
+  }
+}
+
+template <typename T>
+void write_row(const float *values, const float *alpha, const ValueRange &range, T *to, Int width, Int step) {
+  const float white = float(range.white), offset = float(range.rounding_offset);
+  const float lowest = float(range.lowest), highest = float(range.highest);
+  for (Int x = 0; x < width; x++) {
+    float value = values[x];
+    if (alpha) value /= most(alpha[x], 1e-6f);
+    to[x * step] = T(within(value * white + offset, lowest, highest));
+  }
+}
+
+// Normalises rows of a band in place, and writes them to an image; the band begins at row `top` of it.
+template <typename T>
+void write_rows(const LayerSamples &layer, Int first, Int last, Int top, const ValueRange &range, const Array &image) {
+  const Int channels = layer.channels, width = image.shape[2];
+  for (Int j = first; j < last; j++) {
+    const float *weight = layer.band.at(channels, j);
+    for (Int c = 0; c < channels; c++) {
+      float *values = layer.band.at(c, j);
+      for (Int x = 0; x < width; x++) values[x] /= weight[x];
+    }
+    for (Int c = 0; c < channels; c++) {
+      const float *alpha = range.straight_alpha && c < channels - 1 ? layer.band.at(channels - 1, j) : nullptr;
+      T *to = (T *)image.data + c * image.steps[0] + (top + j) * image.steps[1];
+      write_row(layer.band.at(c, j), alpha, range, to, width, image.steps[2]);
+    }
+  }
+}
+
+// Writes rows of pixels of a layer that no further window contributes to, and shifts its band up by `rows`.
+void finish_layer(const LayerSamples &layer, Int first, Int last, Int top, Int rows, const ValueRange &range,
+                  const Array &image) {
+  const Int down = layer.down, size = layer.band.shape[1] * layer.band.shape[2];
+  const auto write = image.kind == UINT8    ? write_rows<uint8_t>
+                     : image.kind == UINT16 ? write_rows<uint16_t>
+                                            : write_rows<float>;
+  write(layer, first / down, (last + down - 1) / down, divide_down(top, down), range, image);
+  const Int shift = rows / down * layer.band.shape[2];
+  for (Int c = 0; c < layer.band.shape[0]; c++) {
+    float *plane = layer.band.at(c);
+    for (Int i = 0; i < size - shift; i++) plane[i] = plane[i + shift];
+    for (Int i = size - shift; i < size; i++) plane[i] = 0;
+  }
+}
+
+// Writes rows of the confidence: the weighted mean similarity to the eighth power, which corresponds to a bandwidth of
+// about a third: a few levels hardly change the weights, but are visible.
+void finish_confidence(const LayerSamples &layer, Int first, Int last, Int top, const View<float, 2> &confidence) {
+  for (Int j = first; j < last; j++) {
+    const float *weights = layer.band.at(layer.channels, j), *similarities = layer.band.at(layer.channels + 1, j);
+    float *to = confidence.at(top + j);
+    for (Int x = 0; x < confidence.shape[1]; x++) {
+      float trust = least(similarities[x] / weights[x], 1.f);
+      trust *= trust;
+      trust *= trust;
+      to[x] = trust * trust;
+    }
+  }
+}
+
+}  // namespace
+
+KERNEL(void, blend_nodes, BlendNodes) {
+  LayerSamples full(a.full), further(a.further);
+  CandidateWeights candidate;
+  NodeSums sums;
+  const View<const int32_t, 2> listed(a.candidates.listed);
+  const View<float, 2> confidence(a.blended.confidence);
+  const float *shape = (const float *)a.weighting.window_shape.data, t = float(a.t);
+  const Int spacing = a.candidates.spacing, before = (WINDOW - spacing) / 2;
+  const Int height = a.blended.image.shape[1], width = a.blended.image.shape[2];
+  const bool has_further = further.channels > 0;
+  const Surroundings *around = a.around.points[0].data ? &a.around : nullptr;
+  LayerSamples *layers[] = {&full, &further};
+  for (Int row = 0; row < listed.shape[0]; row++) {
+    const Int top = row * spacing - before;
+    for (Int column = 0; column < listed.shape[1]; column++) {
+      for (const LayerSamples *layer : layers)
+        for (Int i = 0; i < layer->channels * layer->size; i++) layer->total[i] = 0;
+      weigh_candidates(row, column, a.candidates, t, a.weighting, around, full, has_further ? &further : nullptr,
+                       candidate, sums, [&](Int, const Motion &) {
+                         add_samples(full, around, candidate);
+                         if (has_further) add_samples(further, around, candidate);
+                       });
+      // more where a window is more similar than others, but with no visible border
+      alignas(64) float weight[SQUARES_PER_WINDOW];
+      for (int i = 0; i < SQUARES_PER_WINDOW; i++) weight[i] = shape[i] / __builtin_sqrtf(sums.weights[i]);
+      add_node(full, top, column * spacing - before, height, width, weight, sums);
+      if (has_further) add_node(further, top, column * spacing - before, height, width, weight, sums);
+    }
+    // the windows of the next row of nodes overlap the rows below
+    const Int first = most(-top, Int(0)), last = row < listed.shape[0] - 1 ? spacing : least(height - top, Int(WINDOW));
+    if (confidence.shape[1] > 0) finish_confidence(full, first, last, top, confidence);
+    finish_layer(full, first, last, top, spacing, a.value_range, a.blended.image);
+    if (has_further) finish_layer(further, first, last, top, spacing, a.value_range, a.blended.further);
+  }
+}
+
+// Writes what is compared of the candidates of a node, from which weights are learnt; returns their number.
+KERNEL(Int, describe_node, DescribeNode) {
+  LayerSamples layer(a.layer);
+  CandidateWeights candidate;
+  NodeSums sums;
+  const View<float, 3> features(a.features), mixed(a.mixed), change(a.change);
+  const View<float, 2> gains(a.gains);
+  Int count = 0;
+  weigh_candidates(a.row, a.column, a.candidates, float(a.t), a.weighting, &a.around, layer, nullptr, candidate, sums,
+                   [&](Int, const Motion &) {
+                     const Features &found = candidate.features;
+                     for (int n = 0; n < FEATURES; n++) {
+                       float *to = features.at(count, n);
+                       if (n >= SQUARE_FEATURES && n < SQUARE_FEATURES + CELL_FEATURES)
+                         spread_cells(found.cells[n - SQUARE_FEATURES], to);
+                       else
+                         for (int i = 0; i < SQUARES_PER_WINDOW; i++)
+                           to[i] = n < SQUARE_FEATURES ? found.squares[n][i]
+                                                       : found.scalars[n - SQUARE_FEATURES - CELL_FEATURES];
+                     }
+                     for (int i = 0; i < SQUARES_PER_WINDOW; i++) gains(count, i) = candidate.gain[i];
+                     for (Int i = 0; i < layer.channels * layer.size; i++) {
+                       mixed.at(count)[i] = layer.mixed[i];
+                       change.at(count)[i] = layer.change[i];
+                     }
+                     count++;
+                   });
+  return count;
+}

@@ -1,0 +1,128 @@
+// Block matching as in video coding: for each block of one frame, the block of the other with the lowest sum of
+// absolute differences.
+#include "arrays.h"
+
+namespace {
+
+struct SearchPlan {
+  Array offsets, turns, repeated;
+};
+
+struct MatchBlocks {
+  Array rows0, rows1;
+  Int channels, block_size, search_range;
+  SearchPlan plan;
+  Array motion, difference;
+};
+
+struct Block {
+  Int top, left, bottom, right;
+};
+
+struct Vector {
+  Int dy, dx;
+
+  Int squared_length() const { return dy * dy + dx * dx; }
+};
+
+// Sum of absolute differences of parts of two rows, added to those above. A row of a block has at most 2^16 values.
+INLINE Int add_differences(Int total, const uint8_t *here, const uint8_t *there, Int count) {
+  uint32_t sum = 0;
+  for (Int i = 0; i < count; i++) sum += uint32_t(__builtin_abs(int(here[i]) - int(there[i])));
+  return total + sum;
+}
+
+INLINE Int add_differences(Int total, const uint16_t *here, const uint16_t *there, Int count) {
+  uint32_t sum = 0;
+  for (Int i = 0; i < count; i++) sum += uint32_t(__builtin_abs(int(here[i]) - int(there[i])));
+  return total + sum;
+}
+
+INLINE float add_differences(float total, const float *here, const float *there, Int count) {
+  for (Int i = 0; i < count; i++) total += absolute(here[i] - there[i]);  // in this order, as floats are rounded
+  return total;
+}
+
+template <typename T> struct SumOf {
+  typedef Int Type;
+};
+template <> struct SumOf<float> {
+  typedef float Type;
+};
+
+// Search for the best match of one block.
+template <typename T> struct BlockSearch {
+  typedef typename SumOf<T>::Type Sum;
+  View<const T, 2> rows0, rows1;
+  Int channels, search_range;
+  Block block;
+  Vector best{0, 0};
+  Sum lowest = Sum(Int(1) << 62);  // larger than any sum of absolute differences
+
+  BlockSearch(const MatchBlocks &a, const Block &block)
+      : rows0(a.rows0), rows1(a.rows1), channels(a.channels), search_range(a.search_range), block(block) {}
+
+  // The sum of absolute differences of the block and its match, or of their first rows once it is too high.
+  Sum sum_of_differences(const Vector &vector) const {
+    Sum total = 0;
+    for (Int y = block.top; y < block.bottom && !(total > lowest); y++) {
+      const T *here = rows0.at(y) + block.left * channels;
+      const T *there = rows1.at(y + vector.dy) + (block.left + vector.dx) * channels;
+      total = add_differences(total, here, there, (block.right - block.left) * channels);
+    }
+    return total;
+  }
+  bool is_allowed(const Vector &vector) const {
+    const Int longest = most(most(vector.dy, -vector.dy), most(vector.dx, -vector.dx));
+    return longest <= search_range && block.top + vector.dy >= 0 && block.left + vector.dx >= 0 &&
+           block.bottom + vector.dy <= rows0.shape[0] && (block.right + vector.dx) * channels <= rows0.shape[1];
+  }
+  // Compares a place, and returns whether it is better: of equally good ones, the nearest.
+  bool compare(const Vector &vector) {
+    if (!is_allowed(vector)) return false;
+    const Sum total = sum_of_differences(vector);
+    const bool nearer = vector.squared_length() < best.squared_length();
+    if (!(total < lowest || (total == lowest && nearer))) return false;
+    best = vector;
+    lowest = total;
+    return true;
+  }
+};
+
+template <typename T> void match(const MatchBlocks &a) {
+  typedef typename SumOf<T>::Type Sum;
+  const View<const int32_t, 2> offsets(a.plan.offsets);
+  const View<const int32_t, 1> turns(a.plan.turns);
+  const View<const bool, 1> repeated(a.plan.repeated);
+  const View<int32_t, 3> motion(a.motion);
+  const View<Sum, 2> difference(a.difference);
+  const Int height = a.rows0.shape[0], width = a.rows0.shape[1] / a.channels;
+  for (Int row = 0; row < difference.shape[0]; row++)
+    for (Int column = 0; column < difference.shape[1]; column++) {
+      const Int top = row * a.block_size, left = column * a.block_size;
+      const Block block{top, left, least(top + a.block_size, height), least(left + a.block_size, width)};
+      BlockSearch<T> search(a, block);
+      for (Int turn = 0; turn < repeated.shape[0]; turn++) {
+        bool again = true;
+        while (again) {
+          again = false;
+          const Vector centre = search.best;
+          for (Int k = turns(turn); k < turns(turn + 1); k++)
+            if (search.compare({centre.dy + offsets(k, 0), centre.dx + offsets(k, 1)})) again = repeated(turn);
+        }
+      }
+      motion(row, column, 0) = int32_t(search.best.dx);
+      motion(row, column, 1) = int32_t(search.best.dy);
+      difference(row, column) = search.lowest;
+    }
+}
+
+}  // namespace
+
+KERNEL(void, match_blocks, MatchBlocks) {
+  switch (a.rows0.kind) {
+    case UINT8: return match<uint8_t>(a);
+    case UINT16: return match<uint16_t>(a);
+    default: return match<float>(a);
+  }
+}

@@ -1,0 +1,300 @@
+// Search for the most similar patch: the report's Algorithm 1 for both directions in one pass.
+//
+// For one offset k, the similarity image W_k(x) = xi(A(x), B(x + k)) serves both fields: summed over the patch, it is
+// the score of k at x for A->B, and the score of -k at x + k for B->A. So every offset is computed once, row by row,
+// without storing a full-size image. Some neighbouring offsets are processed together and share the reads of the best
+// scores.
+#include "scratch.h"
+#include "similarity.h"
+
+struct BestOffsets {  // of fpsboost/kernels/search.py
+  Array similarity, ranks;
+};
+
+struct Search {
+  Array planes0, planes1;
+  Int height, width;
+  Array ranks, prices;
+  BestOffsets found01, found10;
+  Array weights, scratch;
+};
+
+namespace {
+
+typedef uint32_t U32 __attribute__((vector_size(64)));
+typedef uint32_t U32Unaligned __attribute__((vector_size(64), aligned(4), may_alias));
+
+constexpr Int LANES = 16;         // of kernels/jit.py: planes are so much wider, and those of frame 1 begin behind it
+constexpr Int STRIP_WIDTH = 640;  // columns per pass: little overhead of patch margins, and small enough for caches
+constexpr Int OFFSETS_PER_PASS = 8;  // neighbouring offsets that are processed together
+constexpr Int OFFSETS_AT_ONCE = 4;   // of which so many are compared with the best ones at a time
+constexpr Int BLOCK = 2 * LANES;     // pixels whose similarity is computed together
+constexpr Int OUTSIDE = 2 * LANES;   // totals on either side of the candidates that may be compared with them
+
+constexpr Int MAX_SIZE = 41;  // of patches
+
+INLINE U32 load_words(const uint32_t *from) { return *(const U32Unaligned *)from; }
+INLINE void store_words(uint32_t *to, U32 values) { *(U32Unaligned *)to = values; }
+
+template <typename Score> struct Vector;
+template <> struct Vector<float> {
+  typedef F16 Type;
+  typedef F16 Unaligned __attribute__((aligned(4), may_alias));
+};
+template <> struct Vector<int32_t> {
+  typedef I16 Type;
+  typedef I16 Unaligned __attribute__((aligned(4), may_alias));
+};
+
+template <typename Score> INLINE typename Vector<Score>::Type load_scores(const Score *from) {
+  return *(const typename Vector<Score>::Unaligned *)from;
+}
+template <typename Score> INLINE void store_scores(Score *to, typename Vector<Score>::Type values) {
+  *(typename Vector<Score>::Unaligned *)to = values;
+}
+
+// Sizes of the work arrays, in elements of four bytes; `search_scratch` of fpsboost/kernels/search.py has the same.
+struct Layout {
+  Int size, slots, columns, line;  // of patches, rows that are kept, similarities in a row, scores of an offset
+
+  Layout(Int size, Int rows_at_once, Int width)
+      : size(size), slots(size + rows_at_once - 1),
+        columns((least(width, STRIP_WIDTH) + size + 2 * BLOCK) / BLOCK * BLOCK), line(columns + 2 * OUTSIDE) {}
+};
+
+// Pixels of frame 0 in a row, and those of frame 1 to which an offset leads from them.
+struct PixelRow {
+  const float *first, *second;
+  Int plane0, plane1, count;
+
+  // Calls a function with the similarities of each vector of pixels and their place.
+  template <typename Function> void compare(const Function &use) const {
+    for (Int x = 0; x < count; x += BLOCK) {
+      I16 similarity[BLOCK / LANES];
+      exponential_similarity(first + x, plane0, second + x, plane1, similarity);
+      for (Int n = 0; n < BLOCK / LANES; n++) use(similarity[n], x + LANES * n);
+    }
+  }
+};
+
+// Scores of one offset over boxes: integers, which are summed down the last rows of each column, and then across by
+// differences of cumulative sums, modulo 2^32.
+struct BoxScores {
+  typedef int32_t Score;
+  static constexpr Int ROWS_AT_ONCE = 1;
+
+  Int size, row_size;
+  uint32_t *ring, *sums, *cumulative;  // the last rows of similarities, sums of their columns, and sums of these
+
+  BoxScores(const Layout &layout, const float *, Scratch &scratch)
+      : size(layout.size), row_size(layout.columns), ring(scratch.take<uint32_t>(layout.slots * row_size)),
+        sums(scratch.take<uint32_t>(row_size)), cumulative(scratch.take<uint32_t>(row_size + LANES)) {}
+
+  void begin(Int count) {
+    const Int blocks = (count + BLOCK - 1) / BLOCK * BLOCK;
+    for (Int row = 0; row < size; row++) __builtin_memset(ring + row * row_size, 0, blocks * sizeof(uint32_t));
+    __builtin_memset(sums, 0, blocks * sizeof(uint32_t));
+  }
+
+  void add_row(const PixelRow &pixels, Int row) {
+    uint32_t *const slot = ring + row % size * row_size, *const columns = sums;
+    pixels.compare([=](I16 similarity, Int x) {
+      store_words(columns + x, load_words(columns + x) + (U32)similarity - load_words(slot + x));
+      store_words(slot + x, (U32)similarity);
+    });
+  }
+
+  // Writes the scores of `count` pixels, less a price, in a row of pixels whose patches the rows are.
+  void finish(Int, Int, Int count, int32_t price, int32_t *scores, Int) {
+    const U32 none = {};
+    U32 before = none;  // the sum of all columns before
+    const uint32_t *const columns = sums;
+    uint32_t *const until = cumulative;
+    store_words(until, none);
+    for (Int x = 0, last = count + size - 1; x < last; x += LANES) {
+      U32 sum = load_words(columns + x);
+      sum += __builtin_shufflevector(none, sum, 0, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30);
+      sum += __builtin_shufflevector(none, sum, 0, 0, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29);
+      sum += __builtin_shufflevector(none, sum, 0, 0, 0, 0, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27);
+      sum += __builtin_shufflevector(none, sum, 0, 0, 0, 0, 0, 0, 0, 0, 16, 17, 18, 19, 20, 21, 22, 23);
+      sum += before;
+      before = __builtin_shufflevector(sum, sum, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15);
+      store_words(until + LANES + x, sum);
+    }
+    const uint32_t *from = until + LANES - 1, *to = from + size;
+    for (Int x = 0; x < count; x += LANES)
+      store_scores(scores + x, (I16)(load_words(to + x) - load_words(from + x) - uint32_t(price)));
+  }
+};
+
+// Scores of one offset over windows with symmetric weights, which are summed across and then down (section 3.1).
+struct WindowScores {
+  typedef float Score;
+  static constexpr Int ROWS_AT_ONCE = 6;  // windows one below the other, which share the reads of their rows
+
+  Int size, slots, row_size;
+  const float *weights;
+  float *ring, *latest;  // the last rows of sums across, and a row of similarities
+
+  WindowScores(const Layout &layout, const float *weights, Scratch &scratch)
+      : size(layout.size), slots(layout.slots), row_size(layout.columns), weights(weights),
+        ring(scratch.take<float>(slots * row_size)), latest(scratch.take<float>(row_size)) {
+    scratch.take<float>(row_size + LANES);  // as BoxScores
+  }
+
+  void begin(Int) {}
+
+  void add_row(const PixelRow &pixels, Int row) {
+    float *const values = latest;
+    pixels.compare([=](I16 similarity, Int x) { store(values + x, __builtin_convertvector(similarity, F16)); });
+    float *const across = ring + row % slots * row_size;
+    for (Int x = 0; x < pixels.count - size + 1; x += BLOCK)
+      sum_symmetric(x, 0, across, [=](Int k) { return values + k; });
+  }
+
+  // The same for several rows of pixels, whose scores are `apart`, from a first row on.
+  void finish(Int first, Int rows, Int count, float price, float *scores, Int apart) {
+    const float *slot[MAX_SIZE + ROWS_AT_ONCE - 1];
+    for (Int k = 0; k < size + rows - 1; k++) slot[k] = ring + (first + k) % slots * row_size;
+    for (Int x = 0; x < count; x += BLOCK)
+      for (Int row = 0; row < rows; row++)
+        sum_symmetric(x, -price, scores + row * apart, [&](Int k) { return slot[row + k]; });
+  }
+
+  // Writes weighted sums of a block of values, of which the k-th begin at value(k), and a first value.
+  template <typename Value> void sum_symmetric(Int x, float first, float *sums, const Value &value) {
+    const Int half = size / 2;
+    F16 sum[BLOCK / LANES];
+    for (Int n = 0; n < BLOCK / LANES; n++)
+      sum[n] = fma(broadcast<F16>(weights[half]), load<F16>(value(half) + x + LANES * n), broadcast<F16>(first));
+    for (Int k = 0; k < half; k++) {
+      const F16 weight = broadcast<F16>(weights[k]);
+      const float *one = value(k) + x, *other = value(size - 1 - k) + x;
+      for (Int n = 0; n < BLOCK / LANES; n++)
+        sum[n] = fma(weight, load<F16>(one + LANES * n) + load<F16>(other + LANES * n), sum[n]);
+    }
+    for (Int n = 0; n < BLOCK / LANES; n++) store(sums + x + LANES * n, sum[n]);
+  }
+};
+
+// Updates the best scores and their ranks where one of four scores is larger, or equal at a lower rank. Ranks increase.
+template <typename Score>
+INLINE void keep_best(const Score *const (&scores)[OFFSETS_AT_ONCE], const int32_t (&ranks)[OFFSETS_AT_ONCE],
+                      Score *best, int32_t *winners, Int count) {
+  typedef typename Vector<Score>::Type V;
+  for (Int x = 0; x < count; x += LANES) {
+    V value[OFFSETS_AT_ONCE];
+    I16 rank[OFFSETS_AT_ONCE];
+    for (Int n = 0; n < OFFSETS_AT_ONCE; n++) value[n] = load_scores(scores[n] + x), rank[n] = ranks[n] - I16{};
+    for (Int n = 0; n < OFFSETS_AT_ONCE; n += 2) {
+      const I16 is_larger = value[n + 1] > value[n];
+      value[n] = is_larger ? value[n + 1] : value[n], rank[n] = is_larger ? rank[n + 1] : rank[n];
+    }
+    const I16 is_second = value[2] > value[0];
+    const V highest = is_second ? value[2] : value[0], before = load_scores(best + x);
+    const I16 its_rank = is_second ? rank[2] : rank[0], winner = load_scores(winners + x);
+    const I16 is_larger = highest > before, is_better = is_larger | ((highest == before) & (its_rank < winner));
+    store_scores(best + x, is_larger ? highest : before);
+    store_scores(winners + x, is_better ? its_rank : winner);
+  }
+}
+
+// Pixels of a strip that an offset leads into the other frame.
+struct Candidates {
+  Int begin, end;
+};
+
+INLINE Candidates find_candidates(Int dx, Int left, Int pixels, Int width) {
+  return {most(Int(0), -dx - left), least(pixels, width - dx - left)};
+}
+
+// A neighbouring offset that is processed with others.
+template <typename Score> struct Candidate {
+  Int dx;
+  Candidates pixels;
+  Score price;
+  int32_t rank01, rank10;
+};
+
+template <typename Scores> void search_all(const Search &a) {
+  typedef typename Scores::Score Score;
+  constexpr Int AT_ONCE = Scores::ROWS_AT_ONCE;
+  const View<const float, 3> planes0(a.planes0), planes1(a.planes1);
+  const View<const int32_t, 2> ranks(a.ranks);
+  const View<const Score, 2> prices(a.prices);
+  const View<Score, 2> best01(a.found01.similarity), best10(a.found10.similarity);
+  const View<int32_t, 2> winners01(a.found01.ranks), winners10(a.found10.ranks);
+  const Int height = a.height, width = a.width, radius = ranks.shape[0] / 2, size = a.weights.shape[0];
+  const Layout layout(size, AT_ONCE, width);
+  Scratch scratch(a.scratch);
+  const float *weights = (const float *)a.weights.data;
+  Scores sums[OFFSETS_PER_PASS] = {{layout, weights, scratch}, {layout, weights, scratch}, {layout, weights, scratch},
+                                   {layout, weights, scratch}, {layout, weights, scratch}, {layout, weights, scratch},
+                                   {layout, weights, scratch}, {layout, weights, scratch}};
+  const Int apart = OFFSETS_PER_PASS * layout.line;
+  Score *const scores = scratch.take<Score>(AT_ONCE * apart) + OUTSIDE;
+
+  // Searches some offsets in a strip: from the nearest to zero on, whose rank is lowest, to the left or to the right.
+  const auto search_pass = [&](Int dy, Int left, Int nearest, Int sign) {
+    const Int pixels = least(STRIP_WIDTH, width - left), top = most(Int(0), -dy), bottom = least(height, height - dy);
+    const Int count = least(radius + 1 - nearest * sign, OFFSETS_PER_PASS);
+    Candidate<Score> offsets[OFFSETS_PER_PASS];
+    for (Int n = 0; n < count; n++) {
+      const Int dx = nearest + sign * n;
+      offsets[n] = {dx, find_candidates(dx, left, pixels, width), prices(radius + dy, radius + dx),
+                    ranks(radius + dy, radius + dx), ranks(radius - dy, radius - dx)};
+      sums[n].begin(most(offsets[n].pixels.end - offsets[n].pixels.begin + size - 1, Int(0)));
+    }
+    for (Int y = top; y < bottom; y += AT_ONCE) {
+      const Int rows = least(AT_ONCE, bottom - y);
+      for (Int n = 0; n < count; n++) {
+        const Int begin = offsets[n].pixels.begin, end = offsets[n].pixels.end;
+        if (begin >= end) continue;
+        const Int here = left + begin, there = LANES + here + offsets[n].dx;
+        for (Int row = y == top ? y : y + size - 1; row < y + rows + size - 1; row++)
+          sums[n].add_row({planes0.at(0, row, here), planes1.at(0, row + dy, there),
+                           planes0.shape[1] * planes0.shape[2], planes1.shape[1] * planes1.shape[2],
+                           end - begin + size - 1},
+                          row);
+        sums[n].finish(y, rows, end - begin, offsets[n].price, scores + n * layout.line + begin, apart);
+      }
+      for (Int row = 0; row < rows; row++)
+        for (Int first = 0; first < count; first += OFFSETS_AT_ONCE) {
+          const Score *from01[OFFSETS_AT_ONCE], *from10[OFFSETS_AT_ONCE];
+          int32_t ranks01[OFFSETS_AT_ONCE], ranks10[OFFSETS_AT_ONCE];
+          for (Int k = 0; k < OFFSETS_AT_ONCE; k++) {
+            const Int n = least(first + k, count - 1);  // the last one again does not win
+            const Candidate<Score> &offset = offsets[n];
+            Score *line = scores + row * apart + n * layout.line;
+            for (Int x = 0; x < OUTSIDE; x++)  // what leads out of the other frame never wins
+              line[offset.pixels.begin - OUTSIDE + x] = line[offset.pixels.end + x] = -1;
+            from01[k] = line, from10[k] = line - offset.dx;
+            ranks01[k] = offset.rank01, ranks10[k] = offset.rank10;
+          }
+          const Candidates widest = offsets[first].pixels;
+          if (widest.begin >= widest.end) continue;
+          const Int last_dx = offsets[least(first + OFFSETS_AT_ONCE, count) - 1].dx, dx = offsets[first].dx;
+          for (Int k = 0; k < OFFSETS_AT_ONCE; k++) from01[k] += widest.begin;
+          keep_best(from01, ranks01, best01.at(y + row, left + widest.begin),
+                    winners01.at(y + row, left + widest.begin), widest.end - widest.begin);
+          // the scores are moved by their offsets, so that they refer to the same pixel
+          const Int begin = most(least(dx, last_dx), -left), end = least(pixels + most(dx, last_dx), width - left);
+          for (Int k = 0; k < OFFSETS_AT_ONCE; k++) from10[k] += begin;
+          const Int there = LANES + left + begin;
+          keep_best(from10, ranks10, best10.at(y + row + dy, there), winners10.at(y + row + dy, there), end - begin);
+        }
+    }
+  };
+
+  for (Int dy = -radius; dy <= radius; dy++)
+    for (Int left = 0; left < width; left += STRIP_WIDTH)
+      for (Int sign = 1; sign >= -1; sign -= 2)
+        for (Int nearest = sign < 0 ? -1 : 0; nearest * sign <= radius; nearest += sign * OFFSETS_PER_PASS) {
+          const Candidates pixels = find_candidates(nearest, left, least(STRIP_WIDTH, width - left), width);
+          if (pixels.begin < pixels.end) search_pass(dy, left, nearest, sign);
+        }
+}
+
+}  // namespace
+
+KERNEL(void, search_in, Search) { a.prices.kind == INT32 ? search_all<BoxScores>(a) : search_all<WindowScores>(a); }

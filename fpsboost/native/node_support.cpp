@@ -1,0 +1,85 @@
+// How far neighbouring nodes agree on a motion, which a node alone cannot tell where texture is weak.
+//
+// Each candidate is compared with those that its neighbours believe in, by their votes and by the luma around them.
+#include "fusion_features.h"
+
+struct MeasureSupport {
+  Candidates candidates;
+  Surroundings around;
+  double t;
+  Array beliefs;
+};
+
+namespace {
+
+constexpr int SIDE = 8, AREA = SIDE * SIDE;  // samples of luma around a node that are compared
+constexpr float SHARPNESS = 18;  // rate at which the belief decays as the similarity falls, as that of plain weights
+
+// How alike the luma of both frames is around a node along a candidate, 0 to 1.
+float compare_luma(Int top, Int left, const Motion &motion, float t, const Surroundings &around) {
+  alignas(64) float samples[2][AREA];
+  for (int n = 0; n < 2; n++) {
+    const float time = float(n);
+    const View<const float, 2> luma(around.luma[1 + n]);
+    const Position at = locate_luma(top, left, time, motion, t, around);
+    filter_blocks(luma.data, luma.shape[0], luma.shape[1], at, time - t, motion, SIDE, SIDE, samples[n]);
+  }
+  for (int i = 0; i < AREA; i += 16) {
+    const F16 apart = absolute(load<F16>(samples[0] + i) - load<F16>(samples[1] + i));
+    store(samples[0] + i, decay(apart * apart, 0, LUMA_SCALE, 1.f / AREA));
+  }
+  float alike = 0;
+  for (int i = 0; i < AREA; i++) alike += samples[0][i];
+  return alike;
+}
+
+// Writes the belief in each candidate of a node, with a sum of 1.
+void believe_node(Int row, Int column, const Candidates &candidates, const Surroundings &around, float t,
+                  float *beliefs) {
+  const NodeCandidates node(candidates, row, column);
+  const Int before = candidates.spacing / 2 - SIDE;
+  const Int top = row * candidates.spacing + before, left = column * candidates.spacing + before;
+  float total = 0;
+  for (Int k = 0; k < node.count; k++) {
+    beliefs[k] = node.priors[k];
+    if (beliefs[k] > 0 && node.count > 1) {
+      const float alike = compare_luma(top, left, node.motion(k), t, around);
+      beliefs[k] *= float(__builtin_exp(double(SHARPNESS * (alike - 1))));
+    }
+    total += beliefs[k];
+  }
+  for (Int k = 0; k < node.count; k++) beliefs[k] /= most(total, 1e-20f);
+}
+
+// How far the neighbours of a node agree with a motion, 0 to 1: their beliefs, less for a motion that differs.
+float agreement(Int row, Int column, const Motion &motion, const Candidates &candidates,
+                const View<const float, 3> &beliefs) {
+  float total = 0, nodes = 0;
+  for (Int y = most(row - 1, Int(0)); y < least(row + 2, beliefs.shape[0]); y++)
+    for (Int x = most(column - 1, Int(0)); x < least(column + 2, beliefs.shape[1]); x++) {
+      if (y == row && x == column) continue;
+      const NodeCandidates node(candidates, y, x);
+      nodes += 1;
+      for (Int k = 0; k < node.count; k++) {
+        const Motion other = node.motion(k);
+        total += beliefs(y, x, k) / (1 + most(absolute(other.dx - motion.dx), absolute(other.dy - motion.dy)));
+      }
+    }
+  return total / most(nodes, 1.f);
+}
+
+}  // namespace
+
+KERNEL(void, measure_support, MeasureSupport) {
+  const View<float, 3> beliefs(a.beliefs), support(a.around.support);
+  const Int rows = beliefs.shape[0], columns = beliefs.shape[1];
+  for (Int row = 0; row < rows; row++)
+    for (Int column = 0; column < columns; column++)
+      believe_node(row, column, a.candidates, a.around, float(a.t), beliefs.at(row, column));
+  for (Int row = 0; row < rows; row++)
+    for (Int column = 0; column < columns; column++) {
+      const NodeCandidates node(a.candidates, row, column);
+      for (Int k = 0; k < node.count; k++)
+        support(row, column, k) = agreement(row, column, node.motion(k), a.candidates, View<const float, 3>(a.beliefs));
+    }
+}

@@ -1,0 +1,246 @@
+// Weights of the pixels of a window: how similar both frames are along each candidate motion of its node.
+//
+// The weight of a candidate at a pixel is its prior weight, by its votes, times an exponential of the patch similarity
+// of the two samples at time t: non-local means over motions instead of over places. Learnt weights are the
+// exponentials of sums of features, for both frames along the candidate and for either alone.
+#pragma once
+#include "fusion_features.h"
+
+struct Weighting {
+  double scale, sharpness, sufficient_similarity, min_vote_share;
+  Array window_shape, even, odd, factors;
+};
+
+namespace {
+
+constexpr int FEATURE_SUMS = 10;            // of both frames, of either alone, and of each hinge
+constexpr float MIN_WEIGHT_SUM = 1e-30f;    // initial value of sums of weights, which keeps them above zero
+constexpr float HIGHEST_LOGIT = 20;         // logarithms of weights are limited to this
+constexpr float FOREGROUND_SCALE = 4;       // on squared differences: a bandwidth of 0.15 at which thin things match
+constexpr float FOREGROUND_SHARPNESS = 10;  // logarithm of the factor on the weight of what is certainly in front
+constexpr float HIGHEST_GAIN = float(22026.465794806718);  // the factor itself, exp(FOREGROUND_SHARPNESS)
+constexpr float FOREGROUND_AGREEMENT = 3;  // on the agreement with the fields: along an edge motion is ambiguous
+
+struct NodeSums {                                                                   // over the candidates of a node
+  alignas(64) float weights[SQUARES_PER_WINDOW], similarities[SQUARES_PER_WINDOW];  // the latter are weighted
+  alignas(64) float most_similar[SQUARES_PER_WINDOW];  // largest similarity of any candidate
+  alignas(64) float reached[SQUARES_PER_WINDOW];       // plain weights, by which further candidates are skipped
+  float least_weight, least_similar;                   // of any square: plain weight so far, largest similarity
+  // The dominant motion is that of the candidate which matches most of the window.
+  alignas(64) float mismatch[SQUARES_PER_WINDOW];
+  float matched;
+  Motion dominant;
+
+  void clear() {
+    for (int i = 0; i < SQUARES_PER_WINDOW; i++) {
+      weights[i] = MIN_WEIGHT_SUM;
+      similarities[i] = most_similar[i] = reached[i] = 0;
+    }
+    least_weight = least_similar = matched = 0;
+    dominant = {};
+  }
+};
+
+struct CandidateWeights {                         // of the squares of a window
+  alignas(64) float squared[SQUARES_PER_WINDOW];  // squared differences along the candidate
+  alignas(64) float weight[SQUARES_PER_WINDOW];
+  // weight of the difference of frame 1 from frame 0, as one of them alone weighs more than its share by time
+  alignas(64) float lean[SQUARES_PER_WINDOW];
+  alignas(64) float gain[SQUARES_PER_WINDOW];  // factor on the weights; see find_foreground
+  Features features;
+};
+
+INLINE void count_similarity(const float *weight, const float *similarity, NodeSums &sums) {
+  for (int i = 0; i < SQUARES_PER_WINDOW; i += 16) {
+    const F16 w = load<F16>(weight + i), similar = load<F16>(similarity + i);
+    store(sums.weights + i, load<F16>(sums.weights + i) + w);
+    store(sums.similarities + i, fma(w, similar, load<F16>(sums.similarities + i)));
+    store(sums.most_similar + i, larger(load<F16>(sums.most_similar + i), similar));
+  }
+  sums.least_similar = smallest(sums.most_similar);
+}
+
+// Computes the plain weights of a candidate from its squared differences.
+inline void weigh_plainly(float prior, const Weighting &weighting, CandidateWeights &candidate, NodeSums &sums) {
+  alignas(64) float values[SQUARES_PER_WINDOW], similarity[SQUARES_PER_WINDOW];
+  const float sharpness = float(weighting.sharpness);
+  write_decay(candidate.squared, 0, float(weighting.scale), 1, values);
+  average_patches(values, similarity);
+  write_decay(similarity, sharpness, -sharpness, prior, candidate.weight);
+  count_similarity(candidate.weight, similarity, sums);
+  sums.least_weight = smallest(sums.weights);
+}
+
+// Writes the mismatch, bilinearly, of the place so many squares on from each square; 0 outside of the window.
+inline void find_mismatch(const float *mismatch, float down, float across, float *moved) {
+  const float whole_y = __builtin_floorf(down), whole_x = __builtin_floorf(across);
+  const float below = down - whole_y, right = across - whole_x;
+  const int size = SQUARES_PER_ROW;
+  for (int i = 0; i < SQUARES_PER_WINDOW; i++) moved[i] = 0;
+  for (int corner = 0; corner < 4; corner++) {
+    const Int y = Int(whole_y) + corner / 2, x = Int(whole_x) + corner % 2;
+    const float share = (corner / 2 ? below : 1 - below) * (corner % 2 ? right : 1 - right);
+    for (Int j = most(Int(0), -y); j < least(Int(size), size - y); j++)
+      for (Int i = most(Int(0), -x); i < least(Int(size), size - x); i++)
+        moved[j * size + i] += share * mismatch[(j + y) * size + i + x];
+  }
+}
+
+// Writes the factor by which a candidate gains where it shows what is in front of the dominant motion of the window.
+//
+// A thin thing that moves by more than its width leaves no gap in what is behind it: there, both frames agree along
+// either motion, and similarity cannot tell which is in front. But what is seen of the thing in both frames disagrees
+// along the dominant motion, so it must have moved by another, and must be shown. The squares where both ends of a
+// candidate are such squares are its foreground; it gains where its own match holds over the foreground around.
+inline void find_foreground(float scale, const Motion &motion, float t, CandidateWeights &candidate, NodeSums &sums) {
+  alignas(64) float match[SQUARES_PER_WINDOW], front[SQUARES_PER_WINDOW], other[SQUARES_PER_WINDOW];
+  float *gain = candidate.gain;
+  write_decay(candidate.squared, 0, scale * FOREGROUND_SCALE, 1, match);
+  float matched = 0;
+  for (int i = 0; i < SQUARES_PER_WINDOW; i++) matched += match[i], gain[i] = 1;
+  if (matched > sums.matched) {
+    sums.matched = matched, sums.dominant = motion;
+    for (int i = 0; i < SQUARES_PER_WINDOW; i++) sums.mismatch[i] = 1 - match[i];
+    return;
+  }
+  const float dx = motion.dx - sums.dominant.dx, dy = motion.dy - sums.dominant.dy, curve = t * (1 - t) * 0.5f;
+  const float apart = least(most(absolute(dx), absolute(dy)) - 1, 1.f);
+  if (apart <= 0) return;
+  const float bent_x = curve * (motion.acceleration_x - sums.dominant.acceleration_x);
+  const float bent_y = curve * (motion.acceleration_y - sums.dominant.acceleration_y);
+  find_mismatch(sums.mismatch, (bent_y - t * dy) * 0.5f, (bent_x - t * dx) * 0.5f, front);
+  find_mismatch(sums.mismatch, (bent_y + (1 - t) * dy) * 0.5f, (bent_x + (1 - t) * dx) * 0.5f, other);
+  for (int i = 0; i < SQUARES_PER_WINDOW; i++) {
+    const int cell = 2 * (i / SQUARES_PER_ROW) / CELL * CELLS_PER_ROW + 2 * (i % SQUARES_PER_ROW) / CELL;
+    const float agreement =
+        least(candidate.features.cells[AGREEMENT][cell], candidate.features.cells[AGREEMENT + 1][cell]);
+    front[i] = least(front[i], other[i]) * apart * least(FOREGROUND_AGREEMENT * agreement, 1.f);
+    other[i] = front[i] * match[i];
+  }
+  average_patches(other, gain);
+  average_patches(front, match);
+  for (int i = 0; i < SQUARES_PER_WINDOW; i++)  // of hardly any foreground around, the mean is no evidence
+    gain[i] = front[i] * gain[i] / (match[i] + 0.02f);
+  write_decay(gain, FOREGROUND_SHARPNESS, -FOREGROUND_SHARPNESS, HIGHEST_GAIN, gain);
+}
+
+// Parts of a sum of features: the even one is the same for both frames, the odd one has another sign for frame 1.
+struct CellSums {
+  CellRows even, odd;
+};
+
+// Sums those features that differ from cell to cell, or not at all.
+inline void sum_cells(const float *even, const float *odd, const Features &features, CellSums &sums) {
+  even += SQUARE_FEATURES, odd += SQUARE_FEATURES;
+  float constant = 0;
+  for (int n = 0; n < SCALAR_FEATURES; n++) constant += even[CELL_FEATURES + n] * features.scalars[n];
+  F16 even_sum = broadcast<F16>(constant), odd_sum{};
+  for (int n = 0; n < CELL_FEATURES; n++) {
+    const F16 cells = load<F16>(features.cells[n]);
+    even_sum = fma(broadcast<F16>(even[n]), cells, even_sum);
+    odd_sum = fma(broadcast<F16>(odd[n]), cells, odd_sum);
+  }
+  alignas(64) float values[CELLS];
+  store(values, even_sum);
+  spread_across(values, sums.even);
+  store(values, odd_sum);
+  spread_across(values, sums.odd);
+}
+
+struct Logits {  // logarithms of the weights of both frames along a candidate, and of either alone
+  alignas(64) float both[SQUARES_PER_WINDOW], frame0[SQUARES_PER_WINDOW], frame1[SQUARES_PER_WINDOW];
+};
+
+// Sums the features of every square. Features and logarithms of some squares stay in registers over all sums.
+inline void sum_features(const Weighting &weighting, const Features &features, Logits &logits) {
+  const View<const float, 2> even(weighting.even), odd(weighting.odd), factors(weighting.factors);
+  CellSums cells[FEATURE_SUMS];
+  for (int n = 0; n < FEATURE_SUMS; n++) sum_cells(even.at(n), odd.at(n), features, cells[n]);
+  for (int j = 0; j < SQUARES_PER_ROW; j++) {
+    const Between between = rows_of_cells(j);
+    const Wide below = broadcast<Wide>(between.below), above = broadcast<Wide>(between.above);
+    for (int i = 0; i < SQUARES_PER_ROW; i += Lanes<Wide>::count) {
+      const int at = j * SQUARES_PER_ROW + i;
+      Wide squares[SQUARE_FEATURES], both{}, frame0{}, frame1{};
+      for (int k = 0; k < SQUARE_FEATURES; k++) squares[k] = load<Wide>(features.squares[k] + at);
+      const Wide lean = squares[ONWARD0] - squares[ONWARD1];
+      for (int n = 0; n < FEATURE_SUMS; n++) {
+        const auto row = [&](const CellRows &rows) __attribute__((always_inline)) {
+          return fma(load<Wide>(rows.values[between.first + 1] + i), above,
+                     load<Wide>(rows.values[between.first] + i) * below);
+        };
+        Wide even_sum = row(cells[n].even);
+        for (int k = 0; k < SQUARE_FEATURES; k++) even_sum = fma(squares[k], broadcast<Wide>(even(n, k)), even_sum);
+        const Wide odd_sum = fma(lean, broadcast<Wide>(odd(n, ONWARD0)), row(cells[n].odd));
+        const Wide floor = broadcast<Wide>(n < 2 ? -1e9f : 0);  // the sums from the third on are hinges
+        const Wide of_frame0 = larger(even_sum + odd_sum, floor), of_frame1 = larger(even_sum - odd_sum, floor);
+        const Wide alone = broadcast<Wide>(factors(n, 1));
+        both = fma(broadcast<Wide>(factors(n, 0)), of_frame0 + of_frame1, both);
+        frame0 = fma(alone, of_frame0, frame0), frame1 = fma(alone, of_frame1, frame1);
+      }
+      store(logits.both + at, both), store(logits.frame0 + at, frame0), store(logits.frame1 + at, frame1);
+    }
+  }
+}
+
+// Computes the learnt weights of a candidate from its features.
+inline void weigh_features(float prior, const Motion &motion, float t, const Weighting &weighting,
+                           CandidateWeights &candidate, NodeSums &sums) {
+  Logits logits;
+  find_foreground(float(weighting.scale), motion, t, candidate, sums);
+  sum_features(weighting, candidate.features, logits);
+  const float share1 = 2 * t, share0 = 2 - share1, sharpness = float(weighting.sharpness);
+  for (int i = 0; i < SQUARES_PER_WINDOW; i += 16) {
+    const F16 both = decay(load<F16>(logits.both + i), HIGHEST_LOGIT, -1, prior) * load<F16>(candidate.gain + i);
+    const F16 frame0 = decay(load<F16>(logits.frame0 + i), HIGHEST_LOGIT, -1, share0 * prior);
+    const F16 frame1 = decay(load<F16>(logits.frame1 + i), HIGHEST_LOGIT, -1, share1 * prior);
+    store(candidate.lean + i, (1 - t) * frame1 - t * frame0);
+    store(candidate.weight + i, both + frame0 + frame1);
+    const F16 plain = decay(load<F16>(candidate.features.squares[SIMILARITY] + i), sharpness, -sharpness, prior);
+    store(sums.reached + i, load<F16>(sums.reached + i) + plain);
+  }
+  count_similarity(candidate.weight, candidate.features.squares[SIMILARITY], sums);
+  sums.least_weight = smallest(sums.reached);
+}
+
+// Weighs the candidates of a node one after the other, and calls `take` after each with its number.
+//
+// The rest is skipped once it has few votes beside what others have reached, or once all pixels are similar enough.
+template <typename Take>
+INLINE void weigh_candidates(Int row, Int column, const Candidates &candidates, float t, const Weighting &weighting,
+                             const Surroundings *around, LayerSamples &full, LayerSamples *further,
+                             CandidateWeights &candidate, NodeSums &sums, Take take) {
+  const Int before = (WINDOW - candidates.spacing) / 2;
+  const Int top = row * candidates.spacing - before, left = column * candidates.spacing - before;
+  const Int height = full.planes[0].shape[1], width = full.planes[0].shape[2];
+  const NodeCandidates node(candidates, row, column);
+  sums.clear();
+  for (Int k = 0; k < node.count; k++) {
+    const float prior = node.priors[k];
+    if (prior <= 0) continue;
+    if (prior < float(weighting.min_vote_share) * sums.least_weight ||
+        sums.least_similar >= float(weighting.sufficient_similarity))
+      break;
+    const Motion motion = node.motion(k);
+    InsideMarks marks;
+    const WindowPlace place = locate_window(top, left, motion, t, height, width, marks);
+    sample_layer(full, place, marks, motion, t);
+    pool_pixels(full.distance, candidate.squared);
+    if (further) {
+      const WindowPlace there = locate_further(place, further->down, further->across);
+      sample_layer(*further, there, marks, scale_motion(motion, further->down, further->across), t);
+      if (further->across > 1) pool_chroma(further->distance, further->down, candidate.squared);
+    }
+    if (around) {
+      const float support = View<const float, 3>(around->support)(row, column, k);
+      describe_candidate(candidate.squared, float(weighting.scale), top, left, motion, prior, support, t, *around,
+                         candidate.features);
+      weigh_features(prior, motion, t, weighting, candidate, sums);
+    } else {
+      weigh_plainly(prior, weighting, candidate, sums);
+    }
+    take(k, motion);
+  }
+}
+
+}  // namespace

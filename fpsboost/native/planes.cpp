@@ -1,0 +1,252 @@
+// Planes in which the searches compare two frames: half luma, its high-pass and mean chroma in bytes; and small copies.
+#include "arrays.h"
+
+namespace {
+
+constexpr float WHITE = 255;                   // of kernels/similarity.py
+constexpr int HIGH_PASS_SIZE = 9;              // side of the box whose mean luma is subtracted, pixels
+constexpr int RADIUS = HIGH_PASS_SIZE / 2;
+constexpr int KEPT_ROWS = HIGH_PASS_SIZE + 1;  // rows of luma that a running sum over boxes needs
+// Weight of each pixel of the box.
+constexpr double SHARE = 1.0 / (HIGH_PASS_SIZE * HIGH_PASS_SIZE);
+
+struct Room {
+  Array rows, sums, chroma;
+};
+
+struct Levels {  // that represent a difference of 1, and no difference from the mean
+  float scale, middle;
+};
+
+// A value rounded and clipped to a byte.
+INLINE uint8_t as_level(float value) { return uint8_t(within(value + 0.5f, 0.0f, WHITE)); }
+
+// The index that stands for one beyond the ends of an axis, mirrored at the first and last element.
+Int reflected(Int place, Int size) {
+  if (size == 1) return 0;
+  while (place < 0 || place >= size) place = place < 0 ? -place : 2 * (size - 1) - place;
+  return place;
+}
+
+// High-pass filter that follows the conversion of rows to luma by RADIUS rows.
+struct HighPass {
+  View<float, 2> rows;  // ring buffer of the latest rows of luma
+  View<double, 1> sums;  // of each column over the rows of the box, with RADIUS reflected columns on either side
+  Int height, width;
+
+  HighPass(const Room &room, Int height) : rows(room.rows), sums(room.sums), height(height), width(rows.shape[1]) {}
+  float *row(Int y) const { return rows.at(y % KEPT_ROWS); }
+
+  // Moves the box to row y, which must be called in order. Sums of integer codes are exact.
+  void move_to(Int y) const {
+    double *__restrict inner = sums.data + RADIUS;
+    if (y == 0) {
+      for (Int x = 0; x < sums.shape[0]; x++) sums.data[x] = 0;
+    } else {
+      const float *leaves = row(reflected(y - RADIUS - 1, height));
+      for (Int x = 0; x < width; x++) inner[x] -= double(leaves[x]);
+    }
+    for (Int n = y == 0 ? -RADIUS : RADIUS; n <= RADIUS; n++) {
+      const float *enters = row(reflected(y + n, height));
+      for (Int x = 0; x < width; x++) inner[x] += double(enters[x]);
+    }
+    for (Int n = 1; n <= RADIUS; n++) {
+      inner[-n] = inner[reflected(-n, width)];
+      inner[width - 1 + n] = inner[reflected(width - 1 + n, width)];
+    }
+  }
+  // Writes row y of the second plane: twice the luma minus its local mean, which has both signs.
+  void write(Int y, const Levels &levels, uint8_t *__restrict second) const {
+    move_to(y);
+    const float *luma = row(y), twice = 2 * levels.scale;
+    for (Int x = 0; x < width; x++) {
+      double total = sums.data[x];
+      for (int n = 1; n < HIGH_PASS_SIZE; n++) total += sums.data[x + n];
+      second[x] = as_level(twice * (luma[x] - float(total * SHARE)) + levels.middle);
+    }
+  }
+};
+
+// Repeats the edges of the frame on all sides of the planes.
+void repeat_edges(Int height, Int width, Int padding, const View<uint8_t, 3> &planes) {
+  const Int columns = planes.shape[2];
+  for (Int c = 0; c < planes.shape[0]; c++) {
+    for (Int y = padding; y < padding + height; y++) {
+      uint8_t *row = planes.at(c, y);
+      const uint8_t first = row[padding], last = row[padding + width - 1];
+      for (Int x = 0; x < padding; x++) row[x] = first;
+      for (Int x = padding + width; x < columns; x++) row[x] = last;
+    }
+    const uint8_t *above = planes.at(c, padding), *below = planes.at(c, padding + height - 1);
+    for (Int y = 0; y < padding; y++) {
+      uint8_t *__restrict first = planes.at(c, y), *__restrict last = planes.at(c, y + padding + height);
+      for (Int x = 0; x < columns; x++) {
+        first[x] = above[x];
+        last[x] = below[x];
+      }
+    }
+  }
+}
+
+// Writes all three planes of `height` rows; `split(y, luma, first, third)` gives a row of luma, half luma and chroma.
+template <typename Split>
+INLINE void write_planes(const Room &room, Int height, Int padding, const Levels &levels,
+                         const View<uint8_t, 3> &planes, Split split) {
+  const HighPass high_pass(room, height);
+  for (Int y = 0; y < height + RADIUS; y++) {
+    if (y < height)
+      split(y, high_pass.row(y), planes.at(0, padding + y) + padding, planes.at(2, padding + y) + padding);
+    if (y >= RADIUS) high_pass.write(y - RADIUS, levels, planes.at(1, padding + y - RADIUS) + padding);
+  }
+  repeat_edges(height, high_pass.width, padding, planes);
+}
+
+struct SplitColours {
+  Array image;
+  double normalise, scale, middle;
+  Int padding;
+  Room room;
+  Array planes;
+};
+
+template <typename T, int CHANNELS> void split_pixels(const SplitColours &a) {
+  const View<const T, 3> image(a.image);
+  const Int height = image.shape[0], width = image.shape[1];
+  const Levels levels{float(a.scale), float(a.middle)};
+  const float normalise = float(a.normalise), scale = levels.scale, half = 0.5f;
+  auto split = [=](Int y, float *__restrict luma, uint8_t *__restrict first, uint8_t *__restrict third) {
+    const T *__restrict pixels = image.at(y);
+    for (Int x = 0; x < width; x++) {
+      const T *pixel = pixels + x * CHANNELS;
+      const float blue = float(pixel[0]) * normalise;
+      const float alpha = CHANNELS % 2 == 0 ? float(pixel[CHANNELS - 1]) * normalise : 1;
+      float value = blue, chroma = 0;
+      if constexpr (CHANNELS >= 3) {
+        const float green = float(pixel[1]) * normalise, red = float(pixel[2]) * normalise;
+        value = 0.299f * red + 0.587f * green + 0.114f * blue;
+        chroma = (float(0.713 / 2) * (red - value) + float(0.564 / 2) * (blue - value)) * alpha + half;
+      }
+      value *= alpha;
+      luma[x] = value;
+      first[x] = as_level(value * half * scale);
+      third[x] = as_level(chroma * scale);
+    }
+  };
+  write_planes(a.room, height, a.padding, levels, View<uint8_t, 3>(a.planes), split);
+}
+
+template <typename T> void split_image(const SplitColours &a) {
+  switch (a.image.shape[2]) {
+    case 1: return split_pixels<T, 1>(a);
+    case 2: return split_pixels<T, 2>(a);
+    case 3: return split_pixels<T, 3>(a);
+    default: return split_pixels<T, 4>(a);
+  }
+}
+
+struct CodeLevels {
+  double black, luma_unit, neutral, chroma_unit;
+};
+
+struct SplitPlanes {
+  Array y_plane, cb_plane, cr_plane;
+  CodeLevels code_levels;
+  double scale, middle;
+  Int padding;
+  Room room;
+  Array planes;
+};
+
+// Writes a row of the third plane at the resolution of chroma.
+template <typename T>
+void mix_chroma(const T *cb, const T *cr, float neutral, float unit, float scale, uint8_t *__restrict out,
+                Int columns) {
+  for (Int x = 0; x < columns; x++) {
+    const float chroma = float(cb[x]) + float(cr[x]);
+    out[x] = as_level(((chroma * 0.5f - neutral) * unit + 0.5f) * scale);
+  }
+}
+
+template <typename T> void split_codes(const SplitPlanes &a) {
+  const View<const T, 2> luma_codes(a.y_plane), cb(a.cb_plane), cr(a.cr_plane);
+  const View<uint8_t, 1> room(a.room.chroma);
+  const Int height = luma_codes.shape[0], width = luma_codes.shape[1], rows = cb.shape[0], columns = cb.shape[1];
+  const Int down = rows == height ? 1 : 2;
+  const Levels levels{float(a.scale), float(a.middle)};
+  const float black = float(a.code_levels.black), luma_unit = float(a.code_levels.luma_unit);
+  const float neutral = float(a.code_levels.neutral), chroma_unit = float(a.code_levels.chroma_unit);
+  auto split = [=](Int y, float *__restrict luma, uint8_t *__restrict first, uint8_t *__restrict third) {
+    const T *__restrict codes = luma_codes.at(y);
+    for (Int x = 0; x < width; x++) {
+      const float value = (float(codes[x]) - black) * luma_unit;
+      luma[x] = value;
+      first[x] = as_level(value * 0.5f * levels.scale);
+    }
+    const uint8_t *chroma = room.data;
+    if (y % down == 0)
+      mix_chroma(cb.at(y / down), cr.at(y / down), neutral, chroma_unit, levels.scale, room.data, columns);
+    if (columns == width) {
+      for (Int x = 0; x < width; x++) third[x] = chroma[x];
+      return;
+    }
+    for (Int x = 0; x < width / 2; x++) third[2 * x] = third[2 * x + 1] = chroma[x];
+    third[width - 1] = chroma[columns - 1];
+  };
+  write_planes(a.room, height, a.padding, levels, View<uint8_t, 3>(a.planes), split);
+}
+
+struct Shrink {
+  Array rows, line, small;
+};
+
+template <typename T> void shrink_rows(const Shrink &a) {
+  const View<const T, 2> rows(a.rows);
+  const View<float, 3> small(a.small);
+  float *__restrict line = (float *)a.line.data;
+  const Int height = rows.shape[0], down = small.shape[0], across = small.shape[1], channels = small.shape[2];
+  const Int values = rows.shape[1], width = values / channels;
+  const double area = double(height) / double(down) * (double(width) / double(across));
+  for (Int v = 0; v < down; v++) {
+    const double top = double(v * height) / double(down), bottom = double((v + 1) * height) / double(down);
+    for (Int x = 0; x < values; x++) line[x] = 0;
+    for (Int y = Int(top); y < least(Int(__builtin_ceil(bottom)), height); y++) {
+      const float share = float(least(bottom, double(y + 1)) - most(top, double(y)));
+      const T *row = rows.at(y);
+      for (Int x = 0; x < values; x++) line[x] += share * float(row[x]);
+    }
+    for (Int u = 0; u < across; u++) {
+      const double left = double(u * width) / double(across), right = double((u + 1) * width) / double(across);
+      const Int first = Int(left), last = least(Int(__builtin_ceil(right)), width) - 1;
+      const double first_share = least(right, double(first + 1)) - left, last_share = right - double(last);
+      for (Int c = 0; c < channels; c++) {
+        double total = 0;
+        total += first_share * double(line[first * channels + c]);
+        for (Int x = first + 1; x < last; x++) total += double(line[x * channels + c]);
+        if (last > first) total += last_share * double(line[last * channels + c]);
+        small(v, u, c) = float(total / area);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+KERNEL(void, split_colours, SplitColours) {
+  switch (a.image.kind) {
+    case UINT8: return split_image<uint8_t>(a);
+    case UINT16: return split_image<uint16_t>(a);
+    default: return split_image<float>(a);
+  }
+}
+
+KERNEL(void, split_planes, SplitPlanes) {
+  return a.y_plane.kind == UINT8 ? split_codes<uint8_t>(a) : split_codes<uint16_t>(a);
+}
+
+KERNEL(void, shrink, Shrink) {
+  switch (a.rows.kind) {
+    case UINT8: return shrink_rows<uint8_t>(a);
+    case UINT16: return shrink_rows<uint16_t>(a);
+    default: return shrink_rows<float>(a);
+  }
+}

@@ -1,0 +1,180 @@
+// Cubic B-splines: the coefficients of planes, and both frames mixed in time along the motion of every pixel.
+#include "vectors.h"
+
+namespace {
+
+constexpr Int MARGIN = 40;  // of kernels/spline.py: width of the repeated edges beyond the frame, pixels
+
+// Filters that turn samples into coefficients, one after the other; stage k adds what is 2^k places away on both sides.
+struct Prefilter {
+  const float *weights;
+  Int stages, reach;  // reach: places on both sides that count in all
+
+  explicit Prefilter(const Array &array)
+      : weights((const float *)array.data), stages(array.shape[0]), reach((Int(1) << array.shape[0]) - 1) {}
+};
+
+// Writes a row plus `weight` times the sum of two others.
+void filter_row(float weight, const float *before, const float *here, const float *after, float *__restrict out,
+                Int count) {
+  for (Int x = 0; x < count; x++) out[x] = fma(weight, before[x] + after[x], here[x]);
+}
+
+void copy_row(const float *from, float *__restrict to, Int count) {
+  for (Int x = 0; x < count; x++) to[x] = from[x];
+}
+
+// Filters a row of values times `unit`, with repeated edges, horizontally; `lines` are two rows for work.
+template <typename T>
+void filter_across(const T *source, Int columns, float unit, const Prefilter &filter, const View<float, 2> &lines,
+                   float *out, Int width) {
+  const Int begin = filter.reach + MARGIN;
+  Int length = width + 2 * filter.reach;
+  float *line = lines.at(0), *inner = line + begin;
+  for (Int x = 0; x < columns; x++) inner[x] = float(source[x]) * unit;
+  for (Int x = 0; x < begin; x++) line[x] = inner[0];
+  for (Int x = columns; x < length - begin; x++) inner[x] = inner[columns - 1];
+  for (Int k = 0; k < filter.stages; k++) {
+    const Int distance = Int(1) << k;
+    line = lines.at(k % 2);
+    length -= 2 * distance;
+    float *to = k < filter.stages - 1 ? lines.at((k + 1) % 2) : out;
+    filter_row(filter.weights[k], line, line + distance, line + 2 * distance, to, length);
+  }
+}
+
+// The latest rows of each stage of the vertical filter; row y is in the same place as those a multiple of `size` away.
+struct Rings {
+  View<float, 3> rows;
+  Int size;
+
+  explicit Rings(const Array &array) : rows(array), size(array.shape[1]) {}
+  // y is at least -4 size, since what is filtered first lies twice the filter's reach above the frame
+  float *at(Int stage, Int y) const { return rows.at(stage, (y + 4 * size) % size); }
+};
+
+// Filters vertically what is known now that row y is there, as far as the filter reaches above it.
+void filter_down(const Prefilter &filter, const Rings &rings, Int y, float *out, Int width) {
+  for (Int k = 0; k < filter.stages; k++) {
+    const Int distance = Int(1) << k;
+    y -= distance;
+    float *to = k < filter.stages - 1 ? rings.at(k + 1, y) : out;
+    filter_row(filter.weights[k], rings.at(k, y - distance), rings.at(k, y), rings.at(k, y + distance), to, width);
+  }
+}
+
+struct FilterPlanes {
+  Array planes;
+  double unit;
+  Array weights, lines, rows, coefficients;
+};
+
+template <typename T> void find_coefficients(const FilterPlanes &a) {
+  const View<const T, 3> planes(a.planes);
+  const View<float, 3> coefficients(a.coefficients);
+  const View<float, 2> lines(a.lines);
+  const Prefilter filter(a.weights);
+  const Rings rings(a.rows);
+  const Int height = planes.shape[1], tall = coefficients.shape[1], width = coefficients.shape[2], reach = filter.reach;
+  float unit = float(a.unit);
+  for (Int k = 0; k < filter.stages; k++) {  // so that flat areas keep their brightness
+    const float gain = 1 + filter.weights[k] + filter.weights[k];
+    unit /= gain * gain;
+  }
+  const Int first = MARGIN - reach, last = MARGIN + height - 1 + reach;
+  for (Int c = 0; c < planes.shape[0]; c++) {
+    for (Int y = -2 * reach; y < height + 2 * reach; y++) {
+      float *here = rings.at(0, y);
+      if (y == -2 * reach || (0 < y && y < height))
+        filter_across(planes.at(c, most(y, Int(0))), planes.shape[2], unit, filter, lines, here, width);
+      else
+        copy_row(rings.at(0, y - 1), here, width);
+      // rows before the first whole one are written again below
+      filter_down(filter, rings, y, coefficients.at(c, most(MARGIN + y - reach, Int(0))), width);
+    }
+    // farther out, all values around are equal, and so are the coefficients
+    for (Int y = 0; y < first; y++) copy_row(coefficients.at(c, first), coefficients.at(c, y), width);
+    for (Int y = last + 1; y < tall; y++) copy_row(coefficients.at(c, last), coefficients.at(c, y), width);
+  }
+}
+
+struct Source {  // one of the two frames, as seen from the frame between them
+  Array coefficients, motion, is_visible;
+};
+
+struct MixAlong {
+  Source source0, source1;
+  double t;
+  Array mixed, squared;
+};
+
+// The first of the 4 x 4 coefficients around a position, and their weights along both axes.
+struct SplinePlace {
+  Int top, left;
+  float down[4], across[4];
+};
+
+// Writes the weights of the four coefficients around a position.
+INLINE void spline_weights(float fraction, float *weights) {
+  const float f = fraction, g = 1 - f, sixth = float(1.0 / 6), two_thirds = float(2.0 / 3), half = 0.5f;
+  weights[0] = sixth * g * g * g;
+  weights[1] = two_thirds - half * f * f * (2 - f);
+  weights[2] = two_thirds - half * g * g * (2 - g);
+  weights[3] = sixth * f * f * f;
+}
+
+// The place where the motion of a pixel ends; beyond the frame, edges are repeated.
+INLINE SplinePlace locate(const View<const float, 3> &motion, Int i, Int j) {
+  const float height = float(motion.shape[0]), width = float(motion.shape[1]);
+  const float y = within(float(i) + motion(i, j, 1), -1.0f, height) + float(MARGIN);
+  const float x = within(float(j) + motion(i, j, 0), -1.0f, width) + float(MARGIN);
+  const Int top = Int(y), left = Int(x);
+  SplinePlace place{top - 1, left - 1, {}, {}};
+  spline_weights(y - float(top), place.down);
+  spline_weights(x - float(left), place.across);
+  return place;
+}
+
+INLINE float sample_spline(const View<const float, 3> &coefficients, Int plane, const SplinePlace &place) {
+  float value = 0;
+  for (int j = 0; j < 4; j++) {
+    const float *row = coefficients.at(plane, place.top + j, place.left);
+    float part = 0;
+    for (int i = 0; i < 4; i++) part = fma(place.across[i], row[i], part);
+    value = fma(place.down[j], part, value);
+  }
+  return value;
+}
+
+}  // namespace
+
+KERNEL(void, filter_planes, FilterPlanes) {
+  switch (a.planes.kind) {
+    case UINT8: return find_coefficients<uint8_t>(a);
+    case UINT16: return find_coefficients<uint16_t>(a);
+    default: return find_coefficients<float>(a);
+  }
+}
+
+KERNEL(void, mix_along, MixAlong) {
+  const View<const float, 3> coefficients0(a.source0.coefficients), coefficients1(a.source1.coefficients);
+  const View<const float, 3> motion0(a.source0.motion), motion1(a.source1.motion);
+  const View<const bool, 2> visible0(a.source0.is_visible), visible1(a.source1.is_visible);
+  const View<float, 3> mixed(a.mixed);
+  const View<float, 2> squared(a.squared);
+  const float t = float(a.t);
+  for (Int i = 0; i < mixed.shape[1]; i++)
+    for (Int j = 0; j < mixed.shape[2]; j++) {
+      const bool seen0 = visible0(i, j), seen1 = visible1(i, j);
+      const float share = seen0 == seen1 ? t : float(seen1);
+      const SplinePlace place0 = locate(motion0, i, j), place1 = locate(motion1, i, j);
+      float distance = 0;
+      for (Int c = 0; c < mixed.shape[0]; c++) {
+        const float value = sample_spline(coefficients0, c, place0);
+        const float difference = sample_spline(coefficients1, c, place1) - value;
+        mixed(c, i, j) = fma(share, difference, value);
+        distance = fma(difference, difference, distance);
+      }
+      squared(i, j) = seen0 && seen1 ? distance : 0;
+    }
+}

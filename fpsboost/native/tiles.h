@@ -1,0 +1,244 @@
+// Search by tiles over the distinct offsets that a coarser level proposes, at points several pixels apart.
+//
+// Neighbouring points mostly propose the same few offsets. For each tile, the distinct proposals in and around the tile
+// and their neighbours are therefore collected once, and the similarity of each of them is computed over the whole tile
+// and summed around each point: the cost is that of a few dozen offsets, whatever the search range.
+#pragma once
+#include "plane_pair.h"
+#include "scratch.h"
+#include "similarity.h"
+
+namespace {
+
+constexpr Int TILE = 32;            // side of a tile, pixels
+constexpr Int PROPOSAL_MARGIN = 8;  // distance beyond the tile within which proposals are collected, pixels
+constexpr Int MAX_PATCH_RADIUS = 10;
+constexpr float NOTHING = -2, NOWHERE = 1e6f;  // similarity and offset of an empty entry
+
+struct Offset {
+  int32_t dx, dy;
+};
+
+struct TileSettings {
+  Int step, refine_radius, max_offset, patch_radius, row_step;
+};
+
+// What a coarser level proposes: whole pixels, at places `spacing` pixels apart.
+struct ProposedOffsets {
+  const Offset *proposed, *expected;
+  Int down, across, spacing;
+};
+
+// Most similar offsets of each point of the frame, of at most `capacity`.
+struct CandidateLists {
+  int32_t *listed;
+  float *similarity;
+  float (*flow)[2];
+  Int down, across, capacity;
+};
+
+// A tile of the frame, and its first point and number of points.
+struct Tile {
+  Int top, left, bottom, right, first_row, first_column, down, across;
+};
+
+// One entry of the lists of all points of a tile.
+struct EntryRow {
+  float *similarity, *dx, *dy;
+
+  EntryRow(float *entries, Int entry, Int points)
+      : similarity(entries + 3 * entry * points), dx(similarity + points), dy(dx + points) {}
+};
+
+INLINE bool any(I8 mask) {
+  typedef int64_t L4 __attribute__((vector_size(32)));
+  const L4 pairs = (L4)mask;
+  return (pairs[0] | pairs[1] | pairs[2] | pairs[3]) != 0;
+}
+
+// Inserts an offset into the lists of eight points, which are in order of falling similarity; of neighbouring offsets,
+// only the more similar one is kept.
+INLINE void insert_eight(float dx, float dy, const float *similarities, Int at, float *entries, Int points,
+                         Int capacity) {
+  const F8 similarity = load<F8>(similarities + at);
+  if (!any(similarity > load<F8>(EntryRow(entries, capacity - 1, points).similarity + at))) return;
+  F8 inserted[3] = {similarity, broadcast<F8>(dx), broadcast<F8>(dy)};
+  I8 is_open = ~I8{};
+  for (Int entry = 0; entry < capacity; entry++) {
+    const EntryRow row(entries, entry, points);
+    float *places[3] = {row.similarity + at, row.dx + at, row.dy + at};
+    const F8 before[3] = {load<F8>(places[0]), load<F8>(places[1]), load<F8>(places[2])};
+    const I8 writes = is_open & (similarity > before[0]);
+    for (int n = 0; n < 3; n++) {
+      store(places[n], writes ? inserted[n] : before[n]);
+      inserted[n] = writes ? before[n] : inserted[n];
+    }
+    is_open &= ~((absolute(before[1] - dx) <= 1) & (absolute(before[2] - dy) <= 1));
+  }
+}
+
+// Lists the distinct offsets within `refine_radius` of any proposal in and around a tile, and returns their number.
+// `is_listed` has a flag for each offset, all false at the start and at the end.
+INLINE Int gather_offsets(const ProposedOffsets &proposals, const Tile &tile, const TileSettings &settings,
+                          bool *is_listed, Offset *offsets) {
+  const Int limit = settings.max_offset, side = 2 * limit + 1, spacing = proposals.spacing;
+  // the places in which pixels lie
+  const Int top = most(tile.top - PROPOSAL_MARGIN, Int(0)) / spacing,
+            left = most(tile.left - PROPOSAL_MARGIN, Int(0)) / spacing;
+  const Int bottom = least((tile.bottom + PROPOSAL_MARGIN - 1) / spacing + 1, proposals.down);
+  const Int right = least((tile.right + PROPOSAL_MARGIN - 1) / spacing + 1, proposals.across);
+  Int count = 1;
+  offsets[0] = {0, 0};  // zero motion is always included
+  is_listed[limit * side + limit] = true;
+  // by distance from the proposal: of equally similar offsets, the first one is kept
+  for (Int around = 0; around <= settings.refine_radius; around++)
+    for (Int y = top; y < bottom; y++)
+      for (Int x = left; x < right; x++) {
+        const Offset proposed = proposals.proposed[y * proposals.across + x];
+        for (Int dy = most(proposed.dy - around, -limit); dy <= least(proposed.dy + around, limit); dy++) {
+          const Int rest = around - (dy > proposed.dy ? dy - proposed.dy : proposed.dy - dy);
+          for (Int dx = most(proposed.dx - rest, -limit); dx <= least(proposed.dx + rest, limit); dx++) {
+            bool &listed = is_listed[(dy + limit) * side + dx + limit];
+            if (listed) continue;
+            listed = true;
+            offsets[count++] = {int32_t(dx), int32_t(dy)};
+          }
+        }
+      }
+  for (Int k = 0; k < count; k++) is_listed[(offsets[k].dy + limit) * side + offsets[k].dx + limit] = false;
+  return count;
+}
+
+// Appends an offset to a point's list if it is not listed yet; if the list is full, replaces the last entry.
+INLINE void keep_offset(Offset offset, float similarity, Int point, const CandidateLists &lists) {
+  float (*flow)[2] = lists.flow + point * lists.capacity;
+  const Int count = lists.listed[point];
+  for (Int k = 0; k < count; k++)
+    if (flow[k][0] == float(offset.dx) && flow[k][1] == float(offset.dy)) return;
+  const Int place = least(count, lists.capacity - 1);
+  lists.similarity[point * lists.capacity + place] = similarity;
+  flow[place][0] = float(offset.dx), flow[place][1] = float(offset.dy);
+  lists.listed[point] = int32_t(place + 1);
+}
+
+// Writes the lists of a tile's points to those of the frame. The expected motion is added where its similarity is not
+// negative; if nothing is listed, zero motion is.
+INLINE void write_lists(const Tile &tile, float *entries, Int points, Int per_tile, const Offset *expected,
+                        const float *similarities, const CandidateLists &lists) {
+  for (Int p = 0; p < tile.down; p++)
+    for (Int q = 0; q < tile.across; q++) {
+      const Int of_tile = p * per_tile + q, point = (tile.first_row + p) * lists.across + tile.first_column + q;
+      float *similarity = lists.similarity + point * lists.capacity, (*flow)[2] = lists.flow + point * lists.capacity;
+      int32_t count = 0;
+      for (Int entry = 0; entry < lists.capacity; entry++) {
+        const EntryRow row(entries, entry, points);
+        const bool is_filled = row.similarity[of_tile] > NOTHING;
+        similarity[entry] = is_filled ? row.similarity[of_tile] : NOTHING;
+        flow[entry][0] = is_filled ? row.dx[of_tile] : 0, flow[entry][1] = is_filled ? row.dy[of_tile] : 0;
+        if (is_filled) count = int32_t(entry + 1);
+      }
+      lists.listed[point] = count;
+      if (similarities[of_tile] >= 0) keep_offset(expected[of_tile], similarities[of_tile], point, lists);
+      lists.listed[point] = most(lists.listed[point], 1);
+    }
+}
+
+// Sums of the similarity over the columns of a tile, from its top to each row, for one offset after another.
+// Differences of two of them are right even where the sums overflow.
+template <Int LANES> struct ColumnSums {
+  alignas(64) uint16_t sums[TILE + 2 * MAX_PATCH_RADIUS + 1][LANES];
+
+  void compare(const Frames<uint8_t> &frames, Int here, Int there, Int row_stride, Int rows) {
+    const B16 max_similarity = broadcast_byte(uint8_t(frames.max_similarity));
+    for (Int row = 0; row < rows; row++, here += row_stride, there += row_stride)
+      for (Int i = 0; i < LANES; i += 16) {
+        const uint8_t *pixels = frames.first + here + i;
+        const B16 components[3] = {load<B16>(pixels), load<B16>(pixels + frames.plane),
+                                   load<B16>(pixels + 2 * frames.plane)};
+        const U16 similarity = linear_similarity(components, frames.second + there + i, frames.plane, max_similarity);
+        store(sums[row + 1] + i, load<U16>(sums[row] + i) + similarity);
+      }
+  }
+};
+
+// Finds the most similar offsets, at least one, at every point of a frame; `search_tiles` of fpsboost/kernels/tiles.py.
+// LANES, the columns of a tile and its patches in whole vectors, is a constant, so that a row is one piece of code.
+template <Int LANES>
+void search_tiles_of(const Frames<uint8_t> &frames, const ProposedOffsets &proposals, const TileSettings &settings,
+                     const CandidateLists &lists, Scratch scratch) {
+  const Int step = settings.step, radius = settings.patch_radius, row_step = settings.row_step,
+            limit = settings.max_offset;
+  const Int size = 2 * radius + 1, side = 2 * limit + 1;
+  const Int compared = (size + row_step - 1) / row_step;  // rows of a patch
+  const float share = float(1 / double(frames.max_similarity * size * compared));
+  const Int per_tile = TILE / step, points = most(per_tile * per_tile, Int(8));
+  const Int places = (TILE + 2 * PROPOSAL_MARGIN) / proposals.spacing + 2,
+            reach = (2 * settings.refine_radius + 1) * places;
+  bool *is_listed = scratch.take<bool>(side * side);
+  Offset *offsets = scratch.take<Offset>(least(side * side, 1 + reach * reach));
+  float *entries = scratch.take<float>(lists.capacity * 3 * points);
+  __builtin_memset(is_listed, 0, side * side);
+  Offset expected[TILE * TILE];
+  float values[TILE * TILE], similarities[TILE * TILE];  // of the offset, and of the expected one
+  ColumnSums<LANES> columns;
+  __builtin_memset(columns.sums[0], 0, sizeof columns.sums[0]);
+  for (Int top = 0; top < frames.height; top += TILE)
+    for (Int left = 0; left < frames.width; left += TILE) {
+      const Tile tile = {top,
+                         left,
+                         least(top + TILE, frames.height),
+                         least(left + TILE, frames.width),
+                         top / step,
+                         left / step,
+                         least(per_tile, lists.down - top / step),
+                         least(per_tile, lists.across - left / step)};
+      for (Int i = 0; i < points; i++) values[i] = NOTHING;  // includes points beyond the frame
+      for (Int k = 0; k < lists.capacity; k++) {
+        const EntryRow row(entries, k, points);
+        for (Int i = 0; i < points; i++) row.similarity[i] = NOTHING, row.dx[i] = row.dy[i] = NOWHERE;
+      }
+      for (Int p = 0; p < tile.down; p++)
+        for (Int q = 0; q < tile.across; q++) {
+          const Int y = least(((tile.first_row + p) * step + step / 2) / proposals.spacing, proposals.down - 1);
+          const Int x = least(((tile.first_column + q) * step + step / 2) / proposals.spacing, proposals.across - 1);
+          expected[p * per_tile + q] = proposals.expected[y * proposals.across + x];
+          similarities[p * per_tile + q] = -1;
+        }
+      const Int last_row =
+          most(tile.bottom, top + tile.down * step);  // the last points may lie beyond the frame's edge
+      const Int rows = (last_row - top + 2 * radius + row_step - 1) / row_step;
+      const Int count = gather_offsets(proposals, tile, settings, is_listed, offsets);
+      for (Int k = 0; k < count; k++) {
+        const Int dx = offsets[k].dx, dy = offsets[k].dy;
+        if (least(top + dy, left + dx) < -TILE || last_row + dy > frames.height + TILE ||
+            tile.right + dx > frames.width + TILE)
+          continue;  // the tile would lie mostly outside
+        const Int here = frames.place(top - radius, left - radius),
+                  there = frames.place(top - radius + dy, left - radius + dx);
+        columns.compare(frames, here, there, row_step * frames.stride, rows);
+        for (Int p = 0; p < tile.down; p++) {
+          const uint16_t *above = columns.sums[(p * step + step / 2) / row_step], *below = above + compared * LANES;
+          uint16_t sums[LANES];
+          for (Int i = 0; i < LANES; i++) sums[i] = uint16_t(below[i] - above[i]);
+          for (Int q = 0; q < tile.across; q++) {
+            int32_t total = 0;
+            for (Int i = 0; i < size; i++) total += sums[q * step + step / 2 + i];
+            const Int point = p * per_tile + q;
+            values[point] = float(total) * share;
+            if (dx == expected[point].dx && dy == expected[point].dy) similarities[point] = values[point];
+          }
+        }
+        for (Int i = 0; i < points; i += 8)
+          insert_eight(float(dx), float(dy), values, i, entries, points, lists.capacity);
+      }
+      write_lists(tile, entries, points, per_tile, expected, similarities, lists);
+    }
+}
+
+INLINE void search_tiles(const Frames<uint8_t> &frames, const ProposedOffsets &proposals, const TileSettings &settings,
+                         const CandidateLists &lists, Scratch scratch) {
+  const bool fits = TILE + 2 * settings.patch_radius <= 48;
+  (fits ? search_tiles_of<48> : search_tiles_of<64>)(frames, proposals, settings, lists, scratch);
+}
+
+}  // namespace

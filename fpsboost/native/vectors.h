@@ -1,0 +1,69 @@
+// Vectors of sixteen and eight floats. Each level makes of them what it has: one register, or two, or four.
+//
+// The order of every sum is written out, and `fma` stands where one is meant, so that all levels give the same bits.
+#pragma once
+#include "arrays.h"
+
+namespace {
+
+typedef float F16 __attribute__((vector_size(64)));
+typedef float F8 __attribute__((vector_size(32)));
+typedef int32_t I16 __attribute__((vector_size(64)));
+typedef int32_t I8 __attribute__((vector_size(32)));
+typedef uint16_t U16 __attribute__((vector_size(32)));
+typedef uint8_t B16 __attribute__((vector_size(16)));
+
+template <typename V> struct Lanes;
+template <> struct Lanes<F16> {
+  static constexpr int count = 16;
+  typedef F16 Unaligned __attribute__((aligned(4), may_alias));
+};
+template <> struct Lanes<F8> {
+  static constexpr int count = 8;
+  typedef F8 Unaligned __attribute__((aligned(4), may_alias));
+};
+template <> struct Lanes<U16> {
+  typedef U16 Unaligned __attribute__((aligned(2), may_alias));
+};
+template <> struct Lanes<B16> {
+  typedef B16 Unaligned __attribute__((aligned(1), may_alias));
+};
+
+template <typename V, typename T> INLINE V load(const T *from) { return *(const typename Lanes<V>::Unaligned *)from; }
+template <typename V, typename T> INLINE void store(T *to, V values) { *(typename Lanes<V>::Unaligned *)to = values; }
+template <typename V> INLINE V broadcast(float value) { return value - V{}; }
+
+// a * b + c, rounded once.
+#if defined(__FMA__) || defined(__aarch64__)
+INLINE float fma(float a, float b, float c) { return __builtin_fmaf(a, b, c); }
+#if defined(__clang__)
+template <typename V> INLINE V fma(V a, V b, V c) { return __builtin_elementwise_fma(a, b, c); }
+#endif
+#else
+// Without the instruction. The product is exact in double precision; the sum is rounded to odd there, after which rounding
+// to single precision gives what rounding once does (Boldo and Melquiond 2008, doi:10.1109/TC.2007.70819, theorem 1).
+INLINE float fma(float a, float b, float c) {
+  const double product = double(a) * double(b), sum = product + double(c), part = sum - product;
+  const double error = (product - (sum - part)) + (double(c) - part);
+  int64_t bits;
+  __builtin_memcpy(&bits, &sum, sizeof bits);
+  const bool is_inexact = error > 0 || error < 0;  // an infinite sum has no error that is a number
+  if (is_inexact && !(bits & 1)) bits += (error > 0) == (sum > 0) ? 1 : -1;
+  double odd;
+  __builtin_memcpy(&odd, &bits, sizeof odd);
+  return float(odd);
+}
+#endif
+#if !defined(__clang__) || !(defined(__FMA__) || defined(__aarch64__))
+template <typename V> INLINE V fma(V a, V b, V c) {
+  for (int i = 0; i < Lanes<V>::count; i++) c[i] = fma(a[i], b[i], c[i]);
+  return c;
+}
+#endif
+
+template <typename V> INLINE V larger(V a, V b) { return a > b ? a : b; }
+template <typename V> INLINE V smaller(V a, V b) { return a < b ? a : b; }
+INLINE F8 absolute(F8 a) { return (F8)((I8)a & 0x7fffffff); }
+INLINE F16 absolute(F16 a) { return (F16)((I16)a & 0x7fffffff); }
+
+}  // namespace

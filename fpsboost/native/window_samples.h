@@ -1,0 +1,334 @@
+// Samples of both frames along a candidate: where a window lies in either at time t, and what is seen there.
+//
+// A candidate is one motion for a whole window, so that all samples of the window lie on a regular grid: both frames
+// are read in rows, without looking up single pixels. A window that is zoomed or turned is sampled in blocks, each of
+// which moves as its centre does.
+#pragma once
+#include "spline_samples.h"
+
+struct Samples {
+  Array planes, coefficients;
+  double unit;
+};
+
+struct Layer {
+  Samples frame0, frame1;
+  Int down, across;
+  Array mixed, change, total, band;
+};
+
+struct Candidates {
+  Array listed, motions, weights;
+  Int spacing;
+};
+
+namespace {
+
+constexpr int WINDOW = 32;  // side of a window, pixels
+constexpr int BLOCK = 8;    // side of the blocks of a window that move as their centre does
+constexpr int SQUARES_PER_ROW = 16, SQUARES_PER_WINDOW = SQUARES_PER_ROW * SQUARES_PER_ROW;
+constexpr float MIN_GRADIENT = 0.05f, MAX_GRADIENT = 0.5f;  // of a window that is zoomed or turned, pixels per pixel
+
+// Lanes for filters that keep rows of coefficients in registers: with AVX2, sixteen would not fit.
+#if defined(__AVX512F__)
+typedef F16 Wide;
+#else
+typedef F8 Wide;
+#endif
+
+struct Motion {  // of a candidate, at the centre of its window; gradients are pixels per pixel
+  float dx, dy, acceleration_x, acceleration_y, dx_along_x, dy_along_x, dx_along_y, dy_along_y;
+
+  // Whether a window moves as a whole. Below the least gradient, its blocks would move by less than windows overlap
+  // anyway; one above the largest is not zoom or rotation, but the boundary of two motions.
+  bool is_rigid() const {
+    const float gradient = absolute(dx_along_x) + absolute(dy_along_x) + absolute(dx_along_y) + absolute(dy_along_y);
+    return gradient < MIN_GRADIENT || gradient > MAX_GRADIENT;
+  }
+};
+
+struct NodeCandidates {  // of one node
+  Int count;
+  const float *motions, *priors;
+
+  NodeCandidates(const Candidates &all, Int row, Int column)
+      : count(View<const int32_t, 2>(all.listed)(row, column)),
+        motions(View<const float, 4>(all.motions).at(row, column)),
+        priors(View<const float, 3>(all.weights).at(row, column)) {}
+  Motion motion(Int k) const {
+    const float *m = motions + 8 * k;
+    return {m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7]};
+  }
+};
+
+struct Position {  // in coefficients
+  float y, x;
+};
+
+struct WindowPlace {  // where the first sample of a window is in both frames
+  Position in_frame[2];
+  bool within;  // whether the whole window lies inside of both frames
+};
+
+struct InsideMarks {  // of a window that is partly outside: 1 for each column, and each row, inside of a frame, else 0
+  float columns[2][WINDOW], rows[2][WINDOW];
+};
+
+INLINE Int divide_down(Int value, Int by) { return by == 2 ? value >> 1 : value; }  // by 1 or 2, towards the lower
+
+// Samples of a window of the planes of one resolution, each of which stands for `across` columns and `down` rows of
+// pixels, along a candidate; and their sums over the candidates of a node and over the windows of a row of nodes.
+struct LayerSamples {
+  View<const float, 3> coefficients[2];
+  Array planes[2];
+  float unit[2];
+  Int channels, down, across, wide, tall, size;
+  float *mixed;   // blended by time
+  float *change;  // samples of frame 1 minus those of frame 0; 0 where either lies outside of its frame
+  float *total;
+  View<float, 3> band;
+  alignas(64) float distance[WINDOW * WINDOW];  // squared differences, summed over the planes
+
+  explicit LayerSamples(const Layer &layer)
+      : coefficients{View<const float, 3>(layer.frame0.coefficients), View<const float, 3>(layer.frame1.coefficients)},
+        planes{layer.frame0.planes, layer.frame1.planes},
+        unit{float(layer.frame0.unit), float(layer.frame1.unit)},
+        channels(layer.mixed.shape[0]),
+        down(layer.down),
+        across(layer.across),
+        wide(WINDOW / across),
+        tall(WINDOW / down),
+        size(wide * tall),
+        mixed((float *)layer.mixed.data),
+        change((float *)layer.change.data),
+        total((float *)layer.total.data),
+        band(layer.band) {}
+};
+
+INLINE void mark_inside(float start, Int size, float *marks) {
+  for (int i = 0; i < WINDOW; i++) {
+    const float place = start + float(i);
+    marks[i] = place >= 0 && place <= float(size - 1) ? 1 : 0;
+  }
+}
+
+// Positions are limited to the margin, beyond which the repeated edges do not change.
+inline WindowPlace locate_window(Int top, Int left, const Motion &motion, float t, Int height, Int width,
+                                 InsideMarks &marks) {
+  const float curve = t * (1 - t) * 0.5f;
+  float x[2], y[2];
+  x[0] = float(left) + curve * motion.acceleration_x - t * motion.dx, x[1] = x[0] + motion.dx;
+  y[0] = float(top) + curve * motion.acceleration_y - t * motion.dy, y[1] = y[0] + motion.dy;
+  WindowPlace place;
+  place.within = least(x[0], x[1]) >= 0 && least(y[0], y[1]) >= 0 && most(x[0], x[1]) <= float(width - WINDOW) &&
+                 most(y[0], y[1]) <= float(height - WINDOW);
+  for (int n = 0; n < 2; n++) {
+    if (!place.within) {
+      mark_inside(x[n], width, marks.columns[n]);
+      mark_inside(y[n], height, marks.rows[n]);
+    }
+    place.in_frame[n].x = within(x[n], float(2 - MARGIN), float(width + 2)) + MARGIN;
+    place.in_frame[n].y = within(y[n], float(2 - MARGIN), float(height + 2)) + MARGIN;
+  }
+  return place;
+}
+
+// The chroma siting has no influence on displacements.
+inline WindowPlace locate_further(const WindowPlace &place, Int down, Int across) {
+  const float by_row = 1 / float(down), by_column = 1 / float(across);
+  WindowPlace there;
+  there.within = place.within;
+  for (int n = 0; n < 2; n++) {
+    there.in_frame[n].y = (place.in_frame[n].y - MARGIN) * by_row + MARGIN;
+    there.in_frame[n].x = (place.in_frame[n].x - MARGIN) * by_column + MARGIN;
+  }
+  return there;
+}
+
+// The motion in samples of further planes, but for what only locates a window.
+inline Motion scale_motion(const Motion &motion, Int down, Int across) {
+  Motion scaled = motion;
+  scaled.dy_along_x = motion.dy_along_x * (1 / float(down)) * float(across);
+  scaled.dx_along_y = motion.dx_along_y * float(down) * (1 / float(across));
+  return scaled;
+}
+
+// Where a block, from a row and column of its window on, is in a frame; `share` is that of the motion from time t to
+// it.
+INLINE Position locate_block(Position window, float share, const Motion &motion, Int down, Int across, Int tall,
+                             Int wide, Int rows, Int stride) {
+  const float from_x = float(across - (wide - BLOCK) / 2), from_y = float(down - (tall - BLOCK) / 2);
+  const float x = window.x + float(across) + share * (from_x * motion.dx_along_x + from_y * motion.dx_along_y);
+  const float y = window.y + float(down) + share * (from_x * motion.dy_along_x + from_y * motion.dy_along_y);
+  return {within(y, 1.f, float(rows - BLOCK - 3)), within(x, 1.f, float(stride - BLOCK - 3))};
+}
+
+// Samples columns of both frames, blends them and adds up the squares of their differences. One frame is sampled after
+// the other, as the weights and rows of both would not fit into the registers.
+template <typename V>
+INLINE void mix_columns(const LayerSamples &layer, const float *const from[2], const Taps taps[2], Int tall, float t,
+                        float *mixed, float *change, float *distance) {
+  V samples[WINDOW];
+  for (int n = 0; n < 2; n++) {
+    const Int stride = layer.coefficients[n].shape[2];
+    const float *next = from[n];
+    V across[TAPS], down[TAPS];
+    for (int k = 0; k < TAPS; k++) across[k] = broadcast<V>(taps[n].across[k]), down[k] = broadcast<V>(taps[n].down[k]);
+    const auto filter_row = [&]() __attribute__((always_inline)) {
+      V sum = load<V>(next) * across[0];
+      for (int k = 1; k < TAPS; k++) sum = fma(load<V>(next + k), across[k], sum);
+      next += stride;
+      return sum;
+    };
+    V first = filter_row(), second = filter_row(), third = filter_row();
+    for (Int j = 0; j < tall; j++) {
+      const V fourth = filter_row();
+      const V sum = fma(fourth, down[3], fma(third, down[2], fma(second, down[1], first * down[0])));
+      first = second, second = third, third = fourth;
+      if (n == 0) {
+        samples[j] = sum;
+        continue;
+      }
+      const Int at = j * layer.wide;
+      const V difference = sum - samples[j];
+      store(distance + at, fma(difference, difference, load<V>(distance + at)));
+      store(mixed + at, fma(broadcast<V>(t), difference, samples[j]));
+      store(change + at, difference);
+    }
+  }
+}
+
+inline void mix_rigid(LayerSamples &layer, const WindowPlace &place, float t) {
+  for (Int c = 0; c < layer.channels; c++) {
+    Taps taps[2];
+    const float *from[2];
+    for (int n = 0; n < 2; n++) {
+      const Position at = place.in_frame[n];
+      from[n] = find_taps(layer.coefficients[n].at(c), layer.coefficients[n].shape[2], at.y, at.x, taps[n]);
+    }
+    for (Int i = 0; i < layer.wide; i += Lanes<Wide>::count) {
+      const float *const columns[2] = {from[0] + i, from[1] + i};
+      const Int to = c * layer.size + i;
+      mix_columns<Wide>(layer, columns, taps, layer.tall, t, layer.mixed + to, layer.change + to, layer.distance + i);
+    }
+  }
+}
+
+inline void mix_blocks(LayerSamples &layer, const WindowPlace &place, const Motion &motion, float t) {
+  for (Int c = 0; c < layer.channels; c++)
+    for (Int down = 0; down < layer.tall; down += BLOCK)
+      for (Int across = 0; across < layer.wide; across += BLOCK) {
+        Taps taps[2];
+        const float *from[2];
+        for (int n = 0; n < 2; n++) {
+          const View<const float, 3> &plane = layer.coefficients[n];
+          const Position at = locate_block(place.in_frame[n], n == 0 ? -t : 1 - t, motion, down, across, layer.tall,
+                                           layer.wide, plane.shape[1], plane.shape[2]);
+          from[n] = find_taps(plane.at(c), plane.shape[2], at.y, at.x, taps[n]);
+        }
+        const Int to = down * layer.wide + across, there = c * layer.size + to;
+        mix_columns<F8>(layer, from, taps, BLOCK, t, layer.mixed + there, layer.change + there, layer.distance + to);
+      }
+}
+
+// Samples a window in blocks from a plane of `rows` x `stride` coefficients.
+inline void filter_blocks(const float *coefficients, Int rows, Int stride, Position window, float share,
+                          const Motion &motion, Int wide, Int tall, float *out) {
+  for (Int down = 0; down < tall; down += BLOCK)
+    for (Int across = 0; across < wide; across += BLOCK) {
+      const Position at = locate_block(window, share, motion, down, across, tall, wide, rows, stride);
+      alignas(64) float filtered[(BLOCK + TAPS - 1) * BLOCK];
+      Taps taps;
+      const float *from = find_taps(coefficients, stride, at.y, at.x, taps);
+      filter_rows<F8>(from, stride, taps, BLOCK, BLOCK, filtered, out + down * wide + across, wide);
+    }
+}
+
+// Samples a window that moves as a whole.
+inline void filter_rigid(const float *coefficients, Int stride, Position window, Int wide, Int tall, float *out) {
+  alignas(64) float filtered[(WINDOW + TAPS - 1) * WINDOW];
+  Taps taps;
+  const float *from = find_taps(coefficients, stride, window.y, window.x, taps);
+  filter_rows<F16>(from, stride, taps, wide, tall, filtered, out, wide);
+}
+
+// Copies a window that begins at a pixel, which may lie outside of the frame: its edges are repeated.
+template <typename T>
+inline void copy_window(const Array &planes, float unit, Int c, Int top, Int left, Int wide, Int tall, float *out) {
+  const View<const T, 3> values(planes);
+  const Int height = values.shape[1], width = values.shape[2];
+  for (Int j = 0; j < tall; j++) {
+    const T *row = values.at(c, within(top + j, Int(0), height - 1));
+    if (left >= 0 && left + wide <= width)
+      for (Int i = 0; i < wide; i++) out[j * wide + i] = float(row[left + i]) * unit;
+    else
+      for (Int i = 0; i < wide; i++) out[j * wide + i] = float(row[within(left + i, Int(0), width - 1)]) * unit;
+  }
+}
+
+INLINE bool is_whole(Position at) { return at.y == float(Int(at.y)) && at.x == float(Int(at.x)); }
+
+inline void fetch_window(const LayerSamples &layer, int n, Int c, Position at, float share, const Motion &motion,
+                         float *out) {
+  const View<const float, 3> &plane = layer.coefficients[n];
+  const Int wide = layer.wide, tall = layer.tall;
+  if (!motion.is_rigid()) {
+    filter_blocks(plane.at(c), plane.shape[1], plane.shape[2], at, share, motion, wide, tall, out);
+  } else if (is_whole(at)) {
+    const Array &planes = layer.planes[n];
+    const auto copy = planes.kind == UINT8    ? copy_window<uint8_t>
+                      : planes.kind == UINT16 ? copy_window<uint16_t>
+                                              : copy_window<float>;
+    copy(planes, layer.unit[n], c, Int(at.y) - MARGIN, Int(at.x) - MARGIN, wide, tall, out);
+  } else {
+    filter_rigid(plane.at(c), plane.shape[2], at, wide, tall, out);
+  }
+}
+
+// Blends two windows that are partly outside; samples outside have no weight unless both are.
+inline void mix_inside(const LayerSamples &layer, float t, const InsideMarks &marks, const float *first,
+                       const float *second, float *mixed, float *change) {
+  for (Int j = 0; j < layer.tall; j++)
+    for (Int i = 0; i < layer.wide; i++) {
+      const Int x = i * layer.across, y = j * layer.down, place = j * layer.wide + i;
+      const float weight0 = (1 - t) * marks.columns[0][x] * marks.rows[0][y];
+      const float weight1 = t * marks.columns[1][x] * marks.rows[1][y];
+      const float both = weight0 + weight1;
+      if (both > 0) {
+        mixed[place] = (weight0 * first[place] + weight1 * second[place]) / both;
+        if (weight0 * weight1 == 0) change[place] = 0;
+      }
+    }
+}
+
+inline void mix_fetched(LayerSamples &layer, const WindowPlace &place, const InsideMarks &marks, const Motion &motion,
+                        float t) {
+  alignas(64) float first[WINDOW * WINDOW], second[WINDOW * WINDOW];
+  for (Int c = 0; c < layer.channels; c++) {
+    float *mixed = layer.mixed + c * layer.size, *change = layer.change + c * layer.size;
+    fetch_window(layer, 0, c, place.in_frame[0], -t, motion, first);
+    fetch_window(layer, 1, c, place.in_frame[1], 1 - t, motion, second);
+    for (Int i = 0; i < layer.size; i += 16) {
+      const F16 from = load<F16>(first + i), difference = load<F16>(second + i) - from;
+      store(layer.distance + i, fma(difference, difference, load<F16>(layer.distance + i)));
+      store(mixed + i, fma(broadcast<F16>(t), difference, from));
+      store(change + i, difference);
+    }
+    if (!place.within) mix_inside(layer, t, marks, first, second, mixed, change);
+  }
+}
+
+// Samples a window of both frames along a motion, blends the samples by time, and sums their squared differences.
+inline void sample_layer(LayerSamples &layer, const WindowPlace &place, const InsideMarks &marks, const Motion &motion,
+                         float t) {
+  for (Int i = 0; i < layer.size; i++) layer.distance[i] = 0;
+  const bool rigid = motion.is_rigid();
+  if (!place.within || (rigid && (is_whole(place.in_frame[0]) || is_whole(place.in_frame[1]))))
+    mix_fetched(layer, place, marks, motion, t);
+  else if (rigid)
+    mix_rigid(layer, place, t);
+  else
+    mix_blocks(layer, place, motion, t);
+}
+
+}  // namespace
