@@ -40,6 +40,10 @@ class OutputError(FpsboostError):
     """Error for a target that exists already, cannot be written, or cannot hold the streams."""
 
 
+class ExistsError(OutputError):
+    """Error for a target that exists already, and is not to be replaced."""
+
+
 class CompleteAlreadyError(OutputError):
     """Error for a run to be resumed whose target is complete already."""
 

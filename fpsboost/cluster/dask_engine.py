@@ -42,7 +42,7 @@ from fpsboost import (
 )
 from fpsboost.cluster.worker import LOCK_INTERVAL, Outcome, WorkerOrder, job_key, make_on_worker, read_piece
 from fpsboost.contracts import SilentObserver
-from fpsboost.errors import ClusterError, CompleteAlreadyError, InUseError, explained
+from fpsboost.errors import ClusterError, CompleteAlreadyError, ExistsError, InUseError, explained
 from fpsboost.io.staging import sync
 from fpsboost.options import checked
 from fpsboost.parts.manifest import job_facts
@@ -119,9 +119,9 @@ def _join(output: str, parts: Sequence[Path], *, overwrite: bool) -> Summary:
             break
         except InUseError:
             time.sleep(LOCK_INTERVAL)
-        except FpsboostError:
-            time.sleep(LOCK_INTERVAL)
-            if folder.is_dir():
+        except FpsboostError as error:
+            # the output was not there when the parts were planned; whoever makes it removes the parts a moment later
+            if folder.is_dir() and not isinstance(error, ExistsError):
                 raise
             raise CompleteAlreadyError(f"{output} was made by another run of the same job.") from None
     with suppress(OSError):  # with all parts at once, so that another run does not find some

@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Self
 
-from fpsboost.errors import OutputError, explained
+from fpsboost.errors import ExistsError, OutputError, explained
 from fpsboost.io.staging import StagingDirectory, hidden_place, move_all, sync, write_safely
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def check_writable(path: Path, name: str, inputs: Collection[Path] = (), overwri
             raise OutputError(f"{name} is the input itself; write to another name.")
         if not overwrite:
             other = "remove it first" if overwrite is None else "pass `overwrite=True`"
-            raise OutputError(f"{name} exists already; choose another name or {other}.")
+            raise ExistsError(f"{name} exists already; choose another name or {other}.")
     _check_takes_files(path.parent, name)
 
 
@@ -128,7 +128,7 @@ class StagedFiles:
         if not self._overwrite and self._folder.is_dir():
             reason = reason_to_refuse(self._folder, self._find_old(), alone=self._alone)
             if reason:
-                raise OutputError(reason)
+                raise ExistsError(reason)
 
     def _find_old(self) -> list[Path]:
         return [path for naming in self._namings for _, path in naming.find(any_padding=self._alone)]

@@ -21,7 +21,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from fpsboost.errors import CompleteAlreadyError, InputError, InUseError, OptionError, OutputError, explained
+from fpsboost.errors import (
+    CompleteAlreadyError,
+    ExistsError,
+    InputError,
+    InUseError,
+    OptionError,
+    OutputError,
+    explained,
+)
 
 if TYPE_CHECKING:
     from fpsboost.fingerprint import JobFingerprint
@@ -323,7 +331,7 @@ class PartFolder(StagingDirectory):
         if folder.exists() and not output.overwrite:
             if output.job is not None and output.job.resume:
                 raise CompleteAlreadyError(complete_already(self.name))
-            raise OutputError(f"{self.name} exists already; give `resume` to keep it, or `overwrite=True`.")
+            raise ExistsError(f"{self.name} exists already; give `resume` to keep it, or `overwrite=True`.")
         if not folder.parent.parent.is_dir():
             raise OutputError(f"The folder {folder.parent.parent} does not exist; create it first.")
 

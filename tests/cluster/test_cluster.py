@@ -29,6 +29,7 @@ from fpsboost.errors import (
 )
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
+from fpsboost.parts.join import join
 from fpsboost.parts.plan import PlannedPart
 from fpsboost.preparation import ConversionJob
 from fpsboost.run_options import Part, RunOptions
@@ -262,6 +263,17 @@ def test_two_clients_of_one_job_are_one(client, images, output):
     assert len(made) == len(set(made))
     assert len(results) == 2
     assert images.is_whole(output)
+
+
+def test_an_output_just_made_by_another_client_is_complete(images, output):
+    """Even before that client has removed the parts, which it does a moment later."""
+    parts = [Part(number, 2) for number in (1, 2)]
+    for part in parts:
+        convert_job(images.to(output), run=RunOptions(chunk=part))
+    join(output, [part.folder(output) for part in parts])
+    with pytest.raises(CompleteAlreadyError, match="was made by another run"):
+        dask_engine._join(str(output), [part.folder(output) for part in parts], overwrite=False)
+    assert parts[0].folder(output).is_dir()
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
-from fpsboost.errors import CompleteAlreadyError, OptionError, OutputError, explained
+from fpsboost.errors import CompleteAlreadyError, ExistsError, OptionError, OutputError, explained
 from fpsboost.frame import Frame
 from fpsboost.io.images.encoder import ImageEncoder
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
@@ -178,7 +178,7 @@ class ImageSink(NumberedSink):
         if reason and self._job is not None and self._job.resume and not self._unfinished.is_pending:
             raise CompleteAlreadyError(complete_already(self._name))
         if reason:
-            raise OutputError(reason)
+            raise ExistsError(reason)
 
     def __enter__(self) -> Self:
         with self._explained():
