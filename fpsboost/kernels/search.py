@@ -99,8 +99,8 @@ def search_in(
 
 
 def search_scratch(size: int, width: int, is_box: bool) -> list[int]:
-    """Return the bytes that `search_in` needs: the last rows and two further ones of every offset, and all scores."""
+    """Return the bytes that `search_in` needs: the last rows and a further one of every offset, and all scores."""
     at_once = 1 if is_box else ROWS_AT_ONCE
     columns = (min(width, STRIP_WIDTH) + size + 4 * LANES) // (2 * LANES) * (2 * LANES)
-    rows = 4 * (size + at_once - 1) * columns, 4 * columns, 4 * (columns + LANES)
+    rows = 4 * (size + at_once - 1) * columns, 4 * columns
     return [*rows * OFFSETS_PER_PASS, 4 * at_once * OFFSETS_PER_PASS * (columns + 4 * LANES)]

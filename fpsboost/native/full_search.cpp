@@ -28,13 +28,21 @@ constexpr Int LANES = 16;         // of kernels/jit.py: planes are so much wider
 constexpr Int STRIP_WIDTH = 640;  // columns per pass: little overhead of patch margins, and small enough for caches
 constexpr Int OFFSETS_PER_PASS = 8;  // neighbouring offsets that are processed together
 constexpr Int OFFSETS_AT_ONCE = 4;   // of which so many are compared with the best ones at a time
-constexpr Int BLOCK = 2 * LANES;     // pixels whose similarity is computed together
+constexpr Int BLOCK = 2 * LANES;     // pixels whose weighted sums are computed together
 constexpr Int OUTSIDE = 2 * LANES;   // totals on either side of the candidates that may be compared with them
 
 constexpr Int MAX_SIZE = 41;  // of patches
 
 INLINE U32 load_words(const uint32_t *from) { return *(const U32Unaligned *)from; }
 INLINE void store_words(uint32_t *to, U32 values) { *(U32Unaligned *)to = values; }
+
+// The lanes BY before those of a vector, of which the first are those of the vector before.
+template <int BY> INLINE U32 preceding(U32 before, U32 here) {
+#define LANE(n) 16 + n - BY
+  return __builtin_shufflevector(before, here, LANE(0), LANE(1), LANE(2), LANE(3), LANE(4), LANE(5), LANE(6), LANE(7),
+                                 LANE(8), LANE(9), LANE(10), LANE(11), LANE(12), LANE(13), LANE(14), LANE(15));
+#undef LANE
+}
 
 template <typename Score> struct Vector;
 template <> struct Vector<float> {
@@ -67,68 +75,95 @@ struct PixelRow {
   const float *first, *second;
   Int plane0, plane1, count;
 
-  // Calls a function with the similarities of each vector of pixels and their place.
-  template <typename Function> void compare(const Function &use) const {
-    for (Int x = 0; x < count; x += BLOCK) {
-      I16 similarity[BLOCK / LANES];
-      exponential_similarity(first + x, plane0, second + x, plane1, similarity);
-      for (Int n = 0; n < BLOCK / LANES; n++) use(similarity[n], x + LANES * n);
-    }
+  // Calls a function with the similarities of each vector of pixels and their place; up to four are computed together.
+  template <typename Function> inline __attribute__((always_inline)) void compare(const Function &use) const {
+    Int x = 0;
+    for (; x + 3 * LANES < count; x += 4 * LANES) compare_vectors<4>(x, use);
+    if (x + 2 * LANES < count) compare_vectors<3>(x, use);
+    else if (x + LANES < count) compare_vectors<2>(x, use);
+    else if (x < count) compare_vectors<1>(x, use);
+  }
+
+private:
+  template <int COUNT, typename Function> inline __attribute__((always_inline)) void compare_vectors(Int x, const Function &use) const {
+    I16 similarity[COUNT];
+    exponential_similarity(first + x, plane0, second + x, plane1, similarity);
+    for (Int n = 0; n < COUNT; n++) use(similarity[n], x + LANES * n);
   }
 };
 
-// Scores of one offset over boxes: integers, which are summed down the last rows of each column, and then across by
-// differences of cumulative sums, modulo 2^32.
-struct BoxScores {
+// Sums of 1, 2, 4 and 8 values along a row, up to each of a vector, and those of the vector before.
+struct RunningSums {
+  static constexpr int LENGTHS = 4;
+  U32 before[LENGTHS], here[LENGTHS];
+
+  RunningSums() : before{}, here{} {}
+  inline __attribute__((always_inline)) void add(U32 values) {
+    for (int n = 0; n < LENGTHS; n++) before[n] = here[n];
+    here[0] = values;
+    here[1] = here[0] + preceding<1>(before[0], here[0]);
+    here[2] = here[1] + preceding<2>(before[1], here[1]);
+    here[3] = here[2] + preceding<4>(before[2], here[2]);
+  }
+  // The sum of the last SIZE values up to each, of which the last LATER are already in `sum`.
+  template <Int SIZE, Int LATER = 0> inline __attribute__((always_inline)) U32 sum_last(U32 sum = U32{}) const {
+    if constexpr (SIZE > LATER) {
+      constexpr int n = SIZE - LATER >= 8 ? 3 : SIZE - LATER >= 4 ? 2 : SIZE - LATER >= 2 ? 1 : 0;
+      return sum_last<SIZE, LATER + (1 << n)>(sum + preceding<LATER>(before[n], here[n]));
+    }
+    return sum;
+  }
+};
+
+// Scores of one offset over boxes: integers, which are summed across and then down the last rows. SIZE, of patches, is
+// a constant where it is a usual one; else it is 0.
+template <Int SIZE> struct BoxScores {
   typedef int32_t Score;
   static constexpr Int ROWS_AT_ONCE = 1;
 
   Int size, row_size;
-  uint32_t *ring, *sums, *cumulative;  // the last rows of similarities, sums of their columns, and sums of these
+  uint32_t *ring, *latest;  // the last rows of sums across, and a row of similarities
 
   BoxScores(const Layout &layout, const float *, Scratch &scratch)
-      : size(layout.size), row_size(layout.columns), ring(scratch.take<uint32_t>(layout.slots * row_size)),
-        sums(scratch.take<uint32_t>(row_size)), cumulative(scratch.take<uint32_t>(row_size + LANES)) {}
+      : size(SIZE ? SIZE : layout.size), row_size(layout.columns),
+        ring(scratch.take<uint32_t>(layout.slots * row_size)), latest(scratch.take<uint32_t>(row_size) + LANES) {}
 
-  void begin(Int count) {
-    const Int blocks = (count + BLOCK - 1) / BLOCK * BLOCK;
-    for (Int row = 0; row < size; row++) __builtin_memset(ring + row * row_size, 0, blocks * sizeof(uint32_t));
-    __builtin_memset(sums, 0, blocks * sizeof(uint32_t));
+  // Begins with `count` scores, from which a price is subtracted.
+  void begin(Int count, int32_t price, int32_t *scores) {
+    const Int whole = (count + size - 1 + LANES - 1) / LANES * LANES;
+    for (Int row = 0; row < size; row++) __builtin_memset(ring + row * row_size, 0, whole * sizeof(uint32_t));
+    for (Int x = 1 - size; x < count; x += LANES) store_scores(scores + x, -price - I16{});
   }
 
-  void add_row(const PixelRow &pixels, Int row) {
-    uint32_t *const slot = ring + row % size * row_size, *const columns = sums;
-    pixels.compare([=](I16 similarity, Int x) {
-      store_words(columns + x, load_words(columns + x) + (U32)similarity - load_words(slot + x));
-      store_words(slot + x, (U32)similarity);
-    });
-  }
-
-  // Writes the scores of `count` pixels, less a price, in a row of pixels whose patches the rows are.
-  void finish(Int, Int, Int count, int32_t price, int32_t *scores, Int) {
-    const U32 none = {};
-    U32 before = none;  // the sum of all columns before
-    const uint32_t *const columns = sums;
-    uint32_t *const until = cumulative;
-    store_words(until, none);
-    for (Int x = 0, last = count + size - 1; x < last; x += LANES) {
-      U32 sum = load_words(columns + x);
-      sum += __builtin_shufflevector(none, sum, 0, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30);
-      sum += __builtin_shufflevector(none, sum, 0, 0, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29);
-      sum += __builtin_shufflevector(none, sum, 0, 0, 0, 0, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27);
-      sum += __builtin_shufflevector(none, sum, 0, 0, 0, 0, 0, 0, 0, 0, 16, 17, 18, 19, 20, 21, 22, 23);
-      sum += before;
-      before = __builtin_shufflevector(sum, sum, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15);
-      store_words(until + LANES + x, sum);
+  // Adds a row to the scores, in which it takes the place of the one that has left the boxes.
+  void add_row(const PixelRow &pixels, Int row, int32_t *scores) {
+    uint32_t *const slot = ring + row % size * row_size, *const values = latest;
+    uint32_t *const totals = (uint32_t *)scores - (size - 1);
+    const auto add = [=](U32 across, Int x) __attribute__((always_inline)) {
+      store_words(totals + x, load_words(totals + x) + across - load_words(slot + x));
+      store_words(slot + x, across);
+    };
+    if constexpr (SIZE != 0) {
+      RunningSums sums;
+      pixels.compare([&](I16 similarity, Int x) __attribute__((always_inline)) {
+        sums.add((U32)similarity);
+        add(sums.template sum_last<SIZE>(), x);
+      });
+    } else {
+      pixels.compare([=](I16 similarity, Int x) __attribute__((always_inline)) { store_words(values + x, (U32)similarity); });
+      for (Int x = 0; x < pixels.count; x += LANES) {
+        U32 across{};
+        for (Int k = x + 1 - size; k <= x; k++) across += load_words(values + k);
+        add(across, x);
+      }
     }
-    const uint32_t *from = until + LANES - 1, *to = from + size;
-    for (Int x = 0; x < count; x += LANES)
-      store_scores(scores + x, (I16)(load_words(to + x) - load_words(from + x) - uint32_t(price)));
   }
+
+  void finish(Int, Int, Int, int32_t, int32_t *, Int) {}
 };
 
 // Scores of one offset over windows with symmetric weights, which are summed across and then down (section 3.1).
-struct WindowScores {
+template <Int SIZE> struct WindowScores {
   typedef float Score;
   static constexpr Int ROWS_AT_ONCE = 6;  // windows one below the other, which share the reads of their rows
 
@@ -137,39 +172,39 @@ struct WindowScores {
   float *ring, *latest;  // the last rows of sums across, and a row of similarities
 
   WindowScores(const Layout &layout, const float *weights, Scratch &scratch)
-      : size(layout.size), slots(layout.slots), row_size(layout.columns), weights(weights),
-        ring(scratch.take<float>(slots * row_size)), latest(scratch.take<float>(row_size)) {
-    scratch.take<float>(row_size + LANES);  // as BoxScores
-  }
+      : size(SIZE ? SIZE : layout.size), slots(layout.slots), row_size(layout.columns), weights(weights),
+        ring(scratch.take<float>(slots * row_size)), latest(scratch.take<float>(row_size)) {}
 
-  void begin(Int) {}
+  void begin(Int, float, float *) {}
 
-  void add_row(const PixelRow &pixels, Int row) {
+  void add_row(const PixelRow &pixels, Int row, float *) {
     float *const values = latest;
-    pixels.compare([=](I16 similarity, Int x) { store(values + x, __builtin_convertvector(similarity, F16)); });
+    pixels.compare([=](I16 similarity, Int x) __attribute__((always_inline)) {
+      store(values + x, __builtin_convertvector(similarity, F16));
+    });
     float *const across = ring + row % slots * row_size;
     for (Int x = 0; x < pixels.count - size + 1; x += BLOCK)
-      sum_symmetric(x, 0, across, [=](Int k) { return values + k; });
+      sum_symmetric(x, 0, across, [=](Int k) __attribute__((always_inline)) { return values + k; });
   }
 
-  // The same for several rows of pixels, whose scores are `apart`, from a first row on.
+  // Writes the scores of `count` pixels, less a price, in several rows, which are `apart`, from a first one on.
   void finish(Int first, Int rows, Int count, float price, float *scores, Int apart) {
     const float *slot[MAX_SIZE + ROWS_AT_ONCE - 1];
     for (Int k = 0; k < size + rows - 1; k++) slot[k] = ring + (first + k) % slots * row_size;
     for (Int x = 0; x < count; x += BLOCK)
       for (Int row = 0; row < rows; row++)
-        sum_symmetric(x, -price, scores + row * apart, [&](Int k) { return slot[row + k]; });
+        sum_symmetric(x, -price, scores + row * apart, [&](Int k) __attribute__((always_inline)) { return slot[row + k]; });
   }
 
   // Writes weighted sums of a block of values, of which the k-th begin at value(k), and a first value.
-  template <typename Value> void sum_symmetric(Int x, float first, float *sums, const Value &value) {
-    const Int half = size / 2;
+  template <typename Value> inline __attribute__((always_inline)) void sum_symmetric(Int x, float first, float *sums, const Value &value) {
+    const Int half = (SIZE ? SIZE : size) / 2;
     F16 sum[BLOCK / LANES];
     for (Int n = 0; n < BLOCK / LANES; n++)
       sum[n] = fma(broadcast<F16>(weights[half]), load<F16>(value(half) + x + LANES * n), broadcast<F16>(first));
     for (Int k = 0; k < half; k++) {
       const F16 weight = broadcast<F16>(weights[k]);
-      const float *one = value(k) + x, *other = value(size - 1 - k) + x;
+      const float *one = value(k) + x, *other = value(2 * half - k) + x;
       for (Int n = 0; n < BLOCK / LANES; n++)
         sum[n] = fma(weight, load<F16>(one + LANES * n) + load<F16>(other + LANES * n), sum[n]);
     }
@@ -243,7 +278,9 @@ template <typename Scores> void search_all(const Search &a) {
       const Int dx = nearest + sign * n;
       offsets[n] = {dx, find_candidates(dx, left, pixels, width), prices(radius + dy, radius + dx),
                     ranks(radius + dy, radius + dx), ranks(radius - dy, radius - dx)};
-      sums[n].begin(most(offsets[n].pixels.end - offsets[n].pixels.begin + size - 1, Int(0)));
+      const Candidates &within = offsets[n].pixels;
+      if (within.begin < within.end)
+        sums[n].begin(within.end - within.begin, offsets[n].price, scores + n * layout.line + within.begin);
     }
     for (Int y = top; y < bottom; y += AT_ONCE) {
       const Int rows = least(AT_ONCE, bottom - y);
@@ -251,12 +288,13 @@ template <typename Scores> void search_all(const Search &a) {
         const Int begin = offsets[n].pixels.begin, end = offsets[n].pixels.end;
         if (begin >= end) continue;
         const Int here = left + begin, there = LANES + here + offsets[n].dx;
+        Score *const line = scores + n * layout.line + begin;
         for (Int row = y == top ? y : y + size - 1; row < y + rows + size - 1; row++)
           sums[n].add_row({planes0.at(0, row, here), planes1.at(0, row + dy, there),
                            planes0.shape[1] * planes0.shape[2], planes1.shape[1] * planes1.shape[2],
                            end - begin + size - 1},
-                          row);
-        sums[n].finish(y, rows, end - begin, offsets[n].price, scores + n * layout.line + begin, apart);
+                          row, line);
+        sums[n].finish(y, rows, end - begin, offsets[n].price, line, apart);
       }
       for (Int row = 0; row < rows; row++)
         for (Int first = 0; first < count; first += OFFSETS_AT_ONCE) {
@@ -297,4 +335,12 @@ template <typename Scores> void search_all(const Search &a) {
 
 }  // namespace
 
-KERNEL(void, search_in, Search) { a.prices.kind == INT32 ? search_all<BoxScores>(a) : search_all<WindowScores>(a); }
+KERNEL(void, search_in, Search) {
+  const bool is_box = a.prices.kind == INT32;
+  switch (a.weights.shape[0]) {
+    case 5: return (is_box ? search_all<BoxScores<5>> : search_all<WindowScores<5>>)(a);
+    case 7: return (is_box ? search_all<BoxScores<7>> : search_all<WindowScores<7>>)(a);
+    case 11: return (is_box ? search_all<BoxScores<11>> : search_all<WindowScores<11>>)(a);
+    default: return (is_box ? search_all<BoxScores<0>> : search_all<WindowScores<0>>)(a);
+  }
+}
