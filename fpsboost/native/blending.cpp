@@ -85,33 +85,34 @@ void add_node(const LayerSamples &layer, Int top, Int left, Int height, Int widt
   }
 }
 
-template <typename T>
-void write_row(const float *values, const float *alpha, const ValueRange &range, T *to, Int width, Int step) {
-  const float white = float(range.white), offset = float(range.rounding_offset);
-  const float lowest = float(range.lowest), highest = float(range.highest);
-  for (Int x = 0; x < width; x++) {
-    float value = values[x];
-    if (alpha) value /= most(alpha[x], 1e-6f);
-    to[x * step] = T(within(value * white + offset, lowest, highest));
-  }
-}
-
-// Normalises rows of a band in place, and writes them to an image; the band begins at row `top` of it.
+// Writes rows of the means of a band to an image; the band begins at row `top` of it. Pixels are computed in pieces, as
+// those of an image may be interleaved, which vectors are not.
 template <typename T>
 void write_rows(const LayerSamples &layer, Int first, Int last, Int top, const ValueRange &range, const Array &image) {
-  const Int channels = layer.channels, width = image.shape[2];
-  for (Int j = first; j < last; j++) {
-    const float *weight = layer.band.at(channels, j);
+  constexpr Int PIECE = 128;
+  const Int channels = layer.channels, width = image.shape[2], step = image.steps[2];
+  const float white = float(range.white), offset = float(range.rounding_offset);
+  const float lowest = float(range.lowest), highest = float(range.highest);
+  for (Int j = first; j < last; j++)
     for (Int c = 0; c < channels; c++) {
-      float *values = layer.band.at(c, j);
-      for (Int x = 0; x < width; x++) values[x] /= weight[x];
-    }
-    for (Int c = 0; c < channels; c++) {
-      const float *alpha = range.straight_alpha && c < channels - 1 ? layer.band.at(channels - 1, j) : nullptr;
+      const bool is_straight = range.straight_alpha && c < channels - 1;
       T *to = (T *)image.data + c * image.steps[0] + (top + j) * image.steps[1];
-      write_row(layer.band.at(c, j), alpha, range, to, width, image.steps[2]);
+      for (Int left = 0; left < width; left += PIECE) {
+        const float *sums = layer.band.at(c, j, left), *weights = layer.band.at(channels, j, left);
+        const float *alphas = layer.band.at(channels - 1, j, left);
+        const Int count = least(PIECE, width - left);
+        T codes[PIECE];
+        for (Int x = 0; x < count; x++) {
+          float value = sums[x] / weights[x];
+          if (is_straight) value /= most(alphas[x] / weights[x], 1e-6f);
+          codes[x] = T(within(value * white + offset, lowest, highest));
+        }
+        if (step == 1)
+          __builtin_memcpy(to + left, codes, count * sizeof(T));
+        else
+          for (Int x = 0; x < count; x++) to[(left + x) * step] = codes[x];
+      }
     }
-  }
 }
 
 // Writes rows of pixels of a layer that no further window contributes to, and shifts its band up by `rows`.
@@ -125,8 +126,8 @@ void finish_layer(const LayerSamples &layer, Int first, Int last, Int top, Int r
   const Int shift = rows / down * layer.band.shape[2];
   for (Int c = 0; c < layer.band.shape[0]; c++) {
     float *plane = layer.band.at(c);
-    for (Int i = 0; i < size - shift; i++) plane[i] = plane[i + shift];
-    for (Int i = size - shift; i < size; i++) plane[i] = 0;
+    __builtin_memmove(plane, plane + shift, (size - shift) * sizeof(float));
+    __builtin_memset(plane + size - shift, 0, shift * sizeof(float));
   }
 }
 
