@@ -13,9 +13,10 @@ from __future__ import annotations
 import ctypes
 import os
 import re
+import struct
 import sys
 from collections.abc import Callable
-from functools import cache, wraps
+from functools import cache, lru_cache, wraps
 from inspect import signature
 from pathlib import Path
 from types import NoneType, UnionType
@@ -40,6 +41,9 @@ KINDS = ("uint8", "uint16", "float32", "int32", "int64", "float64", "bool")
 
 MAX_AXES = 5
 
+Convert = Callable[[Any], bytes]
+"""Function that converts a value to the bytes of its field in a record."""
+
 
 class ArrayRecord(ctypes.Structure):
     """Array as C++ has it: the first element, the number of the element type, and sizes and steps along the axes."""
@@ -50,6 +54,10 @@ class ArrayRecord(ctypes.Structure):
         ("shape", ctypes.c_int64 * MAX_AXES),
         ("steps", ctypes.c_int64 * MAX_AXES),  # in elements
     )
+
+
+Start = ctypes.c_char * 0
+"""Where an array begins, also one without elements."""
 
 
 @cache
@@ -84,84 +92,91 @@ def compiled(function: Callable[Parameters, Result]) -> Callable[Parameters, Res
     with their possible types of elements and their axes; numbers among the axes are checked. All but those that are
     ``strided`` must fill their memory in C order.
 
-    Raises `TypeError` if an argument has another type, and `ValueError` if an array has another shape.
+    Raises `TypeError` if an array has another type, `ValueError` if it has another shape, and `struct.error` if a
+    number is none of its type.
     """
     names = list(signature(function).parameters)
 
     @cache
-    def entry() -> tuple[Any, Any]:
+    def entry() -> tuple[Any, Convert]:
         kernel = getattr(library(), f"{function.__name__}_{processor_level()}")
         kernel.restype = {NoneType: None, int: ctypes.c_int64, float: ctypes.c_double}[
             get_type_hints(function)["return"]
         ]
-        return kernel, arguments_of(function)
+        return kernel, arguments_of(function)[1]
 
     @wraps(function)
     def call(*arguments: Parameters.args, **named: Parameters.kwargs) -> Result:
         kernel, as_record = entry()
-        given = (*arguments, *(named[name] for name in names[len(arguments) :]))
-        return cast("Result", kernel(ctypes.byref(as_record(given))))
+        given = (*arguments, *[named[name] for name in names[len(arguments) :]])
+        return cast("Result", kernel(as_record(given)))
 
     return call
 
 
-def arguments_of(function: Callable[..., Any]) -> Callable[[Any], Any]:
-    """Return the function that converts the arguments of a kernel to its record; see `record`."""
+def arguments_of(function: Callable[..., Any]) -> tuple[type[ctypes.Structure], Convert]:
+    """Return the record of a kernel, and the function that converts arguments to it; see `record`."""
     hints = get_type_hints(function, include_extras=True)
     fields = {name: converter(f"{function.__name__}: {name}", hint) for name, hint in hints.items() if name != "return"}
     return record(function.__name__, fields)
 
 
 @cache
-def converter(name: str, hint: Any) -> tuple[Any, Callable[[Any], Any]]:
+def converter(name: str, hint: Any) -> tuple[Any, Convert]:
     """Return the type that C++ has for an annotation, and the function that converts values to it."""
     if get_origin(hint) is Annotated:
         return ArrayRecord, array_converter(name, *get_args(hint)[1:])
     members = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
     hint = next(kind for kind in members if kind is not NoneType)
     if get_origin(hint) is tuple:
-        kinds, converts = zip(*(converter(name, each) for each in get_args(hint)), strict=True)
-        several = kinds[0] * len(kinds)
-        return several, lambda values: several(
-            *(convert(value) for convert, value in zip(converts, values, strict=True))
-        )
+        structure, convert = record(name, {f"{n}": converter(name, each) for n, each in enumerate(get_args(hint))})
+        return structure._fields_[0][1] * len(structure._fields_), convert
     if hasattr(hint, "_fields"):
         fields = get_type_hints(hint, include_extras=True)
-        convert = record(hint.__name__, {each: converter(f"{name}.{each}", fields[each]) for each in hint._fields})
-        return convert(None).__class__, convert
-    if issubclass(hint, int | np.integer):
-        return ctypes.c_int64, int
-    return ctypes.c_double, float
+        return record(hint.__name__, {each: converter(f"{name}.{each}", fields[each]) for each in hint._fields})
+    kind, code = (ctypes.c_int64, "q") if issubclass(hint, int | np.integer) else (ctypes.c_double, "d")
+    return kind, struct.Struct(code).pack
 
 
-def record(name: str, fields: dict[str, tuple[Any, Callable[[Any], Any]]]) -> Callable[[Any], Any]:
-    """Return the function that converts a tuple to a structure with these fields, and None to one of zeros."""
+def record(name: str, fields: dict[str, tuple[Any, Convert]]) -> tuple[type[ctypes.Structure], Convert]:
+    """Return a structure with these fields, and the function that converts a tuple to it, and None to zeros.
+
+    The structure only describes the bytes: to join them is several times faster than to fill its fields.
+    """
     structure = type(name, (ctypes.Structure,), {"_fields_": [(each, kind) for each, (kind, _) in fields.items()]})
-    converts = [convert for _, convert in fields.values()]
+    zeros, converts = bytes(ctypes.sizeof(structure)), [convert for _, convert in fields.values()]
 
-    def convert(values: Any) -> Any:
+    def convert(values: Any) -> bytes:
         if values is None:
-            return structure()
-        return structure(*[convert(value) for convert, value in zip(converts, values, strict=True)])
+            return zeros
+        return b"".join([convert(value) for convert, value in zip(converts, values, strict=True)])
 
-    return convert
+    return structure, convert
 
 
-def array_converter(name: str, description: str) -> Callable[[Array], ArrayRecord]:
+def array_converter(name: str, description: str) -> Convert:
     """Return the function that converts an array of the type and shape that are described, after checking it."""
     kinds, axes, strided = re.fullmatch(r"([\w|]+) \(([^()]*)\)( strided)?", description).groups()  # type: ignore[union-attr]
     sizes = [int(axis) if axis.isdigit() else None for axis in re.split(", *", axes.rstrip(","))]
     numbers = {np.dtype(kind): KINDS.index(kind) for kind in kinds.split("|")}
+    unused = [0] * (MAX_AXES - len(sizes))
 
-    def convert(array: Array) -> ArrayRecord:
-        shape, kind = array.shape, numbers.get(array.dtype)
-        if kind is None:
-            raise TypeError(f"{name} must be {kinds.replace('|', ' or ')}, not {array.dtype}.")
+    @lru_cache(32)  # arrays of a run have few shapes
+    def checked(kind: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ...], is_contiguous: bool) -> bytes:
+        if kind not in numbers:
+            raise TypeError(f"{name} must be {kinds.replace('|', ' or ')}, not {kind}.")
         if len(shape) != len(sizes) or any(size not in (None, own) for size, own in zip(sizes, shape, strict=True)):
             raise ValueError(f"{name} must have the shape ({axes}), not {shape}.")
-        if not (strided or array.flags.c_contiguous):
+        if not (strided or is_contiguous):
             raise ValueError(f"{name} must be contiguous.")
-        steps = [step // array.itemsize for step in array.strides]
-        return ArrayRecord(array.__array_interface__["data"][0], kind, shape, (*steps,))
+        steps = [stride // kind.itemsize for stride in strides]
+        return struct.pack(f"{1 + 2 * MAX_AXES}q", numbers[kind], *shape, *unused, *steps, *unused)
+
+    def convert(array: Array) -> bytes:
+        rest = checked(array.dtype, array.shape, array.strides, array.flags.c_contiguous)
+        # the quick way to the address needs an array that fills its memory and may be written
+        quick = array.flags.carray
+        address = ctypes.addressof(Start.from_buffer(array)) if quick else array.ctypes.data  # type: ignore[arg-type]
+        return address.to_bytes(8, sys.byteorder) + rest
 
     return convert

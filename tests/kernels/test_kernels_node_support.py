@@ -16,7 +16,7 @@ def landings_of(points, t):
     rows, columns = points.shape[:2]
     counts = np.empty((rows, columns), np.float32)
     motion = np.dstack([points, np.zeros((rows, columns, 3))]).astype(np.float32)
-    count_landings(motion, np.float32(t), np.float32(8), counts)
+    count_landings(motion, np.float32(t), 8, counts)
     return counts
 
 
