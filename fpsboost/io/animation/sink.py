@@ -106,7 +106,10 @@ class AnimationWriter(ABC):
 
 
 class GifWriter(AnimationWriter):
-    """Writer of GIF: each frame gets the 256 colours that suit it best, and stays unchanged if it has no more."""
+    """Writer of GIF: each frame gets the 256 colours that suit it best.
+
+    Of a frame that has no more, `palettegen` rounds some colours, mostly by one level, because it works in OkLab.
+    """
 
     muxer = codec = "gif"
     tick, shortest, longest = Fraction(1, 100), SHORTEST_GIF_DELAY, Fraction(65535, 100)
@@ -132,9 +135,6 @@ class GifWriter(AnimationWriter):
 
     def picture(self, image: Image) -> av.VideoFrame:
         has_alpha, image = image.shape[2] == 4, _with_binary_alpha(image)
-        exact = _with_all_colours(image, has_alpha)
-        if exact is not None:
-            return exact
         picture = av.VideoFrame.from_ndarray(image, format="bgra")
         picture.pts, picture.time_base = self._ticks, self._tick
         self._graph = self._graph or _palette_graph(picture, has_alpha)
@@ -152,29 +152,6 @@ def _with_binary_alpha(image: Image) -> Image:
     hidden_colour = image.reshape(-1, 4)[visible.argmax(), :3]
     colours = np.where(visible[..., np.newaxis], image[..., :3], hidden_colour)
     return np.dstack([colours, np.where(visible, np.uint8(255), np.uint8(0))])
-
-
-def _with_all_colours(image: Image, has_alpha: bool) -> av.VideoFrame | None:
-    """Return the image with a palette of exactly its colours, or None if it has too many.
-
-    With alpha, the last entry is transparent in all frames, as in `palettegen`: the encoder takes that of the first
-    frame for all.
-    """
-    pixels = image.view("<u4")[..., 0]
-    if np.unique(pixels[::8, ::8]).size > 256:
-        return None
-    colours, indices = np.unique(pixels, return_inverse=True)
-    first_opaque = int(colours[0] < 1 << 24)  # ARGB
-    opaque = colours[first_opaque:]
-    if opaque.size > 256 - has_alpha:
-        return None
-    palette = np.full(256, 0xFF000000, ">u4")
-    palette[: opaque.size] = opaque
-    if has_alpha:
-        palette[255] = 0
-    entries = (indices - first_opaque).reshape(pixels.shape).astype(np.uint8)
-    planes: Any = (entries, palette.view(np.uint8).reshape(256, 4))
-    return av.VideoFrame.from_ndarray(planes, format="pal8")
 
 
 def _palette_graph(picture: av.VideoFrame, has_alpha: bool) -> av.filter.Graph:
