@@ -59,9 +59,6 @@ unreadable_playlists = {
 TRANSPORT_PACKET = re.compile(rb"(?=\x47(..)(.)(?:.{184}|.{188}|.{200})\x47)", re.DOTALL)
 """A packet of 188, 192 or 204 bytes before another: its identifier, below flags, and how it is scrambled, above."""
 
-PROGRAM_PACKET = re.compile(rb"\x00\x00\x01([\xe0-\xef])..([\x80-\xbf])", re.DOTALL)
-"""A packet of video in a program stream: its identifier, and how it is scrambled, in the middle."""
-
 PICTURE_TIME = re.compile(rb"\x00\x00\x01[\xe0-\xef]..[\x80-\xbf][\x80-\xff].(.{5})", re.DOTALL)
 """Presentation time, among bits that are always set, in the header of a packet of video (PES)."""
 
@@ -93,9 +90,9 @@ class Demuxer:
         self.clear: Fraction | None = None
         self._first: Fraction | None = None
         self._open()
-        self._scrambled = (
-            scrambled_place(path, self.stream.id) if self.container.format.name in ("mpegts", "mpeg") else None
-        )
+        if self.container.format.name == "mpegts" and is_scrambled(path, self.stream.id):
+            self.container.close()
+            raise EncryptedError(encrypted_sentence(name))
 
     def _open(self) -> None:
         self.container = open_video(self._path, self._name, playlists=self._playlists)
@@ -125,7 +122,7 @@ class Demuxer:
             if 0 < first <= last < duration:  # else no entry of the index would be within the duration
                 return duration - first if (duration - last) * Fraction(self.stream.time_base or 1) < 1 else None
         times: list[int] = []
-        for _, block in probed(self._path) if clock_may_jump(self.container) else ():
+        for block in probed(self._path) if clock_may_jump(self.container) else ():
             if match := PICTURE_TIME.search(block):
                 high, middle, low = match[1][0] >> 1 & 7, int.from_bytes(match[1][1:3]), int.from_bytes(match[1][3:])
                 times.append(high << 30 | middle >> 1 << 15 | low >> 1)
@@ -148,12 +145,8 @@ class Demuxer:
             if is_encrypted(packet):
                 self.clear = start - self._first
                 return
-            if self._scrambled is not None and (packet.pos or 0) > self._scrambled:
-                break
             self.last_start = max(start, self.last_start)
             yield packet
-        if self._scrambled is not None:  # FFmpeg reads past what is scrambled
-            self.clear = Fraction(0) if self._first is None else self.last_start - self._first
 
     def seek(self, ticks: int) -> bool:
         """Go to the key frame before a time in ticks of the video stream; return whether the container can."""
@@ -273,27 +266,26 @@ def is_encrypted(packet: av.Packet[Any]) -> bool:
     return bool(packet.has_sidedata("encryption_info")) or "enc_key_id" in packet.stream.metadata
 
 
-def probed(path: Path) -> Iterator[tuple[int, bytes]]:
-    """Yield a sample of a file: places, in bytes, and what lies there."""
+def probed(path: Path) -> Iterator[bytes]:
+    """Yield a sample of a file: what lies at some of its places."""
     size = path.stat().st_size
     step = max(MIN_PROBED_BYTES, size // PROBES)
     with path.open("rb") as file:
         for place in range(0, size, step):
             file.seek(place)
-            yield place, file.read(min(step, MAX_PROBED_BYTES))
+            yield file.read(min(step, MAX_PROBED_BYTES))
 
 
-def scrambled_place(path: Path, pid: int) -> int | None:
-    """Return about where, in bytes, packets with this identifier are scrambled, by a sample; of DVDs about half are."""
-    for place, block in probed(path):
-        packets = TRANSPORT_PACKET.findall(block)
-        own = [flags[0] >= 0x40 for head, flags in packets if int.from_bytes(head) & 0x1FFF == pid]
-        own = own or [
-            flags[0] & 0x30 != 0 for number, flags in PROGRAM_PACKET.findall(block) if number[0] == pid & 0xFF
-        ]
-        if 4 * sum(own) > len(own):
-            return place
-    return None
+def is_scrambled(path: Path, pid: int) -> bool:
+    """Return whether packets with this identifier are scrambled somewhere in a transport stream, by a sample.
+
+    FFmpeg passes over such packets without a word.
+    """
+    for block in probed(path):
+        flags = [flags[0] for head, flags in TRANSPORT_PACKET.findall(block) if int.from_bytes(head) & 0x1FFF == pid]
+        if 4 * sum(each >= 0x40 for each in flags) > len(flags):
+            return True
+    return False
 
 
 def left_out_remarks(container: av.container.InputContainer, chosen: av.VideoStream, name: str) -> list[str]:

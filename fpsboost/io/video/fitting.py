@@ -15,14 +15,13 @@ from typing import Any, cast
 import av
 from av.codec.codec import Properties
 
-from fpsboost.errors import EncryptedError, OptionError, OutputError
+from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.output import Output, VideoFile
-from fpsboost.io.video.demuxer import open_video, scrambled_place
+from fpsboost.io.video.demuxer import open_video
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoded_sound import can_encode, choose_sound_encoder, defaults, named_layout, sound_encoders
 from fpsboost.io.video.encoding import containers, holds
 from fpsboost.io.video.pyav import open_input, trial_file
-from fpsboost.io.video.remarks import encrypted_stream_sentence
 
 MAX_PROBED_PACKETS = 200  # maximum number of packets that are read to find the first packet of each stream
 INCOMPLETE_LIST_CONTAINERS = ("matroska",)  # containers that hold more codecs than their list names
@@ -116,10 +115,7 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
 
 
 def _check_streams(file: av.container.InputContainer, source: VideoFile, encoding: Encoding) -> None:
-    """Raise an exception if a stream is wanted that is scrambled, or neither sound nor subtitles nor the video."""
-    for stream in file.streams if file.format.name == "mpegts" else ():
-        if is_wanted(stream, encoding) and scrambled_place(source.path, stream.id) is not None:
-            raise EncryptedError(encrypted_stream_sentence(source.name, stream.type, stream.index))
+    """Raise `OptionError` if a stream is wanted that is neither sound nor subtitles nor the video."""
     offered = {stream.index: stream for stream in file.streams if stream.type in ("audio", "subtitle")}
     for number in set(encoding.streams or ()) - offered.keys() - {source.stream_index}:
         listed = ", ".join(f"{index} ({codec_of(stream)} {stream.type})" for index, stream in offered.items())
