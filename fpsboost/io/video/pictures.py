@@ -24,14 +24,11 @@ from fpsboost.io.video.ycc import (
     add_colour_tags,
     chroma_location_of,
     color_space_of,
-    from_bgr,
     full_chroma,
     graph_of,
     has_alpha,
     is_full_range,
     kind_of_picture,
-    reformatted,
-    to_bgr,
 )
 
 MAX_REORDERED = 16
@@ -317,7 +314,7 @@ class FormatUnifier:
     ) -> None:
         self._name, self.traits, self._stops = name, traits, stops
         self._width, self._height, self._aspect = first.width, first.height, aspect
-        self._reformatter, self._graphs = VideoReformatter(), _Graphs(Fraction(1, 1000))
+        self._graphs = _Graphs(Fraction(1, 1000))
         self._reshaped = self._recoded = self._retagged = 0
         self._change = self._new_colours = self._recoding = ""
         """First change of size, format or shape: ``from 64x48 yuv420p to 96x64 yuv420p at frame 12``."""
@@ -371,27 +368,22 @@ class FormatUnifier:
         return f"{before} with pixels of {old}", f"{now} with pixels of {new}"
 
     def _like_first(self, picture: av.VideoFrame, aspect: Fraction, *, recodes: bool) -> av.VideoFrame:
-        traits, source = self.traits, picture
-        if recodes:
-            source = from_bgr(
-                to_bgr(picture, self._reformatter),
-                traits.pixel_format,
-                traits.color_space,
-                traits.full_range,
-                chroma_location=traits.chroma_location,
-            )
-        width, height = self._width, self._height
+        """Return a picture scaled and padded by FFmpeg, in the first one's format, and its coding if it `recodes`."""
+        traits, width, height = self.traits, self._width, self._height
         wider = Fraction(picture.width, picture.height) * aspect / (Fraction(width, height) * self._aspect)
         if wider > 1 + MAX_SQUEEZE:
             height = min(height, 4 * max(1, round(height / wider / 4)))  # whole samples of chroma
         elif wider < 1 - MAX_SQUEEZE:
             width = min(width, 4 * max(1, round(width * wider / 4)))
-        alike = reformatted(source, self._reformatter, traits.pixel_format, traits.full_range, size=(height, width))
-        if (width, height) != (self._width, self._height):
-            alike.colorspace, alike.color_range = traits.tagged_color_space, traits.color_range
-            options = f"{self._width}:{self._height}:(ow-iw)/2:(oh-ih)/2"
-            alike = self._graphs.passed(alike, ("pad", options))
-            alike = reformatted(alike, self._reformatter, traits.pixel_format, traits.full_range)
+        full, wanted = is_full_range(picture), av.VideoFormat(traits.pixel_format)
+        options = f"{width}:{height}:flags={SCALER_FLAGS}:in_range={1 + full}:out_range={1 + traits.full_range}"
+        options += "" if picture.format.is_rgb else f":in_color_matrix={color_space_of(picture)}"
+        options += "" if wanted.is_rgb else f":out_color_matrix={traits.color_space}"
+        margins = f"{self._width}:{self._height}:(ow-iw)/2:(oh-ih)/2"
+        # with 8 bits only, the scaler is off by a level where matrix or range changes
+        deep = full_chroma(16).replace("yuv", "yuva" if has_alpha(wanted.name) else "yuv")
+        middle, last = (("format", name) for name in (deep if recodes else wanted.name, wanted.name))
+        alike = self._graphs.passed(picture, ("scale", options), middle, ("pad", margins), last)
         alike.pts, alike.duration, alike.time_base = picture.pts, picture.duration, picture.time_base
         alike.colorspace, alike.color_range = traits.tagged_color_space, traits.color_range
         alike.color_primaries, alike.color_trc = traits.color_primaries, traits.color_transfer
