@@ -13,14 +13,14 @@ from scoring import make_between, one_thread, read_frames
 
 from fpsboost.colour import Coding
 from fpsboost.image import Image, YCbCrImage
-from fpsboost.io.video.ycc import BT709, from_bgr, in_planes
+from fpsboost.io.video.ycc import from_bgr, in_planes
 from fpsboost.method_table import find_method
 
 
 def as_video(image: Image) -> YCbCrImage:
     """Convert a frame to planes as video stores them: 4:2:0, 8 bits, limited range, BT.709."""
-    coding = Coding(8, BT709, full_range=False, chroma_location="left", pixel_format="yuv420p")
-    return in_planes(from_bgr(image, coding.pixel_format, BT709, full_range=False), coding)
+    coding = Coding(8, 1, full_range=False, chroma_location="left", pixel_format="yuv420p")  # 1: BT.709
+    return in_planes(from_bgr(image, coding.pixel_format, coding.color_space, full_range=False), coding)
 
 
 def main() -> None:

@@ -14,8 +14,9 @@ from fpsboost.frame import Frame
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encoder import undisturbed
 from fpsboost.io.video.pipe import chroma_locations, formats
+from fpsboost.io.video.pixels import SMPTE170M, plane_arrays
 from fpsboost.io.video.source import VideoSource
-from fpsboost.io.video.ycc import SMPTE170M, from_bgr, plane_arrays
+from fpsboost.io.video.ycc import from_bgr
 
 QUARTER_TURN = (0, 65536, 0, -65536, 0, 0, 0, 0, 1 << 30)
 LOSSLESS = {"preset": "ultrafast", "crf": "0"}

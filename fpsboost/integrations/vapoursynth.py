@@ -46,7 +46,8 @@ from fpsboost import (
 )
 from fpsboost.colour import luma_weights
 from fpsboost.image import Image, view
-from fpsboost.io.video.ycc import PLANAR_FORMATS, assumed_color_space, bgr_of, from_bgr, in_planes
+from fpsboost.io.video.pixels import assumed_color_space
+from fpsboost.io.video.ycc import PLANAR_FORMATS, bgr_of, from_bgr, in_planes
 from fpsboost.layered import FrameImage
 from fpsboost.options import Range, check_type
 

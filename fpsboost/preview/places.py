@@ -23,8 +23,8 @@ from fpsboost.colour import as_shown
 from fpsboost.errors import rounded
 from fpsboost.image import view
 from fpsboost.io.video.demuxer import open_video
-from fpsboost.io.video.pictures import turned_upright
 from fpsboost.io.video.traits import VideoTraits
+from fpsboost.io.video.ycc import turned_upright
 from fpsboost.preparation import opened_clip
 from fpsboost.probing import Findings
 from fpsboost.timing.time_map import TimeMap

@@ -18,10 +18,9 @@ import av
 from av.format import Flags
 
 from fpsboost.errors import EncryptedError, InputError, OptionError
+from fpsboost.io.video.pixels import NO_COLOUR_TAG
 from fpsboost.io.video.pyav import open_input
 from fpsboost.io.video.remarks import Damage, encrypted_sentence
-from fpsboost.io.video.ycc import NO_COLOUR_TAG
-from fpsboost.threads import available_cores
 
 STILL_CODECS = ("png", "mjpeg", "bmp", "gif", "tiff", "webp")
 
@@ -81,11 +80,12 @@ class Demuxer:
     On the file's own clock in seconds, `furthest` is the end of all packets of video, sound and subtitles read so far,
     and `last_start` the presentation time of the last video packet. Reading ends at a video packet that is encrypted;
     `clear` is how long the pictures before it last, or None if there is none. `colour_tags` are those of the container,
-    by their names in PyAV; see `fpsboost.io.video.ycc.add_colour_tags`.
+    by their names in PyAV; see `fpsboost.io.video.pixels.add_colour_tags`. The decoder has so many `threads`.
     """
 
-    def __init__(self, path: Path, name: str, wanted: int | None, *, playlists: bool = False) -> None:
+    def __init__(self, path: Path, name: str, wanted: int | None, *, playlists: bool = False, threads: int = 1) -> None:
         self._path, self._name, self._wanted, self._playlists = path, name, wanted, playlists
+        self._threads = threads
         self.furthest = self.last_start = Fraction(0)
         self.clear: Fraction | None = None
         self._first: Fraction | None = None
@@ -103,9 +103,7 @@ class Demuxer:
             raise
         # the first picture replaces them by what the coded stream says, be it nothing
         self.colour_tags = {name: int(getattr(self.stream.codec_context, name)) for name in NO_COLOUR_TAG}
-        # a quarter of the cores: the decoder has little to do, and every thread holds frames of its own
-        self.stream.thread_type = "AUTO"
-        self.stream.thread_count = max(1, available_cores() // 4)
+        self.stream.thread_type, self.stream.thread_count = "AUTO", self._threads
 
     @cached_property
     def duration(self) -> int | None:

@@ -15,8 +15,8 @@ from av.codec.context import OptionFlags
 
 from fpsboost.errors import OptionError, choose_one
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.pixels import has_alpha
 from fpsboost.io.video.pyav import trial_file
-from fpsboost.io.video.ycc import has_alpha
 
 containers = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska", ".webm": "webm"}
 """FFmpeg's name of the container by suffix."""

@@ -9,17 +9,11 @@ from itertools import chain, groupby, pairwise
 from typing import Any, cast
 
 import av.filter
-import numpy as np
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import InputError
-from fpsboost.image import Image
 from fpsboost.io.video.clock import VideoClock
-from fpsboost.io.video.pyav import as_fraction, pulled
-from fpsboost.io.video.remarks import Damage, counted, interlaced_remark, lost_alpha_remark
-from fpsboost.io.video.side_data import Crop
-from fpsboost.io.video.traits import VideoTraits, primaries, tag_name, transfers
-from fpsboost.io.video.ycc import (
+from fpsboost.io.video.pixels import (
     SCALER_FLAGS,
     add_colour_tags,
     chroma_location_of,
@@ -30,6 +24,10 @@ from fpsboost.io.video.ycc import (
     is_full_range,
     kind_of_picture,
 )
+from fpsboost.io.video.pyav import as_fraction, pulled
+from fpsboost.io.video.remarks import Damage, counted, interlaced_remark, lost_alpha_remark
+from fpsboost.io.video.side_data import Crop
+from fpsboost.io.video.traits import VideoTraits, primaries, tag_name, transfers
 
 MAX_REORDERED = 16
 """Maximum reordering of H.264 and HEVC, pictures; a packet that is later than this produced no picture."""
@@ -408,31 +406,3 @@ def _colours(transfer: int, primary: int) -> str:
     return ", ".join(
         f"{kind} {name or 'untagged'}" for kind, name in zip(("transfer", "primaries"), names, strict=True)
     )
-
-
-def is_on_its_side(matrix: tuple[int, ...] | None) -> bool:
-    """Return whether a display matrix exchanges width and height; only quarter turns and flips are considered."""
-    return matrix is not None and _is_small(matrix[0], matrix[1]) and _is_small(matrix[4], matrix[3])
-
-
-def _is_small(value: int, other: int) -> bool:
-    """Return whether an element of a matrix differs from 0 by rounding only, beside another one."""
-    return 256 * abs(value) <= abs(other)
-
-
-def turned_upright(image: Image, matrix: tuple[int, ...] | None) -> Image:
-    """Rotate and flip an image (H, W, C) according to its display matrix.
-
-    The matrix maps (x, y) to (a x + c y, b x + d y), with a, b, c and d at indices 0, 1, 3 and 4. Rotations by other
-    angles than quarter turns are not applied.
-    """
-    if matrix is None:
-        return image
-    if is_on_its_side(matrix):
-        image = image.transpose(1, 0, 2)
-        left, down = matrix[3], matrix[1]
-    elif _is_small(matrix[1], matrix[0]) and _is_small(matrix[3], matrix[4]):
-        left, down = matrix[0], matrix[4]
-    else:
-        return image
-    return np.ascontiguousarray(image[:: -1 if down < 0 else 1, :: -1 if left < 0 else 1])

@@ -31,10 +31,11 @@ from fpsboost.image import Pixels
 from fpsboost.io.output import Output, StreamInfo, check_frame_size
 from fpsboost.io.video.clock import ASSUMED_RATE, assumed_rate_remark
 from fpsboost.io.video.encoding import depth_of
+from fpsboost.io.video.pixels import assumed_color_space, plane_arrays
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import interlaced_remark, lost_companions_remark, lost_shape_remark
-from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
-from fpsboost.io.video.ycc import as_picture, assumed_color_space, in_planes, plane_arrays, to_bgr
+from fpsboost.io.video.traits import VideoTraits, read_traits
+from fpsboost.io.video.ycc import as_picture, coding_of, in_planes, to_bgr
 from fpsboost.memory import MemoryLimit
 
 T = TypeVar("T")

@@ -33,8 +33,8 @@ from fpsboost.io.video.encoding import (
     depth_of,
 )
 from fpsboost.io.video.fitting import fit_streams
+from fpsboost.io.video.pixels import has_alpha
 from fpsboost.io.video.traits import VideoTraits
-from fpsboost.io.video.ycc import has_alpha
 from fpsboost.memory import return_free_memory
 
 

@@ -33,7 +33,8 @@ from fpsboost.io.video.clock import (
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.demuxer import Demuxer, is_fragmented, is_raw, left_out_remarks, open_video, read_packets
 from fpsboost.io.video.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
-from fpsboost.io.video.pictures import MAX_REORDERED, FormatUnifier, Pictures, is_on_its_side, turned_upright
+from fpsboost.io.video.pictures import MAX_REORDERED, FormatUnifier, Pictures
+from fpsboost.io.video.pixels import has_alpha
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import (
     Damage,
@@ -46,9 +47,10 @@ from fpsboost.io.video.remarks import (
 )
 from fpsboost.io.video.side_data import MASTERING, read_header
 from fpsboost.io.video.tags import ORDER, unread_of_chapters
-from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
-from fpsboost.io.video.ycc import has_alpha, in_planes, to_bgr
+from fpsboost.io.video.traits import VideoTraits, read_traits
+from fpsboost.io.video.ycc import coding_of, in_planes, is_on_its_side, to_bgr, turned_upright
 from fpsboost.memory import MemoryLimit
+from fpsboost.threads import available_cores
 
 STEPS_BACK = (0, 1, 10)  # seconds, or key frames, before the wanted one that are tried in turn
 
@@ -86,7 +88,11 @@ class VideoSource(ClosesOnExit):
         self._decoding, self._limit = decoding or DecodeOptions(), limit or MemoryLimit()
         self.remarks: list[str] = []
         self._playlists = self._decoding.allow_playlists
-        self._demuxer = Demuxer(self.path, self._name, self._decoding.stream, playlists=self._playlists)
+        # a quarter of the cores: the decoder has little to do, and every thread holds frames of its own
+        threads = max(1, available_cores() // 4)
+        self._demuxer = Demuxer(
+            self.path, self._name, self._decoding.stream, playlists=self._playlists, threads=threads
+        )
         try:
             self.info = self._read_header()
         except BaseException:

@@ -13,21 +13,18 @@ import av
 import numpy as np
 from av.video.reformatter import VideoReformatter
 
-from fpsboost.colour import Coding
 from fpsboost.errors import InputError
-from fpsboost.io.video.pyav import as_fraction
-from fpsboost.io.video.side_data import MASTERING, described, is_ordinary, side_data_of, stereo_mode_of
-from fpsboost.io.video.ycc import (
+from fpsboost.io.video.pixels import (
     BT709,
     LIMITED_RANGE,
     NO_COLOUR_TAG,
-    PLANAR_FORMATS,
     UNSPECIFIED,
-    bgr_of,
     chroma_location_of,
     color_space_of,
     is_full_range,
 )
+from fpsboost.io.video.pyav import as_fraction
+from fpsboost.io.video.side_data import MASTERING, described, is_ordinary, side_data_of, stereo_mode_of
 
 matrices = {0: "rgb", 1: "bt709", 4: "fcc", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020nc", 10: "bt2020c"}
 primaries = {
@@ -192,14 +189,6 @@ def parse_light_level(data: bytes | None) -> LightLevel | None:
         return None
     levels = LightLevel(*struct.unpack_from("=2I", data))
     return levels if levels != LightLevel(0, 0) else None
-
-
-def coding_of(traits: VideoTraits) -> Coding | None:
-    """Return the planar YCbCr coding of a video's pictures, or None if they must be converted to BGR."""
-    if traits.pixel_format not in PLANAR_FORMATS:
-        return None
-    bits = av.VideoFormat(traits.pixel_format).components[0].bits
-    return Coding(bits, traits.color_space, traits.full_range, traits.chroma_location, traits.pixel_format, bgr_of)
 
 
 def tag_name(names: dict[int, str], number: int) -> str | None:

@@ -7,41 +7,32 @@ inverse converts back.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from fractions import Fraction
 from typing import Any
 
 import av
 import cv2
 import numpy as np
 from av.video.reformatter import VideoReformatter
-from numpy.typing import NDArray
 
-from fpsboost.colour import Coding, bgr_to_ycc, luma_weights
+from fpsboost.colour import Coding, bgr_to_ycc
 from fpsboost.frame import Frame
 from fpsboost.image import Image, YCbCrImage, view
-
-SMPTE170M, BT709, BT2020, RGB, UNSPECIFIED = 6, 1, 9, 0, 2  # AVColorSpace
-FULL_RANGE, LIMITED_RANGE = 2, 1  # AVColorRange
-
-NO_COLOUR_TAG = {"colorspace": (0, 2, 3), "color_primaries": (0, 2, 3), "color_trc": (0, 2, 3), "color_range": (0,)}
-"""FFmpeg's numbers of tags that say nothing, by the tag's name in PyAV: of unspecified colours and two reserved ones.
-
-ProRes has 0 for unspecified colours; as the matrix of RGB it is a tag.
-"""
-
-SCALER_FLAGS = 0x4 | 0x40000 | 0x2000 | 0x4000
-"""Bicubic, accurate rounding, full chroma interpolation and input; without them chroma is off by half a level."""
-
-chroma_locations = {
-    (0.0, 0.5): "left",
-    (0.5, 0.5): "center",
-    (0.0, 0.0): "topleft",
-    (0.5, 0.0): "top",
-    (0.0, 1.0): "bottomleft",
-    (0.5, 1.0): "bottom",
-}
-"""FFmpeg's names by the offset of a chroma sample to the right of and below the first luma sample, pixels."""
+from fpsboost.io.video.pixels import (
+    FULL_RANGE,
+    LIMITED_RANGE,
+    SCALER_FLAGS,
+    bits_of,
+    color_space_of,
+    full_chroma,
+    has_alpha,
+    is_full_range,
+    is_gray,
+    plane_arrays,
+    reformatted,
+    sample_type,
+    with_chroma_location,
+)
+from fpsboost.io.video.traits import VideoTraits
 
 PLANAR_FORMATS = frozenset(
     [f"yuv{chroma}p{depth}" for chroma in (420, 422, 444) for depth in ("", "9le", "10le", "12le", "14le", "16le")]
@@ -58,8 +49,8 @@ def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None, 
     not supported.
     """
     scaler = reformatter or VideoReformatter()
-    bits, full = _bits(picture), is_full_range(picture)
-    dtype = _sample_type(bits)
+    bits, full = bits_of(picture), is_full_range(picture)
+    dtype = sample_type(bits)
     top = np.iinfo(dtype).max
     if picture.format.is_rgb:
         pixel_format = packed_format(dtype, alpha=keeps_alpha)
@@ -71,18 +62,18 @@ def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None, 
         name = full_chroma(bits).replace("yuv444p", "gray")
         is_ready = picture.format.name == name
         gray = picture if is_ready else scaler.reformat(picture, format=name, interpolation=SCALER_FLAGS)
-        (levels,), most = plane_arrays(gray), 2 ** _bits(gray) - 1
+        (levels,), most = plane_arrays(gray), 2 ** bits_of(gray) - 1
         image = cv2.merge([levels if top == most else np.rint(levels * (top / most)).astype(dtype)] * 3)
     else:
         planar = reformatted(picture, scaler, full_chroma(bits), full)
-        forward = bgr_to_ycc(color_space_of(picture), full, _bits(planar), top)
+        forward = bgr_to_ycc(color_space_of(picture), full, bits_of(planar), top)
         inverse = np.linalg.inv(forward[:, :3])
         backward = np.column_stack([inverse, -inverse @ forward[:, 3]])
         image = cv2.transform(cv2.merge(plane_arrays(planar)), backward)
     if not keeps_alpha:
         return image
     planar = reformatted(picture, scaler, full_chroma(bits).replace("yuv", "yuva"), full)
-    alpha, most = plane_arrays(planar)[3], 2 ** _bits(planar) - 1
+    alpha, most = plane_arrays(planar)[3], 2 ** bits_of(planar) - 1
     return np.dstack([image, alpha if top == most else np.rint(alpha * np.float32(top / most)).astype(dtype)])
 
 
@@ -91,11 +82,6 @@ def packed_format(dtype: np.dtype[Any], *, alpha: bool) -> str:
     if dtype == np.uint8:
         return "bgra" if alpha else "bgr24"
     return "bgra64le" if alpha else "bgr48le"
-
-
-def has_alpha(pixel_format: str) -> bool:
-    """Return whether a pixel format of FFmpeg has alpha."""
-    return any(component.is_alpha for component in av.VideoFormat(pixel_format).components)
 
 
 def straight_16_bit(image: Image) -> Image:
@@ -139,8 +125,8 @@ def from_bgr(
         colours = colours.astype(np.uint16) * 257
     height, width = image.shape[:2]
     planar = av.VideoFrame(width, height, full_chroma(target.components[0].bits))
-    matrix = bgr_to_ycc(color_space, full_range, _bits(planar), np.iinfo(colours.dtype).max)
-    most = 2 ** _bits(planar) - 1
+    matrix = bgr_to_ycc(color_space, full_range, bits_of(planar), np.iinfo(colours.dtype).max)
+    most = 2 ** bits_of(planar) - 1
     codes = np.minimum(cv2.transform(colours, matrix), most)  # a pure colour in full range exceeds it by one half
     for channel, plane in enumerate(plane_arrays(planar)):
         plane[:] = codes[..., channel]
@@ -150,142 +136,11 @@ def from_bgr(
     opaque = reformatted(planar, scaler, without_alpha, full_range)
     if not keeps_alpha:
         return opaque
-    levels = np.rint(alpha * np.float32((2 ** _bits(opaque) - 1) / white))
+    levels = np.rint(alpha * np.float32((2 ** bits_of(opaque) - 1) / white))
     picture = av.VideoFrame(width, height, pixel_format)
     for plane, values in zip(plane_arrays(picture), [*plane_arrays(opaque), levels], strict=True):
         plane[:] = values
     return with_chroma_location(picture, chroma_location)
-
-
-def with_chroma_location(picture: av.VideoFrame, location: str) -> av.VideoFrame:
-    """Tag a picture with its chroma location, which PyAV can do only through a filter; no pixel is copied."""
-    graph = graph_of(picture, ("setparams", f"chroma_location={location}"))
-    graph.vpush(picture)
-    return graph.vpull()
-
-
-def kind_of_picture(picture: av.VideoFrame) -> tuple[int, int, str, int, int]:
-    """Return what a filter is made for: size, pixel format and colour coding."""
-    return picture.width, picture.height, picture.format.name, int(picture.colorspace), int(picture.color_range)
-
-
-def graph_of(
-    picture: av.VideoFrame, *filters: tuple[str, str], time_base: Fraction = Fraction(1, 1000)
-) -> av.filter.Graph:
-    """Return a graph of FFmpeg's filters, by their names and options, for pictures like this one."""
-    width, height, pixel_format, color_space, color_range = kind_of_picture(picture)
-    clock = Fraction(picture.time_base or time_base)
-    graph = av.filter.Graph()
-    # The graph needs the colour tags too, so that a conversion to a format of the filter does not change the colours.
-    entry = graph.add(
-        "buffer",
-        f"video_size={width}x{height}:pix_fmt={pixel_format}:time_base={clock.numerator}/{clock.denominator}:"
-        f"colorspace={color_space}:range={color_range}",
-    )
-    nodes = [graph.add(name, options) for name, options in filters]
-    graph.link_nodes(entry, *nodes, graph.add("buffersink")).configure()
-    return graph
-
-
-def reformatted(
-    picture: av.VideoFrame,
-    reformatter: VideoReformatter,
-    pixel_format: str,
-    full_range: bool,
-    *,
-    size: tuple[int, int] | None = None,
-) -> av.VideoFrame:
-    """Convert a YCbCr picture to another pixel format, with the same matrix and range, and optionally another size.
-
-    `full_range` says whether black is 0 rather than 16 (in 8 bits), before and after; `size` is height and width.
-    """
-    height, width = size or (None, None)
-    limits = FULL_RANGE if full_range else LIMITED_RANGE
-    return reformatter.reformat(
-        picture, width, height, pixel_format, None, None, SCALER_FLAGS, src_color_range=limits, dst_color_range=limits
-    )
-
-
-def full_chroma(bits: int) -> str:
-    """Return the name of the 4:4:4 pixel format that holds `bits` bits per sample."""
-    if bits <= 8:
-        return "yuv444p"
-    return f"yuv444p{bits}le" if bits in (9, 10, 12, 14) else "yuv444p16le"
-
-
-def plane_arrays(picture: av.VideoFrame) -> list[NDArray[Any]]:
-    """Return views of a planar picture's planes, and of gray and alpha, without the padding at the end of every row.
-
-    A negative line size means that the rows lie in memory from the last to the first, as AMV has them.
-    """
-    dtype = _sample_type(_bits(picture))
-    interleaved = 2 if picture.format.name.startswith("ya") else 1
-    views: list[NDArray[Any]] = []
-    for plane in picture.planes:
-        rows = np.frombuffer(memoryview(plane), dtype).reshape(plane.height, -1)[:: -1 if plane.line_size < 0 else 1]
-        views += [rows[:, first : interleaved * plane.width : interleaved] for first in range(interleaved)]
-    return views
-
-
-def _bits(picture: av.VideoFrame) -> int:
-    return picture.format.components[0].bits
-
-
-def _sample_type(bits: int) -> np.dtype[Any]:
-    return np.dtype(np.uint8 if bits <= 8 else np.uint16)
-
-
-def color_space_of(picture: av.VideoFrame) -> int:
-    """Return the AVColorSpace by tag or size; raise ValueError for no plain luma-chroma matrix (YCgCo, ICtCp)."""
-    tag = int(picture.colorspace)
-    if picture.format.is_rgb or tag in (0, 2, 3):
-        return assumed_color_space(picture.height)
-    if tag not in luma_weights:
-        raise ValueError(f"colour matrix {tag}")
-    return tag
-
-
-def add_colour_tags(picture: av.VideoFrame, tags: Mapping[str, int]) -> None:
-    """Give a picture the colour tags of its container where its own say nothing, as players do."""
-    for name, tag in tags.items():
-        is_matrix_of_rgb = name == "colorspace" and picture.format.is_rgb
-        if getattr(picture, name) in NO_COLOUR_TAG[name] and not is_matrix_of_rgb:
-            setattr(picture, name, tag)
-
-
-def assumed_color_space(height: int) -> int:
-    """Return the AVColorSpace of an untagged video with `height` rows."""
-    return BT709 if height >= 720 else SMPTE170M
-
-
-def is_gray(pixel_format: av.VideoFormat) -> bool:
-    """Return whether a format has no chroma; the scaler, and so all of FFmpeg, always takes it for full range."""
-    return pixel_format.name.startswith(("gray", "ya8", "ya16"))
-
-
-def is_full_range(picture: av.VideoFrame) -> bool:
-    """Return whether code values are full range; untagged YCbCr is limited range."""
-    return int(picture.color_range) == FULL_RANGE or picture.format.name.startswith("yuvj") or picture.format.is_rgb
-
-
-def chroma_location_of(picture: av.VideoFrame, reformatter: VideoReformatter) -> str:
-    """Return the chroma location that the scaler assumes for a picture.
-
-    PyAV does not expose the tag, so a ramp is subsampled with the picture's properties, and the location follows from
-    the resulting values.
-    """
-    size, step = 32, 4
-    if picture.format.is_rgb or len(picture.planes) < 2:
-        return "left"
-    ramp = reformatted(picture, reformatter, "yuv444p", True, size=(size, size))
-    if ramp is picture:  # already of this size and format: never write into a decoded picture
-        return "left"
-    rows, columns = np.mgrid[0:size, 0:size]
-    for plane, values in zip(plane_arrays(ramp), (128, 64 + step * columns, 64 + step * rows), strict=True):
-        plane[:] = values
-    _, across, down = plane_arrays(reformatted(ramp, reformatter, "yuv420p", True))
-    place = tuple((float(samples[8, 8]) - 64) / step - 16 for samples in (across, down))
-    return min(chroma_locations.items(), key=lambda item: abs(item[0][0] - place[0]) + abs(item[0][1] - place[1]))[1]
 
 
 def in_planes(picture: av.VideoFrame, coding: Coding) -> YCbCrImage:
@@ -340,3 +195,39 @@ def as_picture(frame: Frame, coding: Coding, reformatter: VideoReformatter, *, k
         chroma_location=coding.chroma_location,
         reformatter=reformatter,
     )
+
+
+def coding_of(traits: VideoTraits) -> Coding | None:
+    """Return the planar YCbCr coding of a video's pictures, or None if they must be converted to BGR."""
+    if traits.pixel_format not in PLANAR_FORMATS:
+        return None
+    bits = av.VideoFormat(traits.pixel_format).components[0].bits
+    return Coding(bits, traits.color_space, traits.full_range, traits.chroma_location, traits.pixel_format, bgr_of)
+
+
+def is_on_its_side(matrix: tuple[int, ...] | None) -> bool:
+    """Return whether a display matrix exchanges width and height; only quarter turns and flips are considered."""
+    return matrix is not None and _is_small(matrix[0], matrix[1]) and _is_small(matrix[4], matrix[3])
+
+
+def _is_small(value: int, other: int) -> bool:
+    """Return whether an element of a matrix differs from 0 by rounding only, beside another one."""
+    return 256 * abs(value) <= abs(other)
+
+
+def turned_upright(image: Image, matrix: tuple[int, ...] | None) -> Image:
+    """Rotate and flip an image (H, W, C) according to its display matrix.
+
+    The matrix maps (x, y) to (a x + c y, b x + d y), with a, b, c and d at indices 0, 1, 3 and 4. Rotations by other
+    angles than quarter turns are not applied.
+    """
+    if matrix is None:
+        return image
+    if is_on_its_side(matrix):
+        image = image.transpose(1, 0, 2)
+        left, down = matrix[3], matrix[1]
+    elif _is_small(matrix[1], matrix[0]) and _is_small(matrix[3], matrix[4]):
+        left, down = matrix[0], matrix[4]
+    else:
+        return image
+    return np.ascontiguousarray(image[:: -1 if down < 0 else 1, :: -1 if left < 0 else 1])
