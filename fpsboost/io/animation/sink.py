@@ -1,7 +1,7 @@
 """Write an animation file: GIF, APNG or WebP, whole under its name or not at all, frame by frame with PyAV.
 
-What its muxers do not write is corrected here: how a GIF disposes of frames with alpha, the delay of the last frame of
-an APNG, and that frames of a WebP with alpha replace each other.
+What its muxers do not write is corrected here: how a GIF disposes of frames with alpha, and that frames of a WebP with
+alpha replace each other. FFmpeg gives the last frame of an APNG the delay of the one before.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import math
 import os
 import secrets
 import struct
-import zlib
 from abc import ABC, abstractmethod
 from fractions import Fraction
 from pathlib import Path
@@ -25,7 +24,6 @@ from fpsboost.errors import OutputError
 from fpsboost.frame import Frame
 from fpsboost.image import Image, view
 from fpsboost.io.animation.source import MAX_DELAY_TERM, SHORTEST_GIF_DELAY, WEBP_ANIMATED, opened
-from fpsboost.io.images.metadata import PNG_SIGNATURE
 from fpsboost.io.new_output import check_writable
 from fpsboost.io.output import Output, check_frame_size
 from fpsboost.io.staging import StagedSink
@@ -177,7 +175,6 @@ class ApngWriter(AnimationWriter):
     shortest, longest = Fraction(1, MAX_DELAY_TERM), Fraction(MAX_DELAY_TERM)
     largest_side = most_plays = 2**31 - 1
     is_deep = has_tags = True
-    _delays = (0, 0)
 
     def encoder_options(self) -> dict[str, str]:
         return {"pred": "sub", "compression_level": "1"}  # at a third of the default's time, files grow by a twentieth
@@ -188,27 +185,6 @@ class ApngWriter(AnimationWriter):
         return av.VideoFrame.from_ndarray(
             np.ascontiguousarray(image[..., [2, 1, 0, 3][: image.shape[2]]]), format=pixel_format
         )
-
-    def add(self, image: Image, ticks: int) -> None:
-        super().add(image, ticks)
-        self._delays = (self._delays[1], ticks)
-
-    def finish(self) -> None:
-        super().finish()
-        if self._delays[0] == self._delays[1]:
-            return
-        place, delay = 0, self._delays[1] * self._tick  # of the last frame, to which the muxer gives the one before
-        self._file.seek(len(PNG_SIGNATURE))
-        while len(head := self._file.read(8)) == 8:
-            size, name = struct.unpack(">I4s", head)
-            place = self._file.tell() if name == b"fcTL" else place
-            self._file.seek(size + 4, os.SEEK_CUR)
-        self._file.seek(place)
-        data = bytearray(self._file.read(26))
-        delay = delay.limit_denominator(MAX_DELAY_TERM // max(1, math.ceil(delay)))
-        data[20:24] = struct.pack(">HH", delay.numerator, delay.denominator)
-        self._file.seek(place)
-        self._file.write(data + struct.pack(">I", zlib.crc32(b"fcTL" + data)))
 
 
 class WebpWriter(AnimationWriter):
@@ -279,6 +255,7 @@ class AnimationSink(StagedSink):
         self._code_points = colours.code_points
         self._losses = [f"{self._name} cannot say the {lost} of its source; left out."] * bool(lost)
         self._has_short_frames = False
+        self._last_ticks = (0, 0)  # of the last two frames
 
     def _check_fits(self, rate: Fraction) -> None:
         suffix, largest = self._path.suffix.lower(), self._type.largest_side
@@ -307,6 +284,8 @@ class AnimationSink(StagedSink):
             f"show one for less than {float(shortest * 1000):.3g} ms.": self._latest >= shortest,
             f"{self._name} has frames of 10 ms and less, which browsers slow down to 100 ms; use `fps=90` or less for "
             "them.": self._has_short_frames,
+            f"{self._name} shows its last frame as long as the one before, and not for its own time; write a .webp to "
+            "keep that.": suffix == ".apng" and self._last_ticks[0] not in (0, self._last_ticks[1]),
         }
         return [*self._losses, *(remark for remark, is_due in late.items() if is_due)]
 
@@ -329,6 +308,7 @@ class AnimationSink(StagedSink):
             with self._explained():
                 self._writer.add(image, ticks)
             self._shown_until += ticks
+            self._last_ticks = (self._last_ticks[1], ticks)
             self._has_short_frames |= ticks * self._tick <= BROWSERS_SLOW_DOWN
             if remaining <= self._longest:
                 break
