@@ -38,7 +38,7 @@ from fpsboost.errors import FpsboostError
 from fpsboost.evaluation.results import means
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image
-from fpsboost.interpolator import InBetween, Interpolator
+from fpsboost.interpolator import Interpolator
 from fpsboost.kernels.candidates import list_candidates
 from fpsboost.kernels.planes import LANES
 from fpsboost.kernels.similarity import WHITE, level_scale
@@ -48,7 +48,7 @@ from fpsboost.motion.components import padded_planes
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.opencv import Dis
 from fpsboost.pair import Pair
-from fpsboost.synthesis import FramePair, multi_hypothesis
+from fpsboost.synthesis import FramePair, InterpolatedImage, multi_hypothesis
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.reproject import Reproject
 
@@ -129,15 +129,17 @@ def list_moving_candidates(*arguments: Any) -> None:
 class NextPairOnly(Interpolator):
     """An interpolator that curves its paths by the following pair of frames only."""
 
-    def between(
+    def images(
         self,
         pair: Pair,
         times: Sequence[float | Fraction],
         before: Pair | None = None,
         after: Pair | None = None,
-    ) -> InBetween:
-        """See `fpsboost.interpolator.Interpolator.between`."""
-        return super().between(pair, times, None, after)
+        *,
+        with_confidence: bool = False,
+    ) -> Iterator[InterpolatedImage]:
+        """See `fpsboost.interpolator.Interpolator.images`."""
+        return super().images(pair, times, None, after, with_confidence=with_confidence)
 
 
 MOTION: dict[str, dict[str, Any]] = {

@@ -59,7 +59,7 @@ def hidden(interpolator: Interpolator, frames: list[Array]) -> list[Array]:
     return [
         np.asarray(image)
         for before, pair, after in with_neighbours(pairs)
-        for image in interpolator.between(pair, [0.5], before, after).images
+        for image, _ in interpolator.images(pair, [0.5], before, after)
     ]
 
 

@@ -162,7 +162,7 @@ def make_between(interpolator: Interpolator, frames: Sequence[Image]) -> Iterato
     """Yield the frame in the middle of every two."""
     prepared = pairwise(map(FrameCache, frames))  # one of each frame, for both of its pairs
     for before, pair, after in with_neighbours(starmap(interpolator.pair, prepared)):
-        yield from interpolator.between(pair, [0.5], before, after).images
+        yield next(interpolator.images(pair, [0.5], before, after)).image
         pair.release_caches()
 
 

@@ -100,7 +100,7 @@ def made_between(frames: Sequence[Picture]) -> Picture:
     """Return the frame that the default method makes half-way between the second and the third of four frames."""
     method = methods["nlm"]
     before, pair, after = middle_pair(method, frames)
-    (image,) = method.between(pair, [0.5], before, after).images
+    ((image, _),) = method.images(pair, [0.5], before, after)
     return np.asarray(image)
 
 
@@ -315,7 +315,7 @@ def draw_repair() -> Path:
     assert [each for each, (_, is_damaged) in enumerate(found) if is_damaged] == [number]
     method = methods["nlm"]
     before, pair, after = (method.pair(*two) for two in pairwise([*caches[1:3], *caches[4:6]]))
-    (repaired,) = method.between(pair, [0.5], before, after).images
+    ((repaired, _),) = method.images(pair, [0.5], before, after)
     panels = {"damaged, detected": damaged, "replaced": repaired, "as it was": true}
     return save("repair", [[Panel(title, smaller(picture, 320)) for title, picture in panels.items()]])
 

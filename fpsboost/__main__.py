@@ -7,6 +7,8 @@ import os
 import signal
 from types import FrameType
 
+from fpsboost.cli import stop_signals
+
 
 def leave(number: int, frame: FrameType | None) -> None:
     """Print a message and exit; nothing needs cleaning up while modules are imported.
@@ -15,12 +17,6 @@ def leave(number: int, frame: FrameType | None) -> None:
     """
     os.write(2, b"Stopped; nothing was written.\n")
     os._exit(130)
-
-
-def stop_signals() -> list[int]:
-    """Return the signals that stop the command line: not those that are switched off, as by nohup and a shell's &."""
-    others = [signal.SIGINT, *([] if os.name == "nt" else [signal.SIGHUP])]
-    return [signal.SIGTERM, *(number for number in others if signal.getsignal(number) is not signal.SIG_IGN)]
 
 
 def main() -> None:

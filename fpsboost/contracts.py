@@ -102,6 +102,31 @@ class FrameSink(AbstractContextManager["FrameSink"], Protocol):
 
 
 @runtime_checkable
+class NeedsConfidence(Protocol):
+    """Contract: sink or watcher that may ask for the confidence of interpolated frames; see `fpsboost.Frame`."""
+
+    needs_confidence: bool
+    """Whether frames that are made are to have their confidence."""
+
+
+@runtime_checkable
+class NeedsMotion(Protocol):
+    """Contract: sink that may ask for the motion between the frames of the source; see `fpsboost.Frame`."""
+
+    needs_motion: bool
+    """Whether the first frame that is made between two is to have their motion."""
+
+
+@runtime_checkable
+class HasDetails(Protocol):
+    """Contract: sink that chooses how it writes."""
+
+    @property
+    def details(self) -> str:
+        """How it writes, for verbose output; empty if there was no choice."""
+
+
+@runtime_checkable
 class Cancellable(Protocol):
     """Contract: source or sink that waits for another program, possibly forever."""
 
@@ -226,11 +251,8 @@ class Observer(Protocol):
 
 
 @runtime_checkable
-class FrameWatcher(Protocol):
+class FrameWatcher(NeedsConfidence, Protocol):
     """Contract: sees the frames of an output as they are written."""
-
-    needs_confidence: bool
-    """Whether frames that are made are to have their confidence."""
 
     def watch(self, frame: Frame) -> None:
         """Take notice of the next frame, whose image must not be changed."""

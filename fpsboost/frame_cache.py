@@ -61,8 +61,9 @@ class Results:
             keys = (self._stored.keys() | self._computing.keys()) - set(kept)
         self.clear(*keys)
 
-    def __contains__(self, key: Hashable) -> bool:
-        return key in self._stored
+    def get(self, key: Hashable) -> Any:
+        """Return a result that has been computed; None if there is none."""
+        return self._stored.get(key)
 
 
 class FrameCache:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
 
 import cv2
 import numpy as np
@@ -40,6 +40,15 @@ class SplinePlanes(NamedTuple):
     """Factor that makes white 1."""
     bits: int
     """Bits per sample."""
+
+
+@runtime_checkable
+class TakesPlanes(Protocol):
+    """Contract: estimator or synthesizer that may take `YCbCrImage`; without it, one takes arrays alone."""
+
+    @property
+    def takes_planes(self) -> bool:
+        """Whether it does, with the options that it has."""
 
 
 class ImageView:

@@ -6,9 +6,8 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import repeat
 from types import MappingProxyType
-from typing import Annotated, Any, Generic, Literal, NamedTuple, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from fpsboost.analysis.overlay import find_overlay, keep_overlay
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
 from fpsboost.errors import OptionError, SceneCutWarning
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Image, check_pair, view
+from fpsboost.image import Image, TakesPlanes, check_pair, view
 from fpsboost.layered import FrameImage
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.field import MotionField, Neighbour, ZeroMotion
@@ -51,15 +50,11 @@ CUT_WARNINGS: Mapping[AtCuts, str] = MappingProxyType(
 """Warnings on what was done with two images across a cut."""
 
 
-class InBetween(NamedTuple, Generic[Item]):
-    """Frames between two frames, with or without their confidence, and whether a scene ends there."""
+class InBetween(NamedTuple):
+    """Deprecated: what `Interpolator.between` returned until `Interpolator.images` took its place."""
 
-    images: Iterator[Item]
+    images: Iterator[Any]
     scene_cut: bool
-
-
-Interpolated = tuple[FrameImage, NDArray[Any] | None]
-"""In-between image, and its confidence if it was asked for and anything is known of it."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +124,7 @@ class Interpolator(Checked):
     def takes_planes(self) -> bool:
         """Whether images may be `YCbCrImage`; results then are, too, except for pairs whose illumination changes."""
         parts = self.estimator, self.synthesizer
-        return all(bool(getattr(part, "takes_planes", False)) for part in parts)
+        return all(isinstance(part, TakesPlanes) and part.takes_planes for part in parts)
 
     @property
     def takes_layers(self) -> bool:
@@ -194,9 +189,8 @@ class Interpolator(Checked):
         check_pair(image0, image1, "image0", "image1")
         interpolator = replace(self, cuts=cuts)
         pair = interpolator.pair(FrameCache(image0), FrameCache(image1))
-        images, scene_cut = interpolator.between(pair, times)
-        arrays = [view(image).array() for image in images]
-        if scene_cut and any(0 < t < 1 for t in times):
+        arrays = [view(image).array() for image, _ in interpolator.images(pair, times)]
+        if any(0 < t < 1 for t in times) and pair.is_cut():
             warnings.warn(CUT_WARNINGS[self.at_cuts], SceneCutWarning, stacklevel=3)
         return arrays
 
@@ -204,7 +198,7 @@ class Interpolator(Checked):
     def pair(
         self, image0: FrameCache, image1: FrameCache, duration: Annotated[Fraction | float, Range(above=0)] = 1
     ) -> Pair:
-        """Return two frames as `between` takes them; `duration` is the time between them, see `Pair`.
+        """Return two frames as `images` takes them; `duration` is the time between them, see `Pair`.
 
         Each frame is to be the same object in both of its pairs, so that what depends on it alone is computed once.
         """
@@ -218,10 +212,18 @@ class Interpolator(Checked):
         )
 
     @checked
-    def between(
-        self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None = None, after: Pair | None = None
-    ) -> InBetween[FrameImage]:
-        """Interpolate like `interpolate`, but one image at a time and along curved trajectories; report a scene cut.
+    def images(
+        self,
+        pair: Pair,
+        times: Sequence[float | Fraction],
+        before: Pair | None = None,
+        after: Pair | None = None,
+        *,
+        with_confidence: bool = False,
+    ) -> Iterator[InterpolatedImage]:
+        """Interpolate like `interpolate`, but one image at a time, along curved trajectories, and with confidence.
+
+        Whether a scene ends between the two frames is what ``pair.is_cut(before, after)`` returns.
 
         Parameters
         ----------
@@ -230,48 +232,42 @@ class Interpolator(Checked):
             Each in [0, 1].
         before, after : Pair, optional
             The pairs that share its first and its last frame; those farther away have no influence.
+        with_confidence : bool
+            Compute the confidence of every pixel, too. It is the synthesizer's own if it has one, see
+            `fpsboost.synthesis.FusesHypotheses`, or else the agreement of the two frames, see
+            `fpsboost.synthesis.agreement`. It is 0 where no motion connects the frames, and 1 for the frames
+            themselves.
 
         Returns
         -------
-        InBetween
-            The images, computed one by one, and whether a scene ends between the two.
+        iterator of InterpolatedImage
+            One for each time, computed when it is asked for; `confidence` is None unless it was asked for.
 
         Raises
         ------
         OptionError
             A time lies outside of [0, 1].
         """
-        images, scene_cut = self.interpolated(pair, times, before, after, with_confidence=False)
-        return InBetween((image for image, _ in images), scene_cut)
-
-    @checked
-    def between_with_confidence(
-        self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None = None, after: Pair | None = None
-    ) -> InBetween[InterpolatedImage]:
-        """Make the same images as `between`, with the confidence of every pixel.
-
-        It is the synthesizer's own if it has one; see `fpsboost.synthesis.FusesHypotheses`. Otherwise it is the
-        agreement of the two frames; see `fpsboost.synthesis.agreement`. It is 0 where no motion connects the frames,
-        and 1 for the frames themselves.
-        """
-        images, scene_cut = self.interpolated(pair, times, before, after, with_confidence=True)
-        complete = (InterpolatedImage(image, np.asarray(confidence)) for image, confidence in images)
-        return InBetween(complete, scene_cut)
-
-    def interpolated(
-        self,
-        pair: Pair,
-        times: Sequence[float | Fraction],
-        before: Pair | None = None,
-        after: Pair | None = None,
-        *,
-        with_confidence: bool,
-    ) -> InBetween[Interpolated]:
-        """Make the images of `between`, each with its confidence if that is asked for and anything is known of it."""
         for t in times:
             if not 0 <= t <= 1:
                 raise OptionError(f"A time between two frames must lie in [0, 1], not at {t}.")
-        images = self._images(pair, times, before, after, with_confidence=with_confidence)
+        return self._images(pair, times, before, after, with_confidence=with_confidence)
+
+    def between(
+        self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None = None, after: Pair | None = None
+    ) -> InBetween:
+        """Return images and whether a scene ends; deprecated, as `images` and `Pair.is_cut` return these."""
+        warnings.warn("`between` is deprecated; use `images`, and `Pair.is_cut`.", DeprecationWarning, stacklevel=2)
+        images = self.images(pair, times, before, after)
+        return InBetween((image for image, _ in images), pair.is_cut(before, after))
+
+    def between_with_confidence(
+        self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None = None, after: Pair | None = None
+    ) -> InBetween:
+        """Return images with confidence, and whether a scene ends; deprecated, see `between`."""
+        text = "`between_with_confidence` is deprecated; use `images(..., with_confidence=True)`, and `Pair.is_cut`."
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        images = self.images(pair, times, before, after, with_confidence=True)
         return InBetween(images, pair.is_cut(before, after))
 
     def _images(
@@ -282,21 +278,21 @@ class Interpolator(Checked):
         after: Pair | None,
         *,
         with_confidence: bool,
-    ) -> Iterator[Interpolated]:
+    ) -> Iterator[InterpolatedImage]:
         inner = [float(t) for t in times if 0 < t < 1]
-        images = self._synthesize(pair, inner, before, after, with_confidence=with_confidence) if inner else iter(())
+        made = self._synthesize(pair, inner, before, after, with_confidence=with_confidence) if inner else iter(())
         for t in times:
             if 0 < t < 1:
-                image, confidence = next(images)
-                is_unknown = with_confidence and confidence is None
-                yield image, np.zeros(image.shape[:2], np.float32) if is_unknown else confidence
+                image, confidence = next(made)
             else:
-                image = (pair.image1 if t == 1 else pair.image0).image.copy()
-                yield image, np.ones(image.shape[:2], np.float32)
+                image, confidence = (pair.image1 if t == 1 else pair.image0).image.copy(), None
+            if with_confidence and confidence is None:  # no motion connects the frames, or it is one of them
+                confidence = np.full(image.shape[:2], t in {0, 1}, np.float32)
+            yield InterpolatedImage(image, confidence if with_confidence else None)
 
     def _synthesize(
         self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None, *, with_confidence: bool
-    ) -> Iterator[Interpolated]:
+    ) -> Iterator[InterpolatedImage]:
         is_discontinuous = pair.is_discontinuous(before, after)
         # the pairs beyond these two are not known here
         before = None if before is None or before.is_discontinuous(after=pair) else before
@@ -309,7 +305,7 @@ class Interpolator(Checked):
             return _generate(CUT_SYNTHESIZERS[self.at_cuts], frame_pair, pair.layered, times)
         frame_pair = self.frame_pair(pair, before, after)
 
-        def make(times: list[float]) -> Iterator[Interpolated]:
+        def make(times: list[float]) -> Iterator[InterpolatedImage]:
             needs_confidence = with_confidence or self.uncertain != "keep"
             images = _generate(self.synthesizer, frame_pair, pair.layered, times, with_confidence=needs_confidence)
             # layers are mixed as the frames are, so that sums of layers stay sums
@@ -318,17 +314,22 @@ class Interpolator(Checked):
         return make(times) if self.uncertain == "keep" else self._fall_back(make, times, pair)
 
     def _fall_back(
-        self, make: Callable[[list[float]], Iterator[Interpolated]], times: list[float], pair: Pair
-    ) -> Iterator[Interpolated]:
+        self, make: Callable[[list[float]], Iterator[InterpolatedImage]], times: list[float], pair: Pair
+    ) -> Iterator[InterpolatedImage]:
         """Make images, and replace them where the image halfway between the two is unsure."""
-        halfway = list(make([0.5])) if times == [0.5] or pair.doubt is None else []
-        if pair.doubt is None:
-            pair.doubt = measure_doubt(np.asarray(halfway[0][1]), self.below, self.uncertain)
-        for (image, confidence), t in zip(halfway if times == [0.5] else make(times), times, strict=True):
+        made = list(make(times)) if times == [0.5] else []
+
+        def measure() -> NDArray[Any]:
+            ((_, confidence),) = made or make([0.5])
+            return measure_doubt(confidence, self.below, self.uncertain)
+
+        doubt = pair.measured_doubt(measure)
+        for (image, confidence), t in zip(made or make(times), times, strict=True):
             pixels = view(image).picture
             frames = (each if view(pixels).coding else as_bgr(each) for each in (pair.image0, pair.image1))
             image0, image1 = (each.pixels for each in frames)
-            yield fall_back(pixels, image0, image1, t, pair.doubt, mix=self.uncertain == "blend"), confidence
+            shown = fall_back(pixels, image0, image1, t, doubt, mix=self.uncertain == "blend")
+            yield InterpolatedImage(shown, confidence)
 
     def frame_pair(self, pair: Pair, before: Pair | None, after: Pair | None) -> FramePair:
         """Return what the synthesizer takes of two frames that motion connects, and of the pairs before and after."""
@@ -339,8 +340,13 @@ class Interpolator(Checked):
         return FramePair(*pair.compensated, *fields, *neighbours)
 
     def _finish(
-        self, images: Iterator[Interpolated], times: list[float], pair: Pair, before: Pair | None, after: Pair | None
-    ) -> Iterator[Interpolated]:
+        self,
+        images: Iterator[InterpolatedImage],
+        times: list[float],
+        pair: Pair,
+        before: Pair | None,
+        after: Pair | None,
+    ) -> Iterator[InterpolatedImage]:
         """Give images the illumination of their time, grain, and overlays as they are in the frames."""
         overlay, image0, image1 = None, pair.image0, pair.image1
         # a change of all light changes overlays, too
@@ -361,7 +367,7 @@ class Interpolator(Checked):
                 keep_overlay(view(image).picture, image0.pixels, image1.pixels, t, overlay)
                 if confidence is not None:  # found still over four frames
                     confidence[overlay] = 1
-            yield image, confidence
+            yield InterpolatedImage(image, confidence)
 
     def with_vectors(self, change: Callable[[Any], RenderedVectors]) -> tuple[Interpolator, list[str]]:
         """Return the interpolator with other vectors of a renderer, if it has any, and the remarks of these vectors."""
@@ -406,24 +412,24 @@ def _generate(
     times: Sequence[float],
     *,
     with_confidence: bool = False,
-) -> Iterator[Interpolated]:
+) -> Iterator[InterpolatedImage]:
     """Generate images, with the layers that the frames have, and with their confidence if it is asked for."""
     images: Iterator[FrameImage]
-    if layered is not None:
-        if not isinstance(synthesizer, MixesLayers):
-            raise OptionError("The method makes no layers beside the picture; choose nlm, or give `passes='beauty'`.")
-        images = synthesizer.synthesize_layers(frame_pair, layered, times)
-    elif with_confidence and isinstance(synthesizer, FusesHypotheses):
-        yield from synthesizer.fuse(frame_pair, times)
-        return
-    else:
+    if layered is None and with_confidence and isinstance(synthesizer, FusesHypotheses):
+        return synthesizer.fuse(frame_pair, times)
+    if layered is None:
         images = synthesizer.synthesize(frame_pair, times)
-    confidences: Iterator[NDArray[Any] | None] = repeat(None, len(times))
-    if with_confidence and isinstance(synthesizer, FusesHypotheses):
+    elif isinstance(synthesizer, MixesLayers):
+        images = synthesizer.synthesize_layers(frame_pair, layered, times)
+    else:
+        raise OptionError("The method makes no layers beside the picture; choose nlm, or give `passes='beauty'`.")
+    if not with_confidence:
+        return map(InterpolatedImage, images)
+    if isinstance(synthesizer, FusesHypotheses):
         confidences = (fused.confidence for fused in synthesizer.fuse(frame_pair, times))
-    elif with_confidence:
+    else:
         confidences = (measure_agreement(frame_pair, t) for t in times)
-    yield from zip(images, confidences, strict=True)
+    return map(InterpolatedImage, images, confidences)
 
 
 def _extrapolate(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[MotionField, MotionField]:

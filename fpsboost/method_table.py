@@ -287,8 +287,8 @@ def interpolate_with_confidence(
     if not 0 < t < 1:
         raise OptionError(f"A confidence is for times between two frames, above 0 and below 1, not at {t}.")
     image0, image1 = (FrameCache(image) for image in _with_channels(frame0, frame1))
-    (interpolated,) = interpolator.between_with_confidence(interpolator.pair(image0, image1), [t]).images
-    return InterpolatedImage(view(interpolated.image).array().reshape(frame0.shape), interpolated.confidence)
+    ((image, confidence),) = interpolator.images(interpolator.pair(image0, image1), [t], with_confidence=True)
+    return InterpolatedImage(view(image).array().reshape(frame0.shape), confidence)
 
 
 def _with_channels(frame0: Image, frame1: Image) -> tuple[Image, Image]:

@@ -160,7 +160,7 @@ class Checked:
         for each in fields(self):  # type: ignore[arg-type]
             given, hint = getattr(self, each.name), hints_of(type(self))[each.name]
             value = os.fspath(given) if isinstance(given, os.PathLike) else given
-            parse = getattr(each.metadata.get("option"), "parse", None)
+            parse = each.metadata["option"].parse if "option" in each.metadata else None
             is_exact = isinstance(value, Fraction) if _is_rate(hint) else _is_of(value, hint)
             if parse and (isinstance(value, str) or (isinstance(value, Number) and not is_exact)):
                 value = parse(str(float(value) if isinstance(value, Fraction) else value), f"`{each.name}`")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -59,8 +60,6 @@ class Pair:
         self._estimator, self._cuts, self._compensate_illumination = estimator, cuts, compensate_illumination
         self._pair = partial(Pair, estimator=estimator, cuts=cuts, compensate_illumination=compensate_illumination)
         self._results = Results()
-        self.doubt: NDArray[Any] | None = None
-        """Where and how far motion halfway is unsure, (H, W) float32, 0 to 1; None if it was not measured."""
 
     @property
     def layered(self) -> Layered | None:
@@ -164,10 +163,21 @@ class Pair:
             image0, image1 = as_bgr(image0), as_bgr(image1)
         return measure_grain(image0.pixels, image1.pixels, *self.fields)
 
+    def measured_doubt(self, measure: Callable[[], NDArray[Any]]) -> NDArray[Any]:
+        """Return where and how far motion halfway is unsure, (H, W) float32, 0 to 1, measured once for the pair."""
+        return self._results.cached("doubt", measure)
+
+    @property
+    def unsure_share(self) -> float:
+        """Share of the pixels in which motion is unsure; 0 if that was not measured."""
+        doubt = self._results.get("doubt")
+        return 0.0 if doubt is None else float(doubt.mean())
+
     @property
     def search_radius(self) -> int | None:
         """Search radius in pixels; None if the estimator has no such limit or has not run."""
-        return self.fields[0].search_radius if "fields" in self._results else None
+        fields = self._results.get("fields")
+        return None if fields is None else fields[0].search_radius
 
     def release_caches(self) -> None:
         """Discard all results that the next pair does not need, to save memory, once this pair's frames are made."""

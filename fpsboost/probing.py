@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Self
 
 from fpsboost.analysis.duplicates import SourceFrame, group_duplicates
-from fpsboost.contracts import FrameSource
+from fpsboost.contracts import FrameSource, HasDetails
 from fpsboost.errors import FpsboostError, OutputError
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
@@ -272,7 +272,7 @@ def before_writing(output: Output) -> tuple[str, list[str]]:
         try:
             sink = Target.parse(path).open(replace(output, path=path))
             with suppress(_AbortSinkError), sink:
-                details, remarks = getattr(sink, "details", ""), sink.remarks
+                details, remarks = sink.details if isinstance(sink, HasDetails) else "", sink.remarks
                 raise _AbortSinkError
         except FpsboostError as error:
             raise OutputError(str(error).replace(path, name)) from error

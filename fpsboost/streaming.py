@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from itertools import chain, groupby, islice, pairwise
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 
@@ -24,7 +24,10 @@ from fpsboost.contracts import (
     FrameSink,
     FrameSource,
     HasBeginning,
+    HasDetails,
     LowestMatch,
+    NeedsConfidence,
+    NeedsMotion,
     Observer,
     OutputRange,
     SilentObserver,
@@ -34,15 +37,15 @@ from fpsboost.contracts import (
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, PairMotion
 from fpsboost.frame_cache import FrameCache, SourcePosition
-from fpsboost.interpolator import Interpolated, Interpolator, with_neighbours
+from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.options import Range, checked
 from fpsboost.pair import Pair
 from fpsboost.repair import group_replaced
+from fpsboost.synthesis import InterpolatedImage
 from fpsboost.synthesis.exposure import Exposure
 from fpsboost.threads import available_cores, nothing, read_ahead, run_in_parallel, write_behind
 from fpsboost.timing.rate import stretched
-from fpsboost.timing.schedule import Schedule, Step, rising_time
-from fpsboost.timing.time_map import TimeMap
+from fpsboost.timing.schedule import ExposureSchedule, RetimeSchedule, Schedule, Step, rising_time
 
 FRAMES_PER_TASK = 4  # maximum number of output frames that one task makes
 
@@ -66,8 +69,8 @@ def run_conversion(
     source : FrameSource
     interpolator : Interpolator
     sink : FrameSink
-        Must have been entered. A sink with the attributes ``needs_confidence`` and ``needs_motion`` gets frames with
-        these; see `fpsboost.Frame`.
+        Must have been entered. A sink with an attribute ``needs_confidence`` or ``needs_motion`` that is True gets
+        frames with these; see `fpsboost.Frame`.
     schedule : Schedule
         Determines the output times. Of an `ExposureSchedule`, every output frame is the mean of several that are
         interpolated around its time, in one scene; images must be arrays.
@@ -101,7 +104,7 @@ def run_conversion(
             stretch=stretch,
             threads=threads,
             holds_last_frame=sink.holds_last_frame,
-            needs=Needs(getattr(sink, "needs_confidence", False), getattr(sink, "needs_motion", False)),
+            needs=Needs.of(sink),
             outputs=outputs,
         ) as frames,
         write_behind(sink.write, 2, _cancel_of(sink)) as write,
@@ -114,7 +117,7 @@ def run_conversion(
             summary.seconds = time.perf_counter() - begin
             observer.wrote(summary)
     summary.remarks += [*source.remarks, *sink.remarks]
-    summary.details = getattr(sink, "details", "")
+    summary.details = sink.details if isinstance(sink, HasDetails) else ""
     return summary
 
 
@@ -123,6 +126,12 @@ class Needs(NamedTuple):
 
     confidence: bool = False
     motion: bool = False
+
+    @classmethod
+    def of(cls, sink: FrameSink) -> Self:
+        """Return what a sink asks for."""
+        needs_confidence = isinstance(sink, NeedsConfidence) and sink.needs_confidence
+        return cls(needs_confidence, isinstance(sink, NeedsMotion) and sink.needs_motion)
 
 
 @contextmanager
@@ -154,12 +163,16 @@ def interpolate_frames(
         clip = _LoopState(source.info, schedule, interpolator, summary, place, needs or Needs(), outputs, stretch)
         before, start = clip.outputs_before, None if outputs.entry is None else outputs.entry.start
         stop = None if outputs.stop is None else outputs.stop - before
-        exposed = _exposed(_output_frames(frames, clip, detector, holds_last_frame, in_order))
-        timed = _with_durations(exposed, clip)
-        if clip.curve is not None:  # the times of frames are those of the source so far
+        made = _output_frames(frames, clip, detector, holds_last_frame, in_order)
+        exposed = _exposed(made) if clip.has_exposures else map(_Output.finished, made)
+        if clip.curve is None:
+            timed = _with_durations(exposed, clip)
+        else:  # the times of frames are those of the source so far
             numbered, rate = enumerate(exposed, before), schedule.rate(source.info.rate)
             timed = (replace(frame, time=clip.start + number / rate, duration=1 / rate) for number, frame in numbered)
-        yield stretched(islice(timed, outputs.first - before, stop), stretch, start)
+        if outputs.first > before or stop is not None:
+            timed = islice(timed, outputs.first - before, stop)
+        yield timed if stretch == 1 else stretched(timed, stretch, start)
 
 
 def beginning(source: FrameSource) -> SourcePosition:
@@ -190,6 +203,11 @@ class _Output(NamedTuple):
         """Whether it is an output frame that is not from the source."""
         step = self.step
         return not step.is_sample and (step.frame_number is not None or step.time != self.source.frame.time)
+
+    def finished(self) -> Frame:
+        """Return the frame, which must be finished."""
+        assert self.frame is not None, "finished"
+        return self.frame
 
     def repeated(self, confidence: float | None) -> _Output:
         """Return it with the frame of the source, and this confidence unless it is shown at its own time."""
@@ -271,7 +289,10 @@ class _LoopState:
     """Time at which the clip ends, when all frames are read."""
 
     def __post_init__(self) -> None:
-        self.curve: TimeMap | None = getattr(self.schedule, "curve", None)
+        retimed = self.schedule if isinstance(self.schedule, RetimeSchedule) else None
+        self.curve = None if retimed is None else retimed.curve
+        shutter = None if retimed is None else retimed.shutter
+        self.has_exposures = shutter is not None or isinstance(self.schedule, ExposureSchedule)
         entry = self.outputs.entry
         if entry is not None:
             self.start, self.step, self.outputs_before = entry.start, entry.step, entry.outputs_before
@@ -303,12 +324,24 @@ class _LoopState:
             return group_replaced(frames, replacement, self.summary.remarks, begins_clip=begins_clip)
         return zip(frames) if detector is None else group_duplicates(frames, detector, self.step)
 
-    def count_group(self, interval: _Interval) -> None:
-        """Count the frames of an interval's group that are interpolated."""
+    def count_outputs(self, interval: _Interval, outputs: Sequence[_Output]) -> None:
+        """Count the output frames of a part of an interval, when they are made."""
+        self.summary.frames_made += sum(each.is_new for each in outputs if each.number in self.outputs)
+        if interval.pair.unsure_share > 0:
+            made = sum(map(self.makes, outputs))
+            self.summary.unsure_frames += made
+            self.summary.unsure_pixels += made * interval.pair.unsure_share
+
+    def count_interval(self, interval: _Interval) -> None:
+        """Count the frames of an interval's group that are interpolated, and its cut, unless another run does."""
+        if not self.counts(interval):
+            return
         if self.interpolator.replacement is not None:
             self.summary.replaced += [self.beginning.number + self.place(each) for each in interval.group[1:]]
         elif not interval.is_still:
             self.summary.duplicates += len(interval.group) - 1
+        self.summary.scene_cuts += interval.scene_cut
+        self.summary.note_match(interval.match)
 
     def intervals(self, groups: Iterable[FrameGroup]) -> Iterator[_Interval]:
         """Yield the interval from each picture to the next."""
@@ -371,8 +404,6 @@ class _Part(NamedTuple):
     begin: int
     """Place of the first of them in the interval."""
     outputs: list[_Output]
-    unsure: list[float]
-    """Shares of those that are interpolated in which the frames are shown because motion is unsure."""
 
 
 def _output_frames(
@@ -385,16 +416,11 @@ def _output_frames(
     """Yield the output frames without durations, or the samples of each; note when the clip ends."""
     source, summary = clip.presented(frames), clip.summary
     scenes = 0
-    for interval, begin, outputs, unsure in in_order(_tasks(clip, clip.groups(source, detector))):
-        summary.frames_made += sum(each.is_new for each in outputs if each.number in clip.outputs)
-        summary.unsure_frames += sum(share > 0 for share in unsure)
-        summary.unsure_pixels += sum(unsure)
+    for interval, begin, outputs in in_order(_tasks(clip, clip.groups(source, detector))):
+        clip.count_outputs(interval, outputs)
         if begin == 0:
             scenes += interval.scene_cut
-            if clip.counts(interval):
-                clip.count_group(interval)
-                summary.scene_cuts += interval.scene_cut
-                summary.note_match(interval.match)
+            clip.count_interval(interval)
         if begin + len(outputs) == len(interval.outputs):
             if interval.pair.search_radius is not None:
                 summary.search_radii.add(interval.pair.search_radius)
@@ -423,15 +449,11 @@ def _output_frames(
 
 def _exposed(outputs: Iterator[_Output]) -> Iterator[Frame]:
     """Yield the mean of each output frame's samples that show its scene; frames without samples as they are."""
-    for number, samples in groupby(outputs, lambda output: output.step.frame_number):
+    for _, samples in groupby(outputs, lambda output: output.step.frame_number):
         exposures: dict[int, Exposure] = {}
         frame, scene = None, 0
         for output in samples:
-            assert output.frame is not None, "finished"
-            if number is None:
-                yield output.frame
-                continue
-            exposures.setdefault(output.scene, Exposure()).add(output.frame.array)
+            exposures.setdefault(output.scene, Exposure()).add(output.finished().array)
             if not output.step.is_sample:
                 frame, scene = output.frame, output.scene
         if frame is not None and exposures[scene].count > 1:
@@ -458,12 +480,11 @@ def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: 
     interval.resolve(neighbours)
     outputs, pair, needs = interval.outputs[begin : begin + FRAMES_PER_TASK], interval.pair, clip.needs
     times = [each.step.t for each in outputs if clip.makes(each)]
-    images: Iterator[Interpolated] = iter(())
+    images: Iterator[InterpolatedImage] = iter(())
     # an interval of which nothing is made is needed all the same to count its cut, unless another run counts it
     if times or (clip.counts(interval) and any(each.is_interpolated for each in interval.outputs)):
-        images, interval.scene_cut = clip.interpolator.interpolated(
-            pair, times, *neighbours, with_confidence=needs.confidence
-        )
+        images = clip.interpolator.images(pair, times, *neighbours, with_confidence=needs.confidence)
+        interval.scene_cut = pair.is_cut(*neighbours)
     finished = list[_Output]()
     for output in outputs:
         if not output.is_interpolated:  # between frames that show the same, a repeated one is certain
@@ -471,15 +492,13 @@ def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: 
             continue
         source = output.source.frame
         image, confidence = next(images) if clip.makes(output) else (source.image, None)
-        frame = Frame(
-            image, output.step.time, preceding=source.original, confidence=confidence if needs.confidence else None
-        )
+        frame = Frame(image, output.step.time, preceding=source.original, confidence=confidence)
         finished.append(output._replace(frame=frame))
     if needs.motion and not any(each.is_interpolated for each in interval.outputs[:begin]):
         _add_motion(finished, interval, neighbours)
     if begin == 0 and clip.counts(interval) and not interval.scene_cut:
         interval.match = clip.measure_match(interval)
-    return _Part(interval, begin, finished, [0.0 if pair.doubt is None else float(pair.doubt.mean())] * len(times))
+    return _Part(interval, begin, finished)
 
 
 def _add_motion(outputs: list[_Output], interval: _Interval, neighbours: Neighbours) -> None:
@@ -494,6 +513,7 @@ def _add_motion(outputs: list[_Output], interval: _Interval, neighbours: Neighbo
 
 def _with_durations(frames: Iterator[Frame], clip: _LoopState) -> Iterator[Frame]:
     """Set the duration of every frame to last until the next one, and of the last one until the clip ends."""
-    for _, frame, following in with_neighbours(frames):
+    for frame, following in pairwise(chain(frames, [None])):
+        assert frame is not None, "only the last one is"
         end = clip.end if following is None else following.time
         yield replace(frame, duration=end - frame.time)

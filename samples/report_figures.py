@@ -157,7 +157,7 @@ def measure(clip: Clip, number: int, radii: Sequence[int]) -> FrameFigures:
         failed[f"{name}, both"] = float(1 - (found[0] | found[1]).mean())
     for name, method in OTHERS.items():
         interpolator = find_method(method, clip.vectors if method == "reproject-scene" else None)
-        (images[name],) = interpolator.between(interpolator.pair(*pair), [HALF]).images
+        ((images[name], _),) = interpolator.images(interpolator.pair(*pair), [HALF])
     gray = [each.with_image(cv2.cvtColor(each.array, cv2.COLOR_BGR2GRAY)[..., None]) for each in pair]
     by_luminance = ExhaustiveSearch(radius).estimate(*gray)
     patches = {

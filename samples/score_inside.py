@@ -48,7 +48,7 @@ def main() -> None:
         errors = []
         for number in range(1, len(images) - 1, 2):
             image0, image1 = (FrameCache(images[each], Fraction(each)) for each in (number - 1, number + 1))
-            (made,) = method.between(method.pair(image0, image1), [Fraction(1, 2)]).images
+            ((made, _),) = method.images(method.pair(image0, image1), [Fraction(1, 2)])
             height, width = made.shape[:2]
             inside = find_solids(scene, float(number * options.step), width, height)
             errors.append(((made[inside].astype(float) - images[number][inside]) ** 2).mean())

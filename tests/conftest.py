@@ -18,8 +18,7 @@ from hypothesis import settings
 from numpy.typing import NDArray
 from video_truth import scene
 
-from fpsboost.__main__ import stop_signals
-from fpsboost.cli import app
+from fpsboost.cli import app, stop_signals
 
 collect_ignore = ["blender_round_trip.py"]  # runs in Blender
 

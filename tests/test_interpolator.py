@@ -73,7 +73,7 @@ def test_times_outside_of_the_pair_are_refused(method, t):
     """Even next to good ones, and before the first image."""
     image = noise(40, 48)
     with pytest.raises(OptionError, match=r"\[0, 1\]"):
-        methods[method].between(methods[method].pair(*prepared(image, image)), [0.5, t])
+        methods[method].images(methods[method].pair(*prepared(image, image)), [0.5, t])
 
 
 @every_method
@@ -222,19 +222,28 @@ def test_neighbouring_pairs_bend_the_path(motion):
     (before, pair, after), truth = three_pairs(nlm, velocity=motion[0], acceleration=motion[1])
     inner = slice(14, -14)
     straight, *bent = (
-        off_by(next(nlm.between(pair, [0.5], *neighbours).images), truth)[inner, inner].mean()
+        off_by(next(nlm.images(pair, [0.5], *neighbours)).image, truth)[inner, inner].mean()
         for neighbours in ((), (before, None), (None, after), (before, after))
     )
     assert max(bent[:2]) < straight * 0.5
     assert bent[2] < straight * 0.9
 
 
+@pytest.mark.parametrize("name", ["between", "between_with_confidence"])
+def test_former_names_say_so(name):
+    """And still return the images, with whether a scene ends."""
+    blend = methods["blend"]
+    with pytest.warns(DeprecationWarning, match=f"`{name}` is deprecated; use `images"):
+        images, scene_cut = getattr(blend, name)(blend.pair(*prepared(noise(8, 8), noise(8, 8))), [0.5])
+    assert (len(list(images)), scene_cut) == (1, False)
+
+
 @plain_methods
 def test_methods_that_go_straight_ignore_their_neighbours(method):
     """The report's method, what others do, and those without motion make the same image with neighbours and without."""
     (before, pair, after), _ = three_pairs(methods[method], velocity=(4, -2), acceleration=(2, 1))
-    alone, among = (methods[method].between(pair, [0.5], *each).images for each in ((), (before, after)))
-    np.testing.assert_array_equal(next(alone), next(among))
+    alone, among = (methods[method].images(pair, [0.5], *each) for each in ((), (before, after)))
+    np.testing.assert_array_equal(next(alone).image, next(among).image)
 
 
 def test_a_cut_is_no_neighbour():
@@ -245,7 +254,7 @@ def test_a_cut_is_no_neighbour():
     cut_before, cut_after = nlm.pair(other, pair.image0), nlm.pair(pair.image1, other)
     neighbours = [(None, None), (cut_before, cut_after), (before, None), (before, cut_after)]
     neighbours += [(None, after), (cut_before, after)]
-    images = [next(nlm.between(pair, [0.5], *each).images) for each in neighbours]
+    images = [next(nlm.images(pair, [0.5], *each)).image for each in neighbours]
     assert (images[0] != images[2]).any()
     for one, with_cut in zip(images[::2], images[1::2], strict=True):
         np.testing.assert_array_equal(one, with_cut)
@@ -278,7 +287,7 @@ def test_originals_and_the_order_of_times_survive_light_and_overlays(method, sce
     frames = eventful(scene, dtype)
     before, pair, after = (interpolator.pair(*each) for each in pairwise(prepared(*frames)))
     times = [1, 0.75, 0, Fraction(1, 4), 0.75, Fraction(1)]
-    images = list(interpolator.between(pair, times, before, after).images)
+    images = [image for image, _ in interpolator.images(pair, times, before, after)]
     assert len(images) == len(times)
     for t, image in zip(times, images, strict=True):
         assert image.dtype == dtype
@@ -287,7 +296,7 @@ def test_originals_and_the_order_of_times_survive_light_and_overlays(method, sce
             np.testing.assert_array_equal(image, frames[1 + int(t)])
             assert not np.shares_memory(image, frames[1 + int(t)])
         else:
-            np.testing.assert_array_equal([image], list(interpolator.between(pair, [t], before, after).images))
+            np.testing.assert_array_equal(image, next(interpolator.images(pair, [t], before, after)).image)
     np.testing.assert_array_equal(images[1], images[4])
     assert (images[1] != images[3]).any()
 
@@ -308,9 +317,9 @@ def test_cuts_repeat_the_nearer_frame_or_mix():
     image0, image1 = affine(60, 80, seed=1).image0, affine(60, 80, seed=2).image0
     times = [0.25, Fraction(1, 2), 0.75, 1]
     nlm = methods["nlm"]
-    repeated = nlm.between(nlm.pair(*prepared(image0, image1)), times)
-    assert repeated.scene_cut
-    np.testing.assert_array_equal(list(repeated.images), [image0, image0, image1, image1])
+    pair = nlm.pair(*prepared(image0, image1))
+    assert pair.is_cut()
+    np.testing.assert_array_equal([image for image, _ in nlm.images(pair, times)], [image0, image0, image1, image1])
     with pytest.warns(SceneCutWarning, match="mixed"):
         mixed = replace(nlm, at_cuts="blend").interpolate(image0, image1, [0.5], cuts=CutDetector())
     uncut = replace(methods["blend"], cuts=None).interpolate(image0, image1, [0.5])
@@ -325,17 +334,17 @@ def test_at_cuts_each_scene_can_go_on_by_itself(dtype):
     nlm = replace(methods["nlm"], at_cuts="extrapolate")
     images = prepared(first.image0, first.image1, second.image0, second.image1)
     before, pair, after = (nlm.pair(*each) for each in pairwise(images))
-    made = nlm.between(pair, [0.5, 0.75], before, after)
-    assert made.scene_cut
+    made = nlm.images(pair, [0.5, 0.75], before, after)
+    assert pair.is_cut(before, after)
     inner = slice(12, -12)
     white = 1 if dtype is np.float32 else 255
-    for image, truth, repeated in zip(
-        made.images, (first.at(1.5), second.at(-0.25)), (first.image1, second.image0), strict=True
+    for (image, _), truth, repeated in zip(
+        made, (first.at(1.5), second.at(-0.25)), (first.image1, second.image0), strict=True
     ):
         assert image.dtype == dtype
         off, still = (np.abs(each.astype(float) - truth)[inner, inner].mean() for each in (image, repeated))
         assert off < min(0.3 * still, 0.01 * white)
-    alone = list(nlm.between(pair, [0.25, 0.75]).images)
+    alone = [image for image, _ in nlm.images(pair, [0.25, 0.75])]
     for image, original in zip(alone, (first.image1, second.image0), strict=True):
         np.testing.assert_allclose(image, original, atol=1e-6)
 
@@ -347,12 +356,13 @@ def test_a_flash_is_no_cut_and_nothing_moves_across_it():
     nlm = methods["nlm"]
     for last, expected in ((clip.image1, False), (other, True)):
         first, second = (nlm.pair(*prepared(*each)) for each in pairwise((clip.image0, burnt, last)))
-        for made, pictures in (
-            (nlm.between(first, [0.25, 0.75], None, second), (clip.image0, burnt)),
-            (nlm.between(second, [0.25, 0.75], first, None), (burnt, last)),
+        for pair, *neighbours, pictures in (
+            (first, None, second, (clip.image0, burnt)),
+            (second, first, None, (burnt, last)),
         ):
-            assert made.scene_cut == expected
-            np.testing.assert_array_equal(list(made.images), pictures)
+            assert pair.is_cut(*neighbours) == expected
+            made = nlm.images(pair, [0.25, 0.75], *neighbours)
+            np.testing.assert_array_equal([image for image, _ in made], pictures)
 
 
 @pytest.mark.parametrize("method", ["nlm-fast", "nlm-exhaustive", "blend"])

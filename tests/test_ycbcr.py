@@ -118,10 +118,10 @@ def test_levels_have_their_meaning(bits, full_range):
 def test_made_images_are_those_of_bgr(method, pixel_format):
     """In planes from the beginning to the end, and by way of BGR: the same to a few levels, at odd sizes, too."""
     frames = [planar(image, pixel_format) for image in smooth((63, 95), shift=(4.5, 2))]
-    (made,) = methods[method].between(pair_of(method, *frames), [0.5]).images
+    ((made, _),) = methods[method].images(pair_of(method, *frames), [0.5])
     assert isinstance(made, YCbCrImage)
     assert made.coding == frames[0].coding
-    (expected,) = methods[method].between(pair_of(method, *map(bgr_of, frames)), [0.5]).images
+    ((expected, _),) = methods[method].images(pair_of(method, *map(bgr_of, frames)), [0.5])
     white = np.iinfo(frames[0].dtype).max
     apart = np.abs(bgr_of(made).astype(float) - expected)[8:-8, 8:-8] / white
     assert apart.mean() < 0.006
@@ -140,7 +140,7 @@ def test_what_stands_still_stays_as_it_is(method, pixel_format):
     noise = np.random.default_rng(1).integers(60, 200, (48, 66, 3), dtype=np.uint8)
     image = planar(noise, pixel_format)
     for t in (0.25, 0.5):
-        (made,) = methods[method].between(pair_of(method, image, image.copy()), [t]).images
+        ((made, _),) = methods[method].images(pair_of(method, image, image.copy()), [t])
         for plane, expected in zip(made.planes, image.planes, strict=True):
             np.testing.assert_array_equal(plane, expected)
 
@@ -151,7 +151,7 @@ def test_what_stands_still_stays_as_it_is(method, pixel_format):
 def test_tiny_pictures_have_pictures_between_them(method, pixel_format, size):
     """Also where half the size is the size."""
     frames = [planar(np.full((*size, 3), level, np.uint8), pixel_format) for level in (100, 120)]
-    (made,) = methods[method].between(pair_of(method, *frames), [0.5]).images
+    ((made, _),) = methods[method].images(pair_of(method, *frames), [0.5])
     in_planes_still = made if isinstance(made, YCbCrImage) else planar(made, pixel_format)
     for plane, *ends in zip(in_planes_still.planes, *(frame.planes for frame in frames), strict=True):
         assert plane.shape == ends[0].shape
@@ -168,9 +168,8 @@ def test_cuts_are_treated_in_planes(at_cuts):
     nlm = replace(methods["nlm"], at_cuts=at_cuts)
     frames = [FrameCache(image) for image in (*same, other, other.copy())]
     pairs = [nlm.pair(first, second) for first, second in pairwise(frames)]
-    found = [nlm.between(pair, [0.25], before, after) for before, pair, after in with_neighbours(pairs)]
-    assert [each.scene_cut for each in found] == [False, True, False]
-    (made,) = found[1].images
+    assert [pair.is_cut(before, after) for before, pair, after in with_neighbours(pairs)] == [False, True, False]
+    ((made, _),) = nlm.images(pairs[1], [0.25], pairs[0], pairs[2])
     assert isinstance(made, YCbCrImage) == (at_cuts != "extrapolate")
     if at_cuts == "repeat":
         np.testing.assert_array_equal(made.planes[0], same[1].planes[0])
@@ -182,8 +181,8 @@ def test_light_that_changes_is_followed_by_way_of_bgr():
     frames = [planar(np.rint(image).astype(np.uint8)) for image in (image0 * 0.5, image1)]
     pair = pair_of("nlm", *frames)
     assert pair.illumination is not None
-    (made,) = methods["nlm"].between(pair, [0.5]).images
-    (expected,) = methods["nlm"].between(pair_of("nlm", *map(bgr_of, frames)), [0.5]).images
+    ((made, _),) = methods["nlm"].images(pair, [0.5])
+    ((expected, _),) = methods["nlm"].images(pair_of("nlm", *map(bgr_of, frames)), [0.5])
     assert np.abs(view(made).array().astype(int) - expected).mean() < 2
 
 
@@ -209,7 +208,7 @@ def test_conversions_stay_in_planes(tmp_path, pixel_format):
     pairs = [nlm.pair(first, second) for first, second in pairwise(frames)]
     expected = []
     for frame, (before, pair, after) in zip(frames, with_neighbours(pairs), strict=False):
-        expected += [frame.pixels, *nlm.between(pair, [0.5], before, after).images]
+        expected += [frame.pixels, *(image for image, _ in nlm.images(pair, [0.5], before, after))]
     written = pictures_of(tmp_path / "out.mkv")
     assert written[0].format.name == pixel_format
     for picture, image in zip(written, expected, strict=False):

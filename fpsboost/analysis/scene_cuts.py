@@ -83,9 +83,18 @@ class CutPolicy(Protocol):
         """Return whether a frame only hides a scene that continues, given the match score of the frames around it."""
 
 
+@runtime_checkable
+class CountsFrames(Protocol):
+    """Contract: cut policy that may go by the numbers of frames."""
+
+    @property
+    def counts_frames(self) -> bool:
+        """Whether it does, so that no frame of the clip may be left unread."""
+
+
 def counts_frames(policy: CutPolicy | None) -> bool:
-    """Return whether a policy goes by the numbers of frames, so that none may be left unread: its `counts_frames`."""
-    return bool(getattr(policy, "counts_frames", False))
+    """Return whether a policy goes by the numbers of frames, so that none may be left unread."""
+    return isinstance(policy, CountsFrames) and policy.counts_frames
 
 
 @dataclass(frozen=True)

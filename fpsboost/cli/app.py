@@ -27,7 +27,7 @@ from cyclopts.exceptions import UnknownOptionError
 from rich.console import Console
 from rich.table import Table
 
-from fpsboost.__main__ import stop_signals
+from fpsboost.cli import stop_signals
 from fpsboost.cli.messages import (
     LibraryTexts,
     console,

@@ -19,7 +19,7 @@ import numpy as np
 
 from fpsboost.colour import has_alpha, normalised
 from fpsboost.errors import OptionError
-from fpsboost.evaluation.hidden_frames import Hidden, Interval
+from fpsboost.evaluation.hidden_frames import Hidden, Interval, Sample
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, view
 from fpsboost.interpolator import Interpolator, with_neighbours
@@ -65,6 +65,12 @@ class Contestant(Protocol):
         """Return the options in one line."""
 
 
+def interpolate_sample(contestant: Contestant, sample: Sample) -> Image:
+    """Interpolate a sample's hidden frame exactly as in a comparison, unless the method looks beyond its window."""
+    (frame,) = contestant.interpolate(sample.window, {sample.hidden.number})
+    return frame.image
+
+
 @dataclass(frozen=True)
 class InterpolatorContestant:
     """A method of this package; the time of the first frame of an interval includes the motion search."""
@@ -86,9 +92,9 @@ class InterpolatorContestant:
         self, pair: Pair, chosen: Sequence[Hidden], before: Pair | None, after: Pair | None
     ) -> Iterator[InterpolatedFrame]:
         begin, begin_cpu = time.perf_counter(), time.process_time()
-        images = self.interpolator.between(pair, [hidden.t for hidden in chosen], before, after).images
+        images = self.interpolator.images(pair, [hidden.t for hidden in chosen], before, after)
         for hidden in chosen:
-            image = view(next(images)).array()
+            image = view(next(images).image).array()
             seconds, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
             yield InterpolatedFrame(hidden.number, image, seconds, cpu, pair.search_radius)
             begin, begin_cpu = time.perf_counter(), time.process_time()

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import islice, pairwise
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -27,9 +27,6 @@ from fpsboost.options import Checked, Range, words_of, words_of_options
 from fpsboost.preparation import trim_source
 from fpsboost.streaming import beginning
 from fpsboost.timing.schedule import ByRate, rising_time
-
-if TYPE_CHECKING:
-    from fpsboost.evaluation.contestants import Contestant
 
 Duplicates = Literal["interpolate", "keep"]
 
@@ -240,11 +237,6 @@ class Sample(NamedTuple):
     @property
     def interval(self) -> Interval:
         return next(each for each in self.window if each.begin.number < self.hidden.number < each.end.number)
-
-    def interpolate(self, contestant: Contestant) -> Image:
-        """Interpolate it exactly as in a comparison, unless the method looks farther than the window."""
-        (frame,) = contestant.interpolate(self.window, {self.hidden.number})
-        return frame.image
 
 
 def read_samples(path: str, hiding: Hiding, numbers: Sequence[int]) -> list[Sample]:

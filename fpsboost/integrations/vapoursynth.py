@@ -303,7 +303,7 @@ class _OutputFrames:
         with _host_errors():
             if self._is_between(number):
                 pair, before, after = self._surroundings(index, frames)
-                (image,) = self._interpolator.between(pair, [t], before, after).images
+                ((image, _),) = self._interpolator.images(pair, [t], before, after)
                 for plane, values in enumerate(self._layout.planes(image, output_frame)):
                     np.asarray(output_frame[plane])[:] = values
             self._set_scene_changes(number, output_frame, frames)

@@ -167,13 +167,12 @@ def _try(
 ) -> Trial:
     before, (pair, truth), after = neighbourhood
     neighbours = before and before[0], after and after[0]
-    images, scene_cut = interpolator.between_with_confidence(pair, times, *neighbours)
     if pair.is_discontinuous(*neighbours):  # the nearer frame is repeated, and as often the other one is right
         apart = grid.means(squared_error(pair.image0.array, pair.image1.array)) / 2
         return Trial(scene_cut=True, doubts=[apart] * len(times), error=None)
-    interpolated = list(images)
+    interpolated = list(interpolator.images(pair, times, *neighbours, with_confidence=True))
     error = None if truth is None else grid.means(squared_error(view(interpolated[0].image).array(), truth))
-    return Trial(scene_cut, [grid.means(1 - image.confidence) for image in interpolated], error)
+    return Trial(pair.is_cut(*neighbours), [grid.means(1 - image.confidence) for image in interpolated], error)
 
 
 def _tiles_of(trials: Sequence[Trial]) -> tuple[NDArray[Any], NDArray[Any]]:

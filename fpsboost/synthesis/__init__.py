@@ -43,12 +43,12 @@ class FramePair:
 
 
 class InterpolatedImage(NamedTuple):
-    """In-between frame and its confidence."""
+    """In-between frame, and its confidence if that was asked for."""
 
     image: FrameImage
     """Colours, (H, W, C), as the frames have them."""
-    confidence: NDArray[Any]
-    """Confidence of every pixel, (H, W) float32 in [0, 1]."""
+    confidence: NDArray[Any] | Any = None
+    """Confidence of every pixel, (H, W) float32 in [0, 1]; None if it was not asked for."""
 
 
 @runtime_checkable

@@ -120,7 +120,7 @@ def look_between(job: ConversionJob, time: Fraction) -> dict[str, Any]:
         before, pair, after = list(with_neighbours(pairs))[nearest]
         view = View(traits)
         for method in (replace(methods["blend"], at_cuts="blend"), job.method):
-            image = next(iter(method.between(pair, [0.5], before, after).images))
+            ((image, _),) = method.images(pair, [0.5], before, after)
             view.add(Frame(image, Fraction(0)), Fraction(0))
         is_cut, ends = pair.is_cut(before, after), moments[nearest : nearest + 2]
     names = [format_time(end) if images is None else images.files[round(end * info.rate)].name for end in ends]

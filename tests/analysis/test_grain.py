@@ -53,7 +53,7 @@ def noise_of(image, picture):
 def middle(interpolator, images, number=0, t=0.5):
     """The image between two, the first of which has a place in its source."""
     first = FrameCache(images[0], None, SourcePosition(number, Fraction(number)))
-    (made,) = interpolator.between(interpolator.pair(first, FrameCache(images[1])), [t]).images
+    ((made, _),) = interpolator.images(interpolator.pair(first, FrameCache(images[1])), [t])
     return made
 
 
@@ -228,7 +228,7 @@ def test_overlays_have_no_grain():
         images.append(FrameCache(as_type(colours, np.uint8), None, SourcePosition(k, Fraction(k))))
     method = replace(methods["nlm"], cuts=None, match_grain=True)
     before, pair, after = (method.pair(*each) for each in pairwise(images))
-    (made,) = method.between(pair, [0.5], before, after).images
+    ((made, _),) = method.images(pair, [0.5], before, after)
     assert (made[title] >= 254).mean() > 0.98
 
 

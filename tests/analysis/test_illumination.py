@@ -177,9 +177,8 @@ def test_a_fade_over_several_frames_is_one_scene():
     images = prepared(*(at(t) for t in (0, 0.5, 1, 1.5)))  # to a quarter of the light
     pairs = [NLM.pair(*each) for each in pairwise(images)]
     for k, (before, pair, after) in enumerate(zip([None, *pairs], pairs, [*pairs[1:], None], strict=False)):
-        between = NLM.between(pair, [0.5], before, after)
-        assert not between.scene_cut
-        assert error(next(between.images), at(k / 2 + 0.25)) < 0.5
+        assert not pair.is_cut(before, after)
+        assert error(next(NLM.images(pair, [0.5], before, after)).image, at(k / 2 + 0.25)) < 0.5
 
 
 # ----------------------------------------------------------------------------------------------------------- one place
@@ -262,6 +261,6 @@ def test_a_flash_in_one_place_is_followed_into_and_out_of():
         pairs = [NLM.pair(*each) for each in pairwise(prepared(*clip))]
         for n, (before, pair, after) in enumerate(zip([None, *pairs], pairs, [*pairs[1:], None], strict=False)):
             truth = as_type(0.6 * at(n + 0.5) * (1 + (light[n] + light[n + 1]) / 2), np.uint8)
-            between = NLM.between(pair, [0.5], before, after)
-            assert not between.scene_cut, name
-            assert error(next(between.images), truth) < error(made(PLAIN, *clip[n : n + 2]), truth) / 2, name
+            assert not pair.is_cut(before, after), name
+            ((image, _),) = NLM.images(pair, [0.5], before, after)
+            assert error(image, truth) < error(made(PLAIN, *clip[n : n + 2]), truth) / 2, name

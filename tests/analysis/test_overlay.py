@@ -47,7 +47,7 @@ def three_pairs(at):
 def kept_and_moved(at, t=0.5):
     """The image at t with overlays kept, and without; with word of both neighbours."""
     before, pair, after = three_pairs(at)
-    return [next(each.between(pair, [t], before, after).images) for each in (KEEPING, MOVING)]
+    return [next(each.images(pair, [t], before, after)).image for each in (KEEPING, MOVING)]
 
 
 def found(at):
@@ -174,8 +174,8 @@ def test_neighbours_in_another_scene_tell_nothing():
     interpolator = replace(KEEPING, cuts=CutsWhere(lambda *two: list(two) != images[1:3]))
     before, pair, after = (interpolator.pair(*each) for each in pairwise(images))
     assert [each.is_cut() for each in (before, pair, after)] == [True, False, True]
-    among, alone = (interpolator.between(pair, [0.5], *each).images for each in ((before, after), (None, None)))
-    np.testing.assert_array_equal(next(among), next(alone))
+    among, alone = (next(interpolator.images(pair, [0.5], *each)) for each in ((before, after), (None, None)))
+    np.testing.assert_array_equal(among.image, alone.image)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])

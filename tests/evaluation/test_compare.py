@@ -19,7 +19,7 @@ from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
 from fpsboost.evaluation.compare import compare
-from fpsboost.evaluation.contestants import InterpolatedFrame, InterpolatorContestant, Minterpolate
+from fpsboost.evaluation.contestants import InterpolatedFrame, InterpolatorContestant, Minterpolate, interpolate_sample
 from fpsboost.evaluation.export import DATA_VERSION, as_json, write_csv, write_json
 from fpsboost.evaluation.further_metrics import metrics
 from fpsboost.evaluation.hidden_frames import Hiding, read_samples
@@ -70,7 +70,7 @@ def test_a_comparison_makes_the_frames_of_a_conversion(folder, tmp_path):
     assert [frame.number for frame in frames] == [1, 3, 5]
     for frame, sample in zip(frames, read_samples(folder, Hiding(), [1, 3, 5]), strict=True):
         np.testing.assert_array_equal(frame.image, converted[frame.number])
-        np.testing.assert_array_equal(frame.image, sample.interpolate(nlm))
+        np.testing.assert_array_equal(frame.image, interpolate_sample(nlm, sample))
 
 
 def test_a_comparison_knows_who_is_better(folder):

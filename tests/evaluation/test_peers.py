@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fpsboost.errors import InputError
+from fpsboost.evaluation.contestants import interpolate_sample
 from fpsboost.evaluation.hidden_frames import Hiding, read_samples
 from fpsboost.evaluation.peers import find_frames, read_like, run_peer
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -77,7 +78,7 @@ def test_images_are_matched(tmp_path, clip, names, hiding):
         np.testing.assert_array_equal(frame.image, gray(frame.number))
         assert np.isnan(frame.seconds)
     (sample,) = read_samples(clip, hiding, [wanted[-1]])
-    np.testing.assert_array_equal(sample.interpolate(contestant), gray(wanted[-1]))
+    np.testing.assert_array_equal(interpolate_sample(contestant, sample), gray(wanted[-1]))
 
 
 def test_a_folder_that_does_not_fit_is_one_sentence(tmp_path, clip):

@@ -11,6 +11,7 @@ from comparison_truth import HEIGHT, NAMES, WIDTH
 from playwright.sync_api import expect
 
 from fpsboost.colour import as_shown
+from fpsboost.evaluation.contestants import interpolate_sample
 from fpsboost.evaluation.hidden_frames import read_samples
 from fpsboost.evaluation.report.page import DIFFERENT, choose_frames
 
@@ -135,7 +136,7 @@ def test_page_opens_with_exact_pixels(page, comparison, contestants):
     at_frame(page, number)
     expect(page.locator(".loss")).to_have_text("Exact: kept without loss.")
     (sample,) = read_samples(comparison.clip, comparison.hiding, [number])
-    images = sample.hidden.truth, sample.interpolate(contestants["dis"])
+    images = sample.hidden.truth, interpolate_sample(contestants["dis"], sample)
     truth, interpolated = (as_shown(image).astype(int)[..., ::-1] for image in images)
     box = box_of(page.locator(".stage"))
     page.mouse.move(box["x"] + box["width"] * 20.5 / WIDTH, box["y"] + box["height"] * 10.5 / HEIGHT)

@@ -89,7 +89,7 @@ for method in ("nlm", "nlm-fast", "nlm-exhaustive", "block"):
         moved = [np.roll(texture, (k, 3 * k), (0, 1))[:51, :67] * white for k in range(4)]
         frames = [FrameCache(image.astype(kind)) for image in moved]
         pairs = [methods[method].pair(*frames[k : k + 2]) for k in range(3)]
-        for image in methods[method].between_with_confidence(pairs[1], [0.3], pairs[0], pairs[2]).images:
+        for image in methods[method].images(pairs[1], [0.3], pairs[0], pairs[2], with_confidence=True):
             print(method, kind.__name__, *(hashlib.sha256(np.ascontiguousarray(part)).hexdigest() for part in image))
 """
 

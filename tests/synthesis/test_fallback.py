@@ -54,7 +54,8 @@ def method_of(sure: float = 0.5, **options) -> Interpolator:
 def between(kind, times, sure=0.5, **options):
     """Return the images between two frames."""
     method = method_of(sure, **options)
-    return list(method.between(method.pair(FrameCache(frame(kind, 1)), FrameCache(frame(kind, 2))), times).images)
+    pair = method.pair(FrameCache(frame(kind, 1)), FrameCache(frame(kind, 2)))
+    return [image for image, _ in method.images(pair, times)]
 
 
 @pytest.mark.parametrize("kind", ["uint8", "uint16", "float32", "planes"])

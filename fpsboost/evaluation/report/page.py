@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
-from fpsboost.evaluation.contestants import MINTERPOLATE, Contestant, method_names
+from fpsboost.evaluation.contestants import MINTERPOLATE, Contestant, interpolate_sample, method_names
 from fpsboost.evaluation.export import COLUMNS, area_rows, further_rows, mean_rows, overall_rows, without_nan
 from fpsboost.evaluation.further_metrics import metrics
 from fpsboost.evaluation.hidden_frames import read_samples
@@ -168,7 +168,8 @@ def _view_frames(
     motion: MotionView | None = None
     for each, sample in zip(choices, samples, strict=True):
         frames = {
-            name: far[name][each.number] if name in far else sample.interpolate(contestants[name]) for name in names
+            name: far[name][each.number] if name in far else interpolate_sample(contestants[name], sample)
+            for name in names
         }
         sections.append(FrameSection(_title(each, names[0]), each.number, view_frame(sample, frames)))
         if len(sections) == 1:

@@ -16,7 +16,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.contracts import Cancellable, FrameSink, FrameWatcher
+from fpsboost.contracts import Cancellable, FrameSink, FrameWatcher, HasDetails
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame, PairMotion
 from fpsboost.io.images.encoder import encode_image
@@ -53,7 +53,7 @@ class SideSink:
 
     @property
     def details(self) -> str:
-        return getattr(self._sink, "details", "")
+        return self._sink.details if isinstance(self._sink, HasDetails) else ""
 
     def cancel(self) -> None:
         if isinstance(self._sink, Cancellable):
