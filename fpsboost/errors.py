@@ -109,3 +109,16 @@ def explained(kind: type[FpsboostError], task: str, path: str | Path, advice: st
         yield
     except OSError as error:
         raise kind(f"Cannot {task} {path} ({error.strerror or error}); {advice}.") from error
+
+
+STANDARD_OUTPUT = "Standard output or a temporary file"  # what an error of the system is about that names no file
+
+MAX_REASON = 200
+"""Characters of an error that nobody foresaw."""
+
+
+def explain(error: OSError | MemoryError, name: str = STANDARD_OUTPUT) -> str:
+    """Return a sentence about an error that the library has not explained, such as one from an unchecked path."""
+    if isinstance(error, MemoryError):
+        return "There is not enough memory for this; scale it down, or close other programs."
+    return f"{error.filename or name} cannot be used ({error.strerror or error}); check the place."

@@ -257,7 +257,8 @@ class Interpolator(Checked):
         self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None = None, after: Pair | None = None
     ) -> InBetween:
         """Return images and whether a scene ends; deprecated, as `images` and `Pair.is_cut` return these."""
-        warnings.warn("`between` is deprecated; use `images`, and `Pair.is_cut`.", DeprecationWarning, stacklevel=2)
+        text = "Interpolator.between is deprecated; use Interpolator.images, and Pair.is_cut."
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
         images = self.images(pair, times, before, after)
         return InBetween((image for image, _ in images), pair.is_cut(before, after))
 
@@ -265,7 +266,7 @@ class Interpolator(Checked):
         self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None = None, after: Pair | None = None
     ) -> InBetween:
         """Return images with confidence, and whether a scene ends; deprecated, see `between`."""
-        text = "`between_with_confidence` is deprecated; use `images(..., with_confidence=True)`, and `Pair.is_cut`."
+        text = "Interpolator.between_with_confidence is deprecated; use Interpolator.images(..., with_confidence=True)."
         warnings.warn(text, DeprecationWarning, stacklevel=2)
         images = self.images(pair, times, before, after, with_confidence=True)
         return InBetween(images, pair.is_cut(before, after))

@@ -233,7 +233,7 @@ def test_neighbouring_pairs_bend_the_path(motion):
 def test_former_names_say_so(name):
     """And still return the images, with whether a scene ends."""
     blend = methods["blend"]
-    with pytest.warns(DeprecationWarning, match=f"`{name}` is deprecated; use `images"):
+    with pytest.warns(DeprecationWarning, match=f"Interpolator.{name} is deprecated"):
         images, scene_cut = getattr(blend, name)(blend.pair(*prepared(noise(8, 8), noise(8, 8))), [0.5])
     assert (len(list(images)), scene_cut) == (1, False)
 

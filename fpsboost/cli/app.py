@@ -54,7 +54,16 @@ from fpsboost.cli.options import (
     with_flags,
 )
 from fpsboost.cluster import ClusterOptions, convert_where
-from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
+from fpsboost.errors import (
+    MAX_REASON,
+    STANDARD_OUTPUT,
+    CompleteAlreadyError,
+    FpsboostError,
+    OptionError,
+    ReaderGoneError,
+    explain,
+    notes_of,
+)
 from fpsboost.io.staging import discard_unfinished
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
@@ -119,11 +128,6 @@ fi
 """Call of the function of Cyclopts' script for zsh: at the first TAB of a file of ``$fpath``, or once it is sourced."""
 
 group_of_join = Group("Options", sort_key=1)
-
-STANDARD_OUTPUT = "Standard output or a temporary file"  # what an error of the system is about that names no file
-
-MAX_REASON = 200
-"""Characters of an error that nobody foresaw."""
 
 LAST_IMAGE = "the last image"
 """Key of the remark on it among what was announced, which is said once for several inputs."""
@@ -443,13 +447,6 @@ def all_explained(names: Sequence[str], output: str | None = None) -> Iterator[N
             f"{name} could not be processed because of a fault in fpsboost ({reason}); give --verbose for details, and "
             "report it."
         ) from error
-
-
-def explain(error: OSError | MemoryError, name: str = STANDARD_OUTPUT) -> str:
-    """Return a sentence about an error that the library has not explained, such as one from an unchecked path."""
-    if isinstance(error, MemoryError):
-        return "There is not enough memory for this; scale it down, or close other programs."
-    return f"{error.filename or name} cannot be used ({error.strerror or error}); check the place."
 
 
 @contextmanager

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from fpsboost import OptionError
-from fpsboost.options import option
-from fpsboost.threads import available_cores
+from fpsboost.extension import available_cores, option
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -61,7 +60,7 @@ def convert_where(where: ClusterOptions, job: ConversionJob, run: RunOptions) ->
 
 def _affordable_workers(job: ConversionJob, run: RunOptions) -> int:
     """Return the number of workers with one thread that this machine has cores and memory for."""
-    from fpsboost.preparation import memory_limit, opened_clip  # noqa: PLC0415
+    from fpsboost.extension import memory_limit, opened_clip  # noqa: PLC0415
 
     with opened_clip(job, run) as clip:
         info, images = clip.source.info, clip.whole.stream_info.images

@@ -41,13 +41,20 @@ from fpsboost import (
     join,
 )
 from fpsboost.cluster.worker import LOCK_INTERVAL, Outcome, WorkerOrder, job_key, make_on_worker, read_piece
-from fpsboost.contracts import SilentObserver
-from fpsboost.errors import ClusterError, CompleteAlreadyError, ExistsError, InUseError, explained
-from fpsboost.io.staging import sync
-from fpsboost.options import checked
-from fpsboost.parts.manifest import job_facts
-from fpsboost.parts.plan import PlannedPart, planned_job
-from fpsboost.preparation import output_beside
+from fpsboost.extension import (
+    ClusterError,
+    CompleteAlreadyError,
+    ExistsError,
+    InUseError,
+    PlannedPart,
+    SilentObserver,
+    checked,
+    explained,
+    job_facts,
+    output_beside,
+    planned_job,
+    sync,
+)
 
 PARTS_PER_WORKER = 8
 """Parts of a conversion for each worker; at the end, a worker idles for half of one on average."""

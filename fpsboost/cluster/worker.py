@@ -22,10 +22,16 @@ from distributed import Worker, get_worker
 from distributed.core import Status
 
 from fpsboost import ConversionJob, FpsboostError, InputError, RunOptions, Summary, convert_job
-from fpsboost.contracts import SilentObserver
-from fpsboost.errors import ClusterError, CompleteAlreadyError, InUseError
-from fpsboost.parts.manifest import first_difference, job_facts, program_facts
-from fpsboost.threads import one_opencv_thread
+from fpsboost.extension import (
+    ClusterError,
+    CompleteAlreadyError,
+    InUseError,
+    SilentObserver,
+    first_difference,
+    job_facts,
+    one_opencv_thread,
+    program_facts,
+)
 
 REPORT_INTERVAL = 0.5  # seconds between reports of a part's progress
 

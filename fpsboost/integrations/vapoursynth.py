@@ -44,12 +44,19 @@ from fpsboost import (
     YCbCrImage,
     find_method,
 )
-from fpsboost.colour import luma_weights
-from fpsboost.image import Image, view
-from fpsboost.io.video.pixels import assumed_color_space
-from fpsboost.io.video.ycc import PLANAR_FORMATS, bgr_of, from_bgr, in_planes
-from fpsboost.layered import FrameImage
-from fpsboost.options import Range, check_type
+from fpsboost.extension import (
+    PLANAR_FORMATS,
+    FrameImage,
+    Image,
+    Range,
+    assumed_color_space,
+    bgr_of,
+    check_type,
+    from_bgr,
+    in_planes,
+    luma_weights,
+    view,
+)
 
 MAX_FRAMES = 2**31 - 1
 """Maximum number of frames of a clip; the host counts in 32 bits."""

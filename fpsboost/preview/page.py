@@ -34,13 +34,21 @@ from fpsboost import (
     format_time,
     open_sink,
 )
-from fpsboost.contracts import SilentObserver
-from fpsboost.errors import rounded, say_seconds
-from fpsboost.evaluation.report.self_contained import PlayerData, as_heat, data_uri, encode, templates_of
-from fpsboost.io.new_output import check_writable, write_whole
-from fpsboost.preparation import prepared
+from fpsboost.extension import (
+    PlayerData,
+    SilentObserver,
+    as_heat,
+    available_cores,
+    check_writable,
+    data_uri,
+    encode,
+    prepared,
+    rounded,
+    say_seconds,
+    templates_of,
+    write_whole,
+)
 from fpsboost.preview.places import Passage, Selection, View, find_passages, find_retimed, first_packet_size
-from fpsboost.threads import available_cores
 
 
 class Trial(NamedTuple):

@@ -19,15 +19,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost import ClipInfo, ConversionJob, Frame, OptionError, Position, RunOptions, Trim
-from fpsboost.colour import as_shown
-from fpsboost.errors import rounded
-from fpsboost.image import view
-from fpsboost.io.video.demuxer import open_video
-from fpsboost.io.video.traits import VideoTraits
-from fpsboost.io.video.ycc import turned_upright
-from fpsboost.preparation import opened_clip
-from fpsboost.probing import Findings
-from fpsboost.timing.time_map import TimeMap
+from fpsboost.extension import (
+    Findings,
+    TimeMap,
+    VideoTraits,
+    as_shown,
+    open_video,
+    opened_clip,
+    rounded,
+    turned_upright,
+    view,
+)
 
 LONGEST_SIDE = 960  # longer side of a picture on the page, pixels
 

@@ -18,21 +18,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost import InputError, Layer, LayeredImage, MemoryLimit, OptionError, OutputError
-from fpsboost.colour import has_alpha
-from fpsboost.errors import explained
-from fpsboost.image import Image, view
-from fpsboost.io.images.encoder import encode_image
-from fpsboost.io.images.exr import read_exr_header
-from fpsboost.io.images.files import IMAGE_SUFFIXES, content_of, extension_of, read_image
-from fpsboost.io.images.layers import ALL, Passes, encode_like
-from fpsboost.io.images.metadata import metadata_of
-from fpsboost.io.images.sequence import list_files
-from fpsboost.io.images.source import find_images
-from fpsboost.io.new_output import check_new_folder, new_folder
-from fpsboost.io.staging import write_safely
-from fpsboost.layered import FrameImage
-from fpsboost.options import PathName, checked
-from fpsboost.rerender.options import MergeOptions
+from fpsboost.extension import (
+    ALL,
+    IMAGE_SUFFIXES,
+    FrameImage,
+    Image,
+    Passes,
+    PathName,
+    check_new_folder,
+    checked,
+    content_of,
+    encode_image,
+    encode_like,
+    explained,
+    extension_of,
+    find_images,
+    has_alpha,
+    list_files,
+    metadata_of,
+    new_folder,
+    read_exr_header,
+    read_image,
+    view,
+    write_safely,
+)
+from fpsboost.rerender import MergeOptions
 from fpsboost.rerender.planning import PlannedFrame, RerenderPlan
 from fpsboost.rerender.regions import Rectangle
 

@@ -21,18 +21,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost import InputError, Interpolator, MemoryLimit, VectorFolder, find_method
-from fpsboost.io.images.encoder import encode_image
-from fpsboost.io.images.files import content_of, read_image
-from fpsboost.io.images.sequence import Numbering
-from fpsboost.io.images.source import ImageSource
-from fpsboost.io.new_output import check_new_folder, new_folder
-from fpsboost.io.opening import ASSUMED_IMAGE_RATE, stands_for_images
-from fpsboost.io.staging import write_safely
-from fpsboost.options import PathName, checked
-from fpsboost.rerender.options import PlanOptions
+from fpsboost.extension import (
+    ASSUMED_IMAGE_RATE,
+    ImageSource,
+    Numbering,
+    PathName,
+    available_cores,
+    check_new_folder,
+    checked,
+    content_of,
+    encode_image,
+    new_folder,
+    read_image,
+    run_in_parallel,
+    stands_for_images,
+    write_safely,
+)
+from fpsboost.rerender import PlanOptions
 from fpsboost.rerender.regions import Rectangle, TileGrid, choose_regions, partition
 from fpsboost.rerender.score import expect_errors
-from fpsboost.threads import available_cores, run_in_parallel
 
 PLAN_FILE = "plan.json"
 VERSION = 1

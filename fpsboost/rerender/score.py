@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
 from fpsboost import Frame, FrameCache, Interpolator, Pair, SourcePosition, with_neighbours
-from fpsboost.colour import compared_colours, composite_on_black
-from fpsboost.image import Image, view
+from fpsboost.extension import Image, compared_colours, composite_on_black, view
 from fpsboost.rerender.regions import TileGrid
 
 MIN_ERROR = 1e-7

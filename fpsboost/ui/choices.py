@@ -19,10 +19,15 @@ from fpsboost import (
 )
 from fpsboost.cli.batch import check_ending
 from fpsboost.cli.options import MethodOptions, in_flags
-from fpsboost.io.video.encoding import encoders
-from fpsboost.options import Checked, options_from, words_of_options
-from fpsboost.preparation import output_beside, prepared
-from fpsboost.probing import expected_losses
+from fpsboost.extension import (
+    Checked,
+    encoders,
+    expected_losses,
+    options_from,
+    output_beside,
+    prepared,
+    words_of_options,
+)
 from fpsboost.ui.files import Files
 
 LABELS = {

@@ -26,11 +26,18 @@ from fpsboost import (
     with_neighbours,
 )
 from fpsboost.cli.probe import facts
-from fpsboost.evaluation.report.self_contained import data_uri
-from fpsboost.io.opening import TargetRequirements, open_source, stands_for_images
-from fpsboost.preparation import opened_clip, trim_source
+from fpsboost.extension import (
+    Findings,
+    Probe,
+    TargetRequirements,
+    data_uri,
+    list_streams,
+    open_source,
+    opened_clip,
+    stands_for_images,
+    trim_source,
+)
 from fpsboost.preview.places import View
-from fpsboost.probing import Findings, Probe, list_streams
 from fpsboost.ui.choices import first_choices, on_page
 from fpsboost.ui.jobs import start_process
 

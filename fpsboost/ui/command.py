@@ -17,8 +17,7 @@ from rich.console import Console
 
 from fpsboost import OptionError
 from fpsboost.cli.options import PathName
-from fpsboost.errors import InUseError
-from fpsboost.io.staging import write_safely
+from fpsboost.extension import InUseError, write_safely
 
 options = Group("Options", sort_key=1)
 

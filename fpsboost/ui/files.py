@@ -12,11 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fpsboost import InputError, OutputError
-from fpsboost.errors import explained
-from fpsboost.io.images.files import IMAGE_SUFFIXES
-from fpsboost.io.opening import stands_for_images
-from fpsboost.io.staging import unfinished_places
-from fpsboost.preparation import OUTPUT_SUFFIXES
+from fpsboost.extension import IMAGE_SUFFIXES, OUTPUT_SUFFIXES, explained, stands_for_images, unfinished_places
 
 MAX_ENTRIES = 2000
 """Maximum number of folders and clips that are listed of a folder."""

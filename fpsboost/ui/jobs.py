@@ -15,9 +15,16 @@ from threading import Condition, Thread
 from typing import Any, Literal
 
 from fpsboost import FpsboostError, InputError, OptionError, OutputError, Target
-from fpsboost.cli.app import explain
-from fpsboost.errors import InUseError, explained
-from fpsboost.io.staging import LOCKED, discard_unfinished, is_unfinished, lock_file, write_safely
+from fpsboost.extension import (
+    LOCKED,
+    InUseError,
+    discard_unfinished,
+    explain,
+    explained,
+    is_unfinished,
+    lock_file,
+    write_safely,
+)
 from fpsboost.ui.choices import on_page
 from fpsboost.ui.files import Files
 

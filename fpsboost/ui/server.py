@@ -32,9 +32,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from fpsboost import FpsboostError, InputError, OptionError
-from fpsboost.cli.app import MAX_REASON, explain
-from fpsboost.errors import notes_of
-from fpsboost.evaluation.report.self_contained import templates_of
+from fpsboost.extension import MAX_REASON, explain, notes_of, templates_of
 from fpsboost.ui.choices import Choices, on_page
 from fpsboost.ui.clip import header, look_between, poster, probe
 from fpsboost.ui.files import Files, show_in_folder

@@ -385,7 +385,7 @@ def test_a_stopped_run_says_what_it_leaves(tmp_path, number, output):
 STAGES = {
     "opening": "fpsboost.io.video.source.VideoSource.__init__",
     "reading": "fpsboost.io.video.source.VideoSource.__iter__",
-    "method": "fpsboost.interpolator.Interpolator.interpolated",
+    "method": "fpsboost.interpolator.Interpolator.images",
     "writing a video": "fpsboost.io.video.sink.VideoSink.write",
     "writing images": "fpsboost.io.images.encoder.ImageEncoder.content",
     "finishing a video": "fpsboost.io.video.sink.VideoSink._finish",

@@ -36,6 +36,12 @@ def test_what_a_public_name_takes_and_returns_is_public(name):
             assert getattr(fpsboost, each.__name__, None) is each, f"{name} takes or returns {each.__name__}"
 
 
+def test_names_for_extensions_come_from_below():
+    """None is of the command line, or of what is built upon these names."""
+    stub = Path(fpsboost.__file__).with_name("extension.pyi").read_text(encoding="utf-8")
+    assert not re.search(r"^from \.(cli|cluster|integrations|preview|rerender|ui)\b", stub, re.MULTILINE)
+
+
 @pytest.mark.parametrize("name", ["convert", "stream", "interpolate", "run_conversion"])
 def test_public_functions_have_few_parameters(name):
     """At most eight; options come in groups."""
