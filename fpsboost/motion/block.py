@@ -1,4 +1,8 @@
-"""Motion estimation of video coding: block matching (section 2.1 of the report)."""
+"""Motion estimation of video coding: block matching (section 2.1 of the report).
+
+It serves as a baseline: a block has one vector, chosen by the lowest sum of absolute differences (SAD), which is the
+cheapest prediction and not necessarily the true motion.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +20,18 @@ from fpsboost.motion.field import MotionField
 from fpsboost.options import Checked, Range
 
 Pattern = Literal["full", "three-step", "diamond"]
+"""Search pattern: every offset of the range, or one of two fast searches that follow the best position so far."""
 
 ZERO_OFFSET = np.array([(0, 0)], np.int32)
 SQUARE_OFFSETS = np.array([(-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)], np.int32)
 LARGE_DIAMOND = np.array([(-2, 0), (-1, -1), (-1, 1), (0, -2), (0, 2), (1, -1), (1, 1), (2, 0)], np.int32)
 SMALL_DIAMOND = np.array([(-1, 0), (0, -1), (0, 1), (1, 0)], np.int32)
-"""Search patterns: offsets from a position, ``(dy, dx)``."""
+"""Offsets that the patterns compare around a position, pixels, ``(dy, dx)``."""
 
 MAX_BLOCK = 128
+"""Largest side of a block, pixels."""
 MAX_RANGE = 1000
+"""Largest search range, pixels: the full pattern compares ``(2 range + 1)**2`` offsets."""
 
 
 @dataclass(frozen=True)
@@ -60,13 +67,20 @@ class BlockMatching(Checked):
     pattern: Pattern = "full"
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
-        """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
+        """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`.
+
+        All pixels of a block share its vector, so the fields are constant within blocks.
+        """
         check_pair(image0.array, image1.array)
         values0, values1 = (image.cached(colour_values) for image in (image0, image1))
         white = white_of(image0.array)
         return self._match(values0, values1, white), self._match(values1, values0, white)
 
     def _match(self, values0: NDArray[Any], values1: NDArray[Any], white: float) -> MotionField:
+        """Return the motion of the first frame's blocks to the second frame.
+
+        The values are (H, W, 1 or 3) as `colour_values` returns them, and `white` is that of `white_of`.
+        """
         height, width, channels = values0.shape
         rows, columns = -(-height // self.block_size), -(-width // self.block_size)
         motion = np.empty((rows, columns, 2), np.int32)
@@ -92,7 +106,11 @@ class BlockMatching(Checked):
 
 
 def colour_values(image: Image) -> NDArray[Any]:
-    """Return the colours as comparable numbers, (H, W, 1 or 3), multiplied by alpha if there is any; see `white_of`."""
+    """Return the colours as comparable numbers, (H, W, 1 or 3), multiplied by alpha if there is any; see `white_of`.
+
+    Multiplication by alpha lets fully transparent pixels match each other whatever their stored colours. uint8 with
+    alpha becomes uint16, so that no precision is lost; all other images keep their type.
+    """
     values = normalised(image) if image.dtype == np.float32 else image
     if not has_alpha(image):
         return np.ascontiguousarray(values)
@@ -108,7 +126,7 @@ def colour_values(image: Image) -> NDArray[Any]:
 
 
 def white_of(image: Image) -> float:
-    """Return the value of white in the `colour_values` of images of this type."""
+    """Return the value of white in the `colour_values` of images of this type: 1, 255, 255 squared, or 65535."""
     if image.dtype == np.float32:
         return 1
     white = int(np.iinfo(image.dtype).max)
@@ -116,9 +134,13 @@ def white_of(image: Image) -> float:
 
 
 def search_plan(pattern: Pattern, search_range: int) -> SearchPlan:
-    """Return the offsets that a pattern compares, relative to the best position so far."""
+    """Return the offsets that a pattern compares, relative to the best position so far, in rounds.
+
+    The full pattern has one round. The three-step search has a round for each step size. The diamond search repeats its
+    second round, the large diamond, until the centre is the best position.
+    """
     if pattern == "full":
-        # nearest first: a good match found early allows most later sums to be stopped early
+        # nearest first: a good match that is found early ends most later sums early, as soon as they exceed it
         along = np.arange(-search_range, search_range + 1, dtype=np.int32)
         offsets = np.stack(np.meshgrid(along, along, indexing="ij"), axis=-1).reshape(-1, 2)
         turns = [offsets[np.argsort((offsets**2).sum(axis=1), kind="stable")]]

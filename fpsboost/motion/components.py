@@ -1,4 +1,9 @@
-"""Conversion of images to the components on which motion is estimated."""
+"""Conversion of images to the components on which motion is estimated.
+
+Three components of one scale take the place of the report's plain colours: luma, luma without its local mean (high
+pass), and mean chroma. `contrast_components` returns them as float32, `contrast_planes` as bytes for the kernels.
+Thumbnails, from which cuts and changes of light are detected, are computed here as well.
+"""
 
 from __future__ import annotations
 
@@ -32,22 +37,28 @@ ZERO_LEVEL = np.float32(128)
 
 
 CHROMA_WEIGHT = 1 / 3
-"""Weight of differences in chroma beside those in luma. The eye sees less there, and encoders of film leave up to three
-times as much noise in it: 9 levels in duplicates of one of the clips that `DuplicateDetector` tells of."""
+"""Weight of differences in chroma relative to those in luma. The eye sees less there, and encoders of film leave up to
+three times as much noise in it: 9 levels in duplicates of one of the clips that `DuplicateDetector` was measured on."""
 
 
 def gray(image: Pixels) -> NDArray[Any]:
-    """Return the luma of an image, (H, W) uint8."""
+    """Return the luma of an image, (H, W) uint8, whatever its type."""
     return view(image).gray()
 
 
 def chroma(image: Pixels) -> list[NDArray[Any]]:
-    """Return the colour differences of an image, in which it can differ from another of equal luma."""
+    """Return the colour differences (blue and red) of an image, two planes; none for gray images.
+
+    They show what two images of equal luma differ in. Planes of a video keep their own size and code values.
+    """
     return view(image).chroma()
 
 
 def half_chroma(image: Pixels) -> list[NDArray[Any]]:
-    """Return the colour differences at half the size, (h, w) uint8, or in code values of a video; none of gray."""
+    """Return the colour differences at half the size, (h, w) uint8; none for gray images.
+
+    Planes of a video keep their own code values and dtype.
+    """
     height, width = image.shape[:2]
     size = -(-width // 2), -(-height // 2)
     planes = view(image).chroma()
@@ -57,10 +68,11 @@ def half_chroma(image: Pixels) -> list[NDArray[Any]]:
 
 
 def contrast_components(image: Pixels) -> Components:
-    """Return half luma, doubled high-pass luma and mean chroma, (H, W, 3) float32.
+    """Return half luma, doubled high-pass luma and mean chroma, (H, W, 3) float32 with 1 for white.
 
-    They are sensitive to low contrast, as the report's plain colours at v = 0.25 are not, and robust to slow brightness
-    changes.
+    They are sensitive to low contrast, which the report's plain colours at v = 0.25 are not, and robust to slow
+    brightness changes, which the high pass removes. The mean of both colour differences stands for chroma, so that
+    there are three components as there are three colours.
     """
     luma, chroma = view(image).luma_and_chroma()
     high_pass = (luma - cv2.boxFilter(luma, -1, (HIGH_PASS_SIZE, HIGH_PASS_SIZE))) * 2
@@ -68,10 +80,22 @@ def contrast_components(image: Pixels) -> Components:
 
 
 def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> NDArray[Any]:
-    """Return the `contrast_components` in bytes for the kernels, computed in a single pass.
+    """Return the `contrast_components` in bytes for the kernels, computed in a single pass over the image.
 
-    (3, H + 2 padding, W + 2 padding + 2 LANES) uint8, scaled by `fpsboost.kernels.similarity.level_scale` for a
-    bandwidth, with repeated edges.
+    Parameters
+    ----------
+    image : array or YCbCrImage
+        Image of size (H, W).
+    padding : int
+        Width of the repeated edges, pixels.
+    bandwidth : float
+        Bandwidth v of the similarity, by which values are scaled; see `fpsboost.kernels.similarity.level_scale`.
+
+    Returns
+    -------
+    (3, H + 2 padding, W + 2 padding + 2 LANES) uint8
+        Planes one after the other, as the kernels read them in vectors of LANES bytes. High-pass luma and chroma have
+        zero at 128.
     """
     height, width = image.shape[:2]
     planes = np.empty((3, height + 2 * padding, width + 2 * padding + 2 * LANES), np.uint8)
@@ -90,7 +114,7 @@ def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> NDArray[An
 
 
 def small_copy(image: Pixels, longer_side: int) -> NDArray[Any]:
-    """Return a thumbnail with this longer side, (h, w, C) float32 in gray or BGR, with 1.0 for white."""
+    """Return a thumbnail with this longer side, pixels: (h, w, C) float32 in gray or BGR, with 1.0 for white."""
     height, width = image.shape[:2]
     scale = longer_side / max(height, width)
     size = max(1, round(width * scale)), max(1, round(height * scale))
@@ -98,12 +122,15 @@ def small_copy(image: Pixels, longer_side: int) -> NDArray[Any]:
 
 
 def small_components(image: FrameCache, longer_side: int) -> Components:
-    """Return the components of an image's thumbnail, by `FrameCache.derived`."""
+    """Return the `contrast_components` of an image's thumbnail; a function for `FrameCache.derived`."""
     return contrast_components(image.cached(small_copy, longer_side))
 
 
 def _shrunk(size: tuple[int, int], image: Image) -> NDArray[Any]:
-    """Return the image resized to a width and a height, float32 with its own white; enlarged where it is smaller."""
+    """Return the image resized to (width, height), float32 with its own white; enlarged where it is smaller.
+
+    Pixels are averaged over areas: a filter that skips pixels would let noise and fine patterns into thumbnails.
+    """
     height, width, channels = image.shape
     across, down = min(size[0], width), min(size[1], height)
     small = np.empty((down, across, channels), np.float32)
@@ -117,7 +144,11 @@ def _shrunk(size: tuple[int, int], image: Image) -> NDArray[Any]:
 def padded_planes(
     components: Components, padding: int, extra_left: int, extra_right: int, scale: float
 ) -> NDArray[Any]:
-    """Return scaled planes with repeated edges for the search kernels, (3, H + 2 padding, W + 2 padding + extra)."""
+    """Return scaled planes with repeated edges for the search kernels.
+
+    They are (3, H + 2 padding, W + 2 padding + both extras) float32: the extra columns let the kernels read whole
+    vectors beyond the edges. `scale` is that of `fpsboost.kernels.similarity.colour_scale`.
+    """
     height, width = components.shape[:2]
     left = padding + extra_left
     planes = aligned_empty((3, height + 2 * padding, left + width + padding + extra_right), np.float32)

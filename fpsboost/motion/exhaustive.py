@@ -43,18 +43,21 @@ from fpsboost.motion.rendered import RenderedMotion, RenderedVectors
 from fpsboost.options import Checked, Range
 
 Implementation = Literal["fused", "passes"]
+"""One fused kernel, or passes of OpenCV over whole images, as Algorithm 1 of the report is written."""
 MAX_PATCH_RADIUS = 20  # (2r + 1)^2 fixed-point similarities must fit 31 bits
 
 
 @dataclass(frozen=True)
 class ExhaustiveSearch(Checked):
-    """The report's motion estimator.
+    """The report's motion estimator: of all offsets within the search radius, the one with the most similar patch.
+
+    The cost grows with the number of offsets, ``(2 search_radius + 1)**2``.
 
     Parameters
     ----------
     search_radius : int or None
-        Largest motion that can be found, pixels in x and in y; None for an automatic choice for each pair, see
-        `fpsboost.motion.exhaustive` (section 4.1).
+        Largest motion that can be found, pixels in x and in y; None chooses it for each pair, see
+        `choose_search_radius` (section 4.1).
     patch_radius : int
         Radius r of the similarity area of (2r + 1) x (2r + 1) pixels, 1 to 20; 5 in the report.
     window : {'box', 'gaussian'}
@@ -87,10 +90,14 @@ class ExhaustiveSearch(Checked):
     vectors: RenderedVectors | None = None
 
     def without_vectors(self) -> ExhaustiveSearch:
+        """Return the same search with a radius that is estimated from the images."""
         return replace(self, vectors=None)
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
-        """Estimate the motion in both directions, in whole pixels; see `fpsboost.motion.MotionEstimator.estimate`."""
+        """Estimate the motion in both directions, in whole pixels; see `fpsboost.motion.MotionEstimator.estimate`.
+
+        The fields hold the search radius that was used. Images are compared as BGR colours, as in the report.
+        """
         check_pair(image0.array, image1.array)
         radius = self.search_radius or choose_search_radius(image0, image1, self.vectors)
         search = search_fused if self.implementation == "fused" else search_by_passes
@@ -157,10 +164,24 @@ in a patch of the report's size, and cannot be distinguished from chance."""
 
 
 def choose_search_radius(image0: FrameCache, image1: FrameCache, vectors: RenderedVectors | None = None) -> int:
-    """Choose the report's search radius in x and in y for two frames, pixels (section 4.1).
+    """Choose the report's search radius in x and in y for two frames (section 4.1).
 
-    It is the largest motion, the renderer's or an estimate, plus 20 %, and at least 1/32 of the frame's longer side.
-    Raises what `fpsboost.motion.rendered.RenderedMotion.estimate` raises.
+    Parameters
+    ----------
+    image0, image1 : FrameCache
+        Two frames of one size and type.
+    vectors : RenderedVectors or None
+        A renderer's motion vectors, which give the largest motion; else it is estimated by `expected_motion`.
+
+    Returns
+    -------
+    int
+        Pixels: the largest motion plus 20 %, at least 1/32 of the frame's longer side and at most all of it.
+
+    Raises
+    ------
+    OptionError, InputError
+        The vectors do not belong to these frames; see `fpsboost.motion.rendered.RenderedMotion.estimate`.
 
     Examples
     --------
@@ -182,7 +203,11 @@ def choose_search_radius(image0: FrameCache, image1: FrameCache, vectors: Render
 
 
 def expected_motion(image0: FrameCache, image1: FrameCache) -> float:
-    """Estimate the largest motion of two frames along x or y, pixels: a lower bound; see `UNDERESTIMATION_FACTOR`."""
+    """Estimate the largest motion of two frames along x or y, pixels: a lower bound; see `UNDERESTIMATION_FACTOR`.
+
+    Larger frames are reduced to `MAX_LONGER_SIDE`. Each direction contributes the longest consistent motion of the
+    regularised field, and the longest motion of an object that this field has missed.
+    """
     scale: float = max(1.0, max(image0.pixels.shape[:2]) / MAX_LONGER_SIDE)
     if scale > 1:
         image0, image1 = (FrameCache(image.cached(small_copy, MAX_LONGER_SIDE)) for image in (image0, image1))
@@ -209,6 +234,11 @@ def expected_motion(image0: FrameCache, image1: FrameCache) -> float:
 def _compare(
     planes0: NDArray[Any], planes1: NDArray[Any], size: tuple[int, ...], field: MotionField, around: int
 ) -> ShortestMotion:
+    """Compare the patch around each point with those that motion leads to; points are `STEP` apart.
+
+    Besides a point's own motion, that of the points up to `around` points away is compared. Returns the similarity of
+    the own motion, the best similarity, and the length of the shortest motion that is about as good.
+    """
     points, _ = field.at_points(STEP)
     found = ShortestMotion(*(np.empty(points.shape[:2], np.float32) for _ in range(3)))
     pair = PlanePair(planes0, planes1, EDGE_PADDING, size[0], size[1], UNIT)
@@ -217,6 +247,7 @@ def _compare(
 
 
 def _point_errors(there: MotionField, back: MotionField, size: tuple[int, ...]) -> NDArray[Any]:
+    """Return the forward-backward errors at points `STEP` apart, (rows, columns) float32, pixels."""
     return forward_backward_error(there.at_points(STEP)[0], *point_places(size, STEP), back)
 
 
@@ -230,7 +261,11 @@ def _largest_neighbour_motion(lengths: NDArray[Any]) -> float:
 def _largest_object_motion(
     field: MotionField, round_trips: NDArray[Any], gain: NDArray[Any], unexplained: NDArray[Any]
 ) -> float:
-    """Return the largest motion of objects that move by themselves and are missing from the regularised field."""
+    """Return the largest motion of objects that move by themselves and are missing from the regularised field, pixels.
+
+    `round_trips` are the forward-backward errors of the detailed field, pixels; `gain` is how much more similar its
+    motion is than the best of the regularised one; `unexplained` marks the points that no regularised motion explains.
+    """
     lengths = np.abs(field.at_points(STEP)[0]).max(axis=-1)
     gained = unexplained & (gain >= SIMILARITY_TOLERANCE) & (round_trips <= 1 + 0.05 * lengths)
     count, labels = cv2.connectedComponents(unexplained.astype(np.uint8))

@@ -1,4 +1,9 @@
-"""Motion fields: the vectors of a frame's pixels with their similarity, and curved trajectories from pair to pair."""
+"""Motion fields: the vectors of a frame's pixels with their similarity, and curved trajectories from pair to pair.
+
+Direction: ``field01`` leads from frame 0 to frame 1, so that ``image1[y + dy, x + dx]`` looks like ``image0[y, x]``. A
+field of the default method has a vector for every eighth pixel along x and y (a *point*); `MotionField.flow` repeats it
+for the pixels that share it.
+"""
 
 from __future__ import annotations
 
@@ -22,15 +27,23 @@ from fpsboost.kernels.points import (
 
 @dataclass(frozen=True)
 class MotionField:
-    """Motion of every pixel of one frame to another frame."""
+    """Motion of every pixel of one frame to another frame.
+
+    Examples
+    --------
+    >>> vectors = np.array([[[3, 0], [0, 0]]], np.float32)  # two points, 8 pixels apart
+    >>> field = MotionField(vectors, np.ones((1, 2), np.float32), spacing=8, size=(6, 14))
+    >>> field.shape, field.flow[5, 7].tolist(), field.flow[5, 8].tolist()
+    ((6, 14), [3.0, 0.0], [0.0, 0.0])
+    """
 
     vectors: NDArray[Any]
     """(rows, columns, 2) float32: ``(dx, dy)`` in pixels; the direction is in the variable's name (``field01``,
     ``field10``)."""
     similarities: NDArray[Any]
     """(rows, columns) float32: similarity of the patches or blocks at both ends of each vector, in [0, 1], by the
-    estimator's own measure; 1 everywhere if it has none. The default's belongs to the whole-pixel vector before
-    refinement."""
+    estimator's own measure; 1 everywhere if it has none. In the default method, it is that of the whole-pixel vector
+    before refinement."""
     search_radius: int | None = None
     """Search range, pixels in x and in y, if the estimator chose it for these frames."""
     spacing: int = 1
@@ -51,7 +64,7 @@ class MotionField:
 
     @cached_property
     def flow(self) -> NDArray[Any]:
-        """Vector of every pixel, (H, W, 2) float32."""
+        """Vector of every pixel, (H, W, 2) float32, ``(dx, dy)`` in pixels."""
         return self._at_pixels(self.vectors)
 
     @cached_property
@@ -60,18 +73,25 @@ class MotionField:
         return self._at_pixels(self.similarities)
 
     def at_points(self, spacing: int) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return the vectors and similarities at points `spacing` apart; see `point_places`."""
+        """Return the vectors, (rows, columns, 2), and similarities, (rows, columns), at points `spacing` apart.
+
+        The points are those of `point_places`. The arrays may be those of the field, and must not be written to.
+        """
         vectors, similarities = (
             resample_points(each, self.shape, self.spacing, spacing) for each in (self.vectors, self.similarities)
         )
         return vectors, similarities
 
     def _at_pixels(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the value of each point for all pixels that share it."""
         return values if self.spacing == 1 else spread_points(values, self.shape, self.spacing)
 
 
 def resample_points(values: NDArray[Any], size: tuple[int, ...], spacing: int, step: int) -> NDArray[Any]:
-    """Return the values of points `spacing` apart for those `step` apart; see `point_places`. Not always a copy."""
+    """Return the values of points `spacing` apart for those `step` apart; see `point_places`. Not always a copy.
+
+    Each point takes the value of the point whose block of pixels it lies in; nothing is interpolated.
+    """
     if step == spacing:
         return values
     y, x = (places // spacing for places in point_places(size, step))
@@ -79,7 +99,7 @@ def resample_points(values: NDArray[Any], size: tuple[int, ...], spacing: int, s
 
 
 def spread_points(values: NDArray[Any], size: tuple[int, ...], spacing: int) -> NDArray[Any]:
-    """Repeat the value of each point for every pixel of a frame, or for the finer points of `size`."""
+    """Repeat the value of each point for every pixel of a frame, or for the finer points of `size`, (rows, columns)."""
     height, width = size[:2]
     # rows last, as they are copied as a whole
     return values.repeat(spacing, axis=1)[:, :width].repeat(spacing, axis=0)[:height]
@@ -87,7 +107,11 @@ def spread_points(values: NDArray[Any], size: tuple[int, ...], spacing: int) -> 
 
 @lru_cache(maxsize=64)  # the same for every frame of a clip
 def point_places(size: tuple[int, ...], spacing: int) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the rows and columns of points `spacing` apart, from spacing / 2 to within the frame; read-only."""
+    """Return the rows and columns of points `spacing` apart, from spacing / 2 to within the frame; read-only.
+
+    A point is the middle of a block of spacing x spacing pixels; at the right and at the bottom edge, where blocks are
+    cut off, it may be the last pixel.
+    """
     height, width = size[:2]
     y, x = (np.minimum(np.arange(0, length, spacing) + spacing // 2, length - 1) for length in (height, width))
     for places in (y, x):
@@ -98,8 +122,20 @@ def point_places(size: tuple[int, ...], spacing: int) -> tuple[NDArray[Any], NDA
 def forward_backward_error(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[Any], back: MotionField) -> NDArray[Any]:
     """Return the distance between the start of each vector and the end of the way there and back, pixels.
 
-    The vectors, (rows, columns, 2) float32, are the motion of the pixels in rows `y` and columns `x`; `back` is that of
-    the other frame, whose edges are repeated.
+    It is 0 where both fields agree, and large where a pixel is occluded in the other frame or matched by chance.
+
+    Parameters
+    ----------
+    vectors : (rows, columns, 2) float32
+        Motion of the pixels in rows `y` and columns `x`.
+    y, x : (rows,) and (columns,) int
+        Places of the vectors.
+    back : MotionField
+        Motion of the other frame, whose edges are repeated.
+
+    Returns
+    -------
+    (rows, columns) float32
     """
     vectors, distance = np.ascontiguousarray(vectors, np.float32), np.empty(vectors.shape[:2], np.float32)
     measure_forward_backward_errors(vectors, y, x, back.vectors, back.spacing, *back.shape, distance)
@@ -111,7 +147,18 @@ def motion_gradients(vectors: NDArray[Any], spacing: int) -> NDArray[Any]:
 
     A gradient is the smaller of the differences from the neighbours on both sides if they have the same sign, else 0
     (minmod limiter; Roe 1986, doi:10.1146/annurev.fl.18.010186.002005): at the edge of an object, one of them is large.
-    (rows, columns, 2, 2) float32: of dx and dy along x, then along y, pixels per pixel.
+
+    Parameters
+    ----------
+    vectors : (rows, columns, 2) float32
+        Motion of points, pixels.
+    spacing : int
+        Distance between the points, pixels.
+
+    Returns
+    -------
+    (rows, columns, 2, 2) float32
+        Change of (dx, dy) along x, then along y, pixels per pixel.
     """
     gradients = np.empty((*vectors.shape, 2), np.float32)
     find_gradients(vectors, np.float32(spacing), gradients)
@@ -120,7 +167,7 @@ def motion_gradients(vectors: NDArray[Any], spacing: int) -> NDArray[Any]:
 
 @dataclass(frozen=True)
 class ZeroMotion:
-    """Zero motion of every pixel, as used by `blend` and `nearest`."""
+    """Zero motion of every pixel, as used by `blend` and `nearest`, which need no estimate."""
 
     takes_planes: ClassVar[bool] = True
 
@@ -146,14 +193,16 @@ truncated after two frames on each side."""
 
 
 class Neighbour(NamedTuple):
-    """Motion of the pair before or after."""
+    """Motion of the pair before or after, from which the curvature of trajectories is estimated."""
 
     field01: MotionField
+    """Motion from the first to the second frame of that pair."""
     field10: MotionField
+    """Motion from its second frame back to the first one."""
     ratio: float
     """Duration of the neighbouring pair divided by that of the pair in between."""
     image: FrameCache | None = None
-    """Its other frame; None if that has another illumination."""
+    """Its frame that the pair in between does not have; None if that frame has another illumination."""
 
 
 def accelerations_at_points(
@@ -161,9 +210,22 @@ def accelerations_at_points(
 ) -> NDArray[Any]:
     """Estimate the acceleration at the frame that two neighbouring pairs share, at points `spacing` apart.
 
-    `onward` is the motion from the shared frame to the other frame of the pair, and back; `away` the same for the
-    neighbouring pair, which lasts `ratio` times as long. Returns (rows, columns, 3) float32: 1 where the vectors in
-    both directions are valid, and the acceleration in pixels per interval squared; else 0.
+    Parameters
+    ----------
+    onward : (MotionField, MotionField)
+        Motion from the shared frame to the other frame of the pair, and back.
+    away : (MotionField, MotionField) or None
+        The same for the neighbouring pair; None if there is none.
+    ratio : float
+        Duration of the neighbouring pair divided by that of the pair.
+    spacing : int
+        Distance between the points, pixels.
+
+    Returns
+    -------
+    (rows, columns, 3) float32
+        1 where the vectors in both directions are valid, and the acceleration (x, y) in pixels per interval squared;
+        else 0.
     """
     y, x = point_places(onward[0].shape, spacing)
     changes = np.zeros((y.size, x.size, 3), np.float32)

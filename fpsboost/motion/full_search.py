@@ -2,6 +2,9 @@
 
 Edges: pixels are repeated beyond the border for the sums, and an offset that leads out of the other frame is not a
 candidate. Ties: if several offsets are equally similar (flat areas), the smallest motion wins.
+
+Both functions take images of three components, (H, W, 3) float32 with values around [0, 1]: the colours in
+`ExhaustiveSearch`, contrast components on the coarsest level of `CoarseToFine` and on thumbnails.
 """
 
 from __future__ import annotations
@@ -23,10 +26,11 @@ Window = Literal["box", "gaussian"]
 
 
 def window_taps(window: Window, patch_radius: int) -> tuple[float, ...]:
-    """Return the weights of one axis of the separable window, summing to 1 (section 3.1).
+    """Return the weights of one axis of the separable window, which sum to 1 (section 3.1).
 
-    The report gives the Gaussian "a variance of 0.5 times the size of the similarity area", which is taken literally: a
-    variance of (2r + 1) / 2 pixels squared. See `docs/method.md` for the results of the other reading.
+    There are ``2 patch_radius + 1``. The report gives the Gaussian "a variance of 0.5 times the size of the similarity
+    area", which is taken literally: a variance of (2r + 1) / 2 pixels squared. See `docs/method.md` for the results of
+    the other reading.
     """
     size = 2 * patch_radius + 1
     if window == "box":
@@ -44,10 +48,25 @@ def search_fused(
     bandwidth: float,
     penalty: float = 0.0,
 ) -> tuple[MotionField, MotionField]:
-    """Search every offset of (H, W, 3) float32 images with one fused kernel for both directions.
+    """Search every offset with one fused kernel for both directions.
 
-    `penalty` is the cost of a pixel of motion, in x and in y, in units of similarity; 0 in the report. The similarities
-    are those of the best offsets, minus their penalties.
+    Parameters
+    ----------
+    colours0, colours1 : (H, W, 3) float32
+        Components of both images.
+    search_radius, patch_radius : int
+        Largest motion in x and in y, and radius of the patches, pixels.
+    window : {'box', 'gaussian'}
+        Weights of the pixels of a patch.
+    bandwidth : float
+        Standard deviation v of the similarity measure.
+    penalty : float
+        Cost of a pixel of motion, in x and in y, in units of similarity; 0 in the report.
+
+    Returns
+    -------
+    field01, field10 : MotionField
+        Motion in whole pixels, with the similarities of the best offsets minus their penalties.
     """
     height, width = colours0.shape[:2]
     is_box, weights = window == "box", np.array(window_taps(window, patch_radius), np.float32)
@@ -60,9 +79,9 @@ def search_fused(
     winners01, winners10 = (np.zeros((height, each), np.int32) for each in widths)
     ranks, offsets = rank_offsets(search_radius)
     share = np.float32(1 / (UNIT * (2 * patch_radius + 1) ** 2) if is_box else 1 / UNIT)
-    prices = _prices(search_radius, penalty / share, score_type)
+    penalties = _motion_penalties(search_radius, penalty / share, score_type)
     found01, found10 = BestOffsets(best01, winners01), BestOffsets(best10, winners10)
-    search(planes0, planes1, height, width, ranks, prices, found01, found10, weights)
+    search(planes0, planes1, height, width, ranks, penalties, found01, found10, weights)
     inside = slice(LANES, LANES + width)
     return (
         MotionField(offsets.take(winners01[:, :width], axis=0), best01[:, :width].astype(np.float32) * share),
@@ -71,18 +90,24 @@ def search_fused(
 
 
 @lru_cache(maxsize=32)  # the same for every frame of a clip
-def _prices(search_radius: int, per_pixel: float, dtype: type[np.number[Any]]) -> NDArray[Any]:
-    """Return the price of every offset, by its length along x and y together. It cannot be written to."""
+def _motion_penalties(search_radius: int, per_pixel: float, dtype: type[np.number[Any]]) -> NDArray[Any]:
+    """Return the penalty of every offset, by its length along x and y together; read-only.
+
+    `per_pixel` is on the scale of the sums that the kernel compares.
+    """
     lengths = np.abs(np.arange(-search_radius, search_radius + 1))
-    prices: NDArray[Any] = ((lengths[:, np.newaxis] + lengths) * per_pixel).astype(dtype)
-    prices.flags.writeable = False
-    return prices
+    penalties: NDArray[Any] = ((lengths[:, np.newaxis] + lengths) * per_pixel).astype(dtype)
+    penalties.flags.writeable = False
+    return penalties
 
 
 def search_by_passes(
     colours0: Components, colours1: Components, search_radius: int, patch_radius: int, window: Window, bandwidth: float
 ) -> tuple[MotionField, MotionField]:
-    """Search every offset as the report states it: full-image passes per offset, one direction after the other."""
+    """Search every offset as the report states it: full-image passes per offset, one direction after the other.
+
+    Parameters and results are those of `search_fused` without a penalty. It states plainly what the kernel computes.
+    """
     padded0, padded1 = (
         cv2.copyMakeBorder(colours, *(patch_radius,) * 4, cv2.BORDER_REPLICATE) for colours in (colours0, colours1)
     )
@@ -96,11 +121,13 @@ def search_by_passes(
 def _passes_one_way(
     a: Components, b: Components, search_radius: int, patch_radius: int, taps: NDArray[Any], bandwidth: float
 ) -> MotionField:
+    """Return the motion from image `a` to image `b`, both padded by the patch radius."""
     height, width = a.shape[0] - 2 * patch_radius, a.shape[1] - 2 * patch_radius
     flow, best = np.zeros((height, width, 2), np.float32), np.full((height, width), -1, np.float32)
     inner = slice(patch_radius, -patch_radius)
     box = np.ptp(taps) == 0
     exponent = np.full((1, 3), -1 / (2 * bandwidth * bandwidth), np.float32)
+    # shortest motion first: a later offset must be more similar, so that ties go to the smallest motion
     for dx, dy in rank_offsets(search_radius)[1].astype(int).tolist():
         y0, y1, x0, x1 = max(0, -dy), min(height, height - dy), max(0, -dx), min(width, width - dx)
         if y0 >= y1 or x0 >= x1:

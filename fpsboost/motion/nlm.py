@@ -80,7 +80,9 @@ WEAK_SMOOTHNESS = np.float32(0.25)
 
 @dataclass(frozen=True)
 class CoarseToFine(Checked):
-    """Non-local means motion, coarse to fine.
+    """Non-local means motion, coarse to fine: the estimator of the default method.
+
+    `docs/method.md` describes and derives each step.
 
     Parameters
     ----------
@@ -91,7 +93,7 @@ class CoarseToFine(Checked):
     v : float
         Bandwidth of the similarity, for colours in [0, 1].
     labels : int
-        Candidate offsets per point: the most similar ones, and the one that the coarser level expects.
+        Candidate offsets per point: the most similar ones, and the prediction from the coarser level.
     smoothness : float
         Maximum cost of a change of motion between neighbouring points, in units of similarity.
     steepness : float
@@ -103,6 +105,22 @@ class CoarseToFine(Checked):
         Distance between points with a vector of their own, pixels: 1, 2, 4, 8, 16 or 32.
     finest_level : int
         Level at which the search ends: 0 for the frames themselves, 1 for half their size.
+
+    References
+    ----------
+    H. Hirschmüller, Stereo Processing by Semiglobal Matching and Mutual Information, TPAMI 2008,
+    doi:10.1109/TPAMI.2007.1166: the choice among the candidate offsets of neighbouring points.
+
+    A. Buades, B. Coll and J.-M. Morel, A Non-Local Algorithm for Image Denoising, CVPR 2005, doi:10.1109/CVPR.2005.38:
+    the similarity of patches.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(1).integers(0, 256, (96, 128, 3), dtype=np.uint8)
+    >>> image0, image1 = FrameCache(noise), FrameCache(np.roll(noise, 4, axis=1))
+    >>> field01, _ = CoarseToFine(step=4).estimate(image0, image1)
+    >>> field01.spacing, field01.vectors.shape, field01.flow[48, 64].tolist()
+    (4, (24, 32, 2), [4.0, 0.0])
     """
 
     takes_planes: ClassVar[bool] = True
@@ -118,7 +136,11 @@ class CoarseToFine(Checked):
     finest_level: Annotated[int, Range(0)] = 0
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
-        """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
+        """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`.
+
+        Vectors are in fractions of a pixel. Similarities are those of the whole-pixel vectors of the finest level,
+        clipped to [0, 1].
+        """
         check_pair(image0.pixels, image1.pixels)
         levels0, levels1 = (image.cached_for_both_pairs(pyramid, self.coarsest_side) for image in (image0, image1))
         last = min(self.finest_level, len(levels0) - 1)
@@ -136,7 +158,8 @@ class CoarseToFine(Checked):
                 coarse = CoarseMotion(flow, flow, np.ones(flow.shape[:3], np.float32))
             spacing, step = step * 2, self.step if level == last else COARSE_STEP
             pair = self._plane_pair(levels0[level], levels1[level])
-            # on the second coarsest level, an error of a pixel grows; on the finest, no further level corrects it
+            # whole pixels around the prediction are compared on two levels: on the second coarsest, because an error
+            # grows from there on, and on the finest, because no further level corrects it
             refine_radius = int(level in (last, len(levels0) - 2))
             row_step = 2 if level == last and step % 4 == 0 else 1
             found = self._search(pair, coarse, 2, spacing, step, refine_radius, row_step)
@@ -165,7 +188,12 @@ class CoarseToFine(Checked):
         refine_radius: int,
         row_step: int,
     ) -> Points:
-        """Search one level in both directions, and refine what is found to a fraction of a pixel."""
+        """Search one level in both directions, and refine the vectors to a fraction of a pixel.
+
+        `scale` is the size of this level relative to the coarser one that `coarse` is the motion of, `spacing` the
+        distance of that motion's points in pixels of this level, and `step` the distance of the points whose motion is
+        returned.
+        """
         settings = LevelSettings(
             np.float32(scale),
             spacing,
@@ -187,7 +215,10 @@ class CoarseToFine(Checked):
     def _search_residuals(
         self, pair: PlanePair, flow: NDArray[Any], step: int, min_similarity: np.float32
     ) -> CoarseMotion:
-        """Return the motion including that of small objects that their surroundings do not explain, and its ties."""
+        """Return the motion including that of small objects, and the smoothness weights of the next level.
+
+        Small objects are those whose motion their surroundings do not predict.
+        """
         looked, ties = flow.copy(), np.empty(flow.shape[:3], np.float32)
         search_residuals_bidirectional(
             pair, step, self._max_offset(pair), SMALL_RADIUS, min_similarity, MIN_GAIN, looked
@@ -197,28 +228,35 @@ class CoarseToFine(Checked):
         return CoarseMotion(looked, flow, ties)
 
     def _refine(self, pair: PlanePair, known: NDArray[Any], flow: NDArray[Any], step: int) -> None:
-        """Refine the motion in both directions to a fraction of a pixel, in place, unless it is known already."""
+        """Refine the motion in both directions to a fraction of a pixel, in place.
+
+        Vectors that equal those in `known` have been refined before and are left as they are.
+        """
         refine_bidirectional(pair, step, *self._in_levels, MAX_STEP_LENGTH, MAX_REFINEMENT_STEPS, known, flow)
 
     @cached_property
     def _in_levels(self) -> tuple[np.float32, np.float32]:
-        """WEIGHT_FALLOFF and DAMPING for differences in levels."""
+        """WEIGHT_FALLOFF and DAMPING, converted from squared bandwidths to squared levels of the byte planes."""
         squared = (level_scale(self.v) / colour_scale(self.v)) ** 2  # levels per bandwidth
         return np.float32(WEIGHT_FALLOFF / squared), np.float32(DAMPING * squared)
 
     def _plane_pair(self, image0: FrameCache, image1: FrameCache) -> PlanePair:
-        """Return the planes that the kernels compare."""
+        """Return the planes that the kernels compare, of two images of one pyramid level."""
         padding = PADDING + self.patch_radius
         planes0, planes1 = (image.cached(contrast_planes, padding, self.v) for image in (image0, image1))
         height, width = image0.pixels.shape[:2]
         return PlanePair(planes0, planes1, padding, height, width, np.uint8(truncation(self.v)))
 
     def _max_offset(self, pair: PlanePair) -> int:
+        """Return the largest offset that is compared on a level, pixels; one more than the motion, for its fraction."""
         return math.ceil(self.max_motion_share * max(pair.height, pair.width)) + 1
 
 
 def pyramid(image: Pixels, coarsest_side: int) -> list[FrameCache]:
-    """Return the image and its halved copies, with a longer side of at least `coarsest_side`; at most five levels."""
+    """Return the image and its halved copies, the largest first; at most five levels.
+
+    The longer side of the smallest level is at least `coarsest_side` pixels, unless the image itself is smaller.
+    """
     if image.dtype == np.float32:  # NaN and infinity would spread
         image = normalised(view(image).array())
     levels = [image]

@@ -1,4 +1,8 @@
-"""Optical flow of OpenCV as motion estimators."""
+"""Optical flow of OpenCV as motion estimators, which serve as baselines.
+
+They estimate both directions independently on luma of 8 bits, (H, W) uint8; of video, the luma plane is read as it is
+stored. OpenCV's functions report no similarity, so that it is 1 everywhere.
+"""
 
 from __future__ import annotations
 
@@ -22,17 +26,23 @@ DIS_PRESETS = {
     "fast": cv2.DISOPTICAL_FLOW_PRESET_FAST,
     "medium": cv2.DISOPTICAL_FLOW_PRESET_MEDIUM,
 }
+"""OpenCV's presets of DIS by their names here."""
 MIN_SIDE = 32  # minimum side for a pyramid level of DIS, pixels
 
 
 @dataclass(frozen=True)
 class Dis(Checked):
-    """Dense inverse search (Kroeger et al. 2016, doi:10.1007/978-3-319-46493-0_29), in OpenCV's implementation.
+    """Dense inverse search (Kroeger et al. 2016), in OpenCV's implementation.
 
     Parameters
     ----------
     preset : {'ultrafast', 'fast', 'medium'}
-        OpenCV's presets.
+        OpenCV's presets, which differ in the finest level, the patch stride and the number of iterations.
+
+    References
+    ----------
+    T. Kroeger, R. Timofte, D. Dai and L. Van Gool, Fast Optical Flow Using Dense Inverse Search, ECCV 2016,
+    doi:10.1007/978-3-319-46493-0_29
     """
 
     takes_planes: ClassVar[bool] = True
@@ -47,7 +57,7 @@ class Dis(Checked):
 
 @dataclass(frozen=True)
 class Farneback(Checked):
-    """Polynomial expansion (Farnebäck 2003, doi:10.1007/3-540-45103-X_50), in OpenCV's implementation.
+    """Polynomial expansion (Farnebäck 2003), in OpenCV's implementation.
 
     Parameters
     ----------
@@ -57,6 +67,10 @@ class Farneback(Checked):
         Side of the averaging window, pixels.
     iterations : int
         Iterations per level.
+
+    References
+    ----------
+    G. Farnebäck, Two-Frame Motion Estimation Based on Polynomial Expansion, SCIA 2003, doi:10.1007/3-540-45103-X_50
     """
 
     takes_planes: ClassVar[bool] = True
@@ -82,7 +96,7 @@ class Farneback(Checked):
 
 @dataclass(frozen=True)
 class TvL1(Checked):
-    """Total variation and L1 (Zach et al. 2007, doi:10.1007/978-3-540-74936-3_22), in OpenCV contrib's implementation.
+    """Total variation and L1 (Zach et al. 2007), in OpenCV contrib's implementation.
 
     Parameters
     ----------
@@ -98,6 +112,11 @@ class TvL1(Checked):
     inner_iterations, outer_iterations : int
         Iterations between two checks of the change, and number of times that the motion is filtered, at least 1.
         OpenCV's defaults of 30 and 10, and an epsilon of 0.01, take seven times as long and find no better motion.
+
+    References
+    ----------
+    C. Zach, T. Pock and H. Bischof, A Duality Based Approach for Realtime TV-L1 Optical Flow, DAGM 2007,
+    doi:10.1007/978-3-540-74936-3_22
     """
 
     levels: Annotated[int, Range(1)] = 6
@@ -123,7 +142,10 @@ class TvL1(Checked):
 def _estimate_both(
     flow: Callable[[NDArray[Any], NDArray[Any], NDArray[Any]], NDArray[Any]], image0: FrameCache, image1: FrameCache
 ) -> tuple[MotionField, MotionField]:
-    """Return the motion in both directions by a function of OpenCV that takes gray images and an initial flow."""
+    """Return the motion in both directions by a function of OpenCV that takes gray images and an initial flow.
+
+    Images with a side below `MIN_SIDE` are extended by repeated edges, and the flow is cropped.
+    """
     check_pair(image0.pixels, image1.pixels)
     height, width = image0.pixels.shape[:2]
     below, right = max(0, MIN_SIDE - height), max(0, MIN_SIDE - width)

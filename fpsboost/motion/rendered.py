@@ -1,4 +1,9 @@
-"""Motion vectors written by a renderer: the contract of what reads them, and a motion estimator."""
+"""Motion vectors written by a renderer: the contract of their readers, and a motion estimator.
+
+A renderer knows the exact motion of its surfaces, but not that of shadows, reflections and refractions.
+`MultiHypothesis` therefore takes the vectors as one hypothesis among others, and `ExhaustiveSearch` as a bound of its
+search; `RenderedMotion` and `SceneAssisted` follow them everywhere.
+"""
 
 from __future__ import annotations
 
@@ -28,12 +33,15 @@ class FrameVectors(NamedTuple):
 
 @runtime_checkable
 class RenderedVectors(Protocol):
-    """Contract: motion vectors for every frame at the output rate, such as `fpsboost.render.folder.VectorFolder`."""
+    """Contract: motion vectors for every frame at the output rate, such as `fpsboost.render.folder.VectorFolder`.
+
+    Any object with these members may be passed as `vectors`, for instance one that generates them.
+    """
 
     step: int
     """Number of vectors from one output frame to the next."""
     remarks: list[str]
-    """Remarks on what was guessed."""
+    """Sentences for the user about what was assumed, such as a convention found by comparing frames."""
 
     def has(self, number: int) -> bool:
         """Return whether there are vectors for an output frame, counted from 0."""
@@ -44,29 +52,37 @@ class RenderedVectors(Protocol):
         Raises
         ------
         InputError
-            There are none for it, they cannot be read, or they are of another size.
+            The frame has no vectors, they cannot be read, or they are of another size.
         """
 
 
 @runtime_checkable
 class UsesVectors(Protocol):
-    """Contract: an estimator or synthesizer, a dataclass, that may read a renderer's motion vectors."""
+    """Contract: an estimator or synthesizer, a dataclass, that may read a renderer's motion vectors.
+
+    `vectors` is None where it does not read any.
+    """
 
     needs_every_frame: bool
-    """Whether it has motion from each frame to the very next alone, so that none may be left out."""
+    """Whether it has motion only from each frame to the very next one, so that no frame may be left out."""
 
     @property
     def vectors(self) -> RenderedVectors | None: ...
 
     def without_vectors(self) -> Any:
-        """Return what does the same as far as that needs no vectors."""
+        """Return the nearest equivalent that reads no vectors, for clips that have none."""
 
 
 @dataclass(frozen=True)
 class RenderedMotion:
     """A renderer's motion vectors of each of the two frames, extrapolated linearly to the other frame.
 
-    Vectors span one frame; for a pair that is several frames apart, they are multiplied by the distance.
+    Vectors span one output frame; for a pair that is several frames apart, they are multiplied by the distance.
+
+    Parameters
+    ----------
+    vectors : RenderedVectors
+        Motion vectors of every output frame.
     """
 
     needs_every_frame: ClassVar[bool] = True
@@ -74,13 +90,18 @@ class RenderedMotion:
     vectors: RenderedVectors
 
     def without_vectors(self) -> ZeroMotion:
+        """Return zero motion, as there is nothing else to estimate it from."""
         return ZeroMotion()
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Return the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`.
 
-        Raises `OptionError` if the images are not output frames, and `InputError` if they have no vectors of their
-        size.
+        Raises
+        ------
+        OptionError
+            The images are not output frames, because the factor is no whole number.
+        InputError
+            The images have no vectors of their size.
         """
         check_pair(image0.array, image1.array)
         number0, number1 = frame_number(image0.output_position), frame_number(image1.output_position)
@@ -92,7 +113,7 @@ class RenderedMotion:
 
 
 def frame_number(place: Fraction | None) -> int:
-    """Return the number of the output frame at a position; raises `OptionError` if there is none."""
+    """Return the number of the output frame at a position; raises `OptionError` if no frame lies there."""
     if place is None or place.denominator != 1:
         raise OptionError(
             "A renderer's motion vectors need a whole factor, so that every input frame is an output frame too; "
@@ -102,7 +123,10 @@ def frame_number(place: Fraction | None) -> int:
 
 
 def output_frame_between(place0: Fraction | None, place1: Fraction | None, t: float) -> int:
-    """Return the number of the output frame at time t between two positions; raises `OptionError` if there is none."""
+    """Return the number of the output frame at time t between two positions.
+
+    Raises `OptionError` if no output frame lies there.
+    """
     if place0 is None or place1 is None:
         return frame_number(None)  # which raises
     place = place0 + Fraction(t) * (place1 - place0)
