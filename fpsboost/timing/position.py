@@ -1,6 +1,7 @@
-"""Positions in a clip as users write them, a time or the number of a frame; and what is given by positions.
+"""Positions in a clip as users write them: a time or the number of a frame; and options that consist of positions.
 
-That is the part of a clip between two, and the frames that are to be replaced by interpolated ones.
+These are `Trim`, the part of a clip between two positions, and `Replacement`, the frames to be replaced by interpolated
+ones.
 """
 
 from __future__ import annotations
@@ -31,6 +32,13 @@ class Position(Checked):
         Seconds, or a frame number counted from 0.
     is_frame : bool
         Whether the value is a frame number.
+
+    Examples
+    --------
+    >>> str(Position(Fraction(181, 2))), str(Position(Fraction(2700), is_frame=True))
+    ('90.5 s', '2700f')
+    >>> Position(Fraction(120), is_frame=True).seconds(Fraction(24))
+    Fraction(5, 1)
     """
 
     value: Fraction
@@ -40,11 +48,11 @@ class Position(Checked):
         return f"{self.value}f" if self.is_frame else f"{float(self.value):g} s"
 
     def as_option(self) -> str:
-        """Return the position as text for `parse_position`."""
+        """Return the position as text for `parse_position`, with up to nine decimals."""
         return f"{self.value}f" if self.is_frame else f"{float(self.value):.9f}".rstrip("0").rstrip(".")
 
     def is_reached(self, number: int, seconds: Fraction) -> bool:
-        """Return whether a frame lies at or after the position."""
+        """Return whether a frame, by its number and its time in seconds, lies at or after the position."""
         return self.value <= (number if self.is_frame else seconds)
 
     def seconds(self, rate: Fraction) -> Fraction:
@@ -55,6 +63,13 @@ class Position(Checked):
 @checked
 def format_time(seconds: Fraction | float, decimals: int = 3) -> str:
     """Return seconds as players show them, to the millisecond by default; options that are positions read it.
+
+    Parameters
+    ----------
+    seconds : Fraction or float
+        Time from the first frame.
+    decimals : int
+        Digits after the point.
 
     Examples
     --------
@@ -69,7 +84,15 @@ def format_time(seconds: Fraction | float, decimals: int = 3) -> str:
 
 
 def parse_position(text: str, option: str) -> Position:
-    """Parse ``90``, ``90.5``, ``1:30``, ``00:01:30.5`` or ``2700f``; messages name it by `option`."""
+    """Parse ``90``, ``90.5``, ``1:30``, ``00:01:30.5`` or ``2700f``; messages name it by `option`.
+
+    Raises `OptionError` for any other text, such as negative numbers or 75 seconds after minutes.
+
+    Examples
+    --------
+    >>> parse_position("1:30.5", "start"), parse_position("2700f", "start").is_frame
+    (Position(value=Fraction(181, 2), is_frame=False), True)
+    """
     word = text.strip()
     if re.fullmatch(r"[0-9]{1,15}f", word):
         return Position(Fraction(word[:-1]), is_frame=True)
@@ -94,12 +117,18 @@ class Trim(Checked):
     Parameters
     ----------
     start, end : Position, optional
-        By default the clip's own.
+        By default the clip's own. A time selects the frames that are shown from then on.
 
     Raises
     ------
     OptionError
-        The end does not lie after the start.
+        The end does not lie after the start. A time and a frame number can only be compared once the rate is known.
+
+    Examples
+    --------
+    >>> trim = Trim(Position(Fraction(5)), Position(Fraction(240), is_frame=True))
+    >>> trim.is_whole, trim.needs_rate
+    (False, True)
     """
 
     start: Position | None = option(None, "Start position: 90, 1:30.5, or frame 120f.", parse=parse_position)
@@ -114,6 +143,7 @@ class Trim(Checked):
 
     @property
     def is_whole(self) -> bool:
+        """Whether nothing is cut off."""
         return self.start is None and self.end is None
 
     @property
@@ -128,7 +158,7 @@ class Trim(Checked):
         return begin, end
 
     def of_info(self, info: ClipInfo) -> ClipInfo:
-        """Return the information about the trimmed clip, if the header of the clip is right."""
+        """Return the information about the trimmed clip, with duration and number of frames if the header has them."""
         begin, end = self.seconds(info)
         duration, count = info.duration, info.frame_count
         if duration is not None:
@@ -140,8 +170,11 @@ class Trim(Checked):
 
 
 MAX_RUN = 8
+"""Maximum number of consecutive frames that can be replaced."""
 TOO_LONG = f"at most {MAX_RUN} can be interpolated; motion is not known across longer gaps"
+"""End of the message for longer runs."""
 SYNTAX = "write frames (340, 120-123), times (1:02.5), auto, or the name of a file with these"
+"""End of messages about items that cannot be read."""
 TIME_TOLERANCE = Fraction(1, 1000)  # seconds by which a time may miss its frame: people write three decimals
 MAX_CHARACTERS = 1_000_000  # of a file with a list
 
@@ -212,7 +245,10 @@ class Replacement(Checked):
         return ",".join([*items, *["auto"] * self.detect])
 
     def includes(self, number: int, begin: Fraction, end: Fraction) -> bool:
-        """Return whether a frame is listed, by its number and the seconds from when to when it is shown."""
+        """Return whether a frame is listed, by its number and the times, seconds, between which it is shown.
+
+        Times may miss the frame by `TIME_TOLERANCE`, but never by more than a quarter of its duration.
+        """
         tolerance = min(TIME_TOLERANCE, (end - begin) / 4)
         return any(
             first.is_reached(number, end - tolerance) and last.value >= (number if last.is_frame else begin - tolerance)
@@ -220,11 +256,11 @@ class Replacement(Checked):
         )
 
     def behind(self, number: int, end: Fraction) -> list[str]:
-        """Return the ranges, as text, that lie behind a frame."""
+        """Return the ranges, as text, that lie after a frame: after the last one, those that the clip does not have."""
         return [Replacement((each,)).as_option() for each in self.ranges if not each[0].is_reached(number, end)]
 
     def check(self, info: ClipInfo) -> None:
-        """Raise `OptionError` for the last frame and those behind it, if the header of a clip says how many it has."""
+        """Raise `OptionError` for the clip's last frame and later ones, if its header has the number of frames."""
         latest = max((last.value for _, last in self.ranges if last.is_frame), default=Fraction(-1))
         if info.frame_count is not None and latest >= info.frame_count - 1:
             raise OptionError(
@@ -234,13 +270,20 @@ class Replacement(Checked):
 
 
 def as_ranges(numbers: Iterable[int]) -> str:
-    """Return rising numbers as text, those that follow each other as a range: ``120-122, 340``."""
+    """Return rising numbers as text, with consecutive ones as a range: ``120-122, 340``.
+
+    Examples
+    --------
+    >>> as_ranges([120, 121, 122, 340])
+    '120-122, 340'
+    """
     runs = groupby(enumerate(numbers), lambda counted: counted[1] - counted[0])
     found = ([number for _, number in run] for _, run in runs)
     return ", ".join(f"{run[0]}" if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in found)
 
 
 def _parse_range(text: str, option: str) -> Range:
+    """Parse a frame, a time, or two of them joined by a hyphen; whole numbers are frames here."""
     words = [word.strip() for word in text.split("-", 1)]
     try:
         first, *last = (parse_position(f"{word}f" if word.isdecimal() else word, option) for word in words)
@@ -250,6 +293,6 @@ def _parse_range(text: str, option: str) -> Range:
 
 
 def _as_text(place: Position) -> str:
-    """Return a position so that a whole number is a frame."""
+    """Return a position as text in which a whole number is a frame, and a time has a point."""
     text = place.as_option().removesuffix("f")
     return text if place.is_frame or "." in text else f"{text}.0"

@@ -1,4 +1,4 @@
-"""Output rate: the options that set it, the schedule that they give for a clip, and the frame intervals of the clip."""
+"""Output rate: the options that set it, the resulting schedule for a clip, and the intervals between its frames."""
 
 from __future__ import annotations
 
@@ -34,8 +34,10 @@ if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame import ClipInfo, Frame
 
 DEFAULT_FACTOR = Fraction(2)
+"""Output frames per source frame if no rate is given."""
 
 SlowSound = Literal["drop", "stretch"]
+"""Treatment of sound at other speeds than the source's."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,7 @@ class OutputRate(Checked):
 
     @property
     def multiple(self) -> Fraction:
-        """Output frames per source frame, if no rate is given."""
+        """Output frames per source frame, for a clip without `fps`."""
         if self.factor is not None:
             return Fraction(self.factor)
         return Fraction(1) if self.fill_gaps or self.retimes or self.keeps_frames else DEFAULT_FACTOR
@@ -151,11 +153,15 @@ class OutputRate(Checked):
 
     @property
     def retimes(self) -> bool:
-        """Whether the speed is not that of the source."""
+        """Whether `retime` or `speed` changes the speed."""
         return self.retime is not None or self.speed is not None
 
     def time_map(self, info: ClipInfo, first_number: int = 1) -> TimeMap | None:
-        """Return the time map of a clip, whose first frame has a number in Nuke; None if all of it is as it was."""
+        """Return the time map of a clip; None if the whole clip plays at its own speed.
+
+        `first_number` is the number that Nuke gives the clip's first frame, for curves of bare frame numbers. Raises
+        `OptionError` if the curve cannot be read, or goes beyond the end of the clip.
+        """
         rate = info.rate * self.multiple if self.fps is None else Fraction(self.fps)
         if self.retime is not None:
             curve = parse_curve(str(self.retime), rate, info.rate, first_number)
@@ -173,20 +179,34 @@ class OutputRate(Checked):
 
     @property
     def keeps_frames(self) -> bool:
-        """Whether the output has just the source's frames, at their own times."""
+        """Whether the output has exactly the source's frames at their own times, of which some are replaced."""
         has_speed = self.slow_motion or self.retimes
         return self.replace is not None and self.factor is None and self.fps is None and not has_speed
 
     @property
     def stretch(self) -> Fraction:
-        """Duration of the output as a multiple of the source's."""
+        """Duration of the output as a multiple of the source's; 1 but in slow motion."""
         return self.multiple if self.slow_motion else Fraction(1)
 
     def schedule(self, info: ClipInfo, *, has_clock: bool = True, curve: TimeMap | None = None) -> Schedule:
         """Return the schedule of the output frames on the source's clock, before slow motion is applied.
 
-        Unless the output stores presentation times, as images do not, a factor counts frames and not time. Raises
-        `OptionError` for a rate out of range, and `InputError` if none is given and the source's own is implausible.
+        Parameters
+        ----------
+        info : ClipInfo
+            Information about the clip: its rate and time base.
+        has_clock : bool
+            Whether the output stores presentation times. Where it does not, as with images, a factor counts frames and
+            not time.
+        curve : TimeMap, optional
+            Time map of the clip; see `time_map`.
+
+        Raises
+        ------
+        OptionError
+            The rate is out of range.
+        InputError
+            No rate is given, and the source's own is implausible.
         """
         factor = self.multiple
         keeps_timing = self.keep_timing or self.keeps_frames or not has_clock
@@ -208,13 +228,16 @@ class OutputRate(Checked):
         return grid if curve is None else RetimeSchedule(**vars(grid), curve=curve)
 
     def timing(self, info: ClipInfo, schedule: Schedule) -> OutputTiming:
-        """Return the rate and time base of the output."""
+        """Return the rate and time base of the output of a schedule, after slow motion is applied."""
         base = schedule.time_base(info.time_base)
         rate = schedule.rate(info.rate) / self.stretch
         return OutputTiming(rate, representable(base / self.stretch.denominator, base))
 
     def remarks(self, info: ClipInfo, schedule: Schedule, frame_intervals: FrameIntervals) -> list[str]:
-        """Return remarks on how the timing of the output differs from the source's, whose intervals are complete."""
+        """Return sentences on how the timing of the output differs from the source's.
+
+        `frame_intervals` are those of all frames, so that this is called at the end.
+        """
         if not isinstance(schedule, ByRate) or self.fill_gaps:
             return []
         remarks = []
@@ -238,19 +261,22 @@ class OutputRate(Checked):
 
 
 def readable(number: Rate) -> str:
-    """Return a rate as people write it: 24, 23.976."""
+    """Return a rate with at most three decimals: 24, 23.976."""
     return f"{float(number):.3f}".rstrip("0").rstrip(".")
 
 
 def exposed(schedule: Schedule, rate: OutputRate) -> Schedule:
-    """Return the schedule of the samples of every exposure; the schedule itself without motion blur."""
+    """Return the schedule of all samples of every exposure; the schedule itself without motion blur."""
     if rate.exposure is not None and isinstance(schedule, RetimeSchedule):
         return replace(schedule, shutter=rate.exposure)
     return schedule if rate.exposure is None else ExposureSchedule(schedule, rate.exposure)
 
 
 def stretched(frames: Iterable[Frame], stretch: Fraction, start: Fraction | None = None) -> Iterator[Frame]:
-    """Yield the frames with times and durations multiplied by `stretch`, counted from `start`, else the first one."""
+    """Yield the frames with times and durations multiplied by `stretch`, for slow motion.
+
+    They are counted from `start`, seconds, or else from the first frame, which keeps its time.
+    """
     for frame in frames:
         start = frame.time if start is None else start
         yield replace(frame, time=start + (frame.time - start) * stretch, duration=frame.duration * stretch)
@@ -258,7 +284,16 @@ def stretched(frames: Iterable[Frame], stretch: Fraction, start: Fraction | None
 
 @dataclass
 class FrameIntervals:
-    """Shortest and longest interval between consecutive frames."""
+    """Shortest and longest interval between consecutive frames, of those noted so far.
+
+    Examples
+    --------
+    >>> intervals = FrameIntervals()
+    >>> for time in (0, 1, 2, 5):
+    ...     intervals.note(Fraction(time, 25), Fraction(0))
+    >>> str(intervals.shortest), str(intervals.longest), str(intervals.begin)
+    ('1/25', '3/25', '2/25')
+    """
 
     shortest: Fraction = Fraction(0)
     """Shortest interval, seconds; 0 for fewer than two frames."""
@@ -267,10 +302,12 @@ class FrameIntervals:
     begin: Fraction = Fraction(0)
     """Start of the longest interval, seconds after the first frame."""
     _first: Fraction | None = None
+    """Time of the clip's first frame, seconds; None before any was noted."""
     _last: Fraction = Fraction(0)
+    """Time of the frame noted last, seconds."""
 
     def note(self, time: Fraction, start: Fraction) -> None:
-        """Add the presentation time of the next frame; `start` is that of the clip's first one."""
+        """Add the presentation time of the next frame, seconds; `start` is that of the clip's first frame."""
         if self._first is None:
             self._first = start
         else:
@@ -281,5 +318,8 @@ class FrameIntervals:
         self._last = time
 
     def varies(self, info: ClipInfo) -> bool:
-        """Return whether the intervals differ by more than the rounding and jitter of a clock."""
+        """Return whether the intervals differ by more than the rounding and jitter of a clock.
+
+        That is two ticks of the clock, or a tenth of a frame.
+        """
         return self.longest - self.shortest > max(2 * info.time_base, 1 / info.rate / 10)

@@ -1,4 +1,4 @@
-"""Retime curves as users write them, points or speeds, and the time maps that they are at certain frame rates."""
+"""Retime curves as users write them, as points or speeds, converted to time maps at the frame rates of a clip."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from fpsboost.timing.time_map import TimeMap
 
 
 def read_curve(text: str, option: str = "`retime`") -> str:
-    """Return a curve that is written as points, or in the file of this name; messages name it by `option`."""
+    """Return the text of a curve: `text` itself if it has points, else the content of the file of this name.
+
+    Messages name the option by `option`. Raises `OptionError` if there is no such file.
+    """
     if "=" in text or "\n" in text.strip() or not text.strip():
         return text
     with explained(OptionError, "read", text, f"give {option} a file, or points like 0=0 2s=2s 3s=2.25s"):
@@ -26,8 +29,31 @@ def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_n
     A point is an output position and the position of the source that is shown then: times (2s, 1:30.5) or frames
     (120f). Bare numbers alone are frames as Nuke exports them: the source's first frame is `first_number`, and the last
     point is a frame of the output. The word ``smooth`` makes the speed change smoothly from point to point; ``x1``
-    after the last one goes on at this speed to the source's end; ``#`` begins a comment. Raises `OptionError` for a
-    point that cannot be read, is not after the one before, or is before the source's first frame.
+    after the last one goes on at this speed to the source's end; ``#`` begins a comment.
+
+    Parameters
+    ----------
+    text : str
+        The curve, as `read_curve` returns it.
+    output_rate, source_rate : Fraction
+        Frames per second of the output and of the source, by which frame numbers are converted.
+    first_number : int
+        Number of the source's first frame where bare numbers are frames.
+
+    Returns
+    -------
+    TimeMap
+
+    Raises
+    ------
+    OptionError
+        A point cannot be read, is not after the one before, or is before the source's first frame.
+
+    Examples
+    --------
+    >>> curve = parse_curve("0=0 2s=2s 4s=2.5s", Fraction(24), Fraction(24))  # a quarter of the speed from 2 s on
+    >>> str(curve.source(Fraction(3))), str(curve.length)
+    ('9/4', '4')
     """
     points, plain = list[tuple[Fraction, Fraction]](), re.sub("#.*", "", text)
     is_smooth, ending = "smooth" in plain.split(), re.search(r"\sx(\S+)\s*$", plain)
@@ -61,13 +87,24 @@ def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_n
 
 
 def _parse_place(word: str, where: str, *, is_frame: bool) -> Position:
+    """Parse a position of a curve: a number with ``s`` or ``f``, a bare number, or any text of `parse_position`."""
     if re.fullmatch(r"[\d./]+[sf]?", word):
         return Position(parse_number(word.rstrip("sf"), where), is_frame or word.endswith("f"))
     return parse_position(word, where)
 
 
 def parse_speeds(text: str, source_rate: Fraction) -> TimeMap:
-    """Parse speeds and the parts of the source that have them, in order: ``0.25@1:00-1:05,2@2:00-``; else it is 1."""
+    """Parse speeds and the parts of the source that have them, in order: ``0.25@1:00-1:05,2@2:00-``; elsewhere it is 1.
+
+    `source_rate` converts frame numbers. Raises `OptionError` for a speed outside 0.001 to 1000, or a part that begins
+    before the end of the one before.
+
+    Examples
+    --------
+    >>> curve = parse_speeds("0.5@1-2", Fraction(24))  # the second from 1 s to 2 s lasts two seconds
+    >>> str(curve.source(Fraction(2))), str(curve.source(Fraction(4)))
+    ('3/2', '3')
+    """
     points, onward = [(Fraction(0), Fraction(0))], Fraction(1)
     for word in text.split(","):
         name, _, place = word.partition("@")

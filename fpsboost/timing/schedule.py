@@ -29,17 +29,22 @@ MAX_DISPLAY_RATE = 300
 MAX_RATE_RATIO = 10
 """Ratio of the nominal to the mean rate above which nearly all frames would be made where nothing moves."""
 MAX_FACTOR = 1000
+"""Largest number of output frames per source frame."""
 MAX_RATE = 100_000
+"""Highest output rate, frames per second."""
 MAX_TICKS_PER_SECOND = 2**31 - 1  # containers store the time scale in 32 bits
 MAX_FILLED = Fraction(600)
-"""Maximum seconds for which a frame is repeated; a longer pause, probably a damaged timestamp, becomes one frame."""
+"""Maximum duration of a pause that is filled by repeats of a frame, seconds; a longer pause, probably a damaged
+timestamp, becomes one frame."""
 
 
 class Step(NamedTuple):
-    """Output frame: its presentation time, and its position t between its two source frames."""
+    """Output frame: its presentation time, and its position between its two source frames."""
 
     time: Fraction
+    """Presentation time on the source's clock, seconds."""
     t: Fraction
+    """Position between the source frames, 0 to below 1: 0 is the earlier frame itself."""
     frame_number: int | None = None
     """Number of the output frame, counted from 0, if several steps are averaged into one."""
     is_sample: bool = False
@@ -48,7 +53,10 @@ class Step(NamedTuple):
 
 @runtime_checkable
 class Schedule(Protocol):
-    """Contract: determines the times of output frames. Implementations: `ByFactor`, `ByRate`, `RetimeSchedule`."""
+    """Contract: determines the times of output frames. Implementations: `ByFactor`, `ByRate`, `RetimeSchedule`.
+
+    All its results depend on their arguments alone, so that a part of a conversion has the same frames as the whole.
+    """
 
     def presentation_time(self, start: Fraction, time: Fraction) -> Fraction:
         """Return the presentation time of a source frame: its own time, or the nominal time if it is near that.
@@ -60,15 +68,21 @@ class Schedule(Protocol):
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
         """Yield the output frames in [time0, time1), in order; one whose t is 0 shows the source frame itself.
 
-        `index` is the number of the source frame at `time0`, counted from 0, and `time1` the time of the next one;
-        `start` is that of source frame 0, all in seconds.
+        Parameters
+        ----------
+        index : int
+            Number of the source frame at `time0`, counted from 0.
+        start : Fraction
+            Time of source frame 0, seconds.
+        time0, time1 : Fraction
+            Times of this source frame and the next one, seconds.
         """
 
     def output_position(self, index: int, start: Fraction, time: Fraction) -> Fraction:
-        """Return the position of a source frame among the output frames, counted from 0; see `steps`."""
+        """Return the position of a source frame among the output frames, counted from 0; parameters as in `steps`."""
 
     def rate(self, source_rate: Fraction) -> Fraction:
-        """Return the nominal output frames per second."""
+        """Return the nominal output frames per second, of a source with a nominal rate."""
 
     def time_base(self, source_time_base: Fraction) -> Fraction:
         """Return the seconds per tick that represent every output time exactly (where 32 bits suffice)."""
@@ -95,9 +109,11 @@ class ByFactor(Checked):
     factor: Annotated[Fraction, Range(above=0, most=MAX_FACTOR)]
 
     def presentation_time(self, start: Fraction, time: Fraction) -> Fraction:
+        """Return `time`: no frame is moved."""
         return time
 
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
+        """Yield the output frames of an interval; see `Schedule.steps`."""
         for k in range(math.ceil(index * self.factor), math.ceil((index + 1) * self.factor)):
             t = k / self.factor - index
             yield Step(time0 + t * (time1 - time0), t)
@@ -148,23 +164,25 @@ class ByRate:
 
         A frame may miss its nominal time by a tick of the clock, or by an eighth of a frame, as with phones and
         browsers; never by half a frame of the source or of the output. Across a pause of more than a second that is
-        also longer than ten frames, no frames are made: no motion connects the two. A `tick` is in seconds.
+        also longer than ten frames, no frames are interpolated, as no motion connects the two. A `tick` is in seconds.
         """
         shorter = min(1 / source_rate, 1 / frames_per_second)
         tolerance = min(max(tick, 1 / source_rate / 8), shorter * 2 / 5)
         return cls(frames_per_second, source_rate, tolerance, max(Fraction(1), 10 / source_rate))
 
     def presentation_time(self, start: Fraction, time: Fraction) -> Fraction:
+        """Return the nominal time of a source frame if its own is within `tolerance` of it, else its own."""
         if self.source_rate is None:
             return time
         nominal = start + round((time - start) * self.source_rate) / self.source_rate
         return nominal if abs(time - nominal) <= self.tolerance else time
 
     def is_pause(self, interval: Fraction) -> bool:
-        """Return whether two frames lie too far apart for frames to be made between them."""
+        """Return whether two frames are too far apart for interpolation: by more than `longest` seconds."""
         return self.longest is not None and interval > self.longest
 
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
+        """Yield the output frames of an interval; see `Schedule.steps`. In a pause, all repeat the earlier frame."""
         first = math.ceil((time0 - start) * self.frames_per_second)
         last = math.ceil((time1 - start) * self.frames_per_second)
         is_pause = self.is_pause(time1 - time0)
@@ -190,13 +208,21 @@ class RetimeSchedule(ByRate):
     """Schedule of a time map whose source never plays backwards; the times of its steps are those of the source.
 
     Output frame k is shown k intervals after the first one. With a `shutter`, there are samples of the time around it,
-    which are as far apart in the source as it plays fast.
+    whose distance in the source is proportional to the speed at that time.
+
+    Parameters
+    ----------
+    curve : TimeMap
+        Map of output times to source times; one that plays backwards is unfolded before, see `TimeMap.unfolded`.
+    shutter : Shutter, optional
+        Shutter for motion blur.
     """
 
     curve: TimeMap = field(kw_only=True)
     shutter: Shutter | None = None
 
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
+        """Yield the output frames that show source times of an interval; see `Schedule.steps`."""
         rate, is_pause = self.frames_per_second, self.is_pause(time1 - time0)
         first, last = (self.curve.frames_before(time - start, rate) for time in (time0, time1))
         offsets = [Fraction(0)] if self.shutter is None or is_pause else self.shutter.offsets
@@ -208,11 +234,15 @@ class RetimeSchedule(ByRate):
                     yield Step(time, t, None if self.shutter is None else number, is_sample=position != number)
 
     def output_position(self, index: int, start: Fraction, time: Fraction) -> Fraction:
+        """Return how many output frames are shown before a source frame; see `Schedule.output_position`."""
         return Fraction(self.curve.frames_before(time - start, self.frames_per_second))
 
 
 def rising_time(schedule: Schedule, start: Fraction, time: Fraction, last: Fraction | None) -> Fraction | None:
-    """Return a `Schedule.presentation_time` later than the `last` one; None if two frames came at once."""
+    """Return the `Schedule.presentation_time` of a frame if it is later than the `last` one.
+
+    Of two frames with one nominal time, the second keeps its own time. Returns None if two frames have the same time.
+    """
     snapped = schedule.presentation_time(start, time)
     if last is None or snapped > last:
         return snapped
@@ -220,12 +250,15 @@ def rising_time(schedule: Schedule, start: Fraction, time: Fraction, last: Fract
 
 
 def is_implausible(rate: Fraction, mean_rate: Fraction) -> bool:
-    """Return whether a rate is higher than any display's, and the frames are far from keeping it."""
+    """Return whether a rate is higher than that of any display, and far higher than the mean rate of the frames."""
     return rate > MAX_DISPLAY_RATE and rate > MAX_RATE_RATIO * mean_rate
 
 
 def count_frames(schedule: Schedule, info: ClipInfo, holds_last_frame: bool) -> int | None:
-    """Return the number of output frames if the source's header is right; None if the header does not say."""
+    """Return the number of output frames as far as the source's header is right; None if the header does not have it.
+
+    `holds_last_frame` is whether the last source frame is repeated for as long as it is shown.
+    """
     if isinstance(schedule, RetimeSchedule) and not schedule.curve.is_open:
         return math.ceil(schedule.curve.length * schedule.frames_per_second)
     duration = info.duration
@@ -252,7 +285,15 @@ def representable(*time_bases: Fraction) -> Fraction:
 
 
 def parse_rate(text: str, option: str = "frame rate") -> Fraction:
-    """Parse a frame rate as people write it; 23.976, 29.97, 59.94 and 119.88 mean n x 1000/1001, unlike 2997/50."""
+    """Parse a frame rate; 23.976, 29.97, 59.94 and 119.88 mean n x 1000/1001, unlike 2997/50.
+
+    Raises `OptionError`, in which `option` names it, if it is not a number.
+
+    Examples
+    --------
+    >>> str(parse_rate("29.97")), str(parse_rate("2997/100")), str(parse_rate("25"))
+    ('30000/1001', '2997/100', '25')
+    """
     value = parse_number(text, option)
     nearest = round(value * 1001 / 1000)
     ntsc = Fraction(nearest * 1000, 1001)
@@ -269,7 +310,7 @@ def parse_rate(text: str, option: str = "frame rate") -> Fraction:
 def parse_number(text: str, option: str) -> Fraction:
     """Parse a number as Python writes it (``2``, ``2.5``, ``1e3``) or a fraction such as ``5/2`` exactly.
 
-    Messages name it by `option`.
+    Raises `OptionError`, in which `option` names it, for any other text.
     """
     try:
         if re.search(r"e[+-]?\d{3}", text, re.IGNORECASE):  # the number would take all memory
@@ -283,7 +324,7 @@ def parse_number(text: str, option: str) -> Fraction:
 
 @dataclass(frozen=True)
 class OutputTiming:
-    """Rate and time base of an output."""
+    """Rate and time base of an output, which encoders and containers are set to."""
 
     rate: Fraction
     """Nominal frames per second."""
@@ -292,15 +333,34 @@ class OutputTiming:
 
 
 DEFAULT_SAMPLES = 15
+"""Samples per output frame of a shutter."""
 MAX_SAMPLES = 99
+"""Largest number of samples per output frame of a shutter."""
 
 
 @dataclass(frozen=True)
 class Shutter:
     """Shutter that is open around the time of every output frame.
 
-    At 360 degrees, it is open for the whole interval from one output frame to the next. The number of samples is odd,
-    so that the one in the middle has the output frame's own time.
+    At 360 degrees, it is open for the whole interval from one output frame to the next; film cameras have 180. The
+    number of samples is odd, so that the one in the middle has the output frame's own time.
+
+    Parameters
+    ----------
+    angle : Fraction
+        Shutter angle, degrees, above 0 and at most 360.
+    samples : int
+        Number of frames that are averaged, odd, 3 to 99.
+
+    Raises
+    ------
+    OptionError
+        The number of samples is even or out of range.
+
+    Examples
+    --------
+    >>> [str(offset) for offset in Shutter(Fraction(180), 3).offsets]
+    ['-1/6', '0', '1/6']
     """
 
     angle: Fraction
@@ -312,7 +372,7 @@ class Shutter:
 
     @property
     def offsets(self) -> list[Fraction]:
-        """Times of the samples from that of the output frame, as shares of the interval between output frames."""
+        """Times of the samples relative to the output frame's, as shares of the interval between output frames."""
         return [self.angle / 360 * Fraction(2 * i + 1 - self.samples, 2 * self.samples) for i in range(self.samples)]
 
 
@@ -320,7 +380,9 @@ class Shutter:
 class ExposureSchedule:
     """Schedule of the samples of another schedule's output frames.
 
-    Before the first source frame and across pauses there are no samples but the output frames themselves.
+    A frame whose exposure reaches beyond an interval has samples in two intervals, which carry its number
+    (`Step.frame_number`). Before the first source frame and across pauses there are no samples but the output frames
+    themselves.
     """
 
     schedule: Schedule
@@ -330,6 +392,7 @@ class ExposureSchedule:
         return self.schedule.presentation_time(start, time)
 
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
+        """Yield the samples of all output frames in an interval; see `Schedule.steps`."""
         steps = list(self.schedule.steps(index, start, time0, time1))
         first = self.schedule.output_position(index, start, time0)
         last = self.schedule.output_position(index + 1, start, time1)

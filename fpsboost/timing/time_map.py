@@ -1,4 +1,9 @@
-"""Time maps: exact curves that say which time of the source every output time shows."""
+"""Time maps: exact curves from output times to source times.
+
+A map consists of segments, straight where the speed is constant and cubic where it changes, all with exact fractions.
+It answers three questions: which source time an output time shows (`TimeMap.source`), when a source time is first
+reached (`TimeMap.time_of`), and which parts of the sound can be stretched (`TimeMap.sounding`).
+"""
 
 from __future__ import annotations
 
@@ -11,35 +16,40 @@ from functools import cached_property
 from itertools import accumulate, pairwise
 
 FOREVER = Fraction(10**9)
-"""Seconds for which a curve goes on that has no end of its own; any clip is shorter."""
+"""Length of the last segment of a curve without an end of its own, seconds; any clip is shorter."""
 SOUND_SPEEDS = Fraction(1, 2), Fraction(2)
-"""Lowest and highest speed at which sound is stretched at its pitch, unless that is asked for at all speeds."""
+"""Lowest and highest speed at which sound is stretched at its pitch by default."""
 ALL_SPEEDS = Fraction(1, 1000), Fraction(1000)
 """Lowest and highest speed at which sound can be stretched."""
 MIN_SOUND = Fraction(1, 4)
-"""Shortest time of a constant speed for which sound is stretched, seconds: a few windows of the filter."""
+"""Shortest duration of a constant speed for which sound is stretched, seconds: a few windows of the filter."""
 
 
 @dataclass(frozen=True)
 class Segment:
-    """Part of a time map: a line, or a cubic that never turns, between two output times, seconds."""
+    """Part of a time map between two output times: a line, or a monotone cubic."""
 
     begin: Fraction
+    """Output time of the beginning, seconds."""
     end: Fraction
+    """Output time of the end, seconds."""
     source0: Fraction
+    """Source time at the beginning, seconds."""
     source1: Fraction
+    """Source time at the end, seconds."""
     slope0: Fraction
+    """Speed at the beginning: seconds of the source per second of the output."""
     slope1: Fraction
-    """Speed at the ends: seconds of the source per second of the output."""
+    """Speed at the end."""
 
     @property
     def speed(self) -> Fraction | None:
-        """The speed if it is constant."""
+        """Constant speed of the segment; None if the speed changes."""
         mean = (self.source1 - self.source0) / (self.end - self.begin)
         return mean if self.slope0 == self.slope1 == mean else None
 
     def source(self, time: Fraction) -> Fraction:
-        """Return the source time at an output time."""
+        """Return the source time at an output time: a cubic Hermite curve through both ends with their slopes."""
         length, rise = self.end - self.begin, self.source1 - self.source0
         u = (time - self.begin) / length
         bend = u * (1 - u) * length * ((1 - u) * self.slope0 - u * self.slope1)
@@ -48,9 +58,18 @@ class Segment:
 
 @dataclass(frozen=True)
 class TimeMap:
-    """Exact map of output times to source times, both in seconds from the first frame."""
+    """Exact map of output times to source times, both in seconds from the first frame.
+
+    Examples
+    --------
+    >>> points = [(Fraction(0), Fraction(0)), (Fraction(2), Fraction(2)), (Fraction(4), Fraction(3))]
+    >>> curve = TimeMap.through(points)  # half of the speed from 2 s on
+    >>> str(curve.source(Fraction(3))), str(curve.time_of(Fraction(5, 2))), str(curve.length)
+    ('5/2', '3', '4')
+    """
 
     segments: tuple[Segment, ...]
+    """Segments in the order of the output, the first of which begins at 0, without gaps."""
     is_open: bool = False
     """Whether the output ends with the source, in the last segment."""
     sound_speeds: tuple[Fraction, Fraction] = SOUND_SPEEDS
@@ -60,7 +79,17 @@ class TimeMap:
     def through(
         cls, points: Sequence[tuple[Fraction, Fraction]], *, smooth: bool = False, onward: Fraction | None = None
     ) -> TimeMap:
-        """Return the map through points, whose output begins at 0 with the first one."""
+        """Return the map through points, whose output begins at 0 with the first one.
+
+        Parameters
+        ----------
+        points : sequence of (Fraction, Fraction)
+            Output time and source time of each point, seconds, with increasing output times.
+        smooth : bool
+            Whether the speed changes smoothly between points (monotone cubics) instead of at them (lines).
+        onward : Fraction, optional
+            Speed after the last point, to the end of the source; by default the output ends with the last point.
+        """
         lengths, speeds = ([b[axis] - a[axis] for a, b in pairwise(points)] for axis in (0, 1))
         speeds = [rise / length for rise, length in zip(speeds, lengths, strict=True)]
         slopes = _slopes(lengths, speeds) if smooth and speeds else []
@@ -84,12 +113,12 @@ class TimeMap:
 
     @property
     def top(self) -> Fraction:
-        """The latest source time."""
+        """Latest source time that is shown, seconds."""
         return self._tops[-1]
 
     @property
     def is_steady(self) -> bool:
-        """Whether all of the source plays at one speed, to its end."""
+        """Whether the source plays at one speed from the first point to its end."""
         return len(self.segments) == 1 and self.is_open
 
     @property
@@ -98,44 +127,61 @@ class TimeMap:
         return any(each.source1 < each.source0 for each in self.segments)
 
     def is_plain(self, duration: Fraction | None) -> bool:
-        """Return whether a clip is shown from beginning to end, at its own speed."""
+        """Return whether a clip of a duration, seconds, is shown from beginning to end at its own speed."""
         first, ends = self.segments[0], self.is_open or self.segments[0].source1 == duration
         return len(self.segments) == 1 and first.speed == 1 and not first.source0 and ends
 
     def unfolded(self, times: Sequence[Fraction]) -> tuple[list[int], list[Fraction], TimeMap]:
-        """Return a clip whose frames are those at `times` as often as they are passed, which never plays backwards.
+        """Return an equivalent map that never plays backwards, of a clip whose frames repeat instead.
 
-        These are the numbers of the frames in the order of the output, the times of the unfolded clip, from 0 on, and
-        its time map. The source turns behind the frame that encloses the turn.
+        Parameters
+        ----------
+        times : sequence of Fraction
+            Times of the source's frames, seconds, increasing.
+
+        Returns
+        -------
+        places : list of int
+            Numbers of the source's frames in the order of the output: as often as each is passed.
+        times : list of Fraction
+            Times of the unfolded clip's frames, from 0 on.
+        curve : TimeMap
+            Map of output times to times of the unfolded clip. The source turns behind the frame that encloses the turn.
         """
         last, ends = len(times) - 1, [*times, self.top]  # what is beyond the last frame shows that one
         stop = last if self.is_open or self.top <= times[-1] else last + 1
         first, sign = self.segments[0], -1 if self.segments[0].source1 < self.segments[0].source0 else 1
         place = min(bisect_left(times, first.source0), stop) if sign < 0 else bisect_right(times, first.source0) - 1
-        places, shown, segments = [place], [Fraction(0)], list[Segment]()
+        places, displayed, segments = [place], [Fraction(0)], list[Segment]()
         for each in self.segments:
             if each.source1 != each.source0:
                 sign = -1 if each.source1 < each.source0 else 1
-            offset = shown[-1] - sign * ends[places[-1]]
+            offset = displayed[-1] - sign * ends[places[-1]]
             target = bisect_left(times, each.source1) if sign > 0 else bisect_right(times, each.source1) - 1
             for place in range(places[-1] + sign, min(target, stop) + sign, sign):
                 places.append(place)
-                shown.append(offset + sign * ends[place])
+                displayed.append(offset + sign * ends[place])
             source0, source1, *slopes = (sign * x for x in (each.source0, each.source1, each.slope0, each.slope1))
             segments.append(Segment(each.begin, each.end, offset + source0, offset + source1, *slopes))
-        return [min(place, last) for place in places], shown, TimeMap(tuple(segments), self.is_open)
+        return [min(place, last) for place in places], displayed, TimeMap(tuple(segments), self.is_open)
 
     def source(self, time: Fraction) -> Fraction:
-        """Return the time of the source that an output time shows, which does not change after the end."""
+        """Return the source time that an output time shows, seconds; the last one after the end."""
         segment = self.segments[max(0, bisect_right(self.segments, time, key=lambda each: each.begin) - 1)]
         return segment.source(min(time, segment.end))
 
     def time_of(self, source: Fraction) -> Fraction:
-        """Return when the source first reaches a time; to a millisecond while speed changes, else exactly."""
+        """Return the output time at which the source first reaches a time, seconds.
+
+        It is exact where the speed is constant, and rounded up to a millisecond where it changes.
+        """
         return self._place(source, Fraction(1000)) / 1000
 
     def end_of(self, begin: Fraction, end: Fraction) -> Fraction:
-        """Return when the source first reaches `end`; if it turns back before, when it is last not before `begin`."""
+        """Return the output time at which a part of the source, `begin` to `end`, was shown.
+
+        That is when the source first reaches `end`; if it turns back before, when it is last not before `begin`.
+        """
         if not begin <= self.top < end:
             return self.time_of(end)
         mirrored, length = list[Segment](), self.length
@@ -145,11 +191,14 @@ class TimeMap:
         return length - TimeMap(tuple(mirrored)).time_of(begin)
 
     def frames_before(self, source: Fraction, rate: Fraction) -> int:
-        """Return how many output frames are shown before the source reaches a time."""
+        """Return the number of output frames, at a rate, that are shown before the source reaches a time."""
         return math.ceil(self._place(source, rate))
 
     def _place(self, source: Fraction, rate: Fraction) -> Fraction:
-        """Return when the source reaches a time, in output frames; while speed changes, the next whole one."""
+        """Return the position, in output frames, at which the source reaches a time.
+
+        While the speed changes, it is the next whole one.
+        """
         place = bisect_left(self._tops, source)
         if place == len(self.segments):
             return self.length * rate
@@ -163,28 +212,32 @@ class TimeMap:
 
     @cached_property
     def _tops(self) -> list[Fraction]:
-        """Latest source time up to the end of each segment."""
+        """Latest source time up to the end of each segment, seconds."""
         return list(accumulate((max(each.source0, each.source1) for each in self.segments), max))
 
     @cached_property
     def sounding(self) -> list[Segment]:
-        """Segments, or their ends, whose sound can be stretched at its pitch; what is shown again is silent."""
+        """Segments, or the ends of segments, whose sound can be stretched at its pitch.
+
+        Others are silent: those of changing speed, of a speed outside `sound_speeds`, shorter than `MIN_SOUND`, and
+        whatever has been shown before.
+        """
         if self.is_steady:
             return list(self.segments)
         slowest, fastest = self.sound_speeds
-        heard = list[Segment]()
+        audible = list[Segment]()
         for each, top in zip(self.segments, [Fraction(0), *self._tops], strict=False):
             if each.speed is None or not slowest <= each.speed <= fastest:
                 continue
             source0 = max(top, each.source0)
             begin = each.begin + (source0 - each.source0) / each.speed
             if each.end - begin >= MIN_SOUND:
-                heard.append(replace(each, begin=begin, source0=source0))
-        return heard
+                audible.append(replace(each, begin=begin, source0=source0))
+        return audible
 
     @property
     def silences(self) -> list[tuple[Fraction, Fraction, list[str]]]:
-        """Passages of the output without sound: where each begins and ends, seconds, and the reasons for it."""
+        """Passages of the output without sound: begin and end, seconds, and the reasons, one per segment."""
         times = [Fraction(0), *(time for each in self.sounding for time in (each.begin, each.end)), self.length]
         return [
             (begin, end, [self._why_silent(each) for each in self.segments if each.begin < end and begin < each.end])
@@ -193,6 +246,7 @@ class TimeMap:
         ]
 
     def _why_silent(self, segment: Segment) -> str:
+        """Return the reason for which a segment has no sound, for a remark."""
         speed, (slowest, fastest) = segment.speed, self.sound_speeds
         if speed is None:
             return "changing speed"
@@ -200,7 +254,11 @@ class TimeMap:
 
 
 def _slopes(lengths: Sequence[Fraction], speeds: Sequence[Fraction]) -> list[Fraction]:
-    """Return the slopes of a monotone cubic at its points (PCHIP: F. N. Fritsch and J. Butland, 1984)."""
+    """Return the slopes of a monotone cubic at its points.
+
+    A slope is the weighted harmonic mean of the speeds on both sides, and 0 at a turn (PCHIP: F. N. Fritsch and J.
+    Butland, A Method for Constructing Local Monotone Piecewise Cubic Interpolants, 1984, doi:10.1137/0905021).
+    """
     inner = []
     for (h0, h1), (before, after) in zip(pairwise(lengths), pairwise(speeds), strict=True):
         w0, w1 = h0 + 2 * h1, 2 * h0 + h1
