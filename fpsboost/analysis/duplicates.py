@@ -1,4 +1,8 @@
-"""Detection of duplicate frames: animation on twos and threes, pulldown, frames that a capture missed."""
+"""Detection of duplicate frames: animation on twos and threes, pulldown, frames that a capture missed.
+
+Frames that repeat a picture form a group, between whose pictures motion is then interpolated evenly. The thresholds of
+`DuplicateDetector` were measured on clips as people share them.
+"""
 
 from __future__ import annotations
 
@@ -47,6 +51,15 @@ class DuplicateDetector(Checked):
         Maximum duration of a held picture in seconds; a longer one is a still. Animation on fours lasts 1/6.
     most : int
         Maximum number of frames of a held picture; this many are kept in memory.
+
+    Examples
+    --------
+    >>> detector = DuplicateDetector()
+    >>> gradient = np.tile(np.arange(0, 192, 4, dtype=np.uint8), (32, 1))[..., np.newaxis].repeat(3, axis=2)
+    >>> detector.difference(FrameCache(gradient), FrameCache(gradient + np.uint8(1)))  # noise of one level
+    1.0
+    >>> detector.is_held(1.0, before=16.0, after=16.0), detector.is_held(1.0, before=2.0, after=2.0)
+    (True, False)
     """
 
     noise: Annotated[float, Range(0, 255, unit=" levels")] = 6.0
@@ -58,15 +71,18 @@ class DuplicateDetector(Checked):
 
     @property
     def difference_limit(self) -> float:
-        """Difference beyond which no decision depends on its size, nor on `noise` more or less, in 8-bit levels."""
+        """Difference, in 8-bit levels, beyond which no decision depends on its exact value.
+
+        That holds with noise of up to `noise` levels added to or taken from it.
+        """
         largest_share = self.noise / self.share if self.share else math.inf
         return self.noise + max(largest_share, self.smallest_step) + ROUNDING
 
     def difference(self, image0: FrameCache, image1: FrameCache) -> float:
         """Return the mean difference in the block and the plane where it is largest, in 8-bit levels.
 
-        The planes are luma, both colour differences, and alpha. The rest of the frames is not looked at once a block
-        differs by more than `difference_limit`, so that chroma is read only where luma has hardly changed.
+        The planes are luma, both colour differences, and alpha. The comparison ends once a block differs by more than
+        `difference_limit`, so that chroma is read only where luma has hardly changed.
         """
         largest = 0.0
         for (plane0, unit), (plane1, _) in zip(compared_planes(image0), compared_planes(image1), strict=True):
@@ -89,8 +105,8 @@ class DuplicateDetector(Checked):
     def is_held(self, noise: float, before: float, after: float) -> bool:
         """Return whether frames show one held picture.
 
-        `noise` is the largest `difference` of any of them from the first; `before` and `after` are those from the
-        previous picture and to the next one.
+        `noise` is the largest `difference` of any of them from the first; `before` and `after` are the differences from
+        the previous picture and to the next one, all in 8-bit levels.
         """
         return noise <= self.noise and noise <= self.share * min(before, after) and self.smallest_step <= after
 
@@ -103,15 +119,18 @@ class DuplicateDetector(Checked):
 
 
 def _bands(rows: int, height: int) -> list[tuple[int, int]]:
-    """Return the first row of each band and the row after its last, from the middle on, where most things move."""
+    """Return the first row of each band and the row after its last, the band in the middle first.
+
+    Most motion is there, and the comparison ends at the first large difference.
+    """
     bands = [(first, min(first + height, rows)) for first in range(0, rows, height)]
     return sorted(bands, key=lambda band: abs(band[0] + band[1] - rows))
 
 
 def compared_planes(frame: FrameCache) -> Iterator[tuple[Components, float]]:
-    """Yield the planes in which a frame is compared, up to a constant, and their units in 8-bit levels: luma first.
+    """Yield the planes in which a frame is compared, luma first, with the 8-bit levels per unit of each.
 
-    Those of video are not copied; the others are computed when they are asked for.
+    Planes are up to a constant. Those of video are not copied; the others are computed when they are asked for.
     """
     image = view(frame.pixels)
     if image.coding is None:
@@ -131,7 +150,7 @@ def brightness(frame: FrameCache) -> Components:
 
 
 class SourceFrame(NamedTuple):
-    """Frame of the source, and the cache of its results."""
+    """Frame of the source, and the cache of what was computed of its image."""
 
     frame: Frame
     image: FrameCache
@@ -152,8 +171,19 @@ def group_duplicates(
 ) -> Iterator[FrameGroup]:
     """Group duplicate frames; those of a still, and those at the end of the clip, form groups of one.
 
-    `step` is the difference of the first frame from the picture before it. At most as many frames are read ahead as a
-    held picture may have.
+    Parameters
+    ----------
+    frames : iterable of SourceFrame
+        Frames in presentation order. At most `detector.most` of them are read ahead.
+    detector : DuplicateDetector
+        Thresholds.
+    step : float
+        Difference of the first frame from the picture before it, in 8-bit levels; infinite at the beginning of a clip.
+
+    Yields
+    ------
+    FrameGroup
+        Tuples of frames; every frame is in one of them.
     """
     for picture in find_pictures(frames, detector, step):
         yield from zip(picture.frames) if picture.is_still else [picture.frames]
@@ -162,16 +192,17 @@ def group_duplicates(
 def find_synchronised(
     frames: Iterable[SourceFrame], detector: DuplicateDetector
 ) -> Iterator[tuple[SourceFrame, float]]:
-    """Find the frames from which grouping goes on in the same way whatever came before the first of the frames.
+    """Find the frames from which grouping continues in the same way whatever came before the first of the frames.
 
     All frames of a group differ by at most `noise` from its first one, and differences obey the triangle inequality:
     two consecutive frames that differ by more than twice the noise are never in one group. So the later one begins a
-    group. Grouping goes on from there by the difference from the group before, which is certain
+    group. Grouping continues from there by the difference from the group before, which is certain
 
     - if the earlier one begins a group, too: then it is the difference of the two;
     - if the difference of the two exceeds `difference_limit`, for it is smaller by the noise at most.
 
-    Yields each frame with the `step` for `group_duplicates` to begin with it.
+    Yields each frame with the `step` for `group_duplicates` to begin with it. A part of a conversion begins at such a
+    frame.
     """
     apart = 2 * detector.noise + ROUNDING
     begins_before = False
@@ -183,7 +214,7 @@ def find_synchronised(
         begins_before = begins
 
 
-class Picture(NamedTuple):
+class PictureRun(NamedTuple):
     """Consecutive frames that show one picture, or a part of them if it lasts long."""
 
     frames: FrameGroup
@@ -195,8 +226,8 @@ class Picture(NamedTuple):
 
 def find_pictures(
     frames: Iterable[SourceFrame], detector: DuplicateDetector, step: float = math.inf
-) -> Iterator[Picture]:
-    """Find the frames that show the same picture; `step` as in `group_duplicates`, which reads as many ahead.
+) -> Iterator[PictureRun]:
+    """Find the frames that show the same picture; parameters as in `group_duplicates`, which reads as many ahead.
 
     Frames are compared with the first one of the picture and not with the previous one, so that a slow fade or pan is
     not taken for a held picture.
@@ -207,7 +238,7 @@ def find_pictures(
         first = waiting.popleft()
         count, is_still, is_repeated, step = _find_run(first, step, waiting, arriving, detector)
         repeats = [waiting.popleft() for _ in range(count - 1)]
-        yield Picture((first, *repeats), is_still, len(repeats) if is_repeated else 0)
+        yield PictureRun((first, *repeats), is_still, len(repeats) if is_repeated else 0)
         if is_still:
             step = yield from _rest_of_still(first, is_repeated, waiting, arriving, detector)
 
@@ -248,13 +279,13 @@ def _rest_of_still(
     waiting: deque[SourceFrame],
     arriving: Iterator[SourceFrame],
     detector: DuplicateDetector,
-) -> Generator[Picture, None, float]:
+) -> Generator[PictureRun, None, float]:
     """Yield the frames that still show the same picture as `first`, one by one; return the difference after them."""
     while _read_ahead(1, waiting, arriving):
         difference = detector.difference(first.image, waiting[0].image)
         if difference > detector.noise:
             return difference
-        yield Picture((waiting.popleft(),), True, int(repeats))
+        yield PictureRun((waiting.popleft(),), True, int(repeats))
     return 0.0
 
 

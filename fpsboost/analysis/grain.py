@@ -1,11 +1,11 @@
-"""Grain matching: made frames get back the noise that mixing several pixels into one has taken from them.
+"""Grain matching: interpolated frames get back the noise that the mixture of several pixels has removed.
 
 A mean of two independent samples keeps half of their variance, and a mean of many hypotheses less, so that in a noisy
-clip every made frame is smoother than its neighbours and the picture pulses. The missing part of the noise is measured
-and synthesized, as film grain is in AV1 (Norkin and Birkbeck, Film Grain Synthesis for AV1 Video Codec, DCC 2018,
-doi:10.1109/DCC.2018.00008): a noise level function (Liu et al., Automatic Estimation and Removal of Noise from a Single
-Image, TPAMI 2008, doi:10.1109/TPAMI.2007.1176) from flat blocks says how strong, and a power spectrum how coarse. No
-pixel is copied from a frame.
+clip every interpolated frame is smoother than its neighbours and the picture pulses. The missing part of the noise is
+measured and synthesized, as film grain is in AV1 (Norkin and Birkbeck, Film Grain Synthesis for AV1 Video Codec, DCC
+2018, doi:10.1109/DCC.2018.00008): a noise level function (Liu et al., Automatic Estimation and Removal of Noise from a
+Single Image, TPAMI 2008, doi:10.1109/TPAMI.2007.1176) from flat blocks gives its strength, and a power spectrum its
+coarseness. No pixel is copied from a frame.
 
 Flat blocks are those with the least contrast among the blocks of similar intensity. What the two frames have in common
 there, along the motion, is texture and no noise. Blocks are chosen by the other frame's contrast: its noise is
@@ -55,7 +55,7 @@ is not believed: texture varies more with the intensity than noise does."""
 
 MIN_RELATIVE_VARIANCE = 1e-9
 """Variance, as a share of the squared intensity, below which a surface is constant, as black bars and clipped white
-are: its missing noise says nothing of other surfaces."""
+are: its missing noise has no meaning for other surfaces."""
 
 MIN_DEVIATION = 0.5
 """Standard deviation of missing noise below which none is added to whole-numbered samples, code values."""
@@ -85,7 +85,7 @@ class Plane(NamedTuple):
 
 @dataclass(frozen=True)
 class PairGrain:
-    """Grain of two frames."""
+    """Grain of two frames, measured once per pair and used for all frames between them."""
 
     blocks: list[tuple[FlatBlocks, FlatBlocks]]  # flat blocks of each plane in frame 0 and in frame 1
     mixing: NDArray[Any]
@@ -93,7 +93,15 @@ class PairGrain:
 
 
 def measure_grain(image0: Pixels, image1: Pixels, field01: MotionField, field10: MotionField) -> PairGrain:
-    """Find the flat blocks of two frames, and the noise in them, by the motion between them."""
+    """Find the flat blocks of two frames, and the noise in them, by the motion between them.
+
+    Parameters
+    ----------
+    image0, image1 : array or YCbCrImage
+        Two frames of one size and type.
+    field01, field10 : MotionField
+        Motion in both directions, by which blocks are compared with the same surface in the other frame.
+    """
     planes0, planes1 = _planes(image0), _planes(image1)
     blocks = [
         (_find_flat_blocks(plane0, plane1, field01), _find_flat_blocks(plane1, plane0, field10))
@@ -105,7 +113,18 @@ def measure_grain(image0: Pixels, image1: Pixels, field01: MotionField, field10:
 def match_grain(image: Pixels, grain: PairGrain, t: float, seed: Sequence[int]) -> Pixels:
     """Return an in-between frame with as much noise as the two frames have.
 
-    Unchanged where these have no noise, or where black or white is clipped. `seed` determines the noise.
+    It is unchanged where these have no noise, and where black or white is clipped.
+
+    Parameters
+    ----------
+    image : array or YCbCrImage
+        In-between frame, of the same size and type as the two frames.
+    grain : PairGrain
+        Noise of the two frames, see `measure_grain`.
+    t : float
+        Time of the frame, in (0, 1).
+    seed : sequence of int
+        Seed of the random numbers: the same seed gives the same noise, so that a conversion can be repeated.
     """
     planes, random = _planes(image), np.random.default_rng(seed)
     white = [random.standard_normal(plane.samples.shape, np.float32) for plane in planes]
@@ -251,7 +270,7 @@ def _mixing(planes: list[Plane], blocks: list[tuple[FlatBlocks, FlatBlocks]]) ->
 
 
 class MissingNoise(NamedTuple):
-    """Noise that an in-between frame lacks."""
+    """Noise that an in-between frame lacks: its strength by intensity, and its spectrum as a filter."""
 
     intensities: NDArray[Any]  # (LEVELS,) float32, rising by equal steps
     deviations: NDArray[Any]  # (LEVELS,) float32: standard deviation at each intensity
@@ -264,7 +283,7 @@ class MissingNoise(NamedTuple):
         return np.asarray(self.deviations[places.clip(0, LEVELS - 1).astype(np.intp)])
 
 
-class Comparison(NamedTuple):
+class NoiseComparison(NamedTuple):
     """Noise in the flat blocks of a frame, and on the same surfaces of an in-between frame."""
 
     residuals: NDArray[Any]  # (n, size, size) float32: of the frame
@@ -273,8 +292,8 @@ class Comparison(NamedTuple):
     lowest: float  # the lowest of these variances where the frame is not constant; infinite if it is everywhere
 
 
-def _compare(plane: Plane, flat: FlatBlocks, distance: float) -> Comparison:
-    """Compare the noise of a frame with that of an in-between frame's plane, at a distance in time."""
+def _compare(plane: Plane, flat: FlatBlocks, distance: float) -> NoiseComparison:
+    """Compare the noise of a frame with that of an in-between frame's plane, which is `distance` intervals away."""
     left, inside = _residuals(plane.samples, flat.corners + np.rint(flat.motion * distance).astype(int))
     missing, lowest = [], np.inf
     for each in range(MAX_LEVELS):
@@ -286,11 +305,13 @@ def _compare(plane: Plane, flat: FlatBlocks, distance: float) -> Comparison:
         missing.append((intensity, variance))
         if there > MIN_RELATIVE_VARIANCE * intensity * intensity:
             lowest = min(lowest, variance)
-    return Comparison(flat.residuals[inside], left[inside], missing, lowest)
+    return NoiseComparison(flat.residuals[inside], left[inside], missing, lowest)
 
 
-def _find_missing_noise(comparisons: Sequence[Comparison], t: float, least: float, most: float) -> MissingNoise | None:
-    """Combine the comparisons of both frames; None if no more than the deviation `least` is missing anywhere.
+def _find_missing_noise(
+    comparisons: Sequence[NoiseComparison], t: float, least: float, most: float
+) -> MissingNoise | None:
+    """Combine the comparisons with both frames; None if the missing deviation is nowhere above `least`.
 
     `most` is the highest variance that is added.
     """

@@ -3,6 +3,9 @@
 The report's similarity compares colours, so that under a flash every patch matches a wrong one best, and the picture
 tears. A gain and an offset for each colour model a fade, a flash or a change of exposure; a smooth map of gains models
 what lights up or darkens a part of the picture. Either is used only where it makes the frames more similar.
+
+Models are estimated on thumbnails, where motion is found by exhaustive search; the frames themselves are read only when
+a change is undone (`IlluminationModel.undo`) and applied again to the interpolated frame (`IlluminationModel.apply`).
 """
 
 from __future__ import annotations
@@ -39,7 +42,8 @@ MAX_GAIN = 8.0
 """Maximum gain; the minimum is its inverse. Gains beyond these would amplify noise into patterns."""
 
 LOCAL_SIDES = SMALL_COPY_SIDE, 2 * SMALL_COPY_SIDE
-"""Longer sides of the copies on which a local change of light is looked for, and if there seems to be one, measured."""
+"""Longer sides of the copies on which a local change of light is looked for and then, if it is likely, measured;
+pixels."""
 
 LOCAL_SEARCH_RANGE = 1 / 12
 """Search range on these copies, as a fraction of the longer side."""
@@ -51,16 +55,18 @@ LOCAL_MIN_GAIN = 0.1
 """Minimum increase of the similarity around a pixel at which a local change of light is accepted."""
 
 LOCAL_MIN_SHARE = 2 / 3
-"""Minimum share of the dissimilarity around a pixel that the change explains: it is the cause, not one more freedom."""
+"""Minimum share of the dissimilarity around a pixel that the change explains: a cause explains most of it, and a mere
+degree of freedom less."""
 
 LOCAL_PROMISING_SHARE = 0.25
-"""Minimum share of the increase that motion without light must have for its light to be looked at any further."""
+"""Share of the required increase that motion without light must reach for its light to be examined further."""
 
 LOCAL_MIN_CHANGE = math.log(1.15)
-"""Minimum logarithm of the gain around a pixel, either way: patches match through what is less."""
+"""Minimum logarithm of the gain around a pixel, either way: smaller changes do not prevent patches from matching."""
 
 LOCAL_MIN_DETAIL = 0.1
-"""Minimum detail of the frame with less, as a share of that of the other: light leaves what it falls on to be seen."""
+"""Minimum detail of the frame that has less, as a share of that of the other: under light, a surface keeps its
+detail."""
 
 LOCAL_CONSISTENCY_TOLERANCE = 1.5
 """Limit of the forward-backward error of motion that confirms a change of light, pixels of the copies."""
@@ -69,14 +75,23 @@ LOCAL_MIN_SCORE = 0.7
 """Minimum mean similarity under equal light: gains that differ from place to place make unrelated scenes look alike."""
 
 DARK = 0.02
-"""Brightness below which the ratio of two colours says little; 1 is white."""
+"""Brightness below which the ratio of two colours is unreliable; 1 is white."""
 
 
 @dataclass(frozen=True)
 class IlluminationModel:
     """Change of colours in [0, 1] from frame 0 to frame 1: ``gain * colour + offset``.
 
-    Both are float32, (C,), or (h, w, C) for copies of the frames if the change is not the same everywhere.
+    Parameters
+    ----------
+    gain, offset : (C,) or (h, w, C) float32
+        Values of each colour, or maps of them for copies of the frames if the change is not the same everywhere.
+
+    Examples
+    --------
+    >>> fade = IlluminationModel(np.full(3, 0.5, np.float32), np.zeros(3, np.float32))
+    >>> float(fade.apply(np.full((1, 1, 3), 0.8, np.float32), 0.5, np.dtype(np.float32))[0, 0, 0])  # half of the fade
+    0.6000000238418579
     """
 
     gain: NDArray[Any]
@@ -84,14 +99,18 @@ class IlluminationModel:
 
     @property
     def is_local(self) -> bool:
+        """Whether the change differs from place to place."""
         return self.gain.ndim > 1
 
     def undo(self, image1: Image) -> Image:
-        """Return frame 1 under the illumination of frame 0, float32."""
+        """Return frame 1 under the illumination of frame 0, (H, W, C) float32."""
         return np.asarray((normalised(image1) - _at_pixels(self.offset, image1)) / _at_pixels(self.gain, image1))
 
     def apply(self, image: Image, t: float, dtype: np.dtype[Any]) -> Image:
-        """Return a float32 image under the illumination of frame 0 as it appears at time t, in the frames' `dtype`."""
+        """Return a float32 image under the illumination of frame 0 as it appears at time t.
+
+        The result has the frames' `dtype`, rounded and clipped if that is an integer type.
+        """
         gain, offset = (_at_pixels(values, image) for values in (self.gain, self.offset))
         lit: Image = image * (1 + (gain - 1) * np.float32(t)) + offset * np.float32(t)
         if dtype == np.float32:
@@ -100,13 +119,14 @@ class IlluminationModel:
 
 
 Estimate = tuple[float, IlluminationModel]
-"""Model, and the mean similarity of the small copies under the illumination of either frame."""
+"""Mean similarity of the small copies under the illumination of either frame, and the model."""
 
 UNCHANGED = IlluminationModel(np.ones(1, np.float32), np.zeros(1, np.float32))
+"""Model of constant illumination."""
 
 
 def _at_pixels(values: NDArray[Any], image: Image) -> NDArray[Any]:
-    """Return the values for the pixels of an image."""
+    """Return values of a model for the pixels of an image, enlarged if they are a map."""
     if values.ndim == 1:
         return values
     height, width, channels = image.shape
@@ -114,7 +134,11 @@ def _at_pixels(values: NDArray[Any], image: Image) -> NDArray[Any]:
 
 
 def estimate_illumination(image0: FrameCache, image1: FrameCache) -> IlluminationModel | None:
-    """Estimate the illumination change between two frames; None if there is none, and of images with alpha."""
+    """Estimate the illumination change between two frames; None if there is none, or if the images have alpha.
+
+    Of a change of the whole picture and one of a part of it, the first is preferred unless the second makes the frames
+    clearly more similar, by `MIN_SCORE_GAIN`.
+    """
     if has_alpha(image0.pixels):
         return None
     everywhere = _estimate_everywhere(image0, image1)
@@ -122,12 +146,12 @@ def estimate_illumination(image0: FrameCache, image1: FrameCache) -> Illuminatio
     if everywhere is not None:
         in_part.append(_estimate_in_part(image0, image1, everywhere[1]))
     score, model = max((each for each in in_part if each is not None), key=itemgetter(0), default=(0, None))
-    # what is simpler needs no proof
+    # of two explanations that are about as good, the simpler one
     return everywhere[1] if everywhere is not None and score < everywhere[0] + MIN_SCORE_GAIN else model
 
 
 def _estimate_in_part(image0: FrameCache, image1: FrameCache, everywhere: IlluminationModel) -> Estimate | None:
-    """Estimate the change of light that only part of the picture has, on top of one that it shares; None if none."""
+    """Estimate the change of light that only part of the picture has, on top of `everywhere`; None without one."""
     if max(image0.pixels.shape[:2]) < LOCAL_SIDES[-1]:  # a texture of so few pixels is as smooth as light
         return None
     for side in LOCAL_SIDES:
@@ -173,7 +197,10 @@ def compensate_either(
 
 
 def _measure_similarity(small0: Image, small1: Image, illumination: IlluminationModel) -> tuple[float, float]:
-    """Return the frames' mean similarity under the illumination of each: dark frames look alike, bright ones do not."""
+    """Return the frames' mean similarity under the illumination of each.
+
+    Both are needed: dark frames look alike, and bright ones do not.
+    """
     if not 1 / MAX_GAIN < illumination.gain.min() <= illumination.gain.max() < MAX_GAIN:
         return 0.0, 0.0
     in_light0 = _search(small0, illumination.undo(small1))
@@ -182,10 +209,11 @@ def _measure_similarity(small0: Image, small1: Image, illumination: Illumination
 
 
 def _find_local_gain(image0: FrameCache, image1: FrameCache, side: int) -> NDArray[Any] | None:
-    """Return the gain at each pixel of frame 1 where light changes in a part of the picture, else 1; None if nowhere.
+    """Return the gain at each pixel of frame 1 where light changes in a part of the picture, else 1.
 
     Motion is found on small copies without light first, then under the light that follows from it. A change of light is
-    accepted around pixels where it explains most of what differs, and as far as the frames are more similar by it.
+    accepted around pixels where it explains most of the difference, and as far as the frames are more similar by it.
+    Returns (h, w, C) float32, or None if there is no such part.
     """
     reach = side / SMALL_COPY_SIDE
     brightness0, brightness1 = (image.derived(_brightness, side, reach) for image in (image0, image1))
@@ -231,7 +259,7 @@ def _find_local_gain(image0: FrameCache, image1: FrameCache, side: int) -> NDArr
 
 
 def _search_near(components0: Components, components1: Components) -> tuple[MotionField, MotionField]:
-    """Search small copies for motion that is not fast."""
+    """Search small copies for motion up to `LOCAL_SEARCH_RANGE`, in both directions."""
     side = max(components0.shape[:2])
     radius, penalty = math.ceil(LOCAL_SEARCH_RANGE * side), LOCAL_MOTION_PENALTY / side
     return search_fused(components0, components1, radius, 2, "box", 0.09, penalty)
@@ -248,7 +276,7 @@ def _without_light(image: FrameCache, side: int) -> Image:
 
 
 def _brightness(image: FrameCache, side: int, deviation: float) -> NDArray[Any]:
-    """Return the brightness around each pixel of a small copy, above zero also where colours are not, (h, w)."""
+    """Return the brightness around each pixel of a small copy, (h, w), above zero even where colours are negative."""
     mean = np.mean(cv2.split(image.cached(small_copy, side)), axis=0)
     return np.asarray(np.maximum(_smoothed(mean, deviation), 0) + np.float32(DARK))
 
@@ -267,13 +295,13 @@ def _ends(field: MotionField) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def _returns(there: MotionField, back: MotionField) -> NDArray[Any]:
-    """Return whether the way there and back ends where it began, (h, w) bool."""
+    """Return whether the way there and back ends where it began, within a tolerance, (h, w) bool."""
     x, y = cv2.split(there.flow + back.flow[_ends(there)])
     return np.asarray(x**2 + y**2 < LOCAL_CONSISTENCY_TOLERANCE**2)
 
 
 def _confirmed(field01: MotionField, field10: MotionField) -> NDArray[Any]:
-    """Return the similarity of frame 1's pixels to those of frame 0 from which motion leads back to them, else 0."""
+    """Return the similarity of frame 1's pixels to their matches in frame 0 if the motion there leads back, else 0."""
     return np.asarray(field10.similarity * _returns(field10, field01))
 
 
@@ -289,6 +317,7 @@ def _fit_locally(small0: Image, small1: Image, fields: tuple[MotionField, Motion
 
 
 def _search(small0: Image, small1: Image) -> MotionField:
+    """Search small copies for motion from frame 0 to frame 1."""
     components = contrast_components(small0), contrast_components(small1)
     field01, _ = search_fused(*components, math.ceil(SMALL_COPY_SIDE / 6), 2, "box", 0.09)
     return field01

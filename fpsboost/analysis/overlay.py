@@ -1,8 +1,8 @@
 """Detection of overlays: titles, logos and other static content in front of a moving picture.
 
-Patches around a thin letter contain more background than letter, so that the motion found is that of the background.
-But a pixel that keeps its colour over three or four frames, although its surroundings move and the colour would have
-had to change, does not move. Such pixels are left unchanged.
+Patches around a thin letter contain more background than letter, so that the estimated motion is that of the
+background. A pixel is an overlay if its colour stays constant over three or four frames while the motion around it
+predicts a change. Such pixels are blended without motion.
 """
 
 from __future__ import annotations
@@ -41,9 +41,21 @@ DILATION_RADIUS = 3
 def find_overlay(
     image0: FrameCache, image1: FrameCache, before: FrameCache, after: FrameCache, field01: MotionField
 ) -> NDArray[Any] | None:
-    """Find the pixels of a pair that are static in front of moving surroundings, (H, W) bool; None if there are none.
+    """Find the pixels of a pair that are static in front of moving surroundings.
 
-    `before` and `after` are the frames around the pair, or the pair's own if there are none.
+    Parameters
+    ----------
+    image0, image1 : FrameCache
+        Two frames of one size and type.
+    before, after : FrameCache
+        The frames around the pair, or the pair's own where there are none.
+    field01 : MotionField
+        Motion from frame 0 to frame 1.
+
+    Returns
+    -------
+    (H, W) bool or None
+        None if there are no such pixels, which is usual.
     """
     images = image0, image1, before, after
     white = 255 if view(image0.pixels).luma is None else float(view(image0.pixels).white)
@@ -52,11 +64,11 @@ def find_overlay(
     marks = stands_out = _mark([_luma(image) for image in images], surroundings, white, 1)
     for planes in zip(*(image.cached(half_chroma) for image in images), strict=True):
         of_chroma = _mark(planes, surroundings / 2, white / CHROMA_WEIGHT, 2)
-        if of_chroma.max() == STANDS_OUT:  # of the luma of what moves behind it
+        if of_chroma.max() == STANDS_OUT:  # although its luma is that of the background
             stands_out = np.maximum(
                 stands_out, cv2.resize(of_chroma, marks.shape[::-1], interpolation=cv2.INTER_NEAREST)
             )
-    if stands_out.max() < STANDS_OUT:  # nearly always
+    if stands_out.max() < STANDS_OUT:  # the usual case
         return None
     found = (stands_out == STANDS_OUT) & (marks > 0)
     together = found & (cv2.boxFilter(found.astype(np.uint8), cv2.CV_16U, (3, 3), normalize=False) >= MIN_NEIGHBOURS)
@@ -66,10 +78,10 @@ def find_overlay(
 
 
 def _mark(planes: Sequence[NDArray[Any]], motion: NDArray[Any], white: float, step: int) -> NDArray[np.uint8]:
-    """Return where one plane stays and stands out; see `fpsboost.kernels.overlay.mark_overlay`.
+    """Return where one plane is static and stands out; see `fpsboost.kernels.overlay.mark_overlay`.
 
     `motion` is that of the surroundings in samples of the plane, of which one comes every `step` pixels; `white` is the
-    difference in code values that counts like that of black and white in luma.
+    difference in code values that corresponds to that of black and white in luma.
     """
     same, different = (int(levels * white // 255) for levels in (STATIC_THRESHOLD, CHANGE_THRESHOLD))
     frames = Frames(*map(np.ascontiguousarray, planes))

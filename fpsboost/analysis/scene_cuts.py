@@ -1,4 +1,15 @@
-"""Scene cuts: pairs of frames that no motion connects, detected or read from a list of times or frame numbers."""
+"""Scene cuts: pairs of frames that no motion connects, detected or read from a list of times or frame numbers.
+
+>>> import numpy as np
+>>> from fpsboost import CutDetector, FrameCache
+>>> noise = np.random.default_rng(1).integers(0, 256, (2, 60, 80, 3), dtype=np.uint8)
+>>> frames = [FrameCache(np.roll(noise[0], 2 * number, axis=1)) for number in range(2)]  # a pan
+>>> frames += [FrameCache(np.roll(noise[1], 2 * number, axis=1)) for number in range(2)]  # another scene
+>>> detector = CutDetector()
+>>> scores = [detector.match_score(*pair) for pair in zip(frames, frames[1:])]
+>>> [score > 0.5 for score in scores], detector.is_cut(scores[1], scores[0], scores[2])
+([True, False, True], True)
+"""
 
 from __future__ import annotations
 
@@ -55,9 +66,10 @@ STRICT_BANDWIDTH = 0.04
 wall or of a black frame, count as the starting point."""
 
 SEEMS_ALIKE = 0.5  # match score above which what the search has not seen may contradict it; below, they differ anyway
+"""Match score above which planes that the search has not compared are examined; below it, the frames differ anyway."""
 CONTRADICTION = 0.25
-"""Loss of similarity of a patch by what the search has not seen from which it is searched for again: 0.15
-is the most in 27 clips without cuts."""
+"""Loss of similarity of a patch, by planes that the search has not compared, from which the search is repeated with
+them. The largest loss is 0.15 in 27 clips without cuts."""
 
 PATCH_RADIUS = 5
 """Patch radius in thumbnail pixels; a patch is a quarter of a thumbnail wide. Smaller patches match in any picture."""
@@ -67,7 +79,8 @@ PATCH_RADIUS = 5
 class CutPolicy(Protocol):
     """Contract: decides where scenes end, pair by pair.
 
-    `CutDetector` detects cuts, `fpsboost.analysis.scene_cuts.CutList` has a list of them.
+    `CutDetector` detects cuts, `fpsboost.analysis.scene_cuts.CutList` has a list of them. The conversion computes the
+    match score of each pair once, then decides by the scores of the pairs around it.
     """
 
     def match_score(self, image0: FrameCache, image1: FrameCache) -> float:
@@ -80,7 +93,7 @@ class CutPolicy(Protocol):
         """Return whether a poorly matching pair is part of a gradual change, given scores of frames farther apart."""
 
     def is_flash(self, match_score: float, across: float, *neighbours: float) -> bool:
-        """Return whether a frame only hides a scene that continues, given the match score of the frames around it."""
+        """Return whether a frame only interrupts a scene, given the match score of the frames around it."""
 
 
 @runtime_checkable
@@ -93,7 +106,7 @@ class CountsFrames(Protocol):
 
 
 def counts_frames(policy: CutPolicy | None) -> bool:
-    """Return whether a policy goes by the numbers of frames, so that none may be left unread."""
+    """Return whether a policy uses the numbers of frames, so that none may be skipped."""
     return isinstance(policy, CountsFrames) and policy.counts_frames
 
 
@@ -144,13 +157,13 @@ class CutDetector(Checked):
         """Return whether a poorly matching pair is part of a gradual change, such as the end of a fade.
 
         `across` are the known match scores of each of its frames and the one beyond the other: across a cut, they are
-        as low as the pair's; in a gradual change, even lower. A pair in which nothing matches is a cut in any case.
+        as low as the pair's; in a gradual change, even lower. A pair without any match is a cut in any case.
         """
         some_alike = CERTAIN_CUT_FRACTION * self.threshold <= match_score and self.threshold < 1
         return some_alike and min(across, default=1.0) < GRADUAL_CHANGE_FRACTION * match_score
 
     def is_flash(self, match_score: float, across: float, *neighbours: float) -> bool:
-        """Return whether a frame that matches the one beside it poorly only hides a scene that continues.
+        """Return whether a frame that matches the one beside it poorly only interrupts a scene that continues.
 
         `across` is the match score of the frames on both sides of it, `neighbours` those of the pairs around.
         """
@@ -158,17 +171,19 @@ class CutDetector(Checked):
         return goes_on and self.is_cut(match_score, across)
 
     def match_score(self, image0: FrameCache, image1: FrameCache) -> float:
-        """Return how much of the frames can be followed forward and backward, 0 to 1: the worse of both directions.
+        """Return the share of the frames that can be followed forward and backward, 0 to 1.
 
-        A frame with little content can be found in nearly any other, but not the other in it.
+        The worse of both directions counts: a frame with little content can be found in nearly any other, but not the
+        other in it.
         """
         return min(float(each.mean()) for each in self.match_maps(image0, image1))
 
     def match_maps(self, image0: FrameCache, image1: FrameCache) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return how well each pixel of both thumbnails can be followed there and back, (h, w) float32, 0 to 1.
 
-        The components of the search have no room for all of chroma. Where matches differ in what these leave out, such
-        as orange and azure of equal luma, it takes the place of mean chroma in another search, and the lower counts.
+        The components of the search do not hold all of chroma. Where matches differ in the planes that these leave out,
+        such as orange and azure of equal luma, such a plane takes the place of mean chroma in another search, and the
+        lower result counts.
         """
         thumbnails = [image.derived(small_components, THUMBNAIL_SIDE) for image in (image0, image1)]
         fields, matched = self._follow(*thumbnails)
@@ -191,7 +206,7 @@ class CutDetector(Checked):
 
 
 def unseen_planes(image: FrameCache, longer_side: int) -> list[NDArray[Any]]:
-    """Return what the components of an image's thumbnail leave out, (h, w) float32 each: hue, and alpha if any.
+    """Return the planes that the components of an image's thumbnail leave out: hue, and alpha if any, (h, w) float32.
 
     Hue is half the difference of both colour differences, whose mean is one of the components.
     """
@@ -202,7 +217,7 @@ def unseen_planes(image: FrameCache, longer_side: int) -> list[NDArray[Any]]:
 
 
 def _contradiction(similarity: NDArray[Any], field: MotionField, here: NDArray[Any], there: NDArray[Any]) -> float:
-    """Return how much of its similarity a patch loses at most by the difference in another plane from its match."""
+    """Return the largest loss of similarity of any patch by the difference from its match in another plane."""
     ends, side = np.arange(here.size) + _as_steps(field.flow.reshape(-1, 2), here.shape[1]), 2 * PATCH_RADIUS + 1
     apart = np.square(here - there.take(ends).reshape(here.shape))
     alike = cv2.blur(cv2.exp(apart * np.float32(-0.5 / BANDWIDTH**2)), (side, side))
@@ -210,7 +225,7 @@ def _contradiction(similarity: NDArray[Any], field: MotionField, here: NDArray[A
 
 
 def _measure_consistency(thumbnail: Components, there: MotionField, back: MotionField) -> NDArray[Any]:
-    """Return, by pixel, the match's similarity times that of the patch where the backward vector ends."""
+    """Return, by pixel, the match's similarity times that of the patch where the backward vector ends, (h, w)."""
     height, width = there.similarity.shape
     starts, flow = np.arange(height * width), there.flow.reshape(-1, 2)
     across = flow + back.flow.reshape(-1, 2).take(starts + _as_steps(flow, width), axis=0)
@@ -245,7 +260,16 @@ SECONDS_COLUMN = "Start Time (seconds)"
 class CutList(Checked):
     """Cut policy with the scene cuts of a list and no others; takes the place of a `CutDetector`.
 
-    The positions, counted from the first frame of the clip, are those of the first frames of new scenes.
+    Parameters
+    ----------
+    positions : tuple of Position
+        First frames of new scenes, counted from the first frame of the clip.
+
+    Examples
+    --------
+    >>> cuts = CutList((Position(Fraction(5)), Position(Fraction(240), is_frame=True)))
+    >>> str(cuts), cuts.counts_frames
+    ('CutList of 2 cuts', True)
     """
 
     positions: tuple[Position, ...]
@@ -265,12 +289,14 @@ class CutList(Checked):
         return float(self._count_cuts_until(image0.source_position) == self._count_cuts_until(image1.source_position))
 
     def is_cut(self, match_score: float, *neighbours: float) -> bool:
+        """Return whether a listed cut lies within the pair, whose match score is 0 then."""
         return match_score == 0
 
     def is_gradual(self, match_score: float, *across: float) -> bool:
         return False  # every listed cut is a cut
 
     def is_flash(self, match_score: float, across: float, *neighbours: float) -> bool:
+        """Return False: the list is taken as it is."""
         return False
 
     def _count_cuts_until(self, position: SourcePosition) -> int:
@@ -288,10 +314,17 @@ class CutList(Checked):
 
 @checked
 def read_cuts(path: PathName) -> CutList:
-    """Read a list of cuts from a file; raises `InputError` if it cannot be read, `OptionError` for a wrong line.
+    """Read a list of cuts from a file.
 
     It has one position per line, as `parse_position` reads it, and comments after ``#``, or is the list of scenes that
     PySceneDetect writes as CSV.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is not text.
+    OptionError
+        A line is no position.
     """
     name = os.fspath(path)
     with explained(InputError, "read", name, "check `cuts`"):
@@ -303,6 +336,7 @@ def read_cuts(path: PathName) -> CutList:
 
 
 def _read_positions(lines: Iterable[str], name: str) -> Iterator[Position]:
+    """Yield the positions of a list; of PySceneDetect's table, those in the column `SECONDS_COLUMN`."""
     column: int | None = None
     for number, line in enumerate(lines, 1):
         text = line.partition("#")[0].strip()

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
-from fpsboost.analysis.duplicates import DuplicateDetector, Picture, SourceFrame, find_pictures
+from fpsboost.analysis.duplicates import DuplicateDetector, PictureRun, SourceFrame, find_pictures
 from fpsboost.contracts import FrameSource
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import Frame
@@ -186,7 +186,7 @@ class Hiding(Checked):
 
     def _truths(self, frames: Iterator[SourceFrame]) -> Iterator[_Truth]:
         if self.duplicates == "keep":
-            pictures: Iterator[Picture] = (Picture((each,), is_still=False, repeats=0) for each in frames)
+            pictures: Iterator[PictureRun] = (PictureRun((each,), is_still=False, repeats=0) for each in frames)
         else:
             pictures = find_pictures(frames, DuplicateDetector())
         for picture in pictures:
