@@ -1,10 +1,11 @@
-"""Confidence of an in-between frame by the agreement of the two frames, and what it shows where it is unsure.
+"""Confidence of an in-between frame by the agreement of the two frames, and the fallback where confidence is low.
 
-The agreement is that along the motion, for any synthesizer. Its measure is that of `fpsboost.kernels.multi_hypothesis`
-for a single motion, so that confidences of all methods are on one scale: patches of five by five squares of two by two
+Agreement is measured along the motion, for any synthesizer. Its measure is that of `fpsboost.kernels.multi_hypothesis`
+for a single motion, so that confidences of all methods are on one scale: patches of five by five blocks of two by two
 pixels, similarity ``exp(-d / 2 v^2)``, to the eighth power.
 
-Where an image is unsure, the frames themselves are shown, with soft edges.
+The fallback replaces uncertain pixels by the two frames themselves, mixed or the nearer one, with soft edges
+(`measure_doubt`, `fall_back`).
 """
 
 from __future__ import annotations
@@ -25,18 +26,29 @@ BANDWIDTH = 0.3
 """Bandwidth v of the similarity, for colours in [0, 1]."""
 
 PATCH = (END_WEIGHT, 1, 1, 1, END_WEIGHT)
-"""Weights of the squares of a patch along an axis."""
+"""Weights of the 2x2 blocks of a patch along an axis."""
 
 ITERATIONS = 3
 """Iterations of the search for the motion that leads through a pixel."""
 
 
 def measure_agreement(frame_pair: FramePair, t: float) -> NDArray[Any]:
-    """Return how far an in-between frame can be trusted: the agreement of the two frames along the motion between them.
+    """Return the confidence of an in-between frame: the agreement of the two frames along the motion between them.
 
     In each direction, the motion through every pixel is found by the fixed-point search of Yang et al. 2011, and the
     patches at both of its ends are compared. The lower agreement counts: what is mixed along both motions is right only
-    where both are. (H, W) float32 in [0, 1].
+    where both are.
+
+    Parameters
+    ----------
+    frame_pair : FramePair
+        Two frames and the motion between them.
+    t : float
+        Time of the in-between frame, in (0, 1).
+
+    Returns
+    -------
+    (H, W) float32 in [0, 1]
     """
     onward = find_motion(frame_pair.field01, t)
     back = find_motion(frame_pair.field10, 1 - t)
@@ -48,7 +60,7 @@ def measure_agreement(frame_pair: FramePair, t: float) -> NDArray[Any]:
 
 
 def find_motion(field: MotionField, t: float) -> NDArray[Any]:
-    """Return the motion of the points of a frame that are at each pixel after a share t of their way, (H, W, 2)."""
+    """Return the motion of the points that are at each pixel after a share t of their way, (H, W, 2) float32."""
     flow = field.flow
     motion = flow
     if not flow.any():
@@ -63,7 +75,16 @@ def measure_agreement_along(
 ) -> NDArray[Any]:
     """Return the agreement of two frames along the motion from each in-between pixel to either of them.
 
-    The motion is (H, W, 2) float32, the agreement (H, W) float32 in [0, 1].
+    Parameters
+    ----------
+    image0, image1 : FrameCache
+        Two frames of one size and type.
+    motion0, motion1 : (H, W, 2) float32
+        Motion from the in-between frame to frame 0 and to frame 1, pixels.
+
+    Returns
+    -------
+    (H, W) float32 in [0, 1]
     """
     first, second = (
         sample(image.cached(_comparable), motion, cv2.INTER_CUBIC) if motion.any() else image.cached(_comparable)
@@ -83,7 +104,10 @@ def measure_agreement_along(
 
 
 def sample(values: NDArray[Any], motion: NDArray[Any], interpolation: int) -> NDArray[Any]:
-    """Return the values at the end of the motion from each pixel, with repeated edges, by one of OpenCV's filters."""
+    """Return the values at the end of the motion from each pixel, in the shape of `values`.
+
+    Edges are repeated. `motion` is (H, W, 2), `interpolation` one of OpenCV's filters such as ``cv2.INTER_CUBIC``.
+    """
     height, width = motion.shape[:2]
     y, x = np.arange(height, dtype=np.float32)[:, np.newaxis], np.arange(width, dtype=np.float32)
     sampled = cv2.remap(values, x + motion[..., 0], y + motion[..., 1], interpolation, borderMode=cv2.BORDER_REPLICATE)
@@ -91,29 +115,59 @@ def sample(values: NDArray[Any], motion: NDArray[Any], interpolation: int) -> ND
 
 
 def _comparable(image: Pixels) -> NDArray[Any]:
+    """Return an image as the agreement compares it; a function for `FrameCache.cached`."""
     return view(image).comparable()
 
 
 Uncertain = Literal["keep", "blend", "nearest", "hold"]
+"""Fallback for uncertain pixels: none (keep), the mix of both frames, the nearer frame, or the nearer frame for a whole
+image of which too much is uncertain (hold)."""
 
 RAMP = 0.1
-"""Difference of confidence from the limit at which a pixel is entirely sure, or entirely unsure."""
+"""Difference of confidence from the limit at which the weight of the fallback reaches 0 or 1."""
 
 SOFTNESS = 1 / 80  # standard deviation of the blur of confidence, as a fraction of the frame's longer side
 
 MAX_UNSURE = 0.2
-"""Largest share of unsure pixels of a frame that is not held."""
+"""Largest share of uncertain pixels of a frame that is not held."""
 
 
 def measure_doubt(confidence: NDArray[Any], below: float, uncertain: Uncertain) -> NDArray[Any]:
-    """Return the weight of the fallback at each pixel, (H, W) float32, 0 to 1: continuous in place and confidence."""
+    """Return the weight of the fallback at each pixel, (H, W) float32, 0 to 1.
+
+    It is continuous in place and in confidence, so that no edges and no flicker appear; with ``hold``, it is 0 or 1
+    everywhere.
+
+    Parameters
+    ----------
+    confidence : (H, W) float32
+        Confidence of the frame in the middle of a pair, whose fallback all frames of the pair share.
+    below : float
+        Confidence below which a pixel is uncertain.
+    uncertain : {'keep', 'blend', 'nearest', 'hold'}
+        Kind of fallback.
+    """
     blurred = cv2.GaussianBlur(confidence, (0, 0), SOFTNESS * max(confidence.shape))
     doubt = ((below + RAMP - blurred) / np.float32(2 * RAMP)).clip(0, 1)
     return doubt if uncertain != "hold" else np.full_like(doubt, doubt.mean() > MAX_UNSURE)
 
 
 def fall_back(image: Pixels, image0: Pixels, image1: Pixels, t: float, doubt: NDArray[Any], *, mix: bool) -> Pixels:
-    """Return an image in which the mix of two frames, or the nearer one, stands to the weight `doubt`."""
+    """Return an image in which the two frames replace uncertain pixels, to the share `doubt`.
+
+    Parameters
+    ----------
+    image : array or YCbCrImage
+        In-between frame.
+    image0, image1 : array or YCbCrImage
+        The two frames.
+    t : float
+        Time of the in-between frame, in (0, 1).
+    doubt : (H, W) float32
+        Weight of the fallback, see `measure_doubt`; pixels of weight 0 keep their value to the bit.
+    mix : bool
+        Whether the fallback is the mix of both frames by time, or the frame that is nearer in time.
+    """
     if not doubt.any():
         return image
     nearer = image0 if t <= 0.5 else image1

@@ -1,4 +1,7 @@
-"""In-between frames without motion: blending and frame repetition."""
+"""In-between frames without motion: blending and frame repetition.
+
+They are baselines, and what other methods fall back to.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ class Blend:
     takes_planes: ClassVar[bool] = True
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
-        """Generate blended images, from the frames alone; see `fpsboost.synthesis.Synthesizer.synthesize`."""
+        """Generate mixtures of both frames by time; see `fpsboost.synthesis.Synthesizer.synthesize`."""
         image0, image1 = frame_pair.image0.pixels, frame_pair.image1.pixels
         for t in times:
             yield view(image0).mix(view(image1), t)
@@ -37,13 +40,14 @@ class Blend:
 
 
 def _at_rest(shape: tuple[int, ...], t: float) -> Sources:
-    """Return the pixel's own place, in the frame that is nearer in time."""
+    """Return each pixel's own place in both frames, taken from the frame that is nearer in time."""
     place = np.indices(shape[:2])
     here = place[0], place[1]
     return Sources(here, here, np.full(shape[:2], t > 0.5), np.zeros(shape[:2], bool), t)
 
 
 def _mix_planes(t: float, planes0: Planes, planes1: Planes) -> Mixed:
+    """Return planes of both frames mixed by time; without motion, there is no spline that could overshoot."""
     mixed = np.stack(
         [cv2.addWeighted(plane0, 1 - t, plane1, t, 0) for plane0, plane1 in zip(planes0, planes1, strict=True)]
     )

@@ -22,6 +22,8 @@ MIN_ALPHA = np.float32(1e-4)
 class Exposure:
     """Sum of images, of which the mean is taken.
 
+    Colours of straight alpha are weighted by their alpha, so that transparent pixels do not darken the mean.
+
     Examples
     --------
     >>> import numpy as np
@@ -49,7 +51,7 @@ class Exposure:
         self.count += 1
 
     def image(self) -> Image:
-        """Return the mean of the images, in their type."""
+        """Return the mean of the images added so far, at least one, in their shape and type."""
         if self._dtype == np.float32:
             return np.asarray(self._light / np.float32(self.count))
         top = np.iinfo(self._dtype).max

@@ -1,9 +1,9 @@
-"""The weights of candidates, learnt from drawn scenes: coefficients of their features.
+"""The weights of candidates: coefficients of their features, trained on synthetic scenes.
 
-The table is what ``samples/fit_fusion.py`` makes of scenes that ``samples/construct_clips.py`` draws: no film is among
-them, and nothing is learnt from images but these numbers. The logarithm of the weight of a candidate, beside that of
-its votes, is a sum of its features times coefficients, plus eight hinges: such sums where they are above 0, each times
-a factor (see `fpsboost.kernels.pixel_weights`).
+``samples/fit_fusion.py`` fits the table to scenes that ``samples/construct_clips.py`` draws; no film is among them, and
+these numbers are all that is learnt from images. The logarithm of the weight of a candidate, beside that of its votes,
+is a sum of its features times coefficients, plus eight hinges: such sums where they are above 0, each times a factor
+(see `fpsboost.kernels.pixel_weights`). `docs/method.md` describes the features.
 """
 
 from __future__ import annotations
@@ -42,33 +42,45 @@ TABLE: Mapping[str, tuple[float, ...]] = {
     "gradient": (-0.124, 3.73, 4.14, 3.69, -7.82, 5.5, -0.574, 2.17, 7.42, 2.24),
     "support by neighbours": (-0.161, 0.425, 3.45, 3.06, 2.92, -2.58, 3.18, -0.818, 0.917, 0.616),
 }
-"""Of each feature (see `fpsboost.kernels.fusion_features`) the coefficients for both frames, for one of them alone, and
-for each hinge; "own" is the frame that is weighed, or that the hinge is of."""
+"""Coefficients by feature (see `fpsboost.kernels.fusion_features`): for a candidate that both frames show, for one that
+a single frame shows, and for each hinge. "Own" is the frame whose sample is weighted, or that the hinge belongs to."""
 
 OUTPUTS: tuple[tuple[float, ...], ...] = (
     (-0.943, -0.46, -0.105, -0.319, 1.35, -0.555, 0.505, 0.735),
     (-0.0957, -0.814, -0.992, -1.53, 0.594, -0.188, 0.268, 0.889),
 )
-"""Factors of the hinges for both frames, and for their own frame alone."""
+"""Factors of the eight hinges in the weight of both frames, and in that of their own frame alone."""
 
 OWN = np.arange(4, 19, 3)
-"""Numbers of the features of frame 0 that are followed by those of frame 1."""
+"""Indices of the features of frame 0 that are followed by those of frame 1."""
 
 Coefficients = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
+"""Symmetric part of the table, antisymmetric part, and factors of the rows; see `as_coefficients`."""
 
 
 def mirrored(coefficients: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return coefficients, or features, (..., FEATURES), with both frames exchanged."""
+    """Return coefficients, or features, (..., FEATURES), with the two frames exchanged."""
     order = np.arange(FEATURES)
     order[OWN], order[OWN + 1] = OWN + 1, OWN
     return coefficients[..., order]
 
 
 def as_coefficients(rows: NDArray[np.floating], outputs: NDArray[np.floating]) -> Coefficients:
-    """Return a table, (2 + hinges, FEATURES), and the factors of the hinges, (hinges, 2), as the kernels take them.
+    """Return a table in the form that the kernels take.
 
-    These are the even and the odd part of the table by exchange of the frames, and the factors of each row for both
-    frames and for either alone.
+    Parameters
+    ----------
+    rows : (2 + hinges, FEATURES)
+        Coefficients of both frames, of a single frame, and of each hinge.
+    outputs : (hinges, 2)
+        Factors of the hinges, for both frames and for their own frame.
+
+    Returns
+    -------
+    even, odd : (2 + hinges, FEATURES) float32
+        Symmetric and antisymmetric part of the rows by exchange of the frames.
+    factors : (2 + hinges, 2) float32
+        Factors of each row for both frames and for either alone.
     """
     even = (rows + mirrored(rows)) / 2
     odd = rows - even
@@ -78,5 +90,5 @@ def as_coefficients(rows: NDArray[np.floating], outputs: NDArray[np.floating]) -
 
 @cache
 def fusion_coefficients() -> Coefficients:
-    """Return the coefficients of the learnt table as the kernels take them."""
+    """Return the coefficients of `TABLE` in the form that the kernels take; computed once."""
     return as_coefficients(np.array(list(TABLE.values())).T, np.array(OUTPUTS).T)

@@ -1,8 +1,11 @@
-"""Layers of in-between frames: each mixed, or taken from one of the frames, as what it is.
+"""Layers of in-between frames: each is mixed, or taken from one of the frames, according to its kind.
 
-Linear layers share their weights and everything else with the picture, so that what is composed of them by sums is the
-same before and after. A spline overshoots at edges; where a layer would leave its range, *all* linear layers of that
-pixel are moved towards samples that cannot, by one share.
+Linear layers have the same weights as the picture, so that a sum of layers that equals the picture before still does
+afterwards. A spline overshoots at edges; where a layer would leave its range, *all* linear layers of that pixel are
+moved by one share towards samples that cannot overshoot.
+
+Depth is mixed on a surface only, normals keep their length, and identifiers and anything else that must not be mixed
+come from the nearer frame that has the pixel (`Sources`).
 """
 
 from __future__ import annotations
@@ -24,13 +27,14 @@ PLANES_AT_ONCE = 8
 """Planes that are mixed at a time: their samples take 32 bytes per pixel each."""
 
 Planes = Sequence[NDArray[Any]]
+"""Planes of a frame, each (H, W)."""
 
 AGREEMENT = np.float32(4)
 """Largest difference between a motion and that of a frame's own pixel for the two to agree, pixels: motion that changes
 across a surface differs by less, that of something in front of it by more."""
 
 NEAR, RINGING = np.ones((3, 3), np.uint8), np.ones((17, 17), np.uint8)
-"""Pixels around one within whose range it stays, and as far as a spline rings."""
+"""Distance to which a spline rings (17 x 17 pixels)."""
 
 ONE_SURFACE = 0.1
 """Largest difference between two distances on one surface, as a share of the smaller."""
@@ -38,47 +42,56 @@ ONE_SURFACE = 0.1
 
 @runtime_checkable
 class MixesLayers(Protocol):
-    """Contract: synthesizer that makes layers beside the picture."""
+    """Contract: synthesizer that generates all layers of a frame along with the picture."""
 
     def synthesize_layers(
         self, frame_pair: FramePair, layered: tuple[LayeredImage, LayeredImage], times: Sequence[float]
     ) -> Iterator[LayeredImage]:
         """Generate one image with all layers for every time; see `fpsboost.synthesis.Synthesizer.synthesize`.
 
-        `frame_pair` has the frames that motion and weights are found on, perhaps under equal illumination; `layered`
-        the frames as they are, with the same layers.
+        Parameters
+        ----------
+        frame_pair : FramePair
+            The frames on which motion and weights are found, perhaps under equal illumination.
+        layered : (LayeredImage, LayeredImage)
+            The frames as they are, with the same layers.
+        times : sequence of float
+            Each in (0, 1).
         """
 
 
 class Mixed(NamedTuple):
-    """Planes of an in-between frame, each (planes, H, W) float32, with the same weights."""
+    """Planes of an in-between frame, each (planes, H, W) float32, sampled in two ways with the same weights."""
 
     sharp: NDArray[Any]
-    """Of spline samples, which overshoot at edges."""
+    """Interpolated by splines, which overshoot at edges."""
     smooth: NDArray[Any]
-    """Of samples that lie between those of the frames."""
+    """Smoothed by the same splines, within the range of the frames' own samples."""
 
 
 class Sources(NamedTuple):
-    """Where each pixel of an in-between frame is taken from."""
+    """Source of each pixel of an in-between frame: its places in both frames, and the frame that shows it."""
 
     place0: tuple[NDArray[Any], NDArray[Any]]
     """Rows and columns in frame 0, (H, W) int."""
     place1: tuple[NDArray[Any], NDArray[Any]]
-    """Rows and columns in frame 1."""
+    """Rows and columns in frame 1, (H, W) int."""
     is_second: NDArray[Any]
-    """Whether frame 1 has the pixel rather than frame 0, (H, W) bool."""
+    """Whether the pixel is taken from frame 1 instead of frame 0, (H, W) bool."""
     have_both: NDArray[Any]
-    """Whether both have it, (H, W) bool."""
+    """Whether both frames show it, (H, W) bool."""
     t: float
     """Time of the in-between frame, 0 to 1."""
 
     def nearest(self, plane0: NDArray[Any], plane1: NDArray[Any]) -> NDArray[Any]:
-        """Return the values of the frame that has the pixel, unmixed."""
+        """Return the values of the frame that each pixel is taken from, unmixed, (H, W)."""
         return np.asarray(np.where(self.is_second, plane1[self.place1], plane0[self.place0]))
 
-    def limits(self, plane0: NDArray[Any], plane1: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return the range around each pixel's places where a spline rings, near values above 1; elsewhere infinity."""
+    def clamp_range(self, plane0: NDArray[Any], plane1: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return the lowest and the highest value around each pixel's places, (H, W), to which a spline is clamped.
+
+        The clamp is for values above 1 and the pixels to which they ring; elsewhere the range is infinite.
+        """
         sources = (plane0, self.place0), (plane1, self.place1)
         lows, highs = ([around(plane, NEAR)[place] for plane, place in sources] for around in (cv2.erode, cv2.dilate))
         high, no_limit = np.maximum(*highs), np.float32(np.inf)
@@ -86,7 +99,7 @@ class Sources(NamedTuple):
         return np.where(rings, np.minimum(*lows), -no_limit), np.where(rings, high, no_limit)
 
     def depth(self, plane0: NDArray[Any], plane1: NDArray[Any]) -> NDArray[Any]:
-        """Return distances like `nearest`, mixed by time only on one surface: between two, there is nothing."""
+        """Return distances like `nearest`, but mixed by time within a surface: nothing is between two surfaces."""
         value0, value1 = (
             plane[place].astype(np.float32, copy=False)
             for plane, place in ((plane0, self.place0), (plane1, self.place1))
@@ -105,8 +118,14 @@ def mix_layers(
 ) -> LayeredImage:
     """Return an in-between frame with all layers of two frames, which have the same.
 
-    `mix` takes (H, W) float32 planes of both frames, at most PLANES_AT_ONCE at a time; `find_sources` is called only if
-    a layer needs it.
+    Parameters
+    ----------
+    layered : (LayeredImage, LayeredImage)
+        The two frames.
+    mix : callable
+        Mixes (H, W) float32 planes of both frames, at most PLANES_AT_ONCE at a time.
+    find_sources : callable
+        Returns the `Sources`; called at most once, and only if a layer needs them.
     """
     colours = [list(np.moveaxis(normalised(each.colour), -1, 0)) for each in layered]
     linear = [
@@ -139,6 +158,7 @@ def mix_layers(
 
 
 def _pairs(layered: tuple[LayeredImage, LayeredImage]) -> Iterator[tuple[Layer, Layer]]:
+    """Return the pairs of corresponding layers."""
     return zip(layered[0].layers, layered[1].layers, strict=True)
 
 
@@ -149,8 +169,8 @@ def _mix_linear(
 ) -> Planes:
     """Return mixed planes, none of which leaves its range, and all of which are moved by one share.
 
-    Largest share of the spline s for which ``smooth + s (sharp - smooth)`` is within the range of every plane: that of
-    its two frames or, around what is brighter than white, of the places where each pixel comes from.
+    The share s is the largest for which ``smooth + s (sharp - smooth)`` is within the range of every plane: that of its
+    two frames or, around values brighter than white, of the places that each pixel comes from.
     """
     share, results, ranges = None, list[Mixed](), list[tuple[np.float32, np.float32]]()
     for begin in range(0, len(pairs), PLANES_AT_ONCE):
@@ -162,7 +182,7 @@ def _mix_linear(
             lowest, highest = min(plane0.min(), plane1.min()), max(plane0.max(), plane1.max())
             ranges.append((lowest, highest))
             if highest > 1:
-                lows, highs = find_sources().limits(plane0, plane1)
+                lows, highs = find_sources().clamp_range(plane0, plane1)
                 lowest, highest = np.maximum(lows, lowest), np.minimum(highs, highest)
             beyond = (sharp < lowest) | (sharp > highest)
             if beyond.any():
@@ -176,7 +196,7 @@ def _mix_linear(
 
 
 def _mix_normals(pairs: Sequence[tuple[NDArray[Any], NDArray[Any]]], mix: Callable[[Planes, Planes], Mixed]) -> Planes:
-    """Return mixed directions that are as long as the frames' are: 1 on surfaces, 0 where nothing is."""
+    """Return mixed directions that are as long as the frames' are: 1 on surfaces, 0 on the background."""
     planes0, planes1 = ([_numbers(plane) for plane in planes] for planes in zip(*pairs, strict=True))
     lengths = [np.sqrt(sum(plane * plane for plane in planes)) for planes in (planes0, planes1)]
     *directions, length = mix([*planes0, lengths[0]], [*planes1, lengths[1]]).sharp
@@ -187,17 +207,25 @@ def _mix_normals(pairs: Sequence[tuple[NDArray[Any], NDArray[Any]]], mix: Callab
 
 
 def _numbers(plane: NDArray[Any]) -> NDArray[Any]:
-    """Return a plane as float32 without infinity and NaN, which would spread."""
+    """Return a plane as float32 without infinity and NaN, which would spread to neighbouring pixels."""
     return normalised(plane.astype(np.float32, copy=False))
 
 
 def find_sources(places: NDArray[Any], flows: tuple[NDArray[Any], NDArray[Any]], t: float) -> Sources:
-    """Decide which frame has each pixel of an in-between frame.
+    """Decide which frame each pixel of an in-between frame is taken from.
 
-    A frame has it if the pixel's place is inside of it, and if what is there moves along: what is hidden in a frame has
-    something else in its place, which moves differently. Where both frames have it, it is that nearer in time.
-    `places`, (4, H, W) float32, are column and row in frame 0, and in frame 1; `flows` the motion of the pixels of each
-    frame.
+    A frame shows the pixel if its place is inside of the frame, and if the frame's own motion there agrees: where the
+    pixel is occluded, the frame shows another surface, which moves differently. If both frames show it, the frame that
+    is nearer in time is taken.
+
+    Parameters
+    ----------
+    places : (4, H, W) float32
+        Column and row in frame 0, then in frame 1.
+    flows : two (H, W, 2) float32
+        Motion of the pixels of each frame to the other one, pixels.
+    t : float
+        Time of the in-between frame.
     """
     height, width = places.shape[1:]
     motion, apart, found = places[2:] - places[:2], [], []

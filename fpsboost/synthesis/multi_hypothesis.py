@@ -1,7 +1,14 @@
 """The default synthesis: the mean over the candidate motions of every pixel, weighted by patch similarity at time t.
 
-The motion at each point of both frames is a vote for the motion around the nodes where it lands; candidates with few
-votes are suppressed.
+Steps (`docs/method.md` derives them):
+
+1. The motion at each point of both frames is a vote for the nodes near which it lands at time t
+   (`fpsboost.kernels.candidates`). Similar votes are merged into candidates; those with few votes are dropped.
+2. Around each node, a window of the in-between frame is sampled in both frames along every candidate, and the
+   candidates are weighted by the similarity of the samples, or by features with learnt coefficients
+   (`fpsboost.kernels.multi_hypothesis`).
+3. Overlapping windows are added, as in overlapped block motion compensation.
+4. If a renderer's vectors are given, the image along them is one more hypothesis (`rendered_hypothesis`).
 """
 
 from __future__ import annotations
@@ -58,6 +65,7 @@ from fpsboost.synthesis.rendered_hypothesis import SurfaceMotion, find_surface_m
 from fpsboost.synthesis.surroundings import at_time, find_surroundings
 
 Fusion = Literal["learnt", "plain"]
+"""Weighting of candidates: by learnt coefficients of many features, or by votes and similarity alone."""
 
 CANDIDATE_CAPACITY = 48
 """Maximum number of distinct motions collected per node."""
@@ -75,18 +83,22 @@ CONSISTENCY_TOLERANCE = 16
 """Forward-backward error at which the vote of a motion is halved, pixels."""
 
 
-class _Listed(NamedTuple):
-    """Candidates at a time, and what is known of them."""
+class _CandidatesAtTime(NamedTuple):
+    """Candidates at a time, and the context of the pair at that time."""
 
     candidates: Candidates
+    """Candidate motions of every node."""
     surroundings: Surroundings | None
+    """Context that the learnt weights read; None for plain weights."""
     t: float
+    """Time of the in-between frame, in (0, 1)."""
 
 
 class _Surfaces(NamedTuple):
-    """In-between image along a renderer's motion."""
+    """In-between image along a renderer's motion, and its share in the result."""
 
     motion: SurfaceMotion
+    """Motion of the surfaces to both frames."""
     mixed: NDArray[Any]
     """Its planes, with 1 for white, (C, H, W) float32."""
     share: NDArray[Any]
@@ -124,10 +136,34 @@ class MultiHypothesis(Checked):
     min_vote_share : float
         A candidate is skipped if its votes are below this share of the least accumulated weight of any pixel.
     fusion : {'learnt', 'plain'}
-        Weigh candidates by votes and similarity alone, or by features with coefficients learnt from drawn scenes.
+        Weigh candidates by votes and similarity alone, or by features with coefficients trained on synthetic scenes.
     vectors : RenderedVectors or None
         A renderer's motion vectors; if given, the motion of the surfaces is one more hypothesis of every pixel, see
         `fpsboost.synthesis.rendered_hypothesis`.
+
+    Raises
+    ------
+    OptionError
+        An option is out of range, or the support radius is smaller than the distance between nodes.
+
+    References
+    ----------
+    M. T. Orchard and G. J. Sullivan, Overlapped Block Motion Compensation: An Estimation-Theoretic Approach, IEEE
+    Transactions on Image Processing 1994, doi:10.1109/83.334974: windows that overlap.
+
+    M. Unser, A. Aldroubi and M. Eden, B-Spline Signal Processing, IEEE Transactions on Signal Processing 1993,
+    doi:10.1109/78.193220: the samples between pixels.
+
+    Examples
+    --------
+    >>> from fpsboost import FrameCache
+    >>> from fpsboost.motion.nlm import CoarseToFine
+    >>> noise = np.random.default_rng(1).integers(0, 256, (96, 128, 3), dtype=np.uint8)
+    >>> image0, image1 = FrameCache(noise), FrameCache(np.roll(noise, 4, axis=1))
+    >>> pair = FramePair(image0, image1, *CoarseToFine().estimate(image0, image1))
+    >>> (middle,) = MultiHypothesis().synthesize(pair, [0.5])
+    >>> int(np.abs(middle[32:64, 32:96].astype(int) - np.roll(noise, 2, axis=1)[32:64, 32:96]).max())
+    0
     """
 
     step: Annotated[int, Range(1, unit=" pixel")] = 8
@@ -153,14 +189,16 @@ class MultiHypothesis(Checked):
 
     @property
     def takes_planes(self) -> bool:
-        """Whether frames may be `YCbCrImage`."""
+        """Whether frames may be `YCbCrImage`: not with vectors, whose image is made of BGR."""
         return self.vectors is None
 
     @property
     def needs_every_frame(self) -> bool:
+        """Whether no frame may be left out; vectors lead only to the next frame."""
         return self.vectors is not None
 
     def without_vectors(self) -> MultiHypothesis:
+        """Return the same synthesis of the images alone."""
         return replace(self, vectors=None)
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
@@ -168,19 +206,19 @@ class MultiHypothesis(Checked):
         if self.vectors is not None:
             yield from (view(output.image).array() for output in self.fuse(frame_pair, times))
             return
-        nobody_asks = np.empty((0, 0), np.float32)
-        for listed in self._listed(frame_pair, times):
-            yield self._fused(frame_pair, listed, nobody_asks)
+        no_confidence = np.empty((0, 0), np.float32)
+        for listed in self._at_times(frame_pair, times):
+            yield self._fused(frame_pair, listed, no_confidence)
 
     def fuse(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[InterpolatedImage]:
         """Generate the images of `synthesize` with the confidence of every pixel."""
-        for listed in self._listed(frame_pair, times):
+        for listed in self._at_times(frame_pair, times):
             confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
             output = InterpolatedImage(self._fused(frame_pair, listed, confidence), confidence)
             yield output if self.vectors is None else self._with_surfaces(output, frame_pair, listed, self.vectors)
 
     def _with_surfaces(
-        self, output: InterpolatedImage, frame_pair: FramePair, listed: _Listed, vectors: RenderedVectors
+        self, output: InterpolatedImage, frame_pair: FramePair, listed: _CandidatesAtTime, vectors: RenderedVectors
     ) -> InterpolatedImage:
         """Mix the image with the one along the renderer's motion, each weighted by the agreement of the frames."""
         image0, image1 = frame_pair.image0, frame_pair.image1
@@ -194,7 +232,7 @@ class MultiHypothesis(Checked):
     def _find_surfaces(
         self, confidence: NDArray[Any], frame_pair: FramePair, t: float, vectors: RenderedVectors
     ) -> _Surfaces:
-        """Follow the renderer's motion, and weigh it against what the candidates have made with this confidence."""
+        """Follow the renderer's motion, and weigh it against the mixture of the candidates with its confidence."""
         image0, image1 = frame_pair.image0, frame_pair.image1
         motion = find_surface_motion(image0, image1, t, vectors)
         mixed, squared = motion.mix(*(image.cached(_samples).full.coefficients for image in (image0, image1)))
@@ -209,7 +247,7 @@ class MultiHypothesis(Checked):
         self, frame_pair: FramePair, layered: tuple[LayeredImage, LayeredImage], times: Sequence[float]
     ) -> Iterator[LayeredImage]:
         """Generate images with all layers; see `fpsboost.synthesis.layers.MixesLayers`."""
-        for listed in self._listed(frame_pair, times):
+        for listed in self._at_times(frame_pair, times):
             surfaces = None
             if self.vectors is not None:
                 confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
@@ -221,16 +259,16 @@ class MultiHypothesis(Checked):
     def _mix_planes(
         self,
         frame_pair: FramePair,
-        listed: _Listed,
+        listed: _CandidatesAtTime,
         surfaces: _Surfaces | None,
         planes0: Planes,
         planes1: Planes,
     ) -> Mixed:
-        """Mix planes of both frames with the weights of the pictures."""
+        """Mix planes of both frames with the weights that the pictures have."""
         picture0, picture1 = _full_samples(frame_pair)
         samples = [_samples(np.dstack(planes)).full for planes in (planes0, planes1)]
         height, width = planes0[0].shape
-        nobody_asks, numbers = np.empty((0, 0), np.float32), np.finfo(np.float32)
+        no_confidence, numbers = np.empty((0, 0), np.float32), np.finfo(np.float32)
         mixed = []
         for sampled0, sampled1 in (samples, [_values_as_coefficients(each) for each in samples]):
             _, pixels, _ = view(frame_pair.image0.pixels).blank()
@@ -244,7 +282,7 @@ class MultiHypothesis(Checked):
                 self._weighting(frame_pair.image0.pixels),
                 listed.surroundings,
                 ValueRange(np.float32(1), np.float32(0), numbers.min, numbers.max, False),
-                Blended(pixels, output, nobody_asks),
+                Blended(pixels, output, no_confidence),
             )
             if surfaces is not None:
                 along, _ = surfaces.motion.mix(sampled0.coefficients, sampled1.coefficients)
@@ -252,8 +290,8 @@ class MultiHypothesis(Checked):
             mixed.append(output)
         return Mixed(*mixed)
 
-    def _find_sources(self, frame_pair: FramePair, listed: _Listed, surfaces: _Surfaces | None) -> Sources:
-        """Find the frame that has each pixel along the motion with the largest weight."""
+    def _find_sources(self, frame_pair: FramePair, listed: _CandidatesAtTime, surfaces: _Surfaces | None) -> Sources:
+        """Find the frame that each pixel is taken from, along the motion with the largest weight."""
         t = listed.t
         height, width = frame_pair.image0.pixels.shape[:2]
         places = np.empty((4, height, width), np.float32)
@@ -275,7 +313,7 @@ class MultiHypothesis(Checked):
         return find_sources(places, (frame_pair.field01.flow, frame_pair.field10.flow), t)
 
     def _weighting(self, image: Pixels) -> Weighting:
-        """Return how candidates are weighted in images of this type."""
+        """Return the parameters by which the kernel weighs candidates in images of this type."""
         return Weighting(
             np.float32(0.5 / self.bandwidth**2 * view(image).gray_weight),
             np.float32(self.sharpness),
@@ -285,15 +323,16 @@ class MultiHypothesis(Checked):
             *fusion_coefficients(),
         )
 
-    def _listed(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[_Listed]:
-        """Yield the candidates at each time, and what is known of them."""
+    def _at_times(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[_CandidatesAtTime]:
+        """Yield the candidates at each time, with the context for learnt weights."""
         votes_of_both = self._collect_votes(frame_pair)
         known = find_surroundings(frame_pair, self.step) if self.fusion == "learnt" else None
         for t in times:
             candidates = self._candidates(votes_of_both, frame_pair.image0.pixels.shape[:2], t)
-            yield _Listed(candidates, None if known is None else at_time(known, t, candidates), t)
+            yield _CandidatesAtTime(candidates, None if known is None else at_time(known, t, candidates), t)
 
-    def _fused(self, frame_pair: FramePair, listed: _Listed, confidence: NDArray[Any]) -> Pixels:
+    def _fused(self, frame_pair: FramePair, listed: _CandidatesAtTime, confidence: NDArray[Any]) -> Pixels:
+        """Return the mixture of the candidates; its confidence is written into `confidence`, unless that is empty."""
         image0, image1 = frame_pair.image0.pixels, frame_pair.image1.pixels
         sampled0, sampled1 = (image.cached(_samples) for image in (frame_pair.image0, frame_pair.image1))
         output, pixels, chroma = view(image0).blank()
@@ -316,18 +355,21 @@ class MultiHypothesis(Checked):
         return output
 
     def _limit_highlights(
-        self, output: Pixels, frame_pair: FramePair, listed: _Listed, surfaces: _Surfaces | None
+        self, output: Pixels, frame_pair: FramePair, listed: _CandidatesAtTime, surfaces: _Surfaces | None
     ) -> None:
-        """Keep what is around values above white in float frames within their range: a spline rings there."""
+        """Clamp float frames around values above white to the range of their sources, in place.
+
+        A spline rings there, more visibly than elsewhere.
+        """
         if frame_pair.image0.pixels.dtype != np.float32 or _value_range(frame_pair)[1] <= 1:
             return
         sources = self._find_sources(frame_pair, listed, surfaces)
         planes = (np.moveaxis(normalised(image.array), 2, 0) for image in (frame_pair.image0, frame_pair.image1))
         for values, *both in zip(np.moveaxis(view(output).array(), 2, 0), *planes, strict=True):
-            values.clip(*sources.limits(*both), out=values)
+            values.clip(*sources.clamp_range(*both), out=values)
 
     def _candidates(self, votes_of_both: Sequence[Votes], size: tuple[int, int], t: float) -> Candidates:
-        """Return the candidates around each node at time t."""
+        """Return the candidates around each node at time t: the merged votes of both frames."""
         height, width = size
         nodes = -(-height // self.node_spacing), -(-width // self.node_spacing)
         collected = no_votes(nodes, CANDIDATE_CAPACITY, self.node_spacing)
@@ -371,23 +413,31 @@ class MultiHypothesis(Checked):
         return Votes(vectors, motion_gradients(vectors, self.step), changes, similarities * consistency)
 
     def _consistency(self, field: MotionField, other: MotionField) -> NDArray[Any]:
-        """Return 1 for points whose motion leads back to them, less the larger the forward-backward error is."""
+        """Return the consistency of the motion at each point, (rows, columns), 0 to 1.
+
+        It is 1 if the motion leads back to the point, and 0.5 at an error of `CONSISTENCY_TOLERANCE`.
+        """
         vectors, _ = field.at_points(self.step)
         error = forward_backward_error(vectors, *point_places(field.shape, self.step), other)
         return 1 / (1 + (error / np.float32(CONSISTENCY_TOLERANCE)) ** 2)
 
 
 def _full_samples(frame_pair: FramePair) -> tuple[Samples, Samples]:
-    """Return the planes at full resolution of both frames."""
+    """Return the planes at full resolution of both frames, with their spline coefficients."""
     return frame_pair.image0.cached(_samples).full, frame_pair.image1.cached(_samples).full
 
 
 def _samples(image: Pixels) -> SampledImage:
+    """Return the planes of an image with their spline coefficients.
+
+    These are the planes at full resolution, and subsampled chroma at half resolution.
+    """
     full, half, unit, bits = view(image).spline_planes()
     return SampledImage(_with_coefficients(full, unit, bits), _with_coefficients(half, unit, bits))
 
 
 def _with_coefficients(planes: NDArray[Any], unit: np.float32, bits: int) -> Samples:
+    """Return planes with their cubic B-spline coefficients, computed to a few times finer than the image's `bits`."""
     planes = np.ascontiguousarray(planes)
     channels, height, width = planes.shape
     if not channels:
@@ -398,7 +448,7 @@ def _with_coefficients(planes: NDArray[Any], unit: np.float32, bits: int) -> Sam
 
 
 def _values_as_coefficients(samples: Samples) -> Samples:
-    """Return samples whose spline smooths, instead of meeting the values, and so never overshoots."""
+    """Return samples with their values as coefficients: the spline then smooths, and never overshoots."""
     _, _, columns = samples.coefficients.shape
     beyond = columns - MARGIN - samples.planes.shape[2]
     values = np.pad(samples.planes, ((0, 0), (MARGIN, MARGIN), (MARGIN, beyond)), "edge")
@@ -406,7 +456,7 @@ def _values_as_coefficients(samples: Samples) -> Samples:
 
 
 def _extremes(image: Image) -> tuple[np.float32, np.float32]:
-    """Return the lowest and the highest value of a float image."""
+    """Return the lowest and the highest finite value of a float image."""
     numbers = normalised(image)
     return numbers.min(), numbers.max()
 

@@ -1,8 +1,8 @@
 """A renderer's motion as one more hypothesis beside those that are found in the images.
 
-Surfaces move as the renderer says, and what is seen in them or through them as the images say. Neither is known to hold
-at a pixel, so both in-between images are made, and weighted there by how well the two frames agree along each motion:
-by the same measure that weights the candidate motions of `MultiHypothesis`.
+Surfaces move as the renderer says; shadows, reflections and what is seen through glass move as the images show. Neither
+is known to hold at a pixel, so both in-between images are generated, and weighted there by how well the two frames
+agree along each motion: by the same measure that weights the candidate motions of `MultiHypothesis`.
 """
 
 from __future__ import annotations
@@ -33,14 +33,19 @@ class SurfaceMotion(NamedTuple):
     to_frame0: tuple[NDArray[Any], NDArray[Any]]
     """Motion, (H, W, 2) float32, and whether frame 0 shows the surface, (H, W) bool."""
     to_frame1: tuple[NDArray[Any], NDArray[Any]]
+    """The same for frame 1."""
     t: float
     """Time of the in-between frame, 0 to 1."""
 
     def mix(self, coefficients0: NDArray[Any], coefficients1: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
         """Mix planes of both frames along the motion, given their spline coefficients; see `fpsboost.kernels.spline`.
 
-        Returns the mixed planes, (C, H, W) float32, and the squared difference of the frames, summed over the planes,
-        (H, W) float32, 0 where one of them does not show the surface.
+        Returns
+        -------
+        mixed : (C, H, W) float32
+            Mixed planes.
+        squared : (H, W) float32
+            Squared difference of the frames, summed over the planes; 0 where one of them does not show the surface.
         """
         height, width = self.to_frame0[1].shape
         mixed = np.empty((coefficients0.shape[0], height, width), np.float32)
@@ -50,7 +55,11 @@ class SurfaceMotion(NamedTuple):
         return mixed, squared
 
     def similarity(self, squared: NDArray[Any], scale: float) -> NDArray[Any]:
-        """Return how well the frames agree around each pixel, 0 to 1, by the squared difference of `mix`, scaled."""
+        """Return the similarity of the frames around each pixel, (H, W), 0 to 1.
+
+        `squared` is the squared difference of `mix`; `scale` is 1 / 2 v squared, as in the similarity of candidates.
+        Where neither frame shows the surface, it is 0.
+        """
         alike = np.exp(cv2.blur(squared, (2, 2)) * np.float32(-scale))
         similarity: NDArray[Any] = cv2.blur(alike, (PATCH_SIZE, PATCH_SIZE))
         similarity[~(self.to_frame0[1] | self.to_frame1[1])] = 0
@@ -63,8 +72,12 @@ def find_surface_motion(image0: FrameCache, image1: FrameCache, t: float, vector
     The in-between frame's own vectors lead from each of its pixels to both frames. Without them, each pixel is searched
     in both frames among those that their vectors lead to it (Yang et al. 2011, image-based; see `Reproject`).
 
-    Raises `OptionError` if the three are not output frames, and `InputError` if one of the two has no vectors, or
-    vectors are of another size.
+    Raises
+    ------
+    OptionError
+        The three are not output frames.
+    InputError
+        One of the two frames has no vectors, or vectors are of another size.
     """
     number = output_frame_between(image0.output_position, image1.output_position, t)
     found = []
@@ -79,7 +92,11 @@ def find_surface_motion(image0: FrameCache, image1: FrameCache, t: float, vector
 
 
 def _seen_from(here: FrameVectors, there: FrameVectors, distance: int) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the motion of the in-between frame's pixels over some vectors, below 0 back, and which are seen there."""
+    """Return the motion of the in-between frame's pixels over `distance` vectors, and where the other frame shows them.
+
+    The distance is negative for an earlier frame. A surface is visible if its motion there and back ends where it
+    began.
+    """
     motion, back = _displacement(here, distance), _displacement(there, -distance)
     height, width = motion.shape[:2]
     rows, columns = np.arange(height), np.arange(width)

@@ -1,4 +1,7 @@
-"""The report's second step: search the source pixel that lands on each in-between pixel."""
+"""The report's second step: search the source pixel that lands on each in-between pixel.
+
+It follows one motion per pixel, unlike `MultiHypothesis`, and takes colours at whole pixels, as the report does.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,7 @@ from fpsboost.options import Checked, Range
 from fpsboost.synthesis import FramePair
 
 SourceSearch = Literal["iterative", "brute-force"]
+"""Search of the source pixel: by iteration from the target, or among all pixels that land nearby."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +57,21 @@ class Reproject(Checked):
             yield out
 
     def find_sources(self, flow: NDArray[Any], t: float) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Find the source of every target pixel in one frame, which is t intervals away, given its motion.
+        """Find the source of every target pixel in one frame, given its motion.
 
-        Returns ``y * W + x`` of the source pixel, (H, W) int32, and whether it lands within half a pixel of the target,
-        (H, W) bool.
+        Parameters
+        ----------
+        flow : (H, W, 2) float32
+            Motion of the frame's pixels over the whole interval.
+        t : float
+            Time from the frame to the target, as a share of the interval.
+
+        Returns
+        -------
+        source : (H, W) int32
+            Index ``y * W + x`` of the source pixel.
+        found : (H, W) bool
+            Whether it lands within half a pixel of the target.
         """
         height, width = flow.shape[:2]
         source, found = np.empty((height, width), np.int32), np.empty((height, width), np.bool_)

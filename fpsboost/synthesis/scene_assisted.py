@@ -1,4 +1,8 @@
-"""Scene-assisted interpolation (Yang et al. 2011): every in-between pixel is looked up along the renderer's vectors."""
+"""Scene-assisted interpolation (Yang et al. 2011): every in-between pixel is looked up along the renderer's vectors.
+
+It serves as a baseline for scenes whose motion is known, and shows where known motion does not suffice: shading,
+shadows, reflections and refractions do not move with the surfaces.
+"""
 
 from __future__ import annotations
 
@@ -34,8 +38,8 @@ class SceneAssisted(Checked):
     """Lookup of both frames along the in-between frame's own motion vectors (section 2.2 of the report).
 
     The renderer provides everything of the in-between frame but its shading. Its vectors point to the adjacent output
-    frames and are extrapolated linearly if the two frames are farther away. What is visible in both frames is blended
-    in time; positions that are outside of a frame or occluded are ignored; if both are ignored, both are blended.
+    frames and are extrapolated linearly if the two frames are farther away. Pixels that both frames show are blended in
+    time; positions that are outside of a frame or occluded are ignored; if both are ignored, both are blended.
 
     Parameters
     ----------
@@ -43,6 +47,11 @@ class SceneAssisted(Checked):
         Motion vectors; with depth, occlusion is detected.
     depth_tolerance : float
         A pixel is occluded where the other frame is nearer by more than this share of its depth.
+
+    References
+    ----------
+    L. Yang, Y.-C. Tse, P. V. Sander, J. Lawrence, D. Nehab, H. Hoppe and C. L. Wilkins, Image-based Bidirectional Scene
+    Reprojection, ACM Transactions on Graphics 2011, doi:10.1145/2070781.2024184
     """
 
     needs_every_frame: ClassVar[bool] = True
@@ -51,13 +60,18 @@ class SceneAssisted(Checked):
     depth_tolerance: Annotated[float, Range(0, below=1)] = 0.05
 
     def without_vectors(self) -> Blend:
+        """Return a blend, as there is no motion without vectors."""
         return Blend()
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """Generate images from the renderer's vectors, not from estimated motion; see `Synthesizer.synthesize`.
 
-        Raises `OptionError` if an in-between frame is not an output frame, or one of the two frames is not and depth is
-        compared, and `InputError` if the in-between frame has no vectors, or vectors of another size.
+        Raises
+        ------
+        OptionError
+            An in-between frame is not an output frame, or one of the two frames is not and depth is compared.
+        InputError
+            The in-between frame has no vectors, or vectors of another size.
         """
         for t in times:
             yield self._image_at(frame_pair, t)
@@ -71,7 +85,7 @@ class SceneAssisted(Checked):
             yield InterpolatedImage(image, measure_agreement_along(image0, image1, *flows))
 
     def _neighbours(self, image0: FrameCache, image1: FrameCache, t: float) -> tuple[FrameVectors, list[_Neighbour]]:
-        """Return the vectors of the in-between frame, and what they say of the two frames."""
+        """Return the vectors of the in-between frame, and the two frames as its vectors lead to them."""
         place0, place1 = image0.output_position, image1.output_position
         number = output_frame_between(place0, place1, t)
         assert place0 is not None, "else there would be no frame between"
@@ -83,6 +97,7 @@ class SceneAssisted(Checked):
         ]
 
     def _image_at(self, frame_pair: FramePair, t: float) -> Image:
+        """Return the in-between frame at time t."""
         image0, image1 = frame_pair.image0, frame_pair.image1
         here, neighbours = self._neighbours(image0, image1, t)
         weights, colours = [], []

@@ -1,4 +1,8 @@
-"""What is known of a pair of frames besides the two: the frames before and after, and what the motion fields say."""
+"""The context of a pair of frames for the learnt weights: adjacent frames, and features of the motion fields.
+
+Its record, `Surroundings`, is read by the kernels. What does not depend on the time is computed once per pair
+(`find_surroundings`), the rest for every time (`at_time`).
+"""
 
 from __future__ import annotations
 
@@ -22,10 +26,11 @@ FLAT = 0.02
 """Contrast, for white 1, at which ground counts as flat."""
 
 NOTHING = np.empty((0, 0), np.float32)
+"""Luma of a frame that does not exist."""
 
 
 def half_luma(image: FrameCache) -> NDArray[Any]:
-    """Return the luma at half the size, white 1, with edges repeated as its spline needs them."""
+    """Return the luma at half the size, (h, w) float32 with 1 for white, padded as its spline needs it."""
     luma = image.cached(gray)
     even = np.pad(luma, [(0, size % 2) for size in luma.shape], "edge")
     small = cv2.resize(even, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
@@ -34,7 +39,7 @@ def half_luma(image: FrameCache) -> NDArray[Any]:
 
 
 def flatness(image: FrameCache, step: int) -> NDArray[Any]:
-    """Return how flat the ground is around points `step` apart, 0 to 1."""
+    """Return the flatness around points `step` apart, (rows, columns) float32: 1 without contrast, 0 in texture."""
     luma = image.derived(half_luma)[MARGIN:-MARGIN, MARGIN : -MARGIN - SQUARES_PER_ROW]
     detail = luma - cv2.blur(luma, (5, 5))
     variance = cv2.blur(detail * detail, (5, 5))
@@ -44,14 +49,14 @@ def flatness(image: FrameCache, step: int) -> NDArray[Any]:
 
 
 def describe_points(image: FrameCache, field: MotionField, back: MotionField, step: int) -> NDArray[Any]:
-    """Return what `Surroundings` has of the points of a frame."""
+    """Return the features of the points of a frame, (rows, columns, 5) float32; see `Surroundings.points`."""
     vectors, similarities = field.at_points(step)
     error = forward_backward_error(vectors, *point_places(field.shape, step), back)
     return np.dstack([vectors, similarities, 1 / (1 + error), image.derived(flatness, step)])
 
 
 def find_surroundings(frame_pair: FramePair, step: int) -> Surroundings:
-    """Return what is known of a pair whatever the time; see `at_time`."""
+    """Return the context of a pair as far as it does not depend on the time; see `at_time`."""
     image0, image1, before, after = frame_pair.image0, frame_pair.image1, frame_pair.before, frame_pair.after
     images = before and before.image, image0, image1, after and after.image
     first, second, third, fourth = (NOTHING if image is None else image.derived(half_luma) for image in images)
@@ -64,7 +69,7 @@ def find_surroundings(frame_pair: FramePair, step: int) -> Surroundings:
 
 
 def at_time(around: Surroundings, t: float, candidates: Candidates) -> Surroundings:
-    """Return the same with what depends on the time and on the candidates."""
+    """Return the context with the fields that depend on the time and on the candidates."""
     landings = np.empty((2, *around.points[0].shape[:2]), np.float32)
     for points, time, counts in zip(around.points, (t, 1 - t), landings, strict=True):
         count_landings(points, np.float32(time), around.step, counts)

@@ -56,6 +56,7 @@ class Extrapolate:
 
 
 def _backward_warp(values: NDArray[Any], flow: NDArray[Any], t: float) -> NDArray[Any]:
+    """Return each pixel's value at the place that it has come from, bilinearly."""
     return sample(values, -np.float32(t) * flow, cv2.INTER_LINEAR)
 
 
