@@ -22,7 +22,7 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.memory import MemoryLimit, parse_memory
 from fpsboost.options import Checked, Flag, Range, flags_of, given_in, option, options_from
 from fpsboost.render.convention import ConventionName
-from fpsboost.rerender import MergeOptions, PlanOptions
+from fpsboost.rerender.options import MergeOptions, PlanOptions
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Position, parse_positions
 from fpsboost.timing.rate import OutputRate

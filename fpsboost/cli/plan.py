@@ -10,7 +10,7 @@ from rich.table import Table
 
 from fpsboost.cli.messages import console, fact_table, literal, sentence
 from fpsboost.cli.options import MethodOptions, PathName, PlannedMethodOptions, with_flags
-from fpsboost.rerender import MergeOptions, PlanOptions
+from fpsboost.rerender.options import MergeOptions, PlanOptions
 
 if TYPE_CHECKING:
     from fpsboost.rerender.planning import RerenderPlan

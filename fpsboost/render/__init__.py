@@ -1,1 +1,1 @@
-"""What renderers bring beside their images: motion vectors and depth."""
+"""What renderers bring beside their images: motion vectors and depth, and the conventions in which they are stored."""

@@ -1,7 +1,7 @@
 """Conventions by which renderers store motion vectors in OpenEXR; light to import, for a command line.
 
-Vectors are in pixels per frame. `docs/render.md` describes the conventions. Of those with one direction, the other is
-taken for its opposite.
+Vectors are in pixels per frame. `docs/render.md` describes the conventions. Where a convention stores one direction,
+the other is taken for its opposite, as if the speed were constant.
 """
 
 from __future__ import annotations
@@ -24,11 +24,14 @@ class StoredVectors(NamedTuple):
     """Meaning of two channels: where their vectors lead, and the factors that make them point there, y down."""
 
     direction: Direction
+    """The frame that the vectors lead to: the next one (forward), or the previous one (backward)."""
     x_sign: int
+    """1 if positive values lead to the right, -1 if to the left."""
     y_sign: int
+    """1 if positive values lead down, -1 if up."""
 
     def read(self, channels: NDArray[Any]) -> NDArray[Any]:
-        """Return the vectors, (H, W, 2) float32, y down, of the two channels, (H, W, 2)."""
+        """Return the vectors, (H, W, 2) float32, y down, of the two channels as stored, (H, W, 2)."""
         scaled: NDArray[Any] = channels.copy()
         scaled *= (self.x_sign, self.y_sign)
         return scaled
@@ -36,12 +39,21 @@ class StoredVectors(NamedTuple):
 
 @dataclass(frozen=True)
 class VectorConvention:
-    """Meaning of the channels of a vector pass: of the first two, and of the next two if there are four."""
+    """Meaning of the channels of a vector pass: of the first two, and of the next two if there are four.
+
+    Examples
+    --------
+    >>> print(conventions["forward-up"])
+    the first and second channel lead to the next frame, right and up
+    """
 
     pairs: tuple[StoredVectors, ...]
 
     def read(self, channels: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return the vectors to the previous and to the next frame, (H, W, 2) float32, y down, of stored channels."""
+        """Return the vectors to the previous and to the next frame, each (H, W, 2) float32, y down.
+
+        `channels` are those of the file, (H, W, 2 or 4).
+        """
         vectors = {
             pair.direction: pair.read(channels[..., 2 * number : 2 * number + 2])
             for number, pair in enumerate(self.pairs)
@@ -71,4 +83,4 @@ conventions: Mapping[str, VectorConvention] = MappingProxyType(
         "backward-down": VectorConvention((StoredVectors("backward", 1, 1),)),
     }
 )
-"""Conventions by name."""
+"""Conventions by the names that options have for them."""

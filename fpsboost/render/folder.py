@@ -44,38 +44,54 @@ from fpsboost.options import checked
 from fpsboost.render.convention import ConventionName, Direction, StoredVectors, VectorConvention, conventions
 
 CACHED_FRAMES = 4  # number of frames whose vectors are cached: a pair's two frames, and two between them
+"""Number of frames whose vectors are kept in memory: the two frames of a pair, and two between them."""
 
 layer_names = ("vector", "motionvector", "motionvectors", "motion", "velocity", "vrayvelocity", "speed")
-"""Last word of the names of layers with two channels of motion, in small letters."""
+"""Last word of the names of layers with two channels of motion, in lower case, as renderers write them."""
 
 _nuke_channels = ("forward.u", "forward.v", "backward.u", "backward.v")
+"""Ends of the names of Nuke's channels."""
 _second_of = {"R": "G", "X": "Y", "u": "v", "x": "y"}
+"""Name of the channel with y by that of the channel with x."""
 
 
 class VectorFolder:
     """Folder with motion vectors for every frame at the output rate.
 
-    The first file is for the first frame, unless `matched` has found the frames' numbers in the names of the files. A
-    path names a folder with one sequence of OpenEXR files, or of pairs of ``.flo`` files; or a pattern of OpenEXR files
-    (``Vector####.exr``) where the folder holds others too. Files of depth, which may be the same, have one channel, or
-    one named Z, Depth, V or Y, or Blender's ``Depth.Z``.
-
-    `convention` is found by comparing frames where it is not given; None goes by the names of the channels. `step` is
-    the number of vectors from one output frame to the next: the difference of their numbers, or 1.
+    The first file is for the first frame, unless `matched` has found the frames' numbers in the names of the files.
 
     Parameters
     ----------
     path : str or Path
-        Motion vectors.
+        Motion vectors: a folder with one sequence of OpenEXR files, or of pairs of ``.flo`` files; or a pattern of
+        OpenEXR files (``Vector####.exr``) where the folder holds others too.
     depth : str or Path, optional
-        Depth of the same frames.
+        Depth of the same frames, in any unit. The files, which may be those of the vectors, have one channel, or one
+        named Z, Depth, V or Y, or Blender's ``Depth.Z``.
     convention : str
-        ``auto``, or whose vectors these are: ``blender``, ``nuke``...
+        ``auto``, which is decided by the names of the channels and by comparing frames, or the convention in which the
+        vectors are stored: ``blender``, ``nuke``...
+
+    Attributes
+    ----------
+    convention : VectorConvention or None
+        The convention; None as long as only the names of the channels suggest one, see `fit_vectors`.
+    step : int
+        Number of vectors from one output frame to the next: the difference of their numbers, or 1.
+    files : list of Path
+        All files that may be read.
+    remarks : list of str
+        Sentences for the user about what was assumed.
 
     Raises
     ------
     InputError, OptionError
         There are no vectors, or the convention does not suit them.
+
+    Examples
+    --------
+    >>> VectorFolder("vectors/", depth="depth/")  # doctest: +SKIP
+    VectorFolder('vectors', depth='depth')
     """
 
     @checked
@@ -98,7 +114,7 @@ class VectorFolder:
         self._cached = lru_cache(CACHED_FRAMES)(self._read)
 
     def __reduce__(self) -> tuple[type[Self], tuple[Path, Path | None, ConventionName]]:
-        """Pickle what it was made of, with absolute paths; what `matched` has found is found again."""
+        """Pickle the arguments of the constructor with absolute paths; results of `matched` are found again."""
         depth = None if self.depth_path is None else self.depth_path.absolute()
         return type(self), (self.path.absolute(), depth, self._convention_name)
 
@@ -122,9 +138,18 @@ class VectorFolder:
     def matched(self, numbers: Sequence[int], *, must_match: bool) -> VectorFolder:
         """Return the same vectors for frames that are known by their numbers, which are equidistant.
 
-        A frame takes the files with its number if the files have numbers, and those of all frames are there. If they
-        have no numbers, or others, the first file remains that of the first frame. If they `must_match`, because the
-        renderer has given the frames their numbers, a missing file is an error when it is read.
+        Parameters
+        ----------
+        numbers : sequence of int
+            Numbers of all output frames.
+        must_match : bool
+            Whether a missing file is an error when it is read, because the renderer has numbered the frames.
+
+        Returns
+        -------
+        VectorFolder
+            A frame takes the files with its number if the files have numbers, and those of all frames are there. If
+            they have no numbers, or others, the first file remains that of the first frame.
         """
         folder = copy(self)
         file_numbers = [files.numbers for files in (self._vectors, self._depth) if files is not None]
@@ -191,6 +216,7 @@ class VectorFolder:
             )
 
     def _read(self, number: int) -> FrameVectors:
+        """Return the vectors and the depth of an output frame."""
         if self.is_flow:
             files = _partners(self._file_of(self._vectors, number, self.path, "vectors"))
             backward, forward = map(read_flow, files)
@@ -237,7 +263,7 @@ class VectorFolder:
         return files.files[place]
 
     def _place_of(self, files: FileSequence, number: int) -> int | None:
-        """Return the place among the files of that of an output frame, counted from 0; None if it has none."""
+        """Return the index of an output frame's file; None if it has none."""
         if self._numbers is None or files.numbering is None:
             return number if 0 <= number < len(files.files) else None
         wanted = self._numbers[0] + number * self.step
@@ -246,7 +272,10 @@ class VectorFolder:
 
 
 def _find_files(path: Path, what: str, *suffixes: str) -> FileSequence:
-    """Return the file of each frame, of a pair of ``.flo`` files the one with backward vectors."""
+    """Return the file of each frame, of a pair of ``.flo`` files the one with backward vectors.
+
+    `what` names the content in messages, `suffixes` are the types of files that are taken.
+    """
     if not path.is_dir() and (find_placeholder(path.name) is None or path.suffix.lower() != ".exr"):
         raise InputError(f"{path} is no folder with {what}; name a folder, or a pattern such as Vector####.exr.")
     with explained(InputError, "read", path, "check that it exists and that you may read it"):
@@ -278,6 +307,7 @@ def _partners(path: Path) -> list[Path]:
 
 
 def _check_numbers(path: Path, flow: NDArray[Any]) -> None:
+    """Raise `InputError` if vectors are not finite."""
     count = int((~np.isfinite(flow)).any(axis=-1).sum())
     if count:
         raise InputError(
@@ -303,8 +333,14 @@ def _read_depth(path: Path) -> NDArray[Any]:
 def find_vector_channels(names: Collection[str], *, of_any_layer: bool = False) -> tuple[list[str], str] | None:
     """Return the channels of motion vectors among a file's, and the name of their convention; None if there are none.
 
-    With `of_any_layer`, two channels are also taken of a layer whose name does not say that it holds motion, if there
-    is no other.
+    With `of_any_layer`, the two channels of a layer whose name does not suggest motion are taken too, if there is only
+    one such layer.
+
+    Examples
+    --------
+    >>> find_vector_channels(["R", "G", "B", "ViewLayer.Vector.X", "ViewLayer.Vector.Y", "ViewLayer.Vector.Z",
+    ...     "ViewLayer.Vector.W"])
+    (['ViewLayer.Vector.X', 'ViewLayer.Vector.Y', 'ViewLayer.Vector.Z', 'ViewLayer.Vector.W'], 'blender')
     """
     layer = _find_layer(names)
     if layer is not None:
@@ -324,7 +360,7 @@ def find_vector_channels(names: Collection[str], *, of_any_layer: bool = False) 
 
 
 def _find_layer(names: Collection[str]) -> str | None:
-    """Return what stands before X, Y, Z and W: nothing, or the name of the only layer, or of the only one "Vector"."""
+    """Return the prefix of X, Y, Z and W: empty, or that of the only layer with these, or of the only one "Vector"."""
     prefixes = {name[:-1] for name in names if name == "X" or name.endswith(".X")}
     whole = sorted(prefix for prefix in prefixes if all(prefix + letter in names for letter in "XYZW"))
     if "" in whole:
@@ -355,16 +391,21 @@ class VectorFit(NamedTuple):
 
     convention: VectorConvention
     error: float
-    """Mean squared difference between each frame and the other one fetched along the vectors."""
+    """Mean squared difference between each frame and the other one fetched along the vectors, in squared mean
+    colours."""
     still_error: float
-    """The same without motion."""
+    """The same without motion, for comparison."""
 
 
 def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], tuple[int, Image]]]) -> VectorFolder:
     """Return the vectors under the convention that connects the frames, with remarks where it is not the usual one.
 
-    Each pair is of rendered frames with their numbers, counted like output frames. The folder is returned as it is if
-    its convention was given, or if it holds ``.flo`` files.
+    Parameters
+    ----------
+    folder : VectorFolder
+        Returned as it is if its convention was given, or if it holds ``.flo`` files.
+    frames : iterable of two (int, image)
+        Pairs of rendered frames with their numbers, counted like output frames.
     """
     if folder.convention is not None or folder.is_flow:
         return folder
@@ -392,7 +433,12 @@ def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], 
 
 
 def fit_convention(pairs: Iterable[RenderedPair], usual: VectorConvention) -> VectorFit:
-    """Find the convention under which vectors connect the frames; `usual` is what the names of channels suggest."""
+    """Find the convention under which vectors connect the frames; the names of channels suggest the `usual` one.
+
+    All directions and signs that the channels allow are compared by the mean squared difference between each frame and
+    the other one fetched along the vectors. Of those that fit about as well as the best, the one nearest to `usual` is
+    taken.
+    """
     errors: dict[tuple[int, StoredVectors], float] = {}
     still, count = 0.0, len(usual.pairs)
     meanings = [StoredVectors(*meaning) for meaning in product(get_args(Direction), (1, -1), (1, -1))]

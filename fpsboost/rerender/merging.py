@@ -1,7 +1,7 @@
-"""Rendered regions put back into interpolated frames.
+"""Merge of rendered regions into interpolated frames.
 
-A region fades into the frame along its own edges, so that nothing outside of it changes; edges of the frame, and
-those where two regions meet, have no seam.
+A region fades into the frame along its own edges, so that nothing outside of it changes; edges of the frame, and those
+where two regions meet, have no seam.
 """
 
 from __future__ import annotations
@@ -42,11 +42,12 @@ from fpsboost.extension import (
     view,
     write_safely,
 )
-from fpsboost.rerender import MergeOptions
+from fpsboost.rerender.options import MergeOptions
 from fpsboost.rerender.planning import PlannedFrame, RerenderPlan
 from fpsboost.rerender.regions import Rectangle
 
 LOSSY = (".jpg", ".jpeg")
+"""Types of images that lose quality when they are encoded again."""
 
 
 @dataclass
@@ -64,7 +65,7 @@ class MergeSummary:
 
 
 class _Rendered(NamedTuple):
-    """Files with the rendered regions of one frame."""
+    """Files with the rendered regions of one frame: one for all of it, or one for each region."""
 
     whole: Path | None  # file with the full frame, or the only region of it
     regions: Mapping[int, Path]  # files of single regions, counted from 1
@@ -133,7 +134,10 @@ def merge_regions(made: PathName, rendered: PathName, output: PathName, options:
 
 
 def seam_weights(mask: NDArray[Any], feather: int) -> NDArray[Any]:
-    """Return the share of the rendered image in each pixel, (H, W) float32: 1 in a mask but for its edges."""
+    """Return the share of the rendered image in each pixel, (H, W) float32.
+
+    It is 1 inside of the mask, falls towards its edges over `feather` pixels, and is 0 outside.
+    """
     if not feather or mask.all():
         return mask.astype(np.float32)
     # beyond the frame the mask goes on, so that its border is no edge
@@ -145,7 +149,12 @@ def seam_weights(mask: NDArray[Any], feather: int) -> NDArray[Any]:
 def mix(image: Image, rendered: Image, weights: NDArray[Any]) -> Image:
     """Return the weighted mean of two images; pixels of weight 0 are those of the first, of weight 1 of the second.
 
-    Both are (H, W, C) of one type; colours of integers are not multiplied by their alpha, those of floats are.
+    Parameters
+    ----------
+    image, rendered : (H, W, C)
+        Two images of one type; straight alpha in integers, premultiplied in floats.
+    weights : (H, W) float32
+        Share of the rendered image, 0 to 1.
     """
     share = weights[..., np.newaxis].astype(np.float64)
     with np.errstate(invalid="ignore"):  # of infinity times 0, where the result is not taken
@@ -169,6 +178,7 @@ class _Merger:
     limit: MemoryLimit
 
     def merged(self, path: Path, frame: PlannedFrame, rendered: _Rendered) -> bytes:
+        """Return the content of the file of a merged frame, encoded like the interpolated one at `path`."""
         passes = Passes.chosen(path, ALL) if extension_of(path.name) == ".exr" else None
         made = self._read(path, passes)
         if made.shape[:2] != (self.plan.height, self.plan.width):
@@ -192,6 +202,7 @@ class _Merger:
     def _rendered_regions(
         self, path: Path, made: FrameImage, frame: PlannedFrame, rendered: _Rendered, passes: Passes | None
     ) -> FrameImage:
+        """Return a copy of the interpolated frame with the rendered regions in it, without seams."""
         picture: FrameImage = view(made).deep_copy()
         for place, region in enumerate(frame.regions, start=1):
             file = rendered.whole or rendered.regions[place]
@@ -208,7 +219,7 @@ class _Merger:
 
 
 def _mix_layer(made: Layer, rendered: Layer, weights: NDArray[Any], mask: NDArray[Any]) -> Layer:
-    """Return a layer with that of the rendered frame in it; what must not be mixed has no seam."""
+    """Return a layer with that of the rendered frame in it; layers that must not be mixed have no seam."""
     planes = {}
     for name, plane in made.planes.items():
         other = rendered.planes[name]
@@ -220,7 +231,7 @@ def _mix_layer(made: Layer, rendered: Layer, weights: NDArray[Any], mask: NDArra
 
 
 def _part(path: Path, image: FrameImage, region: Rectangle, made_path: Path, made: FrameImage) -> tuple[slice, slice]:
-    """Return the part that a region is of an image, which shows the full frame or that region alone."""
+    """Return the part of an image that is a region; the image shows the full frame or that region alone."""
     if image.shape[:2] == (region.height, region.width) and image.shape[:2] != made.shape[:2]:
         image_type, made_type = (image.shape[2], image.dtype), (made.shape[2], made.dtype)
         if image_type == made_type:
@@ -235,6 +246,7 @@ def _part(path: Path, image: FrameImage, region: Rectangle, made_path: Path, mad
 
 
 def _check_alike(path: Path, image: FrameImage, made_path: Path, made: FrameImage) -> None:
+    """Raise `InputError` if a rendered image has another size or type than the frame."""
     if (image.shape, image.dtype) != (made.shape, made.dtype):
         raise InputError(
             f"{path} ({view(image).describe()}) is unlike {made_path} ({view(made).describe()}); "
@@ -263,7 +275,7 @@ def _find_rendered(folder: Path, planned: Mapping[int, PlannedFrame]) -> tuple[d
 
 
 def _number_and_region(name: str, planned: Mapping[int, PlannedFrame]) -> tuple[int | None, int | None]:
-    """Read the number of a planned frame, and of its region if there is one, out of a name."""
+    """Return the number of a planned frame, and of its region if there is one, from the name of a file."""
     stem = name[: -len(extension_of(name))]
     region = re.fullmatch(r".*?(\d+)_([1-9]\d*)", stem)
     if region is not None:
@@ -275,6 +287,7 @@ def _number_and_region(name: str, planned: Mapping[int, PlannedFrame]) -> tuple[
 
 
 def _choose(folder: Path, frame: PlannedFrame, whole: Sequence[str], parts: Mapping[int, Sequence[str]]) -> _Rendered:
+    """Return the files of a frame's regions; raise `InputError` if one is missing or there are several for one."""
     several = [*whole, *(name for names in parts.values() for name in names)]
     if len(whole) > 1 or (whole and parts) or any(len(names) > 1 for names in parts.values()):
         raise InputError(

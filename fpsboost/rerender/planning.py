@@ -1,9 +1,8 @@
-"""Plans of what to render: from images and a budget to ``plan.json`` with rectangles, and a mask for every frame.
+"""Plans of regions to render: from images and a budget to ``plan.json`` with rectangles, and a mask for every frame.
 
 Rectangles are ``[x, y, width, height]`` in pixels from the upper left corner, y down. Blender's render border is in
-fractions of the frame with y up, and fractions of a pixel are cut off. In a frame of W x H pixels it is
-``min_x = (x + 0.5) / W``, ``max_x = (x + width + 0.5) / W``, ``min_y = (H - y - height + 0.5) / H`` and
-``max_y = (H - y + 0.5) / H``.
+fractions of the frame with y up, and fractions of a pixel are cut off. In a frame of W x H pixels it is ``min_x = (x +
+0.5) / W``, ``max_x = (x + width + 0.5) / W``, ``min_y = (H - y - height + 0.5) / H`` and ``max_y = (H - y + 0.5) / H``.
 """
 
 from __future__ import annotations
@@ -37,15 +36,19 @@ from fpsboost.extension import (
     stands_for_images,
     write_safely,
 )
-from fpsboost.rerender import PlanOptions
+from fpsboost.rerender.options import PlanOptions
 from fpsboost.rerender.regions import Rectangle, TileGrid, choose_regions, partition
 from fpsboost.rerender.score import expect_errors
 
 PLAN_FILE = "plan.json"
+"""Name of the plan in its folder."""
 VERSION = 1
+"""Version of the format of plans."""
 RENDERED = 255  # value of mask pixels that are to be rendered
+"""Value of the pixels of a mask that are to be rendered; all others are 0."""
 
 MASK_DIGITS = 4
+"""Minimum number of digits in the names of masks."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +104,7 @@ class RerenderPlan:
         return float(np.mean([frame.remaining_error for frame in self.frames]))
 
     def as_json(self) -> dict[str, Any]:
-        """Return plain data, as it is written to ``plan.json``."""
+        """Return plain data in the form of ``plan.json``."""
         return {
             "version": VERSION,
             "width": self.width,
@@ -165,7 +168,7 @@ class RerenderPlan:
 
 
 def mask_numbering(folder: Path, numbers: Sequence[int]) -> Numbering:
-    """Return how masks are named: like the frames, with as many digits as the longest number has."""
+    """Return the names of masks, which are numbered like the frames, with as many digits as the longest number."""
     digits = max(MASK_DIGITS, *(len(str(number)) for number in numbers))
     return Numbering(folder, "mask_", digits, ".png")
 
@@ -175,7 +178,7 @@ def _errors_of(item: PlannedFrame | RerenderPlan) -> dict[str, float]:
 
 
 def _frame(data: Mapping[str, Any], width: int, height: int) -> PlannedFrame:
-    """Read a frame of a plan; raise ValueError, KeyError or TypeError where it is none."""
+    """Read a frame of a plan; raise ValueError, KeyError or TypeError if the data is not one."""
     regions = tuple(Rectangle(*map(int, region)) for region in data["regions"])
     for each in regions:
         inside = each.x >= 0 and each.y >= 0 and each.x + each.width <= width and each.y + each.height <= height
@@ -187,8 +190,10 @@ def _frame(data: Mapping[str, Any], width: int, height: int) -> PlannedFrame:
 
 
 MIN_IMAGES = 3  # smallest number of images: one is hidden between two others to learn how large errors are
+"""Smallest number of images: one is hidden between two others to learn how large errors are."""
 
 LEVELS = 255**2
+"""Square of the levels of 8 bits, in which plans give errors."""
 
 
 @checked
@@ -249,7 +254,10 @@ def plan_rerender(
 
 
 def open_images(path: str, folder: str) -> ImageSource:
-    """Open the images of a plan, which goes to a new folder; raise InputError unless they are images, and enough."""
+    """Open the images of a plan, which is written to a new folder.
+
+    Raises `InputError` unless they are images, and enough of them.
+    """
     if not stands_for_images(path):
         if not Path(path).exists():
             raise InputError(f"{path or 'An input without a name'} does not exist; check the name.")

@@ -1,8 +1,8 @@
-"""Tiles of a frame, and which tiles of interpolated frames are to be rendered within a budget.
+"""Tiles of a frame, and the choice of the tiles of interpolated frames to render within a budget.
 
-Tiles are taken by the squared error that they are expected to have, the largest first, as many as fit. What is
-taken is then made clean: holes in time and in space are filled, single tiles dropped, and tiles joined to few
-rectangles. As that changes how many pixels a number of tiles is, the number is found by bisection.
+Tiles are chosen by their expected squared error, the largest first, as many as fit. The chosen tiles are then cleaned
+up: holes in time and in space are filled, single tiles dropped, and tiles joined to few rectangles. As that changes the
+number of pixels, the number of tiles is found by bisection.
 """
 
 from __future__ import annotations
@@ -17,19 +17,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 WHOLE_SHARE = 0.8  # share of a frame from which on all of it is rendered: one plain render without seams
+"""Share of a frame from which on all of it is rendered: one plain render without seams."""
 SMALLEST_GRID = 16  # number of tiles of a frame below which single tiles are kept
 
 LARGER = (1.25, 1.5)
 """Multiples of the number of tiles that fits, of which some frames are taken where there is room left."""
 
 MAX_ADDED_SHARE = 0.25  # maximum share of a rectangle that was not in the two that it replaces
+"""Maximum share of a rectangle that does not belong to the two that it replaces."""
 
 
 class Rectangle(NamedTuple):
-    """A rectangle, of tiles or of pixels; y points down."""
+    """A rectangle, of tiles or of pixels; y points down.
+
+    Examples
+    --------
+    >>> left, right = Rectangle(0, 0, 16, 16), Rectangle(32, 8, 16, 16)
+    >>> left.area, left.around(right)
+    (256, Rectangle(x=0, y=0, width=48, height=24))
+    """
 
     x: int
+    """Column of the left edge."""
     y: int
+    """Row of the upper edge."""
     width: int
     height: int
 
@@ -40,11 +51,11 @@ class Rectangle(NamedTuple):
 
     @property
     def part(self) -> tuple[slice, slice]:
-        """Rows and columns, to index an array."""
+        """Slices of the rows and columns, to index an array."""
         return slice(self.y, self.y + self.height), slice(self.x, self.x + self.width)
 
     def around(self, other: Rectangle) -> Rectangle:
-        """Return the smallest rectangle that holds both."""
+        """Return the smallest rectangle that contains both."""
         x, y = min(self.x, other.x), min(self.y, other.y)
         right = max(self.x + self.width, other.x + other.width)
         bottom = max(self.y + self.height, other.y + other.height)
@@ -53,15 +64,17 @@ class Rectangle(NamedTuple):
 
 @dataclass(frozen=True)
 class TileGrid:
-    """Tiles of frames of one size, from the upper left; those at the right and at the bottom may be smaller."""
+    """Tiles of frames of one size, from the upper left; those at the right and at the bottom edge may be smaller."""
 
     height: int
     width: int
     """Size of a frame, pixels."""
     tile: int
+    """Side of a tile, pixels."""
 
     @property
     def shape(self) -> tuple[int, int]:
+        """Number of rows and columns of tiles."""
         return -(-self.height // self.tile), -(-self.width // self.tile)
 
     @cached_property
@@ -81,14 +94,20 @@ class TileGrid:
         return np.asarray(sums / self.areas)
 
     def in_pixels(self, tiles: Rectangle) -> Rectangle:
-        """Return a rectangle of tiles in pixels, without what lies beyond the frame."""
+        """Return a rectangle of tiles in pixels, cut off at the edges of the frame."""
         x, y = tiles.x * self.tile, tiles.y * self.tile
         right, bottom = (tiles.x + tiles.width) * self.tile, (tiles.y + tiles.height) * self.tile
         return Rectangle(x, y, min(right, self.width) - x, min(bottom, self.height) - y)
 
 
 def partition(mask: NDArray[Any]) -> list[Rectangle]:
-    """Divide a mask into rectangles that do not overlap, along rows or along columns, whichever takes fewer."""
+    """Divide a mask into rectangles that do not overlap, along rows or along columns, whichever gives fewer.
+
+    Examples
+    --------
+    >>> partition(np.array([[1, 1, 0], [1, 1, 1]], bool))
+    [Rectangle(x=0, y=0, width=2, height=1), Rectangle(x=0, y=1, width=3, height=1)]
+    """
     along_rows = list(_runs_joined(mask))
     along_columns = [Rectangle(each.y, each.x, each.height, each.width) for each in _runs_joined(mask.T)]
     fewer = along_columns if len(along_columns) < len(along_rows) else along_rows
@@ -96,7 +115,7 @@ def partition(mask: NDArray[Any]) -> list[Rectangle]:
 
 
 def _runs_joined(mask: NDArray[Any]) -> Iterator[Rectangle]:
-    """Yield the runs of each row, as high as rows below have the same run."""
+    """Yield the runs of consecutive tiles in each row, joined with equal runs in the rows below."""
     growing: dict[tuple[int, int], int] = {}
     for y, row in enumerate([*mask, np.zeros(mask.shape[1], bool)]):
         edges = np.flatnonzero(np.diff(np.concatenate([[0], row.astype(np.int8), [0]])))
@@ -120,7 +139,7 @@ def simplified(mask: NDArray[Any]) -> NDArray[Any]:
 
 
 def _joined(rectangles: Iterable[Rectangle]) -> list[Rectangle]:
-    """Join the two rectangles that waste the smallest share of the one around both, again and again."""
+    """Join the two rectangles that add the smallest share to the one around both, until all would add too much."""
     left = list(rectangles)
     while len(left) > 1:
         x, y, width, height = np.array(left, np.float64).T
@@ -150,9 +169,22 @@ class _Choice(NamedTuple):
 def choose_regions(
     errors: NDArray[Any], grid: TileGrid, budget: float, scenes: Sequence[int] | None = None
 ) -> NDArray[Any]:
-    """Choose the tiles to render within a budget of pixels, (F, rows, columns) bool, by the error that they may have.
+    """Choose the tiles to render within a budget of pixels, by the error that they are expected to have.
 
-    `scenes` are the numbers of the frames' scenes, between which nothing is smoothed; one scene without them.
+    Parameters
+    ----------
+    errors : (F, rows, columns) float64
+        Expected squared error of each tile of each frame.
+    grid : TileGrid
+        Tiles of a frame.
+    budget : float
+        Maximum number of pixels of all frames together.
+    scenes : sequence of int, optional
+        Number of each frame's scene, between which nothing is smoothed; one scene by default.
+
+    Returns
+    -------
+    (F, rows, columns) bool
     """
     belongs = np.zeros(len(errors), int) if scenes is None else np.asarray(scenes)
     steady = smooth_over_time(errors, belongs)
@@ -179,7 +211,7 @@ def choose_regions(
 
 
 def _filled_up(base: _Choice, options: Sequence[_Choice], budget: float) -> NDArray[Any]:
-    """Take frames of other choices instead, those first that gain most for their pixels, as long as they fit."""
+    """Replace frames by those of larger choices, the largest gain per pixel first, as long as they fit the budget."""
     masks, areas, gains = (each.copy() for each in base)
     for option in options:
         more_area, more_gain = option.areas - areas, option.gains - gains
@@ -193,7 +225,10 @@ def _filled_up(base: _Choice, options: Sequence[_Choice], budget: float) -> NDAr
 
 
 def smooth_over_time(errors: NDArray[Any], scenes: NDArray[Any]) -> NDArray[Any]:
-    """Return errors of (F, rows, columns), with the weights 1, 2, 1 over each frame and its neighbours in a scene."""
+    """Return errors averaged over each frame and its neighbours in a scene, with the weights 1, 2, 1.
+
+    Errors are (F, rows, columns).
+    """
     after = np.concatenate([errors[1:], errors[-1:]])
     before = np.concatenate([errors[:1], errors[:-1]])
     same = scenes[1:] == scenes[:-1]
@@ -203,7 +238,10 @@ def smooth_over_time(errors: NDArray[Any], scenes: NDArray[Any]) -> NDArray[Any]
 
 
 def clean(masks: NDArray[Any], scenes: NDArray[Any]) -> NDArray[Any]:
-    """Return masks, (F, rows, columns) bool, with fewer and simpler regions that do not flicker."""
+    """Return masks, (F, rows, columns) bool, with fewer and simpler regions that do not flicker.
+
+    A tile that is chosen in the frames before and after is chosen in the frame between, too.
+    """
     if len(masks) > 2:
         same = (scenes[:-2] == scenes[2:])[:, np.newaxis, np.newaxis]
         masks = masks.copy()
@@ -217,13 +255,14 @@ def _clean_frame(mask: NDArray[Any]) -> NDArray[Any]:
 
 
 def _without_holes(mask: NDArray[Any]) -> NDArray[Any]:
-    """Fill what the mask encloses; the edge of the frame encloses nothing."""
+    """Fill areas that the mask encloses; the edge of the frame encloses nothing."""
     padded = cv2.copyMakeBorder((~mask).astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1)
     _, labels = cv2.connectedComponents(padded, connectivity=4)
     return np.asarray((labels != labels[0, 0])[1:-1, 1:-1])
 
 
 def _without_crumbs(mask: NDArray[Any]) -> NDArray[Any]:
+    """Drop single tiles, unless the frame has only a few."""
     if mask.size < SMALLEST_GRID:
         return mask
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)

@@ -1,9 +1,11 @@
 """Expected errors of interpolated frames, tile by tile, without their truth.
 
 Each image that was rendered is hidden and interpolated from the images before and after it, at twice the distance:
-there the error is known. This shows two things without any training: which squared error comes with which confidence in
+there the error is known. This shows two things without any training: which squared error belongs to which confidence in
 this clip, and where the clip is hard to predict. Images hidden at four times the distance show how far the first of
 them, learned at one distance, is off at half of it.
+
+Uncertainty is 1 minus the confidence; it is called doubt here.
 """
 
 from __future__ import annotations
@@ -31,12 +33,14 @@ Tiles = NDArray[Any]
 """A number for every tile of a frame, (rows, columns) float64."""
 
 InOrder = Callable[[Iterable[Callable[[], "Trial"]]], Iterator["Trial"]]
+"""Runs functions in parallel and yields their results in order."""
 
 
 class Trial(NamedTuple):
-    """Doubts and errors of the frames between two images."""
+    """Uncertainty and errors of the frames interpolated between two images."""
 
     scene_cut: bool
+    """Whether a scene ends between the images, so that nothing was interpolated."""
     doubts: list[Tiles]
     """1 - confidence of each frame; half the squared difference of the two images across a scene cut."""
     error: Tiles | None
@@ -53,20 +57,21 @@ class ExpectedErrors(NamedTuple):
 
 
 _Trio = tuple[Pair, Image | None]
-"""Two images, and the hidden one in their middle if there is one."""
+"""Pair of images, and the hidden one in their middle if there is one."""
 
 
 @dataclass(frozen=True)
 class ErrorCurve:
-    """Squared error that comes with a doubt, which never falls as the doubt rises (isotonic regression)."""
+    """Squared error by uncertainty, which never falls as the uncertainty rises (isotonic regression)."""
 
     doubts: NDArray[Any]
+    """Uncertainty at the points of the curve, increasing, (N,) float64."""
     errors: NDArray[Any]
-    """Points of the curve, between which it is straight; constant beyond them; (N,) float64."""
+    """Squared error at these points, (N,) float64; linear between them and constant beyond them."""
 
     @classmethod
     def fitted(cls, trials: Sequence[Trial]) -> Self:
-        """Fit a curve to the tiles of frames whose error is known; there must be one."""
+        """Fit a curve to the tiles of frames whose error is known; at least one must be."""
         doubts, errors = _tiles_of(trials)
         order = np.argsort(doubts, kind="stable")
         bins = np.array_split(order, min(BINS, len(order)))
@@ -76,10 +81,11 @@ class ErrorCurve:
         )
 
     def at(self, doubts: NDArray[Any]) -> NDArray[Any]:
+        """Return the expected squared error of tiles with these uncertainties."""
         return np.asarray(np.interp(doubts, self.doubts, self.errors))
 
     def bias(self, trials: Sequence[Trial]) -> float:
-        """Return the mean of the expected errors of frames over that of their true ones; 1 where these are none."""
+        """Return the ratio of the expected errors of frames to their true ones, by their means; 1 where one is zero."""
         doubts, errors = _tiles_of(trials)
         true, expected = float(errors.mean()), float(self.at(doubts).mean())
         return expected / true if true > 0 and expected > 0 else 1.0
@@ -90,8 +96,18 @@ def expect_errors(
 ) -> ExpectedErrors:
     """Predict the squared error of the frames of a conversion.
 
-    `frames` are rendered images, three at least, and are iterated several times; `factor` is the number of output
-    frames per image, and `in_order` is that of `fpsboost.threads.run_in_parallel`.
+    Parameters
+    ----------
+    frames : iterable of Frame
+        Rendered images, at least three, which are iterated several times.
+    interpolator : Interpolator
+        Method of the conversion.
+    factor : int
+        Output frames per image.
+    grid : TileGrid
+        Tiles in which errors are averaged.
+    in_order : callable
+        That of `fpsboost.threads.run_in_parallel`.
     """
 
     def trials(distance: int, first: int) -> list[Trial]:
@@ -129,12 +145,12 @@ def expect_errors(
 
 
 def comparable(image: Image) -> Image:
-    """Return an image on the scale on which frames are compared; float images are linear light."""
+    """Return an image on the scale on which frames are compared; float images are tone-mapped from linear light."""
     return compared_colours(image) if image.dtype == np.float32 else image
 
 
 def squared_error(image0: Image, image1: Image) -> NDArray[Any]:
-    """Return the squared difference of `comparable` images, white = 1, mean of the channels, (H, W) float32."""
+    """Return the squared difference of `comparable` images, mean of the channels, (H, W) float32, for white = 1."""
     difference = composite_on_black(image0) - composite_on_black(image1)
     return np.asarray(np.einsum("yxc,yxc->yx", difference, difference) / np.float32(difference.shape[2]))
 
@@ -142,7 +158,7 @@ def squared_error(image0: Image, image1: Image) -> NDArray[Any]:
 def _trios(
     frames: Iterable[Frame], interpolator: Interpolator, factor: int, distance: int, first: int
 ) -> Iterator[_Trio]:
-    """Yield pairs of images a distance apart, with the truth in their middle."""
+    """Yield pairs of images that are `distance` apart, from the image `first` on, with the one in their middle."""
     before: FrameCache | None = None
     truth: Image | None = None
     for index, frame in enumerate(frames):
@@ -164,6 +180,7 @@ def _try(
     times: Sequence[Fraction],
     grid: TileGrid,
 ) -> Trial:
+    """Interpolate between two images, and measure the uncertainty and, where the truth is known, the error."""
     before, (pair, truth), after = neighbourhood
     neighbours = before and before[0], after and after[0]
     if pair.is_discontinuous(*neighbours):  # the nearer frame is repeated, and as often the other one is right
@@ -175,13 +192,14 @@ def _try(
 
 
 def _tiles_of(trials: Sequence[Trial]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the uncertainty and the error of all tiles of frames whose error is known."""
     measured = [trial for trial in trials if trial.error is not None]
     doubts = np.concatenate([trial.doubts[0].ravel() for trial in measured])
     return doubts, np.concatenate([trial.error.ravel() for trial in measured if trial.error is not None])
 
 
 def _error_nearby(sides: Sequence[Trial | None], t: float, grid: TileGrid) -> Tiles:
-    """Return the error at time t between the errors of the images on both sides; NaN where neither is known."""
+    """Return the error expected at time t from those of the images on both sides; NaN where neither is known."""
     measured = [
         (weight, trial.error)
         for weight, trial in zip((1 - t, t), sides, strict=True)

@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as arrays
 
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.io.images.files import read_image
-from fpsboost.rerender import PlanOptions, parse_budget
+from fpsboost.rerender.options import PlanOptions, parse_budget
 from fpsboost.rerender.planning import PlannedFrame, RerenderPlan, plan_rerender
 from fpsboost.rerender.regions import Rectangle, TileGrid, choose_regions, partition
 from fpsboost.rerender.score import comparable, squared_error
