@@ -1,4 +1,11 @@
-"""Conversions whose parts are made by the workers of a Dask cluster, on many machines or on this one."""
+"""Conversions on the workers of a Dask cluster, on many machines or on this one.
+
+>>> import fpsboost
+>>> from distributed import Client  # doctest: +SKIP
+>>> job = fpsboost.ConversionJob("in.mp4", "out.mp4", fpsboost.OutputRate(2), fpsboost.methods["nlm"])
+>>> with Client("tls://scheduler:8786") as client:  # doctest: +SKIP
+...     summary = fpsboost.cluster.convert(job, client)
+"""
 
 from __future__ import annotations
 
@@ -16,13 +23,22 @@ if TYPE_CHECKING:
 
 
 LOCAL = "local"
+"""Address that stands for workers on this machine."""
 
 
 @dataclass(frozen=True)
 class ClusterOptions:
-    """Where the parts of a conversion are made; by default in threads of one process.
+    """Place where the parts of a conversion are computed; by default in threads of one process.
 
-    The address is that of a Dask scheduler; ``local`` means workers on this machine, one per core.
+    Parameters
+    ----------
+    cluster : str, optional
+        Address of a Dask scheduler; ``local`` means workers on this machine, one per core.
+
+    Raises
+    ------
+    OptionError
+        The address has another form.
     """
 
     cluster: str | None = option(None, "Convert on Dask workers: tls://HOST:PORT, or local.", metavar="ADDRESS")
@@ -35,7 +51,7 @@ class ClusterOptions:
 
 
 def convert_where(where: ClusterOptions, job: ConversionJob, run: RunOptions) -> Summary:
-    """Convert a clip where options say; the output is the same everywhere."""
+    """Convert a clip in this process, on local workers or on a cluster, as options specify; the output is the same."""
     # imported here because the command line reads the options for --help
     from fpsboost import convert_job  # noqa: PLC0415
 
@@ -59,7 +75,7 @@ def convert_where(where: ClusterOptions, job: ConversionJob, run: RunOptions) ->
 
 
 def _affordable_workers(job: ConversionJob, run: RunOptions) -> int:
-    """Return the number of workers with one thread that this machine has cores and memory for."""
+    """Return the number of workers with one thread that the cores and the memory of this machine suffice for."""
     from fpsboost.extension import memory_limit, opened_clip  # noqa: PLC0415
 
     with opened_clip(job, run) as clip:
@@ -71,17 +87,23 @@ def _affordable_workers(job: ConversionJob, run: RunOptions) -> int:
 def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None) -> Summary:
     """Convert a clip on the workers of a Dask cluster; the output is that of one process.
 
-    Workers need the versions of this process, and the input under the same path. If they see the folder of the output,
-    they write parts there; otherwise parts are copied, in pieces of 16 MiB, to where this is called. A part whose
-    worker dies is made again.
+    Workers need the versions of this process, and the input under the same path. If they have access to the folder of
+    the output, they write parts there; otherwise parts are copied, in pieces of 16 MiB, to where this is called. A part
+    whose worker dies is computed again.
 
     Parameters
     ----------
     job : ConversionJob
+        The conversion; its paths are made absolute.
     client : distributed.Client
         Synchronous; it stays open.
     run : RunOptions, optional
-        `threads` is what each worker may use; by default its own number.
+        `threads` is the number of threads for each worker; by default its own number.
+
+    Returns
+    -------
+    Summary
+        Summary of the whole conversion, after the parts were joined and removed.
 
     Raises
     ------

@@ -1,9 +1,9 @@
-"""Conversion by the workers of a Dask cluster: parts are planned and joined here, and are tasks that return paths.
+"""Conversion on the workers of a Dask cluster: parts are planned and joined here, and each part is a task.
 
-A task is bound to the worker that it is meant for, so that a worker makes one part at a time with all its threads, and
-nothing but this part is made again if it dies. Largest parts go first, so that the last ones to finish are small. A
-part whose worker dies, or that fails for a reason that may lie with the worker, is made again, elsewhere if possible.
-Keys follow from the job: two clients that convert the same thing on one scheduler wait for the same tasks.
+A task is bound to a worker, so that a worker computes one part at a time with all its threads, and only this part is
+repeated if it dies. Largest parts go first, so that the last ones to finish are small. A part whose worker dies, or
+that fails for a reason that may lie with the worker, is computed again, elsewhere if possible. Keys follow from the
+job: two clients that convert the same thing on one scheduler wait for the same tasks.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ PARTS_PER_WORKER = 8
 """Parts of a conversion for each worker; at the end, a worker idles for half of one on average."""
 
 GROWN_CLUSTER = 32
-"""Number of workers for which parts are cut at least: nodes of a batch system come one by one."""
+"""Minimum number of workers for which parts are cut: nodes of a batch system come one by one."""
 
 MAX_FAILURES = 3
 """Number of times that a part may fail with an error; the last error is raised then."""
@@ -69,21 +69,22 @@ MAX_LOST_WORKERS = 10
 """Number of workers that may die with the same part; nodes that are taken away at any time need more than a few."""
 
 WAIT_SECONDS = 0.5  # longest time that is waited for an end or a progress before workers are looked for
+"""Longest time between two checks of the workers, seconds; the end or progress of a task is noticed at once."""
 
 WORKERS_INTERVAL = 1.0
-"""Seconds between questions to the scheduler which workers are there."""
+"""Seconds between requests to the scheduler for the list of workers."""
 
 CONNECT_SECONDS, REPLY_SECONDS = 10, 30
-"""Time for a scheduler to accept a connection, and for the scheduler and workers to answer."""
+"""Time limit of an answer of the scheduler or a worker, seconds."""
 
 PIECE_BYTES = 16 << 20
-"""Bytes of a part's file that travel at a time where storage is not shared; worker, scheduler and client hold as many
-in memory."""
+"""Bytes of a part's file that are sent at a time where storage is not shared; worker, scheduler and client each hold
+one such piece in memory."""
 
 
 @checked
 def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None) -> Summary:
-    """See `fpsboost.cluster.convert`; parts that earlier runs of the same job have made are taken over."""
+    """Convert a clip; see `fpsboost.cluster.convert`. Complete parts of earlier runs of the same job are used."""
     begin, run = time.perf_counter(), run or RunOptions()
     if client.asynchronous:
         raise OptionError("The client is asynchronous, and a conversion waits for its parts; give a synchronous one.")
@@ -118,7 +119,7 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
 
 
 def _join(output: str, parts: Sequence[Path], *, overwrite: bool) -> Summary:
-    """Join the parts in these folders, and remove them; raise `CompleteAlreadyError` if another run has done that."""
+    """Join the parts in these folders, and remove them; raise `CompleteAlreadyError` if another run has done so."""
     folder = parts[0].parent
     while True:
         try:
@@ -138,20 +139,24 @@ def _join(output: str, parts: Sequence[Path], *, overwrite: bool) -> Summary:
 
 
 class _WorkerLostError(Exception):
-    """Raised where a worker has died, or does not answer."""
+    """Raised if a worker has died or does not answer."""
 
 
 @dataclass
 class _Attempts:
-    """Attempts to make one part so far."""
+    """Attempts to compute one part so far."""
 
     count: int = 0
+    """Number of attempts."""
     failures: int = 0
+    """Number of attempts that ended with an error."""
     lost_workers: int = 0
+    """Number of workers that died."""
     failed_on: set[str] = field(default_factory=set)
+    """Addresses of the workers on which it failed."""
 
     def fail(self, part: Part, worker: str, error: Exception) -> None:
-        """Count a failure; raise its error if another attempt is of no use."""
+        """Count a failure; raise its error if another attempt is useless."""
         if isinstance(error, _WorkerLostError):
             self.lost_workers += 1
             if self.lost_workers >= MAX_LOST_WORKERS:
@@ -168,7 +173,7 @@ class _Attempts:
 
 @dataclass
 class _Running:
-    """Part that a worker makes, whose files are then copied if the worker has them on a disk of its own."""
+    """Part that a worker computes, whose files are then copied if they lie on a disk of the worker alone."""
 
     planned: PlannedPart
     worker: str
@@ -178,7 +183,7 @@ class _Running:
 
 
 class _Parts:
-    """Parts of a conversion, made by the workers of a Dask client, which stays open; their paths are absolute."""
+    """Parts of a conversion that the workers of a Dask client compute; the client stays open."""
 
     def __init__(self, client: Client, job: ConversionJob, run: RunOptions, planned: Sequence[PlannedPart]) -> None:
         assert job.output is not None
@@ -213,9 +218,9 @@ class _Parts:
         self._mark.unlink(missing_ok=True)
 
     def make(self, wrote: Callable[[int], None]) -> None:
-        """Make all parts; `wrote` gets the number of output frames that all have together, whenever there are more.
+        """Compute all parts; `wrote` gets their total number of output frames whenever it rises.
 
-        If an error ends this, a note says how to go on.
+        If an error ends this, a note says how to continue.
         """
         known = 0
         try:
@@ -239,6 +244,7 @@ class _Parts:
             raise
 
     def _ask_for_workers(self) -> None:
+        """Update the list of workers, and notice running tasks that no worker has any more."""
         now = time.monotonic()
         if now - self._asked < WORKERS_INTERVAL:
             return
@@ -258,6 +264,7 @@ class _Parts:
             self._call = None
 
     def _submit_to_free(self) -> None:
+        """Give the next part to every worker that is free."""
         busy = {running.worker for running in self._running}
         for worker in [each for each in self._workers if each not in busy]:
             # the largest part that has not failed on this worker, or has failed on all of them
@@ -269,6 +276,7 @@ class _Parts:
                 self._submit(planned, worker)
 
     def _submit(self, planned: PlannedPart, worker: str) -> None:
+        """Submit a part as a task to a worker."""
         part, attempts = planned.part, self._attempts[planned.part]
         run = RunOptions(chunk=part, resume=True, threads=self._run.threads, limit=self._run.limit)
         order = WorkerOrder(pickle.dumps((self._job, run)), self._facts, str(self._mark), self._topic)
@@ -279,11 +287,12 @@ class _Parts:
         future.add_done_callback(lambda _: self._news.set())
 
     def _release(self, running: _Running) -> None:
-        """Tell Dask that the result of a task is not wanted any more."""
+        """Release a task whose result is not needed any more."""
         with suppress(Exception):  # the scheduler may be gone
             running.future.release()
 
     def _handle_event(self, event: tuple[float, Mapping[str, Any]]) -> None:
+        """Record the progress that a worker has logged; called in a thread of Dask."""
         _, message = event
         part = Part(*map(int, message["part"].split("/")))
         if part in self._reported:
@@ -291,7 +300,7 @@ class _Parts:
             self._news.set()
 
     def _look_at(self, running: _Running) -> None:
-        """Take note of a part that is complete, or have it made again if it has failed."""
+        """Record a part that is complete, or queue it again if it has failed."""
         part = running.planned.part
         try:
             if not self._is_complete(running):
@@ -304,7 +313,10 @@ class _Parts:
         self._release(running)
 
     def _is_complete(self, running: _Running) -> bool:
-        """Return whether a part is complete, whose copying begins here; raise its error, or that its worker is lost."""
+        """Return whether a part is complete; start its copy if that is needed.
+
+        Raises the error of the task, or `_WorkerLostError` if its worker is lost.
+        """
         part, future = running.planned.part, running.future
         if running.copy is not None:
             return running.copy.done() and running.copy.result() is None
@@ -334,7 +346,7 @@ class _Parts:
         return False
 
     def _copy_part(self, part: Part, worker: str, outcome: Outcome) -> None:
-        """Copy the files of a part from a worker's own disk, and remove them there."""
+        """Copy the files of a part from a worker's own disk, and remove them there; runs in the thread for copies."""
         folder = part.folder(self._output)
         place = folder.with_name(f".{folder.name}.{uuid4().hex[:8]}")
         copy = place / "copy"
@@ -352,6 +364,7 @@ class _Parts:
             shutil.rmtree(place, ignore_errors=True)
 
     def _copy(self, worker: str, path: str, size: int, target: Path) -> None:
+        """Copy a file from a worker, piece by piece, and flush it to the disk."""
         with target.open("wb") as file:
             for begin in range(0, size, PIECE_BYTES):
                 try:
@@ -363,12 +376,13 @@ class _Parts:
             os.fsync(file.fileno())
 
     def _scheduler_gone(self) -> ClusterError:
+        """Return the error for a scheduler that does not answer any more."""
         address = self._client.scheduler.address if self._client.scheduler is not None else "the cluster"
         return ClusterError(f"The scheduler at {address} is gone; start it again, or leave `cluster` out.")
 
 
 def largest_first(planned: Sequence[PlannedPart]) -> list[PlannedPart]:
-    """Return parts in the order in which they are made, those of one size by their numbers."""
+    """Return parts in the order in which they are computed, those of one size by their numbers."""
     return sorted(planned, key=lambda each: (-each.cost, each.part.number))
 
 
@@ -396,7 +410,10 @@ def local_client(workers: int) -> Iterator[Client]:
 
 @contextmanager
 def remote_client(address: str) -> Iterator[Client]:
-    """Connect to a scheduler with the certificates of Dask's configuration; raise `ClusterError` if that fails."""
+    """Connect to a scheduler with the certificates of Dask's configuration.
+
+    Raises `ClusterError` if it cannot be reached, or if ``tls://`` is given without certificates.
+    """
     if address.startswith("tls://") and Security().get_connection_args("client").get("ssl_context") is None:
         raise ClusterError(
             f"{address} needs certificates, and Dask's configuration names none; set distributed.comm.tls.ca-file, and "

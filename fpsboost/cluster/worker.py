@@ -1,7 +1,7 @@
-"""A Dask worker: compares itself with the client, and makes parts.
+"""Code that runs in a Dask worker: comparison of the worker with the client, and computation of parts.
 
-A thread cannot be stopped from outside, so a part looks at every frame whether Dask still wants its result: it does
-not once every client that has asked for it has cancelled it, has ended, or has lost its connection.
+A thread cannot be stopped from outside, so a part checks at every frame whether Dask still needs its result: it does
+not once every client that has requested it has cancelled it, has ended, or has lost its connection.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from fpsboost.extension import (
 REPORT_INTERVAL = 0.5  # seconds between reports of a part's progress
 
 LOCK_INTERVAL = 1.0
-"""Seconds between attempts to lock a part that another run makes at this moment."""
+"""Seconds between attempts to lock a part that another run is computing."""
 
 
 @dataclass(frozen=True)
 class WorkerOrder:
-    """Order to a worker to make a part."""
+    """Order to a worker to compute a part."""
 
     task: bytes  # pickled job and options of the run, read only after the facts agree, as versions may differ
     facts: Mapping[str, str]  # versions, input and options of the client, which the worker must share
@@ -61,11 +61,11 @@ class Outcome:
 
 
 class _CancelledPartError(Exception):
-    """Raised in a part that nobody wants any more."""
+    """Raised in a part whose result is not needed any more."""
 
 
 def make_on_worker(order: WorkerOrder) -> Outcome:
-    """Make a part in the Dask worker that calls this."""
+    """Compute a part in the Dask worker that calls this."""
     worker = get_worker()
     key = worker.get_current_task()
     try:
@@ -79,6 +79,10 @@ def make_on_worker(order: WorkerOrder) -> Outcome:
 
 
 def _carry_out(order: WorkerOrder, worker: Worker, check: Callable[[], None]) -> Outcome:
+    """Compare versions and results with the client, then compute the part.
+
+    Where storage is not shared, it is written into a private folder.
+    """
     for name, here in program_facts().items():  # so that both read the same pickles
         if order.facts.get(name) != here:
             raise ClusterError(
@@ -104,7 +108,7 @@ def _carry_out(order: WorkerOrder, worker: Worker, check: Callable[[], None]) ->
 
 
 class WorkerObserver(SilentObserver):
-    """Observer that reports now and then how many output frames a part has.
+    """Observer that reports at intervals how many output frames a part has.
 
     `check` is called for every frame and while another run holds the part; it raises an exception to stop.
     """
@@ -114,6 +118,7 @@ class WorkerObserver(SilentObserver):
         self._next = 0.0
 
     def wrote(self, summary: Summary) -> None:
+        """Check whether to continue, and report the number of frames if the last report is long enough ago."""
         self.check()
         now = time.monotonic()
         if now >= self._next:
@@ -122,7 +127,7 @@ class WorkerObserver(SilentObserver):
 
 
 def make_part(job: ConversionJob, run: RunOptions, observer: WorkerObserver) -> None:
-    """Make a part, after what an earlier attempt has finished; wait if another run makes it."""
+    """Compute a part, using the results of an earlier attempt; wait if another run is computing it."""
     with one_opencv_thread():
         while True:
             try:
@@ -137,12 +142,12 @@ def make_part(job: ConversionJob, run: RunOptions, observer: WorkerObserver) -> 
 
 
 def job_key(facts: Mapping[str, str], output: str) -> str:
-    """Return the name of a conversion to an output, which is the same in every process."""
+    """Return a name for a conversion to an output, the same in every process: 16 hexadecimal digits."""
     return hashlib.sha256(json.dumps([sorted(facts.items()), output]).encode()).hexdigest()[:16]
 
 
 def _check_job_once(order: WorkerOrder, job: ConversionJob, place: str) -> None:
-    """Raise `ClusterError` if this worker has another input, or makes other pixels; once in a process for each job."""
+    """Raise `ClusterError` if this worker has another input, or computes other pixels; once per process and job."""
     if order.topic in _checked:
         return
     try:
@@ -167,7 +172,7 @@ _checked: set[str] = set()
 
 
 def _check_wanted(worker: Worker, key: Key) -> None:
-    """Raise an exception if Dask has no use for the result of a task."""
+    """Raise an exception if Dask does not need the result of a task any more."""
     task = worker.state.tasks.get(key)
     is_wanted = task is not None and task.state != "cancelled"
     if not is_wanted or worker.status not in (Status.running, Status.paused, Status.closing_gracefully):

@@ -1,4 +1,4 @@
-"""Join the parts of a conversion into what one run makes."""
+"""Join of the parts of a conversion into the output of one run."""
 
 from __future__ import annotations
 
@@ -108,7 +108,10 @@ PartFiles = tuple[Path, Manifest]
 
 
 def find_parts(parts: Sequence[PathName]) -> list[Path]:
-    """Return the folders of parts: those named, or those in a folder that holds them."""
+    """Return the folders of parts: those named, or those inside of a folder that holds them.
+
+    Raises `OptionError` if none are named, and `InputError` for a path that is not a folder.
+    """
     if not parts:
         raise OptionError("No parts are named; name their folders, or the folder that holds them.")
     folders: list[Path] = []
@@ -121,7 +124,14 @@ def find_parts(parts: Sequence[PathName]) -> list[Path]:
 
 
 def check_complete(parts: Sequence[PartFiles]) -> list[PartFiles]:
-    """Return the parts in order; raise `InputError` unless all of one job are there, whole, and fit together."""
+    """Return the parts in order, after all checks.
+
+    Raises
+    ------
+    InputError
+        A part is missing, damaged or given twice, they belong to different jobs, or one does not begin where the part
+        before ends.
+    """
     by_number: dict[int, PartFiles] = {}
     (folder0, manifest0), *_ = parts
     for folder, manifest in parts:
@@ -156,6 +166,7 @@ def check_complete(parts: Sequence[PartFiles]) -> list[PartFiles]:
 
 
 def _fits(manifest: Manifest, following: Manifest) -> bool:
+    """Return whether a part begins where the one before ends, by the boundary that both have recorded."""
     ends, begins = (each.summary.boundaries.get(following.first) for each in (manifest, following))
     if manifest.first + manifest.summary.frames_out != following.first or ends is None or begins is None:
         return False
@@ -163,7 +174,7 @@ def _fits(manifest: Manifest, following: Manifest) -> bool:
 
 
 def _check_files(folder: Path, manifest: Manifest) -> None:
-    """Raise `InputError` unless the files of a part are as they were written."""
+    """Raise `InputError` unless the files of a part are unchanged, by their sizes and hashes."""
     with explained(InputError, "read", folder, "make this part again"):
         names = {path.name for path in part_files(folder)} - {MANIFEST_NAME}
         expected = {file.name for file in manifest.files}
@@ -177,6 +188,7 @@ def _check_files(folder: Path, manifest: Manifest) -> None:
 
 
 def _summary(parts: Sequence[PartFiles]) -> Summary:
+    """Return the summary of the whole conversion: sums of the parts', with each remark once."""
     summaries = [manifest.summary for _, manifest in parts]
     summary = Summary(
         frames_in=max(each.frames_in for each in summaries),

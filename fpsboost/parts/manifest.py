@@ -1,8 +1,8 @@
 """Manifest of a part: the job that it belongs to, its files, and the facts by which it is joined with the others.
 
-One fact is a digest of in-between frames, by which two machines tell whether they compute the same bits. Processors
+One fact is a digest of in-between frames, by which two machines find out whether they compute the same bits. Processors
 differ in the instructions that a library such as OpenCV chooses for them, and with them in how results are rounded. The
-frames are made of whole random numbers, so that the input at least is the same everywhere.
+frames are made of random integers, so that at least the input is the same everywhere.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from fpsboost.timing.rate import OutputRate
 from fpsboost.version import __version__
 
 MANIFEST_NAME = "part.json"
+"""Name of the manifest in the folder of a part."""
 FORMAT = 4  # version of the manifest's fields
 
 
@@ -52,34 +53,44 @@ class StoredFile:
 
 @dataclass(frozen=True)
 class Manifest:
-    """Description of a part, in a file beside its frames."""
+    """Description of a finished part, in a file beside its frames."""
 
     part: Part
     input: str
-    """Absolute path."""
+    """Absolute path of the input."""
     output: str
-    """Path of the whole conversion."""
+    """Path of the output of the whole conversion."""
     rate: OutputRate
     decoding: DecodeOptions
     encoding: Encoding
     facts: dict[str, str]
-    """Everything that must be the same for all parts."""
+    """Facts that must be the same for all parts, by their names; see `facts_of`."""
     first: int
     """Number of the part's first frame in the output, counted from 0."""
     summary: Summary
     """Summary of the part, without times; frames read are all source frames from the clip's first one on."""
     counts_frames: bool
-    """Whether the numbers of the source's frames shape the output, so that boundaries must agree on them."""
+    """Whether the numbers of the source's frames influence the output, so that parts must agree on them at their
+    boundaries."""
     window: Window | None
+    """Part of the source that the output covers, for what is copied beside the frames."""
     files: list[StoredFile]
+    """Files of the part in the order of the output."""
 
     def write(self, folder: Path) -> None:
+        """Write the manifest into a folder, as JSON."""
         text = json.dumps({"format": FORMAT, **as_json(self)}, indent=1)
         write_safely(folder / MANIFEST_NAME, text.encode())
 
     @classmethod
     def read(cls, folder: Path) -> Self:
-        """Read the manifest of a part; one of another version raises `InputError`."""
+        """Read the manifest of a part.
+
+        Raises
+        ------
+        InputError
+            It cannot be read, is damaged, or was written by another version of fpsboost.
+        """
         advice = "make this part again"
         with explained(InputError, "read", folder / MANIFEST_NAME, advice):
             data = (folder / MANIFEST_NAME).read_bytes()
@@ -94,7 +105,7 @@ class Manifest:
 
 
 def stored(path: Path) -> StoredFile:
-    """Return name, size and hash of a file."""
+    """Return name, size and hash of a file, by which its content is recognized."""
     with path.open("rb") as file:
         return StoredFile(path.name, path.stat().st_size, hashlib.file_digest(file, "sha256").hexdigest())
 
@@ -120,10 +131,11 @@ def input_identity(clip: OpenedClip) -> str:
 
 
 def facts_of(ready: Preparation) -> dict[str, str]:
-    """Return everything that must be the same wherever parts of a job are made.
+    """Return the facts that must be the same wherever parts of a job are computed, by their names.
 
     These are the content of the input (by size, beginning and end), all options, the versions of the programs, and
-    digests of the first frame and of interpolated ones, by which machines tell whether they decode and calculate alike.
+    digests of the first frame and of interpolated ones, by which machines find out whether they decode and compute
+    alike.
     """
     job = ready.job
     with opened_clip(job, ready.run) as again:
@@ -144,13 +156,13 @@ def facts_of(ready: Preparation) -> dict[str, str]:
 
 
 def job_facts(job: ConversionJob) -> dict[str, str]:
-    """Return what `facts_of` a job are, of which nothing is open yet."""
+    """Return `facts_of` a job that is not open yet."""
     with prepared(job, RunOptions()) as ready:
         return facts_of(ready)
 
 
 def as_json(value: Any) -> Any:
-    """Return a dataclass as JSON knows it: objects for dataclasses, text for fractions."""
+    """Return a value as plain data for JSON: objects for dataclasses, text for fractions, lists for sets and tuples."""
     if is_dataclass(value):
         return {field.name: as_json(getattr(value, field.name)) for field in fields(value) if field.init}
     if isinstance(value, Fraction):
@@ -166,7 +178,15 @@ def from_json(kind: Any, value: Any) -> Any:
     """Return the object of a type that `as_json` has stored.
 
     The type is a dataclass, Fraction, str, int, float, bool, a list, set, tuple or dict of these, or a union of one
-    with None. Raises `KeyError`, `TypeError` or `ValueError` for what was stored by something else.
+    with None. Raises `KeyError`, `TypeError` or `ValueError` for data of another form.
+
+    Examples
+    --------
+    >>> from fpsboost import Position
+    >>> as_json(Position(Fraction(181, 2)))
+    {'value': '181/2', 'is_frame': False}
+    >>> from_json(Position, {"value": "181/2", "is_frame": False})
+    Position(value=Fraction(181, 2), is_frame=False)
     """
     kinds = get_args(kind)
     if value is None:
@@ -182,6 +202,7 @@ def from_json(kind: Any, value: Any) -> Any:
 
 
 def _collection(kind: Any, kinds: Any, value: Any) -> Any:
+    """Return a dict, list, set or tuple whose items have the types `kinds`; any other value unchanged."""
     if kind is dict:
         return {kinds[0](key): from_json(kinds[1], item) for key, item in value.items()}
     if kind in (list, set):
@@ -196,6 +217,7 @@ SIZE = (48, 480)
 """Height and width of the frames, pixels: long enough for a pyramid with all kinds of levels."""
 
 TIMES = (0.25, 0.5)
+"""Times of the interpolated frames, of which the second one is computed from results of the first."""
 FRAMES = 4
 """Frames of the clip: a pair, and one frame on each side of it."""
 
@@ -204,11 +226,22 @@ OBJECT = (20, 96)
 
 
 def self_test(interpolator: Interpolator, image: FrameImage) -> str:
-    """Return a digest of frames that an interpolator makes of a small constructed clip.
+    """Return a digest of frames that an interpolator generates of a small constructed clip.
 
     A texture with coarse and fine structure moves by two and a half pixels per frame, and in front of it an object in
-    the other direction. A renderer's motion vectors are not used. `image` is any of the clip to convert; only its type,
-    channels and layers matter. The digest is SHA-256 in hexadecimal digits, the same wherever the same frames are made.
+    the other direction. A renderer's motion vectors are not used.
+
+    Parameters
+    ----------
+    interpolator : Interpolator
+        Method of the job.
+    image : array, YCbCrImage or LayeredImage
+        Any frame of the clip to convert; only its type, channels and layers matter.
+
+    Returns
+    -------
+    str
+        SHA-256 in hexadecimal digits, the same wherever the same frames are computed.
     """
     bare = interpolator.without_vectors()
     frames = [FrameCache(view(image).filled(samples)) for samples in _moving_samples()]

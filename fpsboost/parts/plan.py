@@ -1,6 +1,8 @@
-"""Plan of the parts of a conversion: their output frames, the work that each one is, and where its source begins.
+"""Plan of the parts of a conversion: their output frames, the cost of each, and where its source begins.
 
-The list of a video's frames is left in a file beside the parts, so that not every part has to read the whole video.
+A part begins to read the source a few frames before its own, at a frame from which the loop certainly does the same as
+in one run (`find_entry`). The list of a video's frames is left in a file beside the parts, so that not every part has
+to read the whole video.
 """
 
 from __future__ import annotations
@@ -43,22 +45,28 @@ from fpsboost.timing.rate import exposed
 from fpsboost.timing.schedule import MAX_FILLED, ByFactor, Schedule, count_frames, rising_time
 
 LEAD_IN = 24  # number of frames that are searched first, before those that are needed, for one where reading may begin
+"""Number of frames before those that are needed in which the first search looks for a frame where reading may begin."""
 GROWTH = 4  # factor by which that number grows until there is one
+"""Factor by which that number grows until the search succeeds."""
 REPLACED_BEFORE = 2 * (MAX_RUN + 1) + CERTAIN_AFTER
-"""Number of frames before one that have a say in it where frames are replaced: those of its group and of the group
+"""Number of preceding frames that influence a frame where frames are replaced: those of its group and of the group
 before, from the first that is certainly grouped as in one run."""
 LATE = 30
-"""Time of the source at which a curve begins, seconds, from which on the frames before are left out."""
+"""Time of the source at which a curve must begin at least for the frames before it to be skipped, seconds."""
 NO_TIME = np.iinfo(np.int64).min  # number in a list of frames for a time that is not known
+"""Number in a list of frames for an unknown time."""
 
 
 @dataclass
 class PartPlan:
-    """Part of a conversion that is being made."""
+    """Part of a conversion that is being computed."""
 
     part: Part
+    """Number of the part, and number of parts."""
     outputs: OutputRange
+    """Output frames of the part, and where its source begins."""
     output: OutputPart
+    """Folder that the part is written to."""
     remarks: list[str] = field(default_factory=list)
     """Remarks on how its source is read."""
     summary: Summary | None = None
@@ -66,15 +74,20 @@ class PartPlan:
 
     @property
     def is_empty(self) -> bool:
-        """Whether there are more parts than chunks, so that this one has no frames."""
+        """Whether the part has no frames, because there are more parts than chunks."""
         return self.outputs.first == self.outputs.stop
 
 
 def plan_part(ready: Preparation) -> PartPlan:
-    """Choose the output frames of a part, and begin to read the source where it needs to be read for them.
+    """Choose the output frames of a part, and let the source begin where they need it.
 
     Parts are whole chunks of a video, in which its encoder begins anew, or any frames of images. All runs cut a job in
-    the same way. Raises `OptionError` if the input or the output cannot be cut into parts.
+    the same way.
+
+    Raises
+    ------
+    OptionError
+        The input or the output cannot be cut into parts.
     """
     run = ready.run
     assert run.chunk is not None
@@ -97,7 +110,7 @@ def plan_part(ready: Preparation) -> PartPlan:
 
 
 def enter(ready: Preparation, outputs: OutputRange) -> OutputRange:
-    """Begin to read a source that lists its frames near the first of some output frames, which get this entry."""
+    """Let a source that lists its frames begin near the first of some output frames; return these with the entry."""
     job, source, curve = ready.job, ready.clip.source, ready.clip.curve
     is_late = outputs.first > 0 or (curve is not None and curve.source(Fraction(0)) >= LATE)
     if not is_late or not isinstance(source, RandomAccess) or (times := source.frame_times()) is None:
@@ -121,13 +134,24 @@ def find_entry(
 ) -> Entry:
     """Find where to begin reading for an output frame and all later ones.
 
-    The pair of frames around it is needed, and the pair before, which has a say in it; nothing farther away has. Their
-    frames may be groups of duplicates, and grouping remembers what came before: it begins at a frame from which it is
+    The pair of frames around it is needed, and the pair before, which influences its motion; no other does. Their
+    frames may be groups of duplicates, and grouping depends on earlier frames: it begins at a frame from which it is
     certain; see `fpsboost.analysis.duplicates.find_synchronised`. If there is none, that is the clip's first one.
 
-    `times` are those of all frames of the clip; output frames are counted from 0; without a detector, duplicates are
-    not looked for, and `before` is the number of frames before that around the output frame that have a say in it.
-    `read_from` opens the clip once more at a frame, and yields a source of that and the following ones.
+    Parameters
+    ----------
+    times : sequence of Fraction
+        Times of all frames of the clip, seconds.
+    schedule : Schedule
+        Times of the output frames.
+    detector : DuplicateDetector or None
+        Detector of duplicates; None if they are not looked for.
+    first_output : int
+        Number of the output frame, counted from 0.
+    read_from : callable
+        Opens the clip once more at a frame, and yields a source of that and the following ones.
+    before : int
+        Number of frames before that around the output frame which influence it.
     """
     numbers = OutputNumbers(times, schedule)
     # the exposure of a frame begins after the frame before
@@ -154,7 +178,7 @@ def find_entry(
 def _presented(
     frames: Iterable[Frame], first: int, last: int, times: Sequence[Fraction], schedule: Schedule
 ) -> Iterator[SourceFrame]:
-    """Yield frames up to a number as the loop presents them, from one on whose presentation time is certain."""
+    """Yield the frames from `first` to `last` as the loop presents them; the time of the first must be certain."""
     before: Fraction | None = None
     for number, frame in enumerate(frames, first):
         if number > last:
@@ -168,7 +192,7 @@ def _presented(
 
 @dataclass(frozen=True)
 class PlannedPart:
-    """Part that is to be made."""
+    """Part that is to be computed."""
 
     part: Part
     frames: int
@@ -181,8 +205,12 @@ class PlannedPart:
 def planned_job(job: ConversionJob, run: RunOptions, count: int) -> Iterator[tuple[ClipInfo, list[PlannedPart]]]:
     """Plan the parts of a job, which have a folder while the block lasts; yield them with the properties of the input.
 
-    There are about `count`, or as many as an earlier run has cut. Raises `OptionError` or `OutputError` if parts cannot
-    be made or joined, or there are parts of another job and the output must not be replaced.
+    There are about `count`, or as many as in an earlier run of the job.
+
+    Raises
+    ------
+    OptionError, OutputError
+        Parts cannot be written or joined, or the folder holds parts of another job and `overwrite` is not given.
     """
     with prepared(job, run) as ready:
         folder = Part(1, 1).folder(ready.target.path).parent
@@ -232,7 +260,7 @@ def _plan_parts(ready: Preparation, count: int) -> list[PlannedPart]:
 
 
 def _measured(ready: Preparation) -> tuple[Sequence[Fraction] | None, int, int]:
-    """Return the times of all frames if something tells them, the number of output frames, and how many stay together.
+    """Return the times of all frames if known, the number of output frames, and how many of them stay together.
 
     Raises `OptionError` if the input or the output cannot be cut into parts.
     """
@@ -249,7 +277,10 @@ def _measured(ready: Preparation) -> tuple[Sequence[Fraction] | None, int, int]:
 
 
 def frame_times(clip: OpenedClip, folder: Path) -> Sequence[Fraction] | None:
-    """Return the times of all frames, from the list in the folder of all parts if it is there; None if none tells."""
+    """Return the times of all frames of a clip; None if they are unknown.
+
+    They are read from the list in the folder of all parts if there is one.
+    """
     source = clip.source
     if not isinstance(source, RandomAccess):
         return None
@@ -261,9 +292,9 @@ def frame_times(clip: OpenedClip, folder: Path) -> Sequence[Fraction] | None:
 
 
 def share_index(clip: OpenedClip, folder: Path) -> None:
-    """Leave the list of frames for other parts in the folder of all parts, if it was read from the whole file.
+    """Write the list of frames into the folder of all parts, if it was read from the whole file.
 
-    Nothing is lost where that is impossible.
+    Where that fails, parts read the video themselves.
     """
     index = clip.whole.frame_index if isinstance(clip.whole, SeekableSource) else None
     if index is None or (folder / INDEX_NAME).exists():
@@ -276,7 +307,14 @@ def share_index(clip: OpenedClip, folder: Path) -> None:
 
 
 def outputs_of(part: Part, total: int, unit: int) -> OutputRange:
-    """Return the output frames of a part, if `total` are expected, and as many as a `unit` stay together."""
+    """Return the output frames of a part, if `total` are expected, of which as many as a `unit` stay together.
+
+    Examples
+    --------
+    >>> ranges = [outputs_of(Part(number, 3), 100, 32) for number in (1, 2, 3)]
+    >>> [(each.first, each.stop) for each in ranges]  # the last one has all that are left
+    [(0, 32), (32, 64), (64, None)]
+    """
     units = -(-total // unit)
     first = units * (part.number - 1) // part.count * unit
     stop = None if part.number == part.count else units * part.number // part.count * unit
@@ -322,7 +360,7 @@ def manifest_of(plan: PartPlan, ready: Preparation, folder: Path) -> Manifest:
 
 
 class OutputNumbers:
-    """Numbers of the output frames of a clip whose frames are at `times`, increasing seconds; counted from 0."""
+    """Numbers of the output frames, counted from 0, of a clip whose frames are at `times`, increasing seconds."""
 
     def __init__(self, times: Sequence[Fraction], schedule: Schedule) -> None:
         self._times, self._schedule = times, schedule
@@ -340,10 +378,11 @@ class OutputNumbers:
         return self._schedule.presentation_time(start, time) > max(nominal, before)
 
     def certain_at_most(self, number: int) -> int:
+        """Return the last frame up to a number whose presentation time is certain."""
         return next(each for each in range(number, -1, -1) if self.is_certain(each))
 
     def presented(self, number: int) -> Fraction:
-        """Return when a frame is shown, or the last one before it that is, seconds."""
+        """Return the presentation time of a frame, or of the last one before it that is presented, seconds."""
         last: Fraction | None = None
         for each in range(self.certain_at_most(number), number + 1):
             time = rising_time(self._schedule, self._times[0], self._times[each], last)
@@ -352,6 +391,7 @@ class OutputNumbers:
         return last
 
     def before(self, number: int) -> int:
+        """Return the number of output frames before a source frame."""
         return self._position(number) - sum(lost for pause, lost in self._pauses if pause < number)
 
     def source_frame(self, output: int) -> int:
@@ -359,11 +399,12 @@ class OutputNumbers:
         return max(0, bisect_right(range(len(self._times)), output, key=self.before) - 1)
 
     def _position(self, number: int) -> int:
+        """Return the number of output frames before a source frame if no pause were shortened."""
         return math.ceil(self._schedule.output_position(number, self._times[0], self.presented(number)))
 
     @cached_property
     def _pauses(self) -> list[tuple[int, int]]:
-        """Frames before pauses that are not filled, and how many output frames fewer there are for each."""
+        """Frames before pauses that are not filled, and the number of output frames that each pause lacks."""
         pauses = []
         number, last = 0, len(self._times) - 1
         while number < last:
