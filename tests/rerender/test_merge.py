@@ -16,8 +16,8 @@ from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.exr import read_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.metadata import ImageMetadata, metadata_of
-from fpsboost.rerender.options import MergeOptions
 from fpsboost.rerender.merging import merge_regions, mix, seam_weights
+from fpsboost.rerender.options import MergeOptions
 from fpsboost.rerender.planning import PlannedFrame, RerenderPlan
 from fpsboost.rerender.regions import Rectangle
 
