@@ -164,10 +164,11 @@ INLINE Position locate_block(Position window, float share, const Motion &motion,
 }
 
 // Samples columns of both frames, blends them and adds up the squares of their differences. One frame is sampled after
-// the other, as the weights and rows of both would not fit into the registers.
+// the other, as the weights and rows of both would not fit into the registers. Meanwhile, what is `ahead` columns on is
+// fetched: processors do not foresee small windows of many rows.
 template <typename V>
 INLINE void mix_columns(const LayerSamples &layer, const float *const from[2], const Taps taps[2], Int tall, float t,
-                        float *mixed, float *change, float *distance) {
+                        float *mixed, float *change, float *distance, const Int *ahead = nullptr) {
   V samples[WINDOW];
   for (int n = 0; n < 2; n++) {
     const Int stride = layer.coefficients[n].shape[2];
@@ -177,6 +178,7 @@ INLINE void mix_columns(const LayerSamples &layer, const float *const from[2], c
     const auto filter_row = [&]() __attribute__((always_inline)) {
       V sum = load<V>(next) * across[0];
       for (int k = 1; k < TAPS; k++) sum = fma(load<V>(next + k), across[k], sum);
+      if (ahead) __builtin_prefetch(next + ahead[n]);
       next += stride;
       return sum;
     };
@@ -200,6 +202,11 @@ INLINE void mix_columns(const LayerSamples &layer, const float *const from[2], c
 
 inline void mix_rigid(LayerSamples &layer, const WindowPlace &place, float t) {
   for (Int c = 0; c < layer.channels; c++) {
+    Int ahead[2];  // the next plane, and from the last one on, the next window of the first one
+    for (int n = 0; n < 2; n++) {
+      const Int size = layer.coefficients[n].shape[1] * layer.coefficients[n].shape[2];
+      ahead[n] = c < layer.channels - 1 ? size : layer.wide - c * size;
+    }
     Taps taps[2];
     const float *from[2];
     for (int n = 0; n < 2; n++) {
@@ -209,7 +216,7 @@ inline void mix_rigid(LayerSamples &layer, const WindowPlace &place, float t) {
     for (Int i = 0; i < layer.wide; i += Lanes<Wide>::count) {
       const float *const columns[2] = {from[0] + i, from[1] + i};
       const Int to = c * layer.size + i;
-      mix_columns<Wide>(layer, columns, taps, layer.tall, t, layer.mixed + to, layer.change + to, layer.distance + i);
+      mix_columns<Wide>(layer, columns, taps, layer.tall, t, layer.mixed + to, layer.change + to, layer.distance + i, ahead);
     }
   }
 }
