@@ -293,19 +293,23 @@ inline void fetch_window(const LayerSamples &layer, int n, Int c, Position at, f
 }
 
 // Blends two windows that are partly outside; samples outside have no weight unless both are.
-inline void mix_inside(const LayerSamples &layer, float t, const InsideMarks &marks, const float *first,
-                       const float *second, float *mixed, float *change) {
-  for (Int j = 0; j < layer.tall; j++)
-    for (Int i = 0; i < layer.wide; i++) {
-      const Int x = i * layer.across, y = j * layer.down, place = j * layer.wide + i;
-      const float weight0 = (1 - t) * marks.columns[0][x] * marks.rows[0][y];
-      const float weight1 = t * marks.columns[1][x] * marks.rows[1][y];
-      const float both = weight0 + weight1;
-      if (both > 0) {
-        mixed[place] = (weight0 * first[place] + weight1 * second[place]) / both;
-        if (weight0 * weight1 == 0) change[place] = 0;
-      }
+inline void mix_inside(const LayerSamples &layer, float t, const InsideMarks &marks, const float *__restrict first,
+                       const float *__restrict second, float *__restrict mixed, float *__restrict change) {
+  float columns[2][WINDOW];
+  for (Int i = 0; i < layer.wide; i++) {
+    columns[0][i] = (1 - t) * marks.columns[0][i * layer.across];
+    columns[1][i] = t * marks.columns[1][i * layer.across];
+  }
+  for (Int j = 0; j < layer.tall; j++) {
+    const float row0 = marks.rows[0][j * layer.down], row1 = marks.rows[1][j * layer.down];
+    for (Int i = 0; i < layer.wide; i++) {  // all are written, so that this needs no branch
+      const Int place = j * layer.wide + i;
+      const float weight0 = columns[0][i] * row0, weight1 = columns[1][i] * row1, both = weight0 + weight1;
+      const float mean = (weight0 * first[place] + weight1 * second[place]) / most(both, 1e-30f);
+      mixed[place] = both > 0 ? mean : mixed[place];
+      change[place] = ((both > 0) & (weight0 * weight1 == 0)) ? 0 : change[place];
     }
+  }
 }
 
 inline void mix_fetched(LayerSamples &layer, const WindowPlace &place, const InsideMarks &marks, const Motion &motion,
