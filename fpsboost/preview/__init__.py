@@ -1,1 +1,1 @@
-"""A conversion shown before it is run: some passages of a clip, converted, and what the whole would take."""
+"""A page with passages of a clip before and after a conversion, and with estimates of time and size."""

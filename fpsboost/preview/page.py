@@ -1,6 +1,6 @@
-"""Passages of a clip converted by every method, and the time that took, on one page that needs nothing but a browser.
+"""Passages of a clip converted by every method, with the time that this took, on one page that needs only a browser.
 
-The views may be written as a video, too, side by side.
+The views may also be written as a video, side by side.
 """
 
 from __future__ import annotations
@@ -51,22 +51,26 @@ from fpsboost.extension import (
 from fpsboost.preview.places import Passage, Selection, View, find_passages, find_retimed, first_packet_size
 
 
-class Trial(NamedTuple):
+class ConvertedPassage(NamedTuple):
     """A passage converted by a method."""
 
     after: View
+    """Its frames after the conversion."""
     least_certain: LowestMatch | None
-    """See `fpsboost.Summary.lowest_match`, with the time in the passage on the source's clock."""
+    """Frame between the two that match least, see `fpsboost.Summary.lowest_match`; its time is in the passage, on the
+    source's clock."""
     confidence: NDArray[Any] | None
     """Confidence of that frame's pixels, (H, W, 1) float32; None if the method has none of its own."""
     frames: int
+    """Number of frames that were written."""
     seconds: float
+    """Elapsed time without that of the pictures for the page."""
     cpu_seconds: float
-    """Elapsed and CPU time, the pictures for the page not counted."""
+    """CPU time without that of the pictures for the page."""
     size: int
     """Bytes that were written."""
     first: int
-    """Bytes of the first picture of a video, which needs no other; 0 for images and animations."""
+    """Bytes of the first picture of a video, a key frame; 0 for images and animations."""
 
 
 @dataclass
@@ -74,18 +78,23 @@ class Preview:
     """Passages of a clip before and after a conversion."""
 
     info: ClipInfo
+    """Properties of the source."""
     rate: Fraction
+    """Frames per second of the output."""
     stretch: Fraction
     """Duration of the output as a multiple of the source's."""
     selection: Selection
-    trials: dict[str, list[Trial]]
+    """Passages of the source."""
+    trials: dict[str, list[ConvertedPassage]]
+    """Converted passages by the names of the methods, in the order of the selection."""
     frames: int | None
-    """Number of frames that the conversion writes; None if the header of the source does not say."""
+    """Number of frames that the whole conversion writes; None if the header of the source does not tell."""
     seconds_per_frame: dict[str, float]
-    """Expected time on this machine, by the names of the methods."""
+    """Expected time per output frame on this machine, by the names of the methods."""
     is_video: bool
     """Whether the conversion, and so the estimate, encodes video."""
     remarks: list[str]
+    """Notes of the conversions, each once."""
 
     def views(self) -> list[dict[str, View]]:
         """Return the views of every passage by their names, that before the conversion first."""
@@ -104,12 +113,23 @@ def preview(
     length: int | None = None,
     on_task: Callable[[str], None] = lambda task: None,
 ) -> Preview:
-    """Convert passages of a clip, those with the most motion or those that begin `at` some times, by every method.
+    """Convert passages of a clip by every method.
 
-    Where a curve retimes the clip, these are the passages around its points, or around times of the output. The job is
-    the whole conversion: its output is not written, and says of what kind the output will be. `methods` replace its
-    own, passages have a `length` in source frames, by default about a second, and `on_task` is called with the name of
-    each task.
+    Parameters
+    ----------
+    job : ConversionJob
+        The whole conversion. Its output is not written, and only determines the kind of the converted passages.
+    methods : mapping of str to Interpolator
+        Methods by name; they replace that of the job.
+    run : RunOptions
+        Options of the run.
+    at : iterable of Position
+        Beginnings of the passages; by default those with the most motion. If a curve retimes the clip, they are times
+        of the output, and by default the points of the curve.
+    length : int, optional
+        Length of a passage in source frames; by default about a second.
+    on_task : callable
+        Called with the name of each task.
     """
     target = job.target(run)
     with prepared(job, run) as ready:
@@ -120,7 +140,7 @@ def preview(
         job = replace(job, rate=replace(job.rate, factor=factor, retime=None, speed=None, slow_motion_sound=None))
     on_task("looking for motion")
     selection = find_passages(job, run, at, length) if curve is None else find_retimed(job, run, curve, rate, at)
-    trials: dict[str, list[Trial]] = {name: [] for name in methods}
+    trials: dict[str, list[ConvertedPassage]] = {name: [] for name in methods}
     remarks = dict.fromkeys(selection.remarks)
     with TemporaryDirectory(prefix="fpsboost-") as folder:
         for number, passage in enumerate(selection.passages):
@@ -128,7 +148,7 @@ def preview(
                 on_task(f"{name}, passage {number + 1} of {len(selection.passages)}")
                 output = Path(folder, str(number), str(list(methods).index(name)))
                 output.parent.mkdir(exist_ok=True)
-                trial, summary = _try(replace(job, method=method), run, target, passage, output)
+                trial, summary = _convert_passage(replace(job, method=method), run, target, passage, output)
                 trials[name].append(trial)
                 # what `replace` lists behind the end of a passage need not lie behind that of the clip
                 remarks |= dict.fromkeys(each for each in summary.remarks if not each.startswith("The last frame is"))
@@ -147,14 +167,18 @@ def preview(
 
 @dataclass
 class _Recorder(SilentObserver):
-    """Watcher and observer of one conversion."""
+    """Watcher and observer of one conversion: keeps its frames and their confidence, and measures its own CPU time."""
 
     view: View
     stretch: Fraction
+    """Duration of the output as a multiple of the source's."""
     needs_confidence: bool
     confidences: list[NDArray[Any] | None] = field(default_factory=list)
+    """Confidence of each output frame, as it is displayed."""
     own_seconds: float = 0.0
+    """CPU time of this object, which is subtracted from that of the conversion."""
     start: tuple[float, float] = (0.0, 0.0)
+    """Elapsed and CPU time when the conversion began."""
 
     def ready(self) -> None:
         self.start = time.perf_counter(), time.process_time()
@@ -168,7 +192,9 @@ class _Recorder(SilentObserver):
         self.own_seconds += time.thread_time() - begin
 
 
-def _try(job: ConversionJob, run: RunOptions, target: Target, passage: Passage, place: Path) -> tuple[Trial, Summary]:
+def _convert_passage(
+    job: ConversionJob, run: RunOptions, target: Target, passage: Passage, place: Path
+) -> tuple[ConvertedPassage, Summary]:
     """Convert a passage to files of the target's kind, which are left to the caller to remove."""
     part = job.of_part(passage.trim)
     if passage.retimed:
@@ -194,11 +220,13 @@ def _try(job: ConversionJob, run: RunOptions, target: Target, passage: Passage, 
     summary.remarks = [remark.replace(output, target.path) for remark in summary.remarks]
     size = sum(file.stat().st_size for file in [Path(output), *Path(output).glob("*")] if file.is_file())
     first = first_packet_size(Path(output)) if target.kind == "video" else 0
-    return Trial(recorder.view, least, confidence, summary.frames_out, seconds, cpu * (1 - own), size, first), summary
+    return ConvertedPassage(
+        recorder.view, least, confidence, summary.frames_out, seconds, cpu * (1 - own), size, first
+    ), summary
 
 
-def _seconds_per_frame(trials: list[Trial]) -> float:
-    """Return the expected time for a frame, for the whole conversion.
+def _seconds_per_frame(trials: list[ConvertedPassage]) -> float:
+    """Return the expected time per frame of the whole conversion, seconds.
 
     A passage is so short that the queues between its threads are never full: it takes longer than the same frames of a
     long run, and that longer than cores which are always busy. The geometric mean of the two is off by the least
@@ -211,32 +239,39 @@ def _seconds_per_frame(trials: list[Trial]) -> float:
 
 
 SPEEDS = (Fraction(1), Fraction(1, 4))
+"""Speeds at which a video shows each passage."""
 
 LABEL_HEIGHT = 32
 """Height of the line of text above the pictures, pixels."""
 
 
 class LeastCertain(NamedTuple):
-    """The frame of a passage about which a method is least certain."""
+    """Frame of a passage about which a method is least certain."""
 
     method: str
+    """Name of the method."""
     time: str
+    """Time in the clip, as text."""
     passage: int
+    """Index of the passage."""
     place: int
+    """Index of the frame in the player."""
     picture: str
+    """Data URI of the frame."""
     doubt: str | None
-    """Picture of the uncertain places; None if the method has no confidence."""
+    """Data URI of a map of uncertainty; None if the method has no confidence."""
     confidence: float | None
+    """Mean confidence of the frame, 0 to 1; None if the method has none."""
 
 
 def write_page(path: Path, preview: Preview, command: str, *, overwrite: bool = False) -> None:
-    """Write a page, which appears whole or not at all; `command` is the command line of the whole conversion."""
+    """Write a page; `command` is the command line of the whole conversion. The file appears whole or not at all."""
     check_writable(path, str(path), overwrite=overwrite)
     write_whole(path, make_page(preview, command).encode())
 
 
 def make_page(preview: Preview, command: str) -> str:
-    """Return a page as text; see `write_page`."""
+    """Return a page as HTML text; see `write_page`."""
     frames = sum(trial.frames for trial in next(iter(preview.trials.values())))
     work = "encoding, but not the copying of sound" if preview.is_video else "writing the images"
     included = (
@@ -260,6 +295,7 @@ def make_page(preview: Preview, command: str) -> str:
 
 
 def _least_certain(preview: Preview) -> Iterator[LeastCertain]:
+    """Yield the least certain frame of every passage, by the first method."""
     method, trials = next(iter(preview.trials.items()))
     for number, (passage, trial) in enumerate(zip(preview.selection.passages, trials, strict=True)):
         least, confidence = trial.least_certain, trial.confidence
@@ -280,6 +316,7 @@ def _count(preview: Preview, end: Fraction) -> int:
 
 
 def _player_data(preview: Preview) -> PlayerData:
+    """Return the frames of all passages for the player of the page."""
     height, width = preview.selection.passages[0].before.image_at(Fraction(0)).shape[:2]
     names = ["before", *preview.trials] if len(preview.trials) > 1 else ["before", "after"]
     data = PlayerData(names, width, height, float(preview.rate))
@@ -299,7 +336,7 @@ def _player_data(preview: Preview) -> PlayerData:
 
 
 def estimate_sentence(frames: int | None, seconds_per_frame: float) -> str:
-    """Return what a conversion would take, in one sentence."""
+    """Return the expected duration of a conversion in a sentence, or its speed if the number of frames is unknown."""
     if frames is None:
         speed = rounded(1 / seconds_per_frame, 2)
         return f"about {speed} frames a second; the length of the clip is not known beforehand."
@@ -324,18 +361,19 @@ def write_video(path: str, preview: Preview, *, overwrite: bool = False) -> None
 
 
 def check_video(target: Target, inputs: Collection[Path] = (), *, overwrite: bool) -> None:
-    """Raise an error if the video cannot be written, before anything is made for it."""
+    """Raise an error if the video cannot be written; called before any conversion."""
     if target.kind != "video":
         raise OptionError(f"`side_by_side` writes a video, and {target.path} names none; end it with .mp4 or .mkv.")
     check_writable(Path(target.path), target.path, inputs, overwrite)
 
 
 def _beside(views: dict[str, View], time: Fraction, label: str) -> NDArray[Any]:
+    """Return the pictures of all views at a time, side by side, each under its name."""
     return np.concatenate([_labelled(view.image_at(time), name + label) for name, view in views.items()], axis=1)
 
 
 def _labelled(image: NDArray[Any], text: str) -> NDArray[Any]:
-    """Return a picture under a line of text, as wide as encoders ask for."""
+    """Return a picture under a line of text, with even sides as encoders require."""
     height, width = (each + each % 2 for each in image.shape[:2])
     canvas = np.zeros((height + LABEL_HEIGHT, width, 3), np.uint8)
     canvas[LABEL_HEIGHT : LABEL_HEIGHT + image.shape[0], : image.shape[1]] = image

@@ -1,6 +1,6 @@
-"""Passages of a clip that show what a conversion would do, found by decoding a few frames at places all over it.
+"""Passages of a clip that show the effect of a conversion, found by decoding a few frames at places spread over it.
 
-Their frames are kept as a page shows them: reduced, upright, in 8-bit colours.
+Their frames are stored as a page shows them: reduced, upright, in 8-bit colours.
 """
 
 from __future__ import annotations
@@ -42,13 +42,16 @@ class View:
     """Frames of a passage as encoded pictures."""
 
     traits: VideoTraits | None = None
+    """Properties of the video that its display depends on; None for images."""
     times: list[Fraction] = field(default_factory=list)
     """Seconds after the passage's first frame, on the source's clock."""
     pictures: list[bytes] = field(default_factory=list)
+    """JPEG of each frame."""
     end: Fraction = Fraction(0)
-    """End of the last frame, seconds."""
+    """End of the last frame, seconds after the passage's first frame."""
 
     def add(self, frame: Frame, time: Fraction) -> None:
+        """Add a frame, which is shown from a time on, seconds."""
         image = self.displayed(view(frame.image).to_bgr())
         data = cv2.imencode(".jpg", as_shown(image), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
         self.times.append(time)
@@ -66,6 +69,7 @@ class View:
         return turned_upright(image, self.traits.display_matrix if self.traits else None)
 
     def place_at(self, time: Fraction) -> int:
+        """Return the index of the picture that is shown at a time."""
         return max(0, bisect_right(self.times, time) - 1)
 
     def image_at(self, time: Fraction) -> NDArray[np.uint8]:
@@ -75,31 +79,36 @@ class View:
 
 
 PASSAGES = 3  # maximum number of passages that are chosen
+"""Maximum number of passages that are chosen."""
 
 PLACES, FRAMES_PER_PLACE = 12, 4
-"""Number of places at which motion is measured, and of frames that are decoded at each."""
+"""Number of frames that are decoded at each place."""
 
 ENOUGH_PLACES = 4  # number of different places below which the clip is read from its beginning instead
+"""Number of different places below which the clip is read from its beginning instead."""
 
 MAX_READ = 480
 """Maximum number of frames that are read from the beginning instead."""
 
 MIN_FRAMES, MAX_FRAMES = 8, 30
-"""Number of source frames in a passage, which lasts a second if that is not too much."""
+"""Maximum number of source frames in a passage, which otherwise lasts a second."""
 
 MAX_PIXELS = 33_000_000
 """Number of pixels in the frames of a passage above which it is shorter, so that large frames do not take minutes."""
 
 THUMBNAIL_SIDE = 160  # longer side of the images on which motion is measured, pixels
 CHROMA_SHARE = 0.01  # share of the motion of chroma that counts, where luma stands still
+"""Weight of the motion of chroma, where luma stands still."""
 SHORTEST_SIDE = 32  # shortest side of an image that DIS takes, pixels
 
 
 class Place(NamedTuple):
-    """Time at which a passage may begin, seconds after the clip's first frame, and the mean motion there."""
+    """Time at which a passage may begin, and the motion there."""
 
     start: Fraction
+    """Seconds after the clip's first frame."""
     motion: float
+    """Mean length of the motion from frame to frame, as a fraction of the longer side."""
 
 
 class Passage(NamedTuple):
@@ -108,12 +117,15 @@ class Passage(NamedTuple):
     start: Fraction
     """Seconds after the clip's first frame."""
     trim: Trim
+    """The same as an option of a conversion."""
     before: View
+    """Its frames as they are in the source."""
     cuts: list[Fraction]
+    """Times of frames that begin a scene, seconds in the clip."""
     duplicates: list[Fraction]
-    """Times of frames that begin a scene, and of those that show the same as the one before; seconds in the clip."""
+    """Times of frames that repeat the one before, seconds in the clip."""
     retimed: dict[int, Fraction] | None = None
-    """Time in the passage that each of its output frames shows by a curve, seconds, by their numbers."""
+    """Time in the passage that each output frame shows by a curve, seconds, by the frame's number."""
 
     @property
     def end(self) -> Fraction:
@@ -121,11 +133,23 @@ class Passage(NamedTuple):
         return self.start + self.before.end
 
     def in_clip(self, time: Fraction) -> Fraction:
-        """Return the place in the clip that is shown some time after the passage begins, seconds."""
+        """Return the time in the clip that is shown some time after the passage begins, seconds."""
         return self.start + (list(self.retimed.values())[self.before.place_at(time)] if self.retimed else time)
 
     def by_curve(self, curve: TimeMap, begin: Fraction, rate: Fraction, middle: int) -> Passage:
-        """Return it with the frames of the output around one, by the curve of a part that begins at a time."""
+        """Return the passage with the frames of the output around one, as a curve retimes them.
+
+        Parameters
+        ----------
+        curve : TimeMap
+            Curve of the whole conversion.
+        begin : Fraction
+            Time of the clip at which the curve begins, seconds.
+        rate : Fraction
+            Frames per second of the output.
+        middle : int
+            Number of the output frame.
+        """
         view, last, stop = self.before, self.before.times[-1], math.ceil(curve.length * rate)
         numbers = range(max(0, middle - MAX_FRAMES), min(middle + 3 * MAX_FRAMES, stop))
         times = {number: curve.source(number / rate) + begin - self.start for number in numbers}
@@ -139,15 +163,18 @@ class Passage(NamedTuple):
 
 
 class Selection(NamedTuple):
-    """Passages that are shown, in the order of their times; all that were examined; and remarks."""
+    """Result of the choice of passages."""
 
     passages: list[Passage]
+    """Passages that are shown, in the order of their times."""
     examined: list[Passage]
+    """All passages that were read."""
     remarks: list[str]
+    """Sentences about how they were chosen."""
 
     @property
     def parts(self) -> list[tuple[Fraction, Fraction]]:
-        """Beginnings and ends of what was examined, without overlap, seconds in the clip."""
+        """Beginnings and ends of the passages that were read, without overlap, seconds in the clip."""
         parts = list[tuple[Fraction, Fraction]]()
         for passage in sorted(self.examined, key=lambda passage: passage.start):
             if parts and passage.start <= parts[-1][1]:
@@ -168,7 +195,7 @@ class Selection(NamedTuple):
 
 
 def first_packet_size(path: Path) -> int:
-    """Return the bytes of the first picture in a video."""
+    """Return the size of the first picture of a video, bytes."""
     with open_video(path, path.name) as container:
         return next(container.demux(video=0)).size
 
@@ -176,9 +203,23 @@ def first_packet_size(path: Path) -> int:
 def find_passages(
     job: ConversionJob, run: RunOptions, at: Iterable[Position] = (), length: int | None = None
 ) -> Selection:
-    """Choose the passages with the most motion that no cut divides, or those at given positions, whatever is there.
+    """Choose the passages with the most motion without cuts, or those at given positions, whatever they show.
 
-    They have a `length` in source frames, by default about a second.
+    Parameters
+    ----------
+    job : ConversionJob
+        The whole conversion.
+    run : RunOptions
+        Options of the run.
+    at : iterable of Position
+        Beginnings of the passages; by default they are chosen by motion.
+    length : int, optional
+        Length in source frames; by default about a second.
+
+    Raises
+    ------
+    OptionError
+        A position lies behind the end of the clip.
     """
     span, reader = _opened(job, run, length)
     starts = [position.seconds(span.info.rate) for position in at]
@@ -206,7 +247,10 @@ def find_passages(
 def find_retimed(
     job: ConversionJob, run: RunOptions, curve: TimeMap, rate: Fraction, at: Iterable[Position] = ()
 ) -> Selection:
-    """Choose the passages around the points of a curve, or around places of the output; `job` is without the curve."""
+    """Choose the passages around the points of a curve, or around times of the output; `job` is without the curve.
+
+    `rate` is that of the output, frames per second. Raises `OptionError` for a time behind the end of the output.
+    """
     span, _ = _opened(job, run)
     end = curve.top + 1 if span.end is None else span.end - span.begin
     given = [position.seconds(rate) for position in at]
@@ -225,17 +269,20 @@ def find_retimed(
 
 @dataclass(frozen=True)
 class _Span:
-    """The part of a clip in which passages are chosen."""
+    """Part of a clip in which passages are chosen."""
 
     info: ClipInfo
     begin: Fraction
+    """Seconds after the clip's first frame."""
     end: Fraction | None
-    """Seconds after the clip's first frame; `end` is None if unknown."""
+    """Seconds after the clip's first frame; None if unknown."""
     count: int
+    """Length of a passage in source frames."""
     duration: Fraction
+    """Length of a passage, seconds."""
 
     def latest(self, start: Fraction) -> Fraction:
-        """Return a time, or an earlier one from which a whole passage is left."""
+        """Return a time, or an earlier one from which a whole passage remains."""
         return start if self.end is None else max(self.begin, min(start, self.end - self.duration))
 
     def spread(self, count: int) -> list[Fraction]:
@@ -259,7 +306,10 @@ def _opened(job: ConversionJob, run: RunOptions, length: int | None = None) -> t
 
 
 def _with_most_motion(places: list[Place], span: _Span, reader: _Reader, examined: list[Passage]) -> list[Passage]:
-    """Return the passages with the most motion that overlap no other and hold no cut; all that are read are noted."""
+    """Return the passages with the most motion that neither overlap nor contain a cut.
+
+    All passages that are read for this are appended to `examined`.
+    """
     passages = list[Passage]()
     for place in sorted(places, key=lambda place: -place.motion):
         if len(passages) == PASSAGES or len(examined) == 3 * PASSAGES:
@@ -289,7 +339,10 @@ class _Reader:
     def examine(
         self, start: Fraction, duration: Fraction, seen: Callable[[Frame, Fraction], None] | None = None
     ) -> Passage:
-        """Read a part, and find what a conversion would find; its frames are kept unless another function sees them."""
+        """Read a part, and find its cuts and duplicates as a conversion does.
+
+        Its frames are kept, unless they go to the function `seen` instead, with their times in the part, seconds.
+        """
         # images count frames, so that they need no rate; videos can seek to times
         ends = [Fraction(round(each * self.rate)) if self.is_images else each for each in (start, start + duration)]
         trim = Trim(*(Position(each, is_frame=self.is_images) for each in ends))
@@ -302,7 +355,7 @@ class _Reader:
         return Passage(findings.origin.seconds, trim, image_view, cuts, duplicates)
 
     def read(self, start: Fraction, duration: Fraction, count: int) -> tuple[Passage, list[Place]]:
-        """Read a part, and measure the motion from each of its frames on, in that many."""
+        """Read a part, and measure the motion of passages of `count` frames in it."""
         small = list[tuple[Fraction, NDArray[Any]]]()
         passage = self.examine(start, duration, lambda frame, time: small.append((time, _thumbnail(frame))))
         motions = [Place(passage.start + each.start, each.motion) for each in _motions(small)]
@@ -310,7 +363,7 @@ class _Reader:
         return passage, [Place(group[0].start, _mean(group)) for group in groups] or [Place(passage.start, 0.0)]
 
     def measure(self, starts: Iterable[Fraction]) -> list[Place]:
-        """Measure motion wherever reading can begin next to some times."""
+        """Measure motion at the nearest places to some times from which reading can begin."""
         places = dict[Fraction, Place]()
         for start in starts:
             with opened_clip(self.job.of_part(Trim()), self.run) as clip:
@@ -348,7 +401,7 @@ def _mean(motions: list[Place]) -> float:
 def _motions(images: Iterable[tuple[Fraction, NDArray[Any]]]) -> Iterator[Place]:
     """Yield the mean length of the motion from every image to the next, as a fraction of the longer side.
 
-    Where luma moves, chroma, whose contrast is low, has no say.
+    Where luma moves, chroma, whose contrast is low, does not count.
     """
     estimator = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
     for (time, image0), (_, image1) in pairwise(images):

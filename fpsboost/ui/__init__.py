@@ -1,1 +1,5 @@
-"""A page on this machine on which a clip is chosen, looked at and converted, for people who use no terminal."""
+"""Local web page to choose, inspect and convert clips, for people who do not use a terminal.
+
+A server on this machine (`server`) answers the page with functions of the library: `files` lists folders, `clip` reads
+clips, `choices` turns the page's form into a job, and `jobs` runs a queue of command lines.
+"""

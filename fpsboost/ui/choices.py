@@ -1,4 +1,4 @@
-"""The page's form as a job of the library, and as the words of the command line that does the same."""
+"""The page's form as a job of the library, and as the equivalent command line."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ LABELS = {
     **{"crf": "Smaller file” or “Higher quality", "lossless": "Without loss", "streams": "Streams to keep"},
     "resume": "Try again",
 }
-"""What the page calls the options that it has, by their flags."""
+"""Names that the page has for options, by their flags."""
 
 PHRASES = {
     r"(?:give|pass|add|use) (?=--overwrite)": "tick ",
@@ -52,14 +52,14 @@ PHRASES = {
     r"leave (\d+) out of --streams": r"clear stream \1 of “Streams to keep”",
     "leave --resume out to start anew": "remove it here, and convert anew",
 }
-"""How sentences go on where the page has another way than an option."""
+"""Replacements in messages where the page has another control than an option."""
 
 CRF_STEPS = {"usual": 0, "smaller": 6, "higher": -4, "lossless": 0}
-"""Difference from the usual constant rate factor by words for the quality; 6 is about half of the size."""
+"""Difference from the usual constant rate factor by quality; 6 is about half of the size."""
 
 
 def on_page(sentence: str, *paths: str) -> str:
-    """Return a sentence of the library or the command line in the words of the page, with the names of some paths."""
+    """Return a message of the library or the command line in the terms of the page, with paths reduced to names."""
     for path in paths:
         sentence = sentence.replace(path, Path(path).name)
     text = in_flags(sentence)
@@ -71,7 +71,27 @@ def on_page(sentence: str, *paths: str) -> str:
 
 @dataclass(frozen=True)
 class Choices(Checked):
-    """The page's form, as text."""
+    """Fields of the page's form, as text.
+
+    Parameters
+    ----------
+    input, folder, name : str
+        Path of the clip, and folder and name of the output.
+    rate : {'factor', 'fps', 'slow', 'retime'}
+        Meaning of `value`.
+    value : str
+        Factor, frame rate, factor of slow motion, or points of a speed ramp.
+    method : str
+        Name of the method.
+    start, end : str
+        Positions of a part, empty for all of the clip.
+    codec, quality, sound, subtitles, streams
+        Options of the encoding; an empty codec is the usual one.
+    overwrite : bool
+        Replace an existing output.
+    input_fps : str
+        Frame rate of images.
+    """
 
     input: str
     folder: str
@@ -91,11 +111,16 @@ class Choices(Checked):
 
     @classmethod
     def of(cls, data: object) -> Self:
-        """Return what the page has sent; raise `OptionError` for what no page sends."""
+        """Return the form from the data of a request; raises `OptionError` for invalid data."""
         given: Any = data if isinstance(data, dict) else {}
         return cls(**{field.name: given.get(field.name) for field in fields(cls)})
 
     def job(self, files: Files) -> ConversionJob:
+        """Return the conversion that the form describes.
+
+        Raises `InputError`, `OutputError` or `OptionError` for a clip that was not picked, a place that must not be
+        written, or a value that cannot be read.
+        """
         files.check_picked(self.input)
         output = files.output(self.folder, self.name)
         check_ending(self.input, output)
@@ -110,6 +135,7 @@ class Choices(Checked):
 
     @property
     def encoding(self) -> Encoding:
+        """Options of the encoding."""
         codec, lossless = self.codec or None, self.quality == "lossless"
         encoding: Encoding = options_from(Encoding, {"codec": codec, "streams": self.streams or None})
         encoding = replace(encoding, lossless=lossless, audio=self.sound, subtitles=self.subtitles)
@@ -119,11 +145,12 @@ class Choices(Checked):
         return replace(encoding, crf=encoders[codec].crf + CRF_STEPS[self.quality])
 
     def words(self, job: ConversionJob) -> list[str]:
+        """Return the words of the equivalent command line."""
         given = [job.rate, MethodOptions(self.method), job.decoding, job.encoding, RunOptions(overwrite=self.overwrite)]
         return ["fpsboost", str(job.input), str(job.output or ""), *words_of_options(*given)]
 
     def check(self, job: ConversionJob) -> dict[str, Any]:
-        """Return what the conversion would give, as plain data, without running it."""
+        """Return the properties of the output as plain data, without running the conversion."""
         with prepared(job, RunOptions(overwrite=self.overwrite)) as ready:
             remarks = expected_losses(ready)[1]
             frames, rate = ready.output.expected_frames, ready.output.timing.rate
@@ -137,6 +164,6 @@ class Choices(Checked):
 
 
 def first_choices(path: str) -> Choices:
-    """Return the form's first values for a clip."""
+    """Return the initial values of the form for a clip."""
     output = output_beside(path, OutputRate())
     return Choices(path, str(Path(path).parent), Path(output).name + "/" * output.endswith("/"))

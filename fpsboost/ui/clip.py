@@ -1,4 +1,4 @@
-"""A clip for the page: what its header says, what `fpsboost probe` says, and one frame between two of it."""
+"""A clip for the page: its header, the results of `fpsboost probe`, and a frame interpolated between two of it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from fpsboost.ui.choices import first_choices, on_page
 from fpsboost.ui.jobs import start_process
 
 QUICK_PIXELS = 1_500_000_000
-"""Number of pixels in all frames of a clip up to which it is read to its end unasked, which takes seconds."""
+"""Number of pixels in all frames of a clip up to which the page reads it to its end by itself, which takes seconds."""
 
 
 def header(path: str) -> dict[str, Any]:
@@ -69,7 +69,10 @@ def header(path: str) -> dict[str, Any]:
 
 
 def probe(path: str, is_dropped: Event) -> dict[str, Any]:
-    """Return what `fpsboost probe` says, as plain data; it runs as a process until it ends or is dropped."""
+    """Return the results of `fpsboost probe` as plain data.
+
+    It runs as a process, which is stopped if `is_dropped` is set because no request waits for it any more.
+    """
     process = start_process(["probe", path, "--json"], subprocess.PIPE)
     while True:
         try:
@@ -91,7 +94,7 @@ def probe(path: str, is_dropped: Event) -> dict[str, Any]:
 
 
 def poster(path: str) -> bytes:
-    """Return the frame in the middle of a clip as JPEG, by which a result is known before it is played."""
+    """Return the frame in the middle of a clip as JPEG, the picture of a result until it is played."""
     with open_source(path) as source:
         shown, info = View(source.stream_info.traits), source.info
         place = math.floor((_duration(info) or 0) * info.rate / 2) / info.rate
@@ -99,11 +102,21 @@ def poster(path: str) -> bytes:
     return shown.pictures[0]
 
 
-def look_between(job: ConversionJob, time: Fraction) -> dict[str, Any]:
-    """Interpolate the frame in the middle between the two around a time, or between the last two; return plain data.
+def preview_between(job: ConversionJob, time: Fraction) -> dict[str, Any]:
+    """Interpolate the frame in the middle between the two around a time, or between the last two.
 
-    These are both pictures, blended and interpolated, as data URIs of JPEG, the times or names of the two frames, and
-    whether a scene ends between them. For images, which have no rate, the time counts images.
+    Parameters
+    ----------
+    job : ConversionJob
+        Clip and method.
+    time : Fraction
+        Seconds after the clip's first frame; for images, which have no rate, their number.
+
+    Returns
+    -------
+    dict
+        Both pictures, blended and interpolated, as data URIs of JPEG; the times or names of the two frames; and whether
+        a scene ends between them.
     """
     run = RunOptions(overwrite=True)  # nothing is written
     with opened_clip(job.of_part(Trim()), run) as clip:
@@ -139,4 +152,5 @@ def look_between(job: ConversionJob, time: Fraction) -> dict[str, Any]:
 
 
 def _duration(info: ClipInfo) -> Fraction | None:
+    """Return the duration of a clip, seconds, by its header; None if unknown."""
     return info.duration or (info.frame_count / info.rate if info.frame_count else None)

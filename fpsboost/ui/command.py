@@ -25,7 +25,7 @@ REDIRECTION = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>fpsboost</title>
 <meta http-equiv="refresh" content="0; url={0}"><a href="{0}">The page of fpsboost</a></html>
 """
-"""File that leads the browser to the page, whose address is thus not on a command line, which all users can read."""
+"""File that redirects the browser to the page. The address thus is not on a command line, which all users can read."""
 
 
 def ui(
@@ -35,7 +35,7 @@ def ui(
     port: Annotated[int, Parameter(group=options, metavar="N")] = 8517,
     no_browser: Annotated[bool, Parameter(group=options)] = False,
 ) -> None:
-    """Show a page on which clips are chosen, looked at and converted; nothing leaves this machine.
+    """Show a page to choose, inspect and convert clips; nothing leaves this machine.
 
     Parameters
     ----------
@@ -62,9 +62,9 @@ def ui(
     try:
         with closing(jobs.Queue(state / "queue.json", allowed)) as queue, _bound(port) as bound:
             port = bound.getsockname()[1]
-            desk = server.Desk(allowed, queue, allowed.root or Path.home(), token, port)
+            session = server.UiSession(allowed, queue, allowed.root or Path.home(), token, port)
             config = uvicorn.Config(
-                server.make_app(desk), log_level="critical", access_log=False, timeout_graceful_shutdown=1
+                server.make_app(session), log_level="critical", access_log=False, timeout_graceful_shutdown=1
             )
             address = f"http://127.0.0.1:{port}/#{token}"
             write_safely(page, REDIRECTION.format(address).encode(), jobs.PRIVATE)
@@ -92,7 +92,7 @@ def ui(
 
 
 def _bound(port: int) -> socket.socket:
-    """Return a socket on a port of this machine that other machines cannot reach."""
+    """Return a socket bound to a port of the loopback interface, which other machines cannot reach."""
     try:
         return socket.create_server(("127.0.0.1", port))  # also one that was in use a minute ago, and not by any other
     except (OSError, OverflowError) as error:

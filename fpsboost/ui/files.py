@@ -1,4 +1,4 @@
-"""Files of this machine as the page shows them, and those that its user has picked."""
+"""Files of this machine as the page lists them, and the access that the page has to them."""
 
 from __future__ import annotations
 
@@ -15,18 +15,22 @@ from fpsboost import InputError, OutputError
 from fpsboost.extension import IMAGE_SUFFIXES, OUTPUT_SUFFIXES, explained, stands_for_images, unfinished_places
 
 MAX_ENTRIES = 2000
-"""Maximum number of folders and clips that are listed of a folder."""
+"""Maximum number of folders and clips that are listed from a folder."""
 
 
 @dataclass
 class Files:
-    """The part of the file system that the page may use: what is in the root, or everything if that is None."""
+    """The part of the file system that the page may use: the content of the root, or everything if that is None.
+
+    A page in a browser is a way in for other programs and pages. What it may read must be picked first, lie inside of
+    the root when all links are followed, and stay there.
+    """
 
     root: Path | None = None
     _picked: set[Path] = field(default_factory=set)  # paths are added and looked for, which needs no lock
 
     def inside(self, text: str) -> Path:
-        """Return a path with all symbolic links followed."""
+        """Return a path with all symbolic links followed; raises `InputError` if it is outside of the root."""
         if not text or "\0" in text:
             raise InputError("The name of the input is empty; name a video or a folder of images.")
         path = Path(os.path.realpath(os.path.expanduser(text)))
@@ -61,7 +65,8 @@ class Files:
     def find(self, wanted: list[dict[str, Any]], start: str) -> dict[str, list[str]]:
         """Return the paths of files by name and size, and the missing names of those that are not near a folder.
 
-        They are looked for in the folder, in the root or the home folder, and in the folders there.
+        A browser does not tell the path of a file that is dropped on the page. It is searched for in the folder, in the
+        root or the home folder, and in the folders there.
         """
         home = self.root or Path.home()
         folders = [self.inside(start), home, *(each for each in sorted(home.iterdir()) if each.name[0] != ".")]
@@ -96,6 +101,10 @@ class Files:
             self.output(str(Path(output).parent), Path(output).name)
 
     def output(self, folder: str, name: str) -> str:
+        """Return the path of an output by its folder and name, with a slash at the end for a folder of images.
+
+        Raises `OutputError` if the name is not that of a file in this folder, or is a link.
+        """
         place = self.inside(folder)
         file = name.rstrip("/\\")
         if not file or file in (".", "..") or file != Path(file).name or "\\" in file or "\0" in file:
@@ -135,7 +144,7 @@ def show_in_folder(path: Path) -> None:
 
 
 def _kind(entry: os.DirEntry[str]) -> tuple[str, int]:
-    """Return what an entry of a folder is, and its size in bytes."""
+    """Return the kind of an entry of a folder, and its size in bytes."""
     try:
         state = entry.stat()
     except OSError:  # a link that leads nowhere, or a file that has just gone

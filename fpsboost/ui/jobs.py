@@ -1,4 +1,4 @@
-"""The page's queue of conversions: each runs as a command line of its own, so that it can be stopped and resumed."""
+"""The page's queue of conversions, each a command line in a process of its own, which can be stopped and resumed."""
 
 from __future__ import annotations
 
@@ -29,14 +29,16 @@ from fpsboost.ui.choices import on_page
 from fpsboost.ui.files import Files
 
 State = Literal["waiting", "running", "stopping", "paused", "done", "failed"]
+"""State of a job; "stopping" lasts until its process has ended."""
 
 BEGINS_ANEW = "Paused; no part of it could be kept, so it begins anew."
+"""State of a job that was paused before any part of its output was kept."""
 
 FINISHED = r"(\d+)(?: of \d+)? frames are finished"
-"""What a run that was stopped says of the frames that another need not make."""
+"""Message of a stopped run with the number of frames that the next run need not compute."""
 
 PRIVATE = 0o600
-"""Mode of files with paths or a token, which are no business of other users of this machine."""
+"""Mode of files with paths or a token, which other users of this machine must not read."""
 
 MAX_JOBS = 100
 """Maximum number of jobs in the queue."""
@@ -44,45 +46,63 @@ MAX_JOBS = 100
 
 @dataclass
 class Job:
-    """A conversion in the queue: its command line, and its progress."""
+    """Conversion in the queue: its command line, and its progress."""
 
     number: int
+    """Number by which the page names it."""
     words: list[str]
+    """Words of the command line: program, input, output, options."""
     output: str
+    """Path of the output."""
     state: State = "waiting"
     frame: int = 0
+    """Output frames that are complete."""
     frames: int | None = None
+    """Output frames of the whole conversion; None if unknown."""
     fps: float | None = None
+    """Output frames per second of the current run."""
     message: str = ""
+    """Sentence about the state, empty while it runs."""
     remarks: list[str] = field(default_factory=list)
+    """Notes of the conversion, in the terms of the page."""
 
     @property
     def arguments(self) -> list[str]:
-        """Arguments of the next run, which goes on where the last one has stopped if the kind of output allows it."""
+        """Arguments of the next run, which continues where the last one has stopped if the kind of output allows it."""
         resumes = self.frame > 0 and Target.parse(self.output).kind in ("video", "images")
         return [*self.words[1:], *["--resume"] * resumes, "--progress", "json"]
 
     def take(self, report: dict[str, Any]) -> None:
-        """Take over the progress that a run reports."""
+        """Update the job with the progress that a run reports."""
         for name in ("frame", "frames", "fps"):
             setattr(self, name, report.get(name, getattr(self, name)))
         remarks = [on_page(each, self.words[1], self.output) for each in report.get("remarks", [])]
         self.remarks += [each for each in remarks if each not in self.remarks]
 
     def pause(self, kept: int, message: str) -> None:
-        """Pause with so many frames that the next run need not make; the message says why there are none."""
+        """Pause with `kept` frames that the next run need not compute; if there are none, `message` is the reason."""
         self.state, self.frame = "paused", kept
         of_all = f" of {self.frames}" if self.frames else ""
         self.message = f"Paused at {kept}{of_all} frames." if kept else message
 
 
 class Queue:
-    """Jobs, of which one at a time runs until it is closed; a file keeps them from one start to the next."""
+    """Jobs, of which one at a time runs until the queue is closed; a file keeps them from one start to the next."""
 
     def __init__(self, path: Path, files: Files | None = None) -> None:
-        """Take over the jobs of the last start; `files` are what jobs may read and write, by default everything.
+        """Load the jobs of the last start.
 
-        Raises `InUseError` if another process has opened the queue.
+        Parameters
+        ----------
+        path : Path
+            File of the queue.
+        files : Files, optional
+            Files that jobs may read and write; by default all.
+
+        Raises
+        ------
+        InUseError
+            Another process has opened the queue.
         """
         self._path, self._files = path, files or Files()
         self._changed = Condition()
@@ -102,7 +122,7 @@ class Queue:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop what runs; it is paused for the next start."""
+        """Stop the running job, which is paused for the next start."""
         with self._changed:
             self._closed = True
             self._stop()
@@ -111,6 +131,7 @@ class Queue:
         self._lock.close()
 
     def listing(self) -> list[dict[str, Any]]:
+        """Return all jobs as plain data."""
         with self._changed:
             return [asdict(job) for job in self._jobs.values()]
 
@@ -140,12 +161,12 @@ class Queue:
             return list(jobs)
 
     def outputs(self) -> set[str]:
-        """Return what jobs write that are not done, folders without a slash at the end."""
+        """Return the outputs of all jobs that are not done, folders without a slash at the end."""
         with self._changed:
             return {job.output.rstrip("/") for job in self._jobs.values() if job.state != "done"}
 
     def pause(self, number: int) -> None:
-        """Stop a job, so that it can go on later."""
+        """Stop a job, so that it can continue later."""
         with self._changed:
             job = self.job(number)
             if job.state == "running":
@@ -156,7 +177,7 @@ class Queue:
             self._save()
 
     def resume(self, number: int) -> None:
-        """Let a job go on that was paused, or try one again that failed."""
+        """Let a paused job continue, or try a failed one again."""
         with self._changed:
             job = self.job(number)
             if job.state in ("paused", "failed"):
@@ -164,7 +185,7 @@ class Queue:
             self._save()
 
     def remove(self, number: int) -> None:
-        """Remove a job, and what it has left of an unfinished output; a finished output stays."""
+        """Remove a job and its unfinished output; a finished output stays."""
         with self._changed:
             job = self.job(number)
             self.pause(number)
@@ -175,27 +196,30 @@ class Queue:
             self._save()
 
     def _save(self) -> None:
-        """Wake who waits for a change, and write the jobs down."""
+        """Notify threads that wait for a change, and write the jobs to the file."""
         self._changed.notify_all()
         with explained(OutputError, "write to", self._path, "check the permissions"):
             write_safely(self._path, json.dumps([asdict(job) for job in self._all]).encode(), PRIVATE)
 
     @property
     def _all(self) -> list[Job]:
+        """Jobs of the page, and those outside of its folder."""
         return [*self._jobs.values(), *self.outside]
 
     def _is_inside(self, job: Job) -> bool:
+        """Return whether a job reads and writes only files that the page may use."""
         with suppress(InputError, OutputError):
             self._files.check_job(job.words[1], job.output)
             return True
         return False
 
     def _stop(self) -> None:
+        """Terminate the process of the running job, which then keeps its finished frames."""
         if self._process is not None:
             self._process.terminate()
 
     def _work(self) -> None:
-        """Run the jobs that wait, until the queue is closed."""
+        """Run waiting jobs until the queue is closed; the thread's function."""
         while True:
             with self._changed:
                 job = next((job for job in self._jobs.values() if job.state == "waiting"), None)
@@ -220,7 +244,7 @@ class Queue:
             self._end(job, *self._follow(job, process), kept)
 
     def _follow(self, job: Job, process: subprocess.Popen[str]) -> tuple[str, int]:
-        """Take over the progress of a run until it ends; return its messages and its exit code."""
+        """Update a job with the progress of its process until that ends; return its messages and its exit code."""
         lines = deque[str](maxlen=20)  # a broken run may say much
         assert process.stderr is not None, "it is a pipe"
         with process.stderr as report:
@@ -237,7 +261,7 @@ class Queue:
         return " ".join(lines) or f"The conversion ended with code {code} and without a message.", code
 
     def _end(self, job: Job, message: str, code: int, kept: int) -> None:
-        """Set the state of a job whose run has ended; an earlier run had kept so many frames."""
+        """Set the state of a job whose run has ended; an earlier run had kept `kept` frames."""
         is_kept = is_unfinished(job.output)
         with self._changed:
             self._process = None
@@ -254,7 +278,7 @@ class Queue:
 
 
 def start_process(words: list[str], stdout: int = subprocess.DEVNULL) -> subprocess.Popen[str]:
-    """Start the command line as a process of its own, whose messages are read."""
+    """Start the command line in a process of its own, whose messages can be read."""
     return subprocess.Popen(
         [sys.executable, "-m", "fpsboost", *words],
         stdin=subprocess.DEVNULL,
@@ -266,7 +290,7 @@ def start_process(words: list[str], stdout: int = subprocess.DEVNULL) -> subproc
 
 
 def _locked(path: Path) -> BufferedRandom:
-    """Return a file that is locked as long as it is open, so that no other process opens the same queue."""
+    """Return a file that is locked as long as it is open, so that only one process opens the queue."""
     with explained(OutputError, "write to", path, "check the permissions"):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.parent.chmod(0o700)  # also one that an earlier version has made
@@ -281,7 +305,7 @@ def _locked(path: Path) -> BufferedRandom:
 
 
 def _read(path: Path) -> list[Job]:
-    """Return the jobs of the last start, paused if they were not done; none if there was none."""
+    """Return the jobs of the last start, paused if they were not done; none at the first start."""
     try:
         jobs = [Job(**each) for each in json.loads(path.read_bytes())]
         if any(len(job.words) < 3 or {str} != {*map(type, [job.output, *job.words])} for job in jobs):

@@ -1,6 +1,6 @@
-"""The page's server: its requests, each answered by a function of the library or of the queue, and its guard.
+"""The page's server: each request is answered by a function of the library or of the queue, behind a guard.
 
-The guard lets in nobody but the page that this server has sent.
+The guard accepts requests only from the page that this server has sent.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from fpsboost import FpsboostError, InputError, OptionError
 from fpsboost.extension import MAX_REASON, explain, notes_of, templates_of
 from fpsboost.ui.choices import Choices, on_page
-from fpsboost.ui.clip import header, look_between, poster, probe
+from fpsboost.ui.clip import header, poster, preview_between, probe
 from fpsboost.ui.files import Files, show_in_folder
 from fpsboost.ui.jobs import Queue
 
@@ -42,11 +42,11 @@ MAX_BODY = 1024 * 1024
 """Largest body of a request, bytes; the page sends a few hundred for each clip."""
 
 READERS = 4
-"""Number of clips that are read at a time: to their ends, for one frame, or for what a conversion would give; with one
-more, one of them has to wait."""
+"""Number of clips that are read at a time: to their ends, for one frame, or to check a conversion; any more have to
+wait."""
 
 MEDIA = ("result", "source", "poster")
-"""What the page shows of a job that is done, by addresses of their own."""
+"""Files of a finished job that the page shows, each by an address of its own."""
 
 HEADERS = {
     "Cache-Control": "no-store",
@@ -55,61 +55,70 @@ HEADERS = {
     "Referrer-Policy": "no-referrer",  # the addresses of results have keys
     "X-Content-Type-Options": "nosniff",
 }
+"""Headers of every answer, which restrict what other pages can do with it."""
 
 Json = dict[str, Any]
+"""Object of a request or an answer."""
 
 
 @dataclass
-class Desk:
-    """State and services of the page."""
+class UiSession:
+    """State and services of one run of the page."""
 
     files: Files
+    """Files that the page may use."""
     queue: Queue
+    """Queue of conversions."""
     start: Path
+    """Folder that is listed first."""
     token: str
+    """Secret of this run, by which the page proves that it belongs to it."""
     port: int
+    """Port of the server."""
     _checks: Semaphore = field(default_factory=lambda: Semaphore(READERS))  # few, since each may open an encoder
 
     def folder(self, data: Json) -> Json:
+        """Return the content of a folder."""
         return self.files.listing(str(data.get("path") or self.start))
 
     def find(self, data: Json) -> Json:
-        """Return where files lie that were dropped on the page."""
+        """Return the paths of files that were dropped on the page."""
         wanted = data.get("files")
         if not isinstance(wanted, list) or not all(isinstance(each, dict) for each in wanted):
             raise OptionError("The page has sent no files; load it anew.")
         return self.files.find(wanted, str(data.get("folder") or self.start))
 
     def pick(self, data: Json) -> Json:
-        """Return the header of a clip, which may be read from now on."""
+        """Return the header of a clip, and allow that it is read from now on."""
         found = header(self.files.pick(str(data.get("path", ""))))
         return {**found, "choices": asdict(self._named(Choices(**found["choices"]), self.queue.outputs()))}
 
     def probe(self, data: Json, is_dropped: Event) -> Json:
-        """Return the properties of a clip, read to its end."""
+        """Return the properties of a clip that is read to its end."""
         path = str(data.get("path", ""))
         self.files.check_picked(path)
         return probe(path, is_dropped)
 
     def check(self, data: Json) -> Json:
+        """Return the properties of the outputs of some clips, without converting them."""
         return {"clips": [found for found, _ in self._conversions(data)]}
 
     def look(self, data: Json, _: Event) -> Json:
-        """Return a frame between two, by a method and by blending; it is made to its end once it was begun."""
+        """Return a frame between two, by a method and by blending; once begun, it is computed to its end."""
         choices, time = Choices.of(data.get("choices")), data.get("time")
         if not isinstance(time, int | float) or time is True or not 0 <= time < 1e9:
             raise OptionError("The page has sent no valid time; load it anew.")
         job = choices.job(self.files)
-        return look_between(job, Fraction(time).limit_denominator(10**9))
+        return preview_between(job, Fraction(time).limit_denominator(10**9))
 
     def add(self, data: Json) -> Json:
         """Add the conversions of some clips to the queue: all of them, or none."""
         return {"numbers": self.queue.add(*(words for _, words in self._conversions(data)))}
 
     def _conversions(self, data: Json) -> Iterator[tuple[Json, list[str]]]:
-        """Yield what the conversion of each clip in a request would give, and the words of its command line.
+        """Yield the properties of each clip's output in a request, and the words of its command line.
 
-        Its name is a free one if the user has not written it. An error names its clip if there are several.
+        The output gets a free name if the user has not written one. An error names its clip if there are several.
         """
         clips = data.get("clips")
         if not isinstance(clips, list) or not clips:
@@ -130,7 +139,7 @@ class Desk:
             yield {**found, "name": choices.name, "command": shlex.join(words)}, words
 
     def _named(self, choices: Choices, outputs: Collection[str]) -> Choices:
-        """Return the choices with a name that no file has, unless that is to be replaced, and no other output."""
+        """Return the choices with a name that no other output and, unless it is to be replaced, no file has."""
         folder, name = self.files.inside(choices.folder), choices.name
         suffix = "/" if name.endswith("/") else Path(name).suffix
         stem = re.sub(r"-\d+$", "", name.removesuffix(suffix))
@@ -140,13 +149,17 @@ class Desk:
         return replace(choices, name=name)
 
     def jobs(self) -> list[Json]:
-        """Return the queue, with the addresses of what the page shows of each job; each has a key to nothing else."""
+        """Return the queue, with the addresses of the files that the page shows of each job.
+
+        Each address has a key that is valid for it alone.
+        """
         listing = self.queue.listing()
         for job in listing:
             job["media"] = {kind: with_key(f"/{kind}/{job['number']}", self.token) for kind in MEDIA}
         return listing
 
     def change(self, data: Json) -> Json:
+        """Pause, resume, remove or show a job."""
         actions: dict[str, Callable[[int], None]] = {
             "pause": self.queue.pause,
             "resume": self.queue.resume,
@@ -160,7 +173,10 @@ class Desk:
         return {}
 
     def result(self, number: str, kind: str = "result") -> Path:
-        """Return the file that a job has written, or its source; as a place or for a poster, a folder as well."""
+        """Return the file that a job has written, or its source; as a place or for a poster, a folder as well.
+
+        Raises `OptionError` if the job is not done, and `InputError` if the file is gone or is a link now.
+        """
         job = self.queue.job(int(number) if re.fullmatch(r"[0-9]{1,9}", number) else 0)
         if job.state != "done":
             raise OptionError(f"Job {number} is not done; wait for it.")
@@ -172,16 +188,19 @@ class Desk:
 
 
 def with_key(path: str, token: str) -> str:
-    """Return a path with a key to it alone, for players, which send no header; the token does not follow from it."""
+    """Return a path with a key that is valid for it alone, for media elements, which cannot send a header.
+
+    The token cannot be computed from the key.
+    """
     return f"{path}?key={hmac.digest(token.encode(), path.encode(), 'sha256').hex()}"
 
 
 class Guard:
-    """Middleware that answers requests of other programs, other pages and other machines with an error.
+    """ASGI middleware that rejects requests of other programs, other pages and other machines.
 
     A request needs a Host header of this server, so that no other name can be made to lead here (DNS rebinding); the
     token of this run, which keeps out other users of this machine; and, if it changes something, the Origin of the
-    page, so that no other page can send it. The page itself, which tells nothing, needs no token.
+    page, so that no other page can send it. The page itself, which holds no data, needs no token.
 
     The page gets the token behind the # of its address, which no browser sends anywhere, removes it from there and
     sends it in a header. It is no cookie: browsers send a cookie to every port of this machine, so to servers of its
@@ -213,7 +232,7 @@ class Guard:
             await HTMLResponse(page, 403)(scope, receive, sent)
 
     def _refusal(self, request: Request) -> str | None:
-        """Return the sentence with which a request is refused; None if it is let in."""
+        """Return the reason for which a request is rejected, as a sentence; None if it is accepted."""
         headers, reads, path = request.headers, request.method in ("GET", "HEAD"), request.scope["path"]
         if headers.get("host") not in self._hosts:
             return "This is not the address of fpsboost; open the one that it has printed."
@@ -229,8 +248,8 @@ class Guard:
         return None
 
 
-def make_app(desk: Desk) -> ASGIApp:
-    """Return the server's application, guarded."""
+def make_app(session: UiSession) -> ASGIApp:
+    """Return the server's ASGI application, behind its guard."""
     template = templates_of("fpsboost.ui").get_template("ui.html.j2")
 
     async def page(request: Request) -> Response:
@@ -245,11 +264,11 @@ def make_app(desk: Desk) -> ASGIApp:
     # these two run in threads, since they wait for the queue or for a disk, which may be on a network
 
     def jobs(request: Request) -> Response:
-        return Answer(desk.jobs())
+        return Answer(session.jobs())
 
     def media(request: Request) -> Response:
         _, kind, number = request.url.path.split("/")
-        path = desk.result(number, kind)
+        path = session.result(number, kind)
         return Response(poster(str(path)), media_type="image/jpeg") if kind == "poster" else FileResponse(path)
 
     def answering(answer: Callable[[Json], Json]) -> Callable[[Request], Any]:
@@ -259,7 +278,7 @@ def make_app(desk: Desk) -> ASGIApp:
         return endpoint
 
     def working(answer: Callable[[Json, Event], Json], pool: ThreadPoolExecutor) -> Callable[[Request], Any]:
-        """Return an endpoint for long work, which waits in a pool of its own and ends when nobody waits for it."""
+        """Return an endpoint for long work, which has a pool of its own and is dropped when its client disconnects."""
 
         async def endpoint(request: Request) -> Response:
             data, is_dropped = await _data_of(request), Event()
@@ -289,10 +308,10 @@ def make_app(desk: Desk) -> ASGIApp:
             *(Route(f"/{kind}/{{number}}", media) for kind in MEDIA),
             *(
                 Route(f"/{each.__name__}", answering(each), methods=["POST"])
-                for each in (desk.folder, desk.find, desk.pick, desk.check, desk.add, desk.change)
+                for each in (session.folder, session.find, session.pick, session.check, session.add, session.change)
             ),
-            Route("/look", working(desk.look, lookers), methods=["POST"]),
-            Route("/probe", working(desk.probe, readers), methods=["POST"]),
+            Route("/look", working(session.look, lookers), methods=["POST"]),
+            Route("/probe", working(session.probe, readers), methods=["POST"]),
         ],
         lifespan=lifespan,
         exception_handlers={
@@ -300,18 +319,19 @@ def make_app(desk: Desk) -> ASGIApp:
             Exception: _fault,
         },
     )
-    return Guard(app, desk.token, desk.port)
+    return Guard(app, session.token, session.port)
 
 
 class Answer(JSONResponse):
     """JSON in ASCII, since names of files need not be Unicode."""
 
     def render(self, content: Any) -> bytes:
+        """Return the body of the answer."""
         return json.dumps(content).encode()
 
 
 async def _data_of(request: Request) -> Json:
-    """Return the object in a request; raise `OptionError` for what no page sends."""
+    """Return the JSON object in a request; raises `OptionError` for anything else."""
     body = b""
     async for part in request.stream():
         body += part
@@ -326,16 +346,18 @@ async def _data_of(request: Request) -> Json:
 
 
 async def _left(request: Request) -> None:
+    """Return when the client of a request has disconnected."""
     while (await request.receive())["type"] != "http.disconnect":
         pass
 
 
 async def _notice(request: Request, error: Exception) -> Response:
-    """Answer with the sentence that the command line would print."""
+    """Answer an expected error with the sentence that the command line would print."""
     sentence = explain(error) if isinstance(error, OSError | MemoryError) else str(error)
     return Answer({"notice": on_page(" ".join(filter(None, (sentence, notes_of(error)))))}, 400)
 
 
 async def _fault(request: Request, error: Exception) -> Response:
+    """Answer an unexpected error, which is a fault of the program."""
     said = shorten(f"{type(error).__name__}: {error}", MAX_REASON)
     return Answer({"notice": f"This is a fault in fpsboost ({said}); report it."}, 500)

@@ -32,7 +32,7 @@ from fpsboost.ui import choices, jobs
 from fpsboost.ui.choices import LABELS, first_choices, on_page
 from fpsboost.ui.files import MAX_ENTRIES, Files
 from fpsboost.ui.jobs import MAX_JOBS, Queue
-from fpsboost.ui.server import MAX_BODY, READERS, Desk, make_app, with_key
+from fpsboost.ui.server import MAX_BODY, READERS, UiSession, make_app, with_key
 
 TOKEN, PORT = "the-token-of-this-run", 8517
 ADDRESS = f"http://127.0.0.1:{PORT}"
@@ -63,16 +63,16 @@ def films(tmp_path):
 
 
 @pytest.fixture
-def desk(films, tmp_path):
+def session(films, tmp_path):
     """What the page works with, allowed nothing but that folder."""
     files = Files(films)
     with closing(Queue(tmp_path / "state" / "queue.json", files)) as queue:
-        yield Desk(files, queue, films, TOKEN, PORT)
+        yield UiSession(files, queue, films, TOKEN, PORT)
 
 
 @pytest.fixture
-def client(desk):
-    return TestClient(make_app(desk), base_url=ADDRESS, headers=HEADERS)
+def client(session):
+    return TestClient(make_app(session), base_url=ADDRESS, headers=HEADERS)
 
 
 def notice(client, path, data):
@@ -118,9 +118,9 @@ def until(queue, state, frame=0):
 # ---------------------------------------------------------------- who may use it
 
 
-def test_token_is_needed(desk):
+def test_token_is_needed(session):
     """Every request but for the page, which tells nothing, needs the token of this run, or a key to its own address."""
-    client = TestClient(make_app(desk), base_url=ADDRESS, headers={"origin": ADDRESS})
+    client = TestClient(make_app(session), base_url=ADDRESS, headers={"origin": ADDRESS})
     keys = [f"key={TOKEN}", f"token={TOKEN}", "", "%ff", with_key("/result/2", TOKEN)[10:], with_key("/jobs", "x")[6:]]
     for path, key, token in product([*POSTS, *GETS], keys, ["", "another", TOKEN[:-1], "\xff"]):
         headers = {"x-fpsboost-token": token.encode("latin-1")} if token else {"cookie": f"fpsboost-token={TOKEN}"}
@@ -255,14 +255,14 @@ def test_jobs_outside_of_the_root_wait(films, tmp_path):
         assert [Path(each["output"]).name for each in queue.listing()] == ["a.mp4", "b.mp4"]
 
 
-def test_input_that_became_a_link_is_not_converted(desk, client, films):
+def test_input_that_became_a_link_is_not_converted(session, client, films):
     """What was picked is not read if it has become a link to somewhere else, nor by a conversion that waited."""
     choices = form(client, films)
     (films / "clip.mp4").unlink()
     (films / "clip.mp4").symlink_to(films.parent / "secret.mp4")
     assert "lies outside of" in notice(client, "/check", choices)
-    desk.queue.add(["fpsboost", choices["input"], str(films / "out.mp4")])
-    assert "lies outside of" in until(desk.queue, "failed")["message"]
+    session.queue.add(["fpsboost", choices["input"], str(films / "out.mp4")])
+    assert "lies outside of" in until(session.queue, "failed")["message"]
 
 
 def test_output_is_a_name_in_its_folder(client, films):
@@ -370,7 +370,7 @@ def test_nonsense_is_answered_with_a_sentence(client):
         assert (answer.status_code, answer.json()["notice"][-1]) == (400, ".")
 
 
-def test_client_may_hang_up(desk):
+def test_client_may_hang_up(session):
     """A client that is gone before its request has come is no error."""
 
     async def gone(*_):
@@ -378,7 +378,7 @@ def test_client_may_hang_up(desk):
 
     headers = [(name.encode(), value.encode()) for name, value in {**HEADERS, "host": ADDRESS[7:]}.items()]
     scope = {"type": "http", "method": "POST", "path": "/folder", "query_string": b"", "headers": headers}
-    asyncio.run(make_app(desk)(scope, gone, gone))
+    asyncio.run(make_app(session)(scope, gone, gone))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere names of files are Unicode")
@@ -497,7 +497,7 @@ def test_looks_wait_apart(films, tmp_path, monkeypatch):
         ready.wait(0 if time else 60)
         raise ZeroDivisionError
 
-    monkeypatch.setattr("fpsboost.ui.server.look_between", look)
+    monkeypatch.setattr("fpsboost.ui.server.preview_between", look)
     with serving(films, tmp_path / "queue.json") as address, ExitStack() as looks:
         choices = {"choices": posted_whole(address, "/pick", {"path": str(films / "clip.mp4")})["choices"]}
         for number in range(50):
@@ -537,10 +537,10 @@ def test_look_shows_the_frame_between(client, films):
 # ---------------------------------------------------------------- the queue
 
 
-def test_job_becomes_a_file_that_plays(client, desk, films):
+def test_job_becomes_a_file_that_plays(client, session, films):
     """The page gets the result in parts as a player asks for them, and nothing else in its place."""
     number = add(client, form(client, films))
-    job, output = until(desk.queue, "done"), films / "clip-2x.mp4"
+    job, output = until(session.queue, "done"), films / "clip-2x.mp4"
     assert (job["frame"], job["frames"], job["message"]) == (20, 20, "")
     part = client.get(f"/result/{number}", headers={"range": "bytes=0-99"})
     assert (part.status_code, part.content) == (206, output.read_bytes()[:100])
@@ -556,12 +556,12 @@ def test_job_becomes_a_file_that_plays(client, desk, films):
     assert client.get("/jobs").json() == []
 
 
-def test_name_is_free_unless_it_was_written(client, desk, films):
+def test_name_is_free_unless_it_was_written(client, session, films):
     """The form offers a name that no file has and no conversion writes, and takes what a user has written as it is."""
     (films / "clip-2x.mp4").touch()
     choices = form(client, films)
     assert choices["name"] == "clip-2x-2.mp4"
-    desk.queue.add(["fpsboost", "in.mp4", f"{films}/clip-2x-2.mp4"])
+    session.queue.add(["fpsboost", "in.mp4", f"{films}/clip-2x-2.mp4"])
     for sent, name in [("clip-2x-2.mp4", "clip-2x-3.mp4"), ("clip-2x.mp4", "clip-2x-3.mp4"), ("shot/", "shot/")]:
         assert check(client, {**choices, "name": sent, "is_named": False})["name"] == name
     replaced = {"name": "clip-2x.mp4", "overwrite": True, "is_named": False}
@@ -570,11 +570,11 @@ def test_name_is_free_unless_it_was_written(client, desk, films):
 
 
 @pytest.mark.parametrize("name", ["clip-2x.mp4", "frames/"])
-def test_result_is_shown_beside_its_source_and_in_its_folder(client, desk, films, monkeypatch, name):
+def test_result_is_shown_beside_its_source_and_in_its_folder(client, session, films, monkeypatch, name):
     """The source can be played too, and the file manager of this machine shows what was written, a folder as well."""
     started = list[list[str]]()
     number = add(client, form(client, films, name=name))
-    until(desk.queue, "done")
+    until(session.queue, "done")
     monkeypatch.setattr("fpsboost.ui.files.subprocess.Popen", lambda words, **_: started.append(words))
     assert client.get(f"/source/{number}").content == (films / "clip.mp4").read_bytes()
     assert client.post("/change", json={"number": number, "action": "show"}).status_code == 200
@@ -601,16 +601,16 @@ def test_dropped_files_are_found_by_name_and_size(client, films):
     assert "lies outside of" in notice(client, "/find", {"folder": str(films.parent), "files": files})
 
 
-def test_failure_is_said_in_a_sentence(client, desk, films):
+def test_failure_is_said_in_a_sentence(client, session, films):
     """A conversion that fails says why, as on the command line, and can be tried again."""
     choices = form(client, films)
     data = (films / "clip.mp4").read_bytes()
     (films / "clip.mp4").write_bytes(b"damaged meanwhile")
-    desk.queue.add(["fpsboost", choices["input"], str(films / "out.mp4"), "--method", "nearest"])
-    assert str(films / "clip.mp4") in until(desk.queue, "failed")["message"]
+    session.queue.add(["fpsboost", choices["input"], str(films / "out.mp4"), "--method", "nearest"])
+    assert str(films / "clip.mp4") in until(session.queue, "failed")["message"]
     (films / "clip.mp4").write_bytes(data)
-    desk.queue.resume(1)
-    until(desk.queue, "done")
+    session.queue.resume(1)
+    until(session.queue, "done")
 
 
 @pytest.fixture
@@ -632,32 +632,32 @@ def waiting_process(monkeypatch):
     return runs
 
 
-def test_cancelling_leaves_nothing(client, desk, films, waiting_process):
+def test_cancelling_leaves_nothing(client, session, films, waiting_process):
     """A conversion that is cancelled while it runs, or paused, leaves no unfinished output."""
     before = sorted(os.listdir(films))
     for is_paused_first in (False, True):
         number = add(client, form(client, films))
-        until(desk.queue, "running", 10)
+        until(session.queue, "running", 10)
         assert len(os.listdir(films)) == len(before) + 1
         if is_paused_first:
-            desk.queue.pause(number)
-            assert until(desk.queue, "paused")["message"] == "Paused at 10 of 20 frames."
+            session.queue.pause(number)
+            assert until(session.queue, "paused")["message"] == "Paused at 10 of 20 frames."
         assert client.post("/change", json={"number": number, "action": "remove"}).status_code == 200
         assert sorted(os.listdir(films)) == before
-        assert desk.queue.listing() == []
+        assert session.queue.listing() == []
 
 
 @pytest.mark.usefixtures("waiting_process")
-def test_jobs_wait_for_the_one_before(client, desk, films):
+def test_jobs_wait_for_the_one_before(client, session, films):
     """One conversion runs at a time; one that waits is paused and cancelled like the one that runs."""
     for name in ("a.mp4", "b.mp4"):
         add(client, form(client, films, name=name))
-    until(desk.queue, "running", 10)
-    assert [job["state"] for job in desk.queue.listing()] == ["running", "waiting"]
-    desk.queue.pause(2)
-    assert [job["state"] for job in desk.queue.listing()] == ["running", "paused"]
-    desk.queue.remove(2)
-    assert [job["number"] for job in desk.queue.listing()] == [1]
+    until(session.queue, "running", 10)
+    assert [job["state"] for job in session.queue.listing()] == ["running", "waiting"]
+    session.queue.pause(2)
+    assert [job["state"] for job in session.queue.listing()] == ["running", "paused"]
+    session.queue.remove(2)
+    assert [job["number"] for job in session.queue.listing()] == [1]
     taken = notice(client, "/add", form(client, films, name="a.mp4"))
     assert taken == f"Another job in the queue writes {films / 'a.mp4'}; choose another name."
 
@@ -676,12 +676,12 @@ def test_clips_are_added_together_or_not_at_all(client, films):
 
 
 @pytest.mark.usefixtures("waiting_process")
-def test_queue_has_a_limit(desk, tmp_path):
+def test_queue_has_a_limit(session, tmp_path):
     """No more jobs than the limit are taken."""
     first, *others = [["fpsboost", "in.mp4", str(tmp_path / f"{number}.mp4")] for number in range(MAX_JOBS + 1)]
-    desk.queue.add(*others)
+    session.queue.add(*others)
     with pytest.raises(OptionError, match="remove some first"):
-        desk.queue.add(first)
+        session.queue.add(first)
 
 
 @pytest.mark.parametrize(
@@ -691,26 +691,26 @@ def test_queue_has_a_limit(desk, tmp_path):
         ("Stopped; nothing was written.", 0, jobs.BEGINS_ANEW),
     ],
 )
-def test_pause_says_where_it_goes_on(desk, films, monkeypatch, said, frame, message):
+def test_pause_says_where_it_goes_on(session, films, monkeypatch, said, frame, message):
     """A paused conversion says how many frames are kept, or that it begins anew; the next start asks for no others."""
     script = STOPPED_AT_TEN.replace("of 20", "of 896").replace('"frames": 20', '"frames": 896')
     process = [sys.executable, "-c", re.sub('"Stopped; .*?"', repr(said), script)]
     monkeypatch.setattr(
         jobs, "start_process", lambda words: subprocess.Popen(process, stderr=subprocess.PIPE, encoding="utf-8")
     )
-    desk.queue.add(["fpsboost", str(films / "clip.mp4"), str(films / "out.mp4")])
-    until(desk.queue, "running", 10)
-    desk.queue.pause(1)
-    job = until(desk.queue, "paused")
+    session.queue.add(["fpsboost", str(films / "clip.mp4"), str(films / "out.mp4")])
+    until(session.queue, "running", 10)
+    session.queue.pause(1)
+    job = until(session.queue, "paused")
     assert (job["frame"], job["message"]) == (frame, message)
-    assert ("--resume" in desk.queue.job(1).arguments) == bool(frame)
+    assert ("--resume" in session.queue.job(1).arguments) == bool(frame)
     if frame:  # a run that is stopped before it says anything has changed nothing
         hidden_place(films, "out.mp4").mkdir()
         (hidden_place(films, "out.mp4") / MANIFEST).write_text("{}")
-    desk.queue.resume(1)
-    until(desk.queue, "running")
-    desk.queue.pause(1)
-    assert until(desk.queue, "paused")["message"] == message
+    session.queue.resume(1)
+    until(session.queue, "running")
+    session.queue.pause(1)
+    assert until(session.queue, "paused")["message"] == message
 
 
 def test_conversion_of_a_server_that_was_killed(tmp_path):
@@ -776,7 +776,7 @@ def test_command_prints_the_address_and_ends(films, fpsboost_, monkeypatch):
 def run_server(films, port, meanwhile):
     """The port of a server that was asked for its page, and stopped while a frame was computed."""
     script = "import threading, fpsboost.__main__, fpsboost.ui.server as server\n"
-    script += "server.look_between = lambda *_: (print('looking', flush=True), threading.Event().wait())\n"
+    script += "server.preview_between = lambda *_: (print('looking', flush=True), threading.Event().wait())\n"
     script += "fpsboost.__main__.main()"
     words = [sys.executable, "-c", script, "ui", str(films), "--no-browser", "--port", port]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as ui:
@@ -825,7 +825,7 @@ def serving(films, state):
     """A server on a free port while the block lasts; its address."""
     with socket.create_server(("127.0.0.1", 0)) as bound, closing(Queue(state)) as queue:
         port = bound.getsockname()[1]
-        app = make_app(Desk(Files(films), queue, films, TOKEN, port))
+        app = make_app(UiSession(Files(films), queue, films, TOKEN, port))
         server = uvicorn.Server(uvicorn.Config(app, log_level="error", timeout_graceful_shutdown=1))
         thread = Thread(target=asyncio.run, args=[server.serve(sockets=[bound])])
         thread.start()
