@@ -1,4 +1,14 @@
-"""How good a method is on anybody's own material: true frames are hidden, interpolated, and compared.
+"""Evaluation of methods on the user's own material: true frames are hidden, interpolated, and compared.
 
-`compare` scores methods, `report` has the page of a comparison.
+`hidden_frames` reads a clip and hides frames, `contestants` and `peers` interpolate them, `regions` finds the areas
+where errors are expected, `results` and `further_metrics` score frames, `verdict` recommends a method, `export` writes
+tables and data, and `report` writes the page. `compare` runs all of it:
+
+>>> from fpsboost import methods
+>>> from fpsboost.evaluation.compare import compare  # doctest: +SKIP
+>>> from fpsboost.evaluation.contestants import InterpolatorContestant
+>>> from fpsboost.evaluation.hidden_frames import Hiding
+>>> contestants = {name: InterpolatorContestant(methods[name]) for name in ("nlm", "blend")}
+>>> comparison = compare("clip.mp4", contestants, Hiding(skip=1), observer)  # doctest: +SKIP
+>>> comparison.means(comparison.methods[0]).psnr  # doctest: +SKIP
 """

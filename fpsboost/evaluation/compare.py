@@ -1,6 +1,6 @@
-"""Every second frame hidden, interpolated by each method, and scored: the report's section 5 for anybody's material.
+"""Comparison: every second frame is hidden, interpolated by each method, and scored, as in section 5 of the report.
 
-The clip is read once for the areas and the cuts and once a method, so that memory does not grow with its length.
+The clip is read once for the areas and the cuts and once per method, so that memory does not grow with its length.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ class Observer(Protocol):
 
 
 class _Areas:
-    """Areas of all hidden frames, on disk: one bit a pixel, in order."""
+    """Areas of all hidden frames, stored in a file: one bit per pixel, in order."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file = file
         self._shape: tuple[int, ...] = ()
 
     def add(self, regions: Regions) -> None:
-        """Keep the areas of one more frame."""
+        """Store the areas of one more frame."""
         self._shape = (len(regions), *regions[0].shape)
         self._file.write(np.packbits(np.stack(regions)).tobytes())
 
@@ -82,9 +82,35 @@ def compare(
 ) -> Comparison:
     """Score methods, by name, on the hidden frames of a clip.
 
-    A renderer's `vectors` give the areas, and repeats are then not looked for. `cuts` finds the scene cuts between the
-    true frames, or takes everything for one scene if it is None. `skipped` are methods that cannot be run, with the
-    reason; `rendered`, `others` and `cut_options` are kept in the result.
+    Parameters
+    ----------
+    path : str
+        Video, or folder or pattern of images.
+    contestants : mapping of str to Contestant
+        Methods by name; the first one decides which frames a page shows.
+    hiding : Hiding
+        Choice of the frames that are hidden.
+    observer : Observer
+        Informed about the progress.
+    skipped : mapping of str to str, optional
+        Methods that cannot be run, with the reason.
+    rendered, others, cut_options : tuple of str
+        Options of the command line, which are kept in the result.
+    vectors : VectorFolder, optional
+        A renderer's vectors, which give the areas; repeated frames are then not looked for.
+    cuts : CutPolicy or None
+        Finds the scene cuts between the true frames; None takes everything for one scene.
+    metrics : sequence of str
+        Names of further metrics, see `fpsboost.evaluation.further_metrics.metrics`.
+
+    Raises
+    ------
+    InputError
+        The clip cannot be read, or no hidden frame can be compared.
+    OptionError
+        There is no method.
+    OutputError
+        The folder for temporary files is full.
     """
     if not contestants:
         reasons = "".join(f"; {name} was skipped, {reason}" for name, reason in (skipped or {}).items())
@@ -140,9 +166,9 @@ def compare(
 
 
 def _not_counted(path: str, facts: _Facts, pairs: Iterator[tuple[list[int], Pair]]) -> tuple[list[int], list[int]]:
-    """Return hidden frames across cuts, and those whose pictures are not known; raise InputError if no other is left.
+    """Return the hidden frames across cuts, and those whose true pictures are unknown.
 
-    The facts are complete when all pairs were taken.
+    Raises `InputError` if no other hidden frames are left. `facts` are complete once all pairs were taken.
     """
     across_cuts = {
         number
@@ -173,19 +199,24 @@ class _Facts:
 
     hidden: list[int] = field(default_factory=list)
     times: list[float] = field(default_factory=list)
+    """Position of each hidden frame in time between the shown ones, 0 to 1."""
     shares: list[list[float]] = field(default_factory=list)
+    """Share of the picture that each area has, by hidden frame."""
     unknown: list[int] = field(default_factory=list)  # hidden frames of intervals whose pictures are not known
+    """Hidden frames of intervals whose true pictures are unknown."""
     repeats: list[int] = field(default_factory=list)
     kind: str = ""
+    """Size and type of the frames."""
     clip_frames: int = 1
     pictures: int = 0
+    """Number of frames that are not repeats, except the last one."""
     seconds: Fraction = Fraction(0)
-    """Number of frames that are no repeats, but for the last one, and their duration."""
+    """Duration of these frames, seconds."""
 
     def passing(
         self, intervals: Iterable[Interval], areas: _Areas, observer: Observer, vectors: VectorFolder | None
     ) -> Iterator[Interval]:
-        """Yield the intervals, and keep their facts and areas."""
+        """Yield the intervals, and store their facts and areas."""
         for interval in intervals:
             for hidden, regions in zip(interval.hidden, find_regions(interval, vectors), strict=True):
                 areas.add(regions)
@@ -204,9 +235,9 @@ class _Facts:
 
 
 def _true_pairs(intervals: Iterable[Interval], policy: CutPolicy | None) -> Iterator[tuple[list[int], Pair]]:
-    """Yield every two true frames that follow each other, with the numbers of the hidden frames of their interval.
+    """Yield every two consecutive true frames, with the numbers of the hidden frames of their interval.
 
-    A cut is looked for between these and not between the shown ones: what is fast motion to a method is no cut.
+    Cuts are detected between these and not between the shown ones: fast motion between shown frames is not a cut.
     """
     interpolator = replace(methods["nlm"], cuts=policy)
     last: FrameCache | None = None
@@ -225,6 +256,7 @@ def _scored(
     observer: Observer,
     meters: Meters,
 ) -> Iterator[FrameResult]:
+    """Yield the scores of a method's frames, in order."""
     for index, (frame, truth) in enumerate(zip(interpolated, meters.passing(truths), strict=True)):
         meters.add(truth.truth, frame.image)
         error = absolute_error(truth.truth, frame.image)
@@ -242,4 +274,5 @@ def _scored(
 
 
 def _mean_where(error: NDArray[Any], area: NDArray[Any]) -> float:
+    """Return the mean error in an area; NaN if it is empty."""
     return float(error[area].mean()) if area.any() else float("nan")

@@ -1,6 +1,7 @@
 """Methods that interpolate hidden frames in a comparison: those of this package, and FFmpeg's `minterpolate`.
 
-Frames of other tools are in `fpsboost.evaluation.peers`.
+A method of a comparison (`Contestant`) gets the intervals of a clip in order and yields the hidden frames with their
+cost. Frames of other tools are in `fpsboost.evaluation.peers`.
 """
 
 from __future__ import annotations
@@ -29,10 +30,11 @@ from fpsboost.method_table import methods, vector_methods
 from fpsboost.pair import Pair
 
 MINTERPOLATE = "minterpolate"
+"""Name of FFmpeg's filter among the methods."""
 
 
 def method_names() -> list[str]:
-    """Return the names of all methods that can be compared, which no other tool may have."""
+    """Return the names of all methods that can be compared; no other tool may have one of them."""
     return [*methods, *vector_methods, MINTERPOLATE]
 
 
@@ -40,10 +42,13 @@ class InterpolatedFrame(NamedTuple):
     """A hidden frame as a method interpolated it, and its cost."""
 
     number: int
+    """Number of the frame in the clip, counted from 0."""
     image: Image
+    """Interpolated image, of the size and type of the true one."""
     seconds: float
     """Elapsed time, seconds; NaN if unknown."""
     cpu_seconds: float
+    """CPU time of all threads, seconds; NaN if unknown."""
     search_radius: int | None = None
     """Search radius of its motion, pixels; None if the method has none."""
 
@@ -59,10 +64,13 @@ class Contestant(Protocol):
     def interpolate(
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
-        """Yield all hidden frames of the intervals, which have no gaps, in order, or those whose numbers are wanted."""
+        """Yield the hidden frames of the intervals, which have no gaps, in order.
+
+        With `wanted`, only the frames with these numbers are yielded.
+        """
 
     def describe(self) -> str:
-        """Return the options in one line."""
+        """Return the method's options in one line, for the page."""
 
 
 def interpolate_sample(contestant: Contestant, sample: Sample) -> Image:
@@ -73,7 +81,7 @@ def interpolate_sample(contestant: Contestant, sample: Sample) -> Image:
 
 @dataclass(frozen=True)
 class InterpolatorContestant:
-    """A method of this package; the time of the first frame of an interval includes the motion search."""
+    """A method of this package. The time of the first frame of an interval includes the motion search."""
 
     interpolator: Interpolator
     looks_far: ClassVar[bool] = False
@@ -82,6 +90,7 @@ class InterpolatorContestant:
     def interpolate(
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
+        """Yield the hidden frames; see `Contestant.interpolate`."""
         for before, (interval, pair), after in with_neighbours(self._pairs(intervals)):
             chosen = [hidden for hidden in interval.hidden if wanted is None or hidden.number in wanted]
             if chosen:
@@ -114,13 +123,19 @@ class InterpolatorContestant:
 
 @dataclass(frozen=True)
 class Minterpolate:
-    """FFmpeg's motion-compensated filter, in the FFmpeg of PyAV, with 8 bits a colour, which is all it takes."""
+    """FFmpeg's motion-compensated filter, from the FFmpeg libraries of PyAV.
+
+    It accepts 8 bits per channel only.
+    """
 
     options: str = "mi_mode=mci:mc_mode=aobmc:me_mode=bidir:vsbmc=1:scd=none"
 
     @classmethod
     def with_options(cls, texts: Mapping[str, str]) -> Self:
-        """Return the filter with some of its options changed, by FFmpeg's names; the rate is the comparison's."""
+        """Return the filter with some of its options changed, by FFmpeg's names; the rate is that of the comparison.
+
+        Raises `OptionError` for text that cannot be an option.
+        """
         options = dict(pair.split("=") for pair in cls.options.split(":"))
         for text, value in texts.items():
             name = text.replace("-", "_")
@@ -138,7 +153,10 @@ class Minterpolate:
     def interpolate(
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
-        """See `Contestant.interpolate`; frames that the filter makes at once share its time evenly."""
+        """Yield the hidden frames; see `Contestant.interpolate`.
+
+        Frames that the filter outputs together share its time evenly.
+        """
         graph: av.filter.Graph | None = None
         hidden: dict[int, Hidden] = {}  # by the place in the filter's output
         place, last = 0, None
@@ -156,6 +174,7 @@ class Minterpolate:
                 yield from _passed(graph, _as_picture(last, place + more), hidden, wanted)
 
     def _graph(self, shown: Image, factor: int) -> av.filter.Graph:
+        """Return a filter graph; raises `OptionError` if the filter rejects its options."""
         filters = ("format", "yuv444p"), ("minterpolate", f"fps={factor}:{self.options}"), ("format", "bgr24")
         try:
             return graph_of(_as_picture(shown, 0), *filters)
@@ -190,8 +209,8 @@ def _passed(
 def as_type_of(image: Image, like: Image) -> Image:
     """Return an image in the type and with the channels of the clip's frames.
 
-    Depths are scaled; missing alpha is opaque and alpha that the clip lacks is left out; gray becomes colour, and
-    colour the gray of its luma.
+    Bit depths are scaled; missing alpha becomes opaque and alpha that the clip lacks is dropped; gray becomes colour,
+    and colour the gray of its luma.
     """
     if image.dtype == like.dtype and image.shape == like.shape:
         return image

@@ -1,4 +1,4 @@
-"""A comparison for others: rows of tables for the terminal and the page; JSON with everything; CSV by method and frame.
+"""Output of a comparison: rows of tables for the terminal and the page; JSON with everything; CSV by method and frame.
 
 ``docs/comparison.md`` describes the files.
 """
@@ -23,11 +23,14 @@ from fpsboost.evaluation.verdict import judge, means_over_clips
 from fpsboost.io.new_output import write_whole
 
 DATA_VERSION = 1
-"""Version of the data, which rises where a name goes or changes its meaning, and stays where names are added."""
+"""Version of the data. It rises when a name is removed or changes its meaning, and stays when names are added."""
 
 
 def write_json(path: Path, comparisons: Sequence[Comparison]) -> None:
-    """Write all figures: of one clip those of `as_json`; of several ``clips``, a list of these, and their ``mean``."""
+    """Write all figures as JSON.
+
+    For one clip these are those of `as_json`; for several, ``clips`` is a list of these, and ``mean`` has the means.
+    """
     data = [as_json(comparison) for comparison in comparisons]
     means = {each.method: {"psnr": each.mean, "psnr_of_clips": each.of_clips} for each in means_over_clips(comparisons)}
     several = {"version": DATA_VERSION, "clips": data, "mean": means}
@@ -56,7 +59,7 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
 
 
 def write_csv(path: Path, comparisons: Sequence[Comparison]) -> None:
-    """Write a row for each method and frame, under plain headings; of several clips the first column is the clip."""
+    """Write a row for each method and frame, below a header; for several clips, the first column is the clip."""
     clips = [{"clip": each.clip} if len(comparisons) > 1 else {} for each in comparisons]
     rows = [clip | row for clip, each in zip(clips, comparisons, strict=True) for row in rows_of(each)]
     text = StringIO(newline="")
@@ -67,7 +70,7 @@ def write_csv(path: Path, comparisons: Sequence[Comparison]) -> None:
 
 
 def rows_of(comparison: Comparison) -> Iterator[dict[str, Any]]:
-    """Yield the rows of the table; a cell is empty where there is no number."""
+    """Yield the rows of the table as dictionaries; a cell is empty where there is no number."""
     for method in comparison.methods:
         counted = {frame.number for frame in comparison.counted(method)}
         for frame, t in zip(method.frames, comparison.times, strict=True):
@@ -88,7 +91,13 @@ def rows_of(comparison: Comparison) -> Iterator[dict[str, Any]]:
 
 
 def without_nan(value: Any) -> Any:
-    """Return plain data with None for NaN and infinity, for which JSON has no word."""
+    """Return plain data with None for NaN and infinity, which JSON does not have.
+
+    Examples
+    --------
+    >>> without_nan({"psnr": [30.5, float("nan")]})
+    {'psnr': [30.5, None]}
+    """
     if isinstance(value, dict):
         return {key: without_nan(each) for key, each in value.items()}
     if isinstance(value, list):
@@ -102,6 +111,7 @@ class Column(NamedTuple):
     title: str
     unit: str
     digits: int
+    """Decimals of the numbers."""
     high_is_good: bool
 
 
@@ -114,13 +124,15 @@ COLUMNS = (
     Column("CPU time", "s a frame", 3, False),
     Column("Wall time", "s a frame", 3, False),
 )
+"""Columns of the summary table, in its order."""
 
 
 class Cell(NamedTuple):
-    """A number as a table shows it, and whether none in its column is better."""
+    """A number as a table shows it, and whether it is the best of its column."""
 
     text: str
     value: float | None
+    """The number; None if there is none."""
     best: bool
 
 
@@ -128,12 +140,13 @@ class Row(NamedTuple):
     """A method in a table."""
 
     method: int
+    """Index of the method in the comparison."""
     name: str
     cells: list[Cell]
 
 
 def overall_rows(comparison: Comparison) -> list[Row]:
-    """Return quality and cost of every method, the best first."""
+    """Return quality and cost of every method, by decreasing PSNR."""
     figures = []
     for method in comparison.methods:
         scores = comparison.means(method)
@@ -144,14 +157,14 @@ def overall_rows(comparison: Comparison) -> list[Row]:
 
 
 def mean_rows(comparisons: Sequence[Comparison]) -> list[Row]:
-    """Return the PSNR of every method on every clip, and its mean over the clips, which are of equal weight."""
+    """Return the PSNR of every method on every clip, and its mean over the clips, which have equal weights."""
     figures = [[mean, *of_clips] for _, mean, of_clips in means_over_clips(comparisons)]
     rows = _rows(comparisons[0].methods, figures, [(2, True)] * (1 + len(comparisons)))
     return sorted(rows, key=lambda row: -figures[row.method][0])
 
 
 def area_rows(comparison: Comparison) -> list[Row]:
-    """Return errors in and out of each area, in the order of `overall_rows`."""
+    """Return errors inside and outside of each area, in the order of `overall_rows`."""
     figures = [
         [comparison.mean_error(method, area, inside) for area, _ in comparison.areas for inside in (True, False)]
         for method in comparison.methods
@@ -179,9 +192,10 @@ def _rows(
 
 
 def _cells(values: Sequence[float], digits: int, high_is_good: bool) -> list[Cell]:
-    """Return the cells; what reads the same as the best is the best too, and a lone value is no best.
+    """Return the cells of a column.
 
-    Up to two more digits keep the smallest value from being a row of zeros.
+    A value that is displayed like the best is marked as best too; a single value is not. Up to two more digits are
+    shown if the smallest value would be zero otherwise.
     """
     finite = [value for value in values if math.isfinite(value)]
     smallest = min((abs(value) for value in finite if value), default=1)

@@ -1,8 +1,8 @@
 """Metrics beside PSNR, SSIM, MAE and MSE: a table by name, to which a metric is added as one more entry.
 
-XPSNR and VMAF are filters of two videos, in the FFmpeg that PyAV brings. Both look at frames before and after, so they
-are given the whole output beside the whole original, shown frames in their places; values of those, which are equal,
-are left out. Pictures are YCbCr of 4:4:4, limited range and 8 bits, by the matrix that is usual for their size.
+XPSNR and VMAF are filters of two videos, in the FFmpeg libraries of PyAV. Both use frames before and after, so they get
+the whole output and the whole original, including shown frames; values of those, which are equal, are left out.
+Pictures are YCbCr of 4:4:4, limited range and 8 bits, by the usual matrix for their size.
 """
 
 from __future__ import annotations
@@ -41,20 +41,21 @@ MULTIPLE = 4
 """Side of the blocks of ``xpsnr``, pixels; a lone last row or column has far too much weight, and may lie behind it."""
 
 MIN_PIXELS = 2025  # number of pixels of a frame below which ``xpsnr`` takes blocks of no size, and divides by it
+"""Number of pixels of a frame below which ``xpsnr`` chooses blocks of no size, and divides by it."""
 
 MIN_SIDE = 32
 """Side of a frame below which ``xpsnr`` may see no error, pixels: in a lone column of blocks it sees none."""
 
 
 def missing_filter(name: str) -> str | None:
-    """Return what is missing to use a filter of FFmpeg, or None."""
+    """Return a description of a filter that FFmpeg lacks, for a message; None if it is there."""
     if name in av.filter.filters_available:
         return None
     return f"the filter {name}, which the FFmpeg of this PyAV ({av.__version__}) was built without"
 
 
 class _Graph:
-    """Filter graph that compares two videos of one size."""
+    """Filter graph that compares two videos of one size, frame by frame."""
 
     def __init__(self, image: Image, rate: Fraction, filter_name: str, options: dict[str, str]) -> None:
         height, width = image.shape[:2]
@@ -76,7 +77,7 @@ class _Graph:
         self._graph.configure()
 
     def push(self, first: Image, second: Image) -> list[av.VideoFrame]:
-        """Add two frames of one moment, and return the pictures that come out."""
+        """Add two frames of one time, and return the pictures that the filter outputs."""
         for entry, image in zip(self._entries, (first, second), strict=True):
             if has_alpha(image):  # colours count as far as they are seen, as in the other scores
                 image = composite_on_black(image)[..., :-1]  # noqa: PLW2901
@@ -94,9 +95,9 @@ class _Graph:
 
 
 class _FilterMeter:
-    """Meter by a filter of FFmpeg, which is given every frame and whose values of interpolated frames count.
+    """Meter by a filter of FFmpeg, which gets every frame and whose values of interpolated frames count.
 
-    The graph is made when the first frame tells the size of the videos.
+    The graph is built for the size of the first frame.
     """
 
     def __init__(self, rate: Fraction, filter_name: str, options: dict[str, str]) -> None:
@@ -105,7 +106,7 @@ class _FilterMeter:
         self._counts: list[bool] = []
 
     def _push(self, first: Image, second: Image, *, counts: bool) -> list[av.VideoFrame]:
-        """Add two frames, and return the pictures that come out."""
+        """Add two frames, and return the pictures that the filter outputs."""
         self._counts.append(counts)
         if self._graph is None:
             self._graph = _Graph(first, self._rate, self._filter_name, self._options)
@@ -118,15 +119,16 @@ class _FilterMeter:
         return pictures
 
     def _counted(self, values: list[float]) -> list[float]:
+        """Return the values of the frames that count."""
         return [value for value, counts in zip(values, self._counts, strict=True) if counts]
 
 
 class XpsnrMeter(_FilterMeter):
-    """Meter of XPSNR of luma, dB: PSNR with errors weighted by how well they are seen.
+    """Meter of XPSNR of luma, dB: PSNR with errors weighted by their visibility.
 
-    Helmrich et al. 2020 (doi:10.1109/ICASSP40776.2020.9054089), as FFmpeg's filter ``xpsnr`` has it: blocks are weighed
-    by the activity of the true video in space and time, in time by second differences from 32 frames per second on. Up
-    to three rows at the bottom and columns at the right are left out, so that the sides are multiples of 4.
+    Helmrich et al. 2020 (doi:10.1109/ICASSP40776.2020.9054089), in FFmpeg's filter ``xpsnr``: blocks are weighted by
+    the activity of the true video in space and time, in time by second differences from 32 frames per second on. Up to
+    three rows at the bottom and columns at the right are left out, so that the sides are multiples of 4.
     """
 
     def __init__(self, rate: Fraction) -> None:
@@ -134,6 +136,7 @@ class XpsnrMeter(_FilterMeter):
         self._values: list[float] = []
 
     def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
+        """Add the next frame; raises `InputError` if it is too small for the filter."""
         height, width = (side - side % MULTIPLE for side in truth.shape[:2])
         if min(height, width) < MIN_SIDE or height * width < MIN_PIXELS:
             raise InputError(
@@ -147,6 +150,7 @@ class XpsnrMeter(_FilterMeter):
         self._values += [min(float(each.metadata["lavfi.xpsnr.xpsnr.y"]), HIGHEST) for each in pictures]
 
     def values(self) -> list[float]:
+        """Return the XPSNR of each frame that counts, dB."""
         self._keep(self._end())
         return self._counted(self._values)
 
@@ -154,7 +158,7 @@ class XpsnrMeter(_FilterMeter):
 class VmafMeter(_FilterMeter):
     """Meter of VMAF, 0 to 100, by Netflix's model ``vmaf_v0.6.1`` in FFmpeg's filter ``libvmaf``.
 
-    It was trained on what people said of compressed videos on a 1080p screen from three times its height away.
+    It was trained on ratings of compressed videos on a 1080p screen at three times its height.
     """
 
     def __init__(self, rate: Fraction) -> None:
@@ -163,9 +167,11 @@ class VmafMeter(_FilterMeter):
         super().__init__(rate, "libvmaf", {"log_path": str(self._log), "log_fmt": "json"})
 
     def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
+        """Add the next frame."""
         self._push(image, truth, counts=counts)  # unlike xpsnr, it takes the reference second
 
     def values(self) -> list[float]:
+        """Return the VMAF of each frame that counts."""
         self._end()
         gc.collect()  # libvmaf writes its log when it is freed; PyAV's filters and their graph hold each other
         values = read_vmaf(self._log.read_text(encoding="utf-8"))
@@ -174,19 +180,20 @@ class VmafMeter(_FilterMeter):
 
 
 def read_vmaf(log: str) -> list[float]:
-    """Read the VMAF of every frame, in order, from the log that libvmaf writes as JSON."""
+    """Return the VMAF of every frame, in order, from libvmaf's log in JSON."""
     frames = sorted(json.loads(log)["frames"], key=lambda frame: int(frame["frameNum"]))
     return [float(frame["metrics"]["vmaf"]) for frame in frames]
 
 
 ALWAYS = ("psnr", "psnr_p5", "ssim", "mae", "mse")  # metrics that every comparison has; naming one changes nothing
+"""Metrics that every comparison has; naming one has no effect."""
 
 
 class Meter(Protocol):
     """Contract: measures the frames of one method, in the order of the output."""
 
     def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
-        """Add the next frame and the true one; those that methods are shown, which are equal, do not count."""
+        """Add the next frame and the true one; shown frames, which are equal, do not count."""
 
     def values(self) -> list[float]:
         """Return the metric of every frame that counts; called once, at the end."""
@@ -194,10 +201,12 @@ class Meter(Protocol):
 
 @dataclass(frozen=True)
 class Metric:
-    """A metric, of which a method has the mean over its frames."""
+    """A metric, whose mean over the frames a method gets."""
 
     title: str
+    """Heading in tables."""
     unit: str
+    """Unit in tables; empty if it has none."""
     digits: int
     """Decimals in tables."""
     high_is_good: bool
@@ -206,7 +215,7 @@ class Metric:
     meaning: str
     """Sentence for a reader of the tables."""
     missing: Callable[[], str | None] = lambda: None
-    """Function that returns what must be installed to measure it, or None."""
+    """Function that returns a description of what must be installed to measure it, or None."""
 
 
 def flip(truth: Image, image: Image) -> float:
@@ -221,14 +230,14 @@ def flip(truth: Image, image: Image) -> float:
 
 
 def missing_flip() -> str | None:
-    """Return what must be installed to measure FLIP, or None."""
+    """Return a description of the package that FLIP needs, for a message; None if it is installed."""
     if find_spec("flip_evaluator"):
         return None
     return "the package flip-evaluator; install it with pip install 'fpsboost[flip]'"
 
 
 def _as_rgb(image: Image) -> NDArray[Any]:
-    """Return sRGB, (H, W, 3) float32 with 1.0 for white."""
+    """Return sRGB, (H, W, 3) float32 in the order RGB, with 1.0 for white."""
     return np.ascontiguousarray(as_shown(image)[..., ::-1]).astype(np.float32) / np.float32(255)
 
 
@@ -286,7 +295,10 @@ metrics: dict[str, Metric] = {
 
 
 def choose_metrics(texts: Sequence[str]) -> tuple[str, ...]:
-    """Read names of metrics with commas between them; return those of `metrics`, each once."""
+    """Parse names of metrics separated by commas; return those of `metrics`, each once.
+
+    Raises `OptionError` for an unknown metric, or one that cannot be measured here.
+    """
     names = [name.strip() for text in texts for name in text.split(",")]
     for name in names:
         if name not in metrics and name not in ALWAYS:
@@ -313,10 +325,11 @@ class Meters:
             self.add(last.shown1.array, last.shown1.array, counts=False)
 
     def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
+        """Add the next frame to all meters."""
         for meter in self._meters.values():
             meter.add(truth, image, counts=counts)
 
     def values(self, frames: int) -> list[dict[str, float]]:
-        """Return the metrics of each of so many interpolated frames by name."""
+        """Return the metrics of each of the interpolated frames, `frames` in number, by name."""
         columns = {name: meter.values() for name, meter in self._meters.items()}
         return [{name: column[place] for name, column in columns.items()} for place in range(frames)]

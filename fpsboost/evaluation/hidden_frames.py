@@ -1,7 +1,7 @@
-"""True frames hidden between those that are shown, read as a stream, and samples of them.
+"""Held-out frames: true frames hidden between those that are shown, read as a stream, and samples of them.
 
-A clip is read as a conversion reads it. Frames that repeat another are no truth: where a picture is held between
-moves, they are grouped with the first of their kind, and where nothing moves on, they do not count.
+A clip is read as a conversion reads it. Frames that repeat another are no truth: where a picture is held between moves,
+they are grouped with the first of their kind, and stills do not count.
 """
 
 from __future__ import annotations
@@ -29,22 +29,25 @@ from fpsboost.streaming import beginning
 from fpsboost.timing.schedule import ByRate, rising_time
 
 Duplicates = Literal["interpolate", "keep"]
+"""Treatment of repeated frames: grouped as in a conversion, or kept as frames of their own."""
 
 WHOLE = "0:"
 """Range of the whole clip."""
 
 
 class Hidden(NamedTuple):
-    """A frame that methods do not see."""
+    """Held-out frame, which methods do not see."""
 
     number: int
+    """Number of the frame in the clip, counted from 0."""
     t: Fraction  # place in time between the shown frames, 0 to 1
     truth: Image
+    """The frame itself, (H, W, C)."""
     source_position: SourcePosition
 
 
 class Interval(NamedTuple):
-    """Two shown frames with their positions in the clip, and those hidden between them."""
+    """Two shown frames with their positions in the clip, and the hidden ones between them."""
 
     begin: SourcePosition
     end: SourcePosition
@@ -62,10 +65,12 @@ class Interval(NamedTuple):
         return _prepared(first, self.begin), _prepared(second, self.end)
 
     def prepared_truths(self) -> list[FrameCache]:
+        """Return the hidden frames at their positions in the clip, with empty caches."""
         return [_prepared(hidden.truth, hidden.source_position) for hidden in self.hidden]
 
 
 def _prepared(image: FrameImage, position: SourcePosition) -> FrameCache:
+    """Return the cache of a frame that is an output frame at its own number."""
     return FrameCache(image, Fraction(position.number), position)
 
 
@@ -80,16 +85,34 @@ class _Truth(NamedTuple):
 
 @dataclass(frozen=True)
 class Hiding(Checked):
-    """Which frames of a clip are hidden, and how the clip is read.
+    """Choice of the frames of a clip that are hidden, and options for reading the clip.
 
     Where a picture is held for several frames between moves (see `fpsboost.analysis.duplicates`), its first frame
-    stands for it. Some intervals do not count, because nobody knows the pictures at the times of their hidden frames:
+    stands for it. Some intervals do not count, because the pictures at the times of their hidden frames are unknown:
     where pictures are held unevenly long (where every 25th frame is a repeat, was a picture missed, or were all of them
-    slowed down?), where two frames show the same because a still begins, lasts or ends, and across a pause that
-    conversions leave alone.
+    slowed down?), where two frames show the same because a still begins, lasts or ends, and across a pause in which
+    conversions interpolate nothing.
 
-    A hidden frame lies between the shown ones where the times of the clip say, and divides them evenly where it misses
-    that by no more than what conversions take for the rounding and jitter of a clock.
+    A hidden frame has its time in the clip between the shown ones; it divides their interval evenly if the difference
+    is no more than what conversions take for the rounding and jitter of a clock.
+
+    Parameters
+    ----------
+    skip : int
+        Number of frames that are hidden between two shown ones.
+    first, last : int
+        Range of frames, counted from 0, without the last; None is the end of the clip.
+    decoding : DecodeOptions
+        Options for reading the clip.
+    duplicates : {'interpolate', 'keep'}
+        Whether repeated frames are grouped or kept.
+    counts_frames : bool
+        Whether the numbers of frames matter, so that none may be left unread.
+
+    Raises
+    ------
+    OptionError
+        The range is too short, or contradicts `decoding`.
     """
 
     skip: Annotated[int, Range(1)] = 1
@@ -114,7 +137,7 @@ class Hiding(Checked):
         return f"{self.first}:{'' if self.last is None else self.last}"
 
     def as_options(self) -> list[str]:
-        """Return what differs from the defaults, as words of the command line."""
+        """Return options that differ from the defaults, as words of the command line."""
         own = {
             "--skip": (self.skip, 1),
             "--range": (self._range, WHOLE),
@@ -139,7 +162,10 @@ class Hiding(Checked):
         }
 
     def intervals(self, path: str) -> Iterator[Interval]:
-        """Read a clip; a rest at its end that fills no interval is left out."""
+        """Read a clip and yield its intervals; remaining frames at the end that do not fill one are left out.
+
+        Raises `InputError` if the clip cannot be read, has no complete interval, or holds NaN or infinity.
+        """
         if path in PIPES:
             raise InputError("Standard input can be read only once, and every method needs it; name a file.")
         needs_rate = self.decoding.trim.needs_rate
@@ -165,7 +191,7 @@ class Hiding(Checked):
             )
 
     def _shown(self, source: FrameSource, clock: ByRate, path: str) -> Iterator[SourceFrame]:
-        """Yield the frames of the range, at the times that a conversion takes them to have."""
+        """Yield the frames of the range, at the times that a conversion gives them."""
         begin, start = SourcePosition(0, Fraction(0)), Fraction(0)
         last: Fraction | None = None
         for number, frame in islice(enumerate(source), self.last):
@@ -185,6 +211,7 @@ class Hiding(Checked):
                 yield SourceFrame(replace(frame, time=time), _prepared(frame.image, position))
 
     def _truths(self, frames: Iterator[SourceFrame]) -> Iterator[_Truth]:
+        """Yield the frames with their repeats, grouped or kept."""
         if self.duplicates == "keep":
             pictures: Iterator[PictureRun] = (PictureRun((each,), is_still=False, repeats=0) for each in frames)
         else:
@@ -229,10 +256,11 @@ def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
 
 
 class Sample(NamedTuple):
-    """A hidden frame with as much of the clip around it as methods look at."""
+    """A held-out frame with as much of the clip around it as methods need."""
 
     hidden: Hidden
     window: list[Interval]  # its interval, the one before and the one after
+    """Its interval, the one before and the one after."""
 
     @property
     def interval(self) -> Interval:
@@ -240,7 +268,7 @@ class Sample(NamedTuple):
 
 
 def read_samples(path: str, hiding: Hiding, numbers: Sequence[int]) -> list[Sample]:
-    """Return some of the hidden frames with their surroundings, in the order of `numbers`."""
+    """Return some of the hidden frames with their windows, in the order of `numbers`."""
     samples: dict[int, Sample] = {}
     before: Interval | None = None
     unfinished: list[Sample] = []
@@ -255,7 +283,13 @@ def read_samples(path: str, hiding: Hiding, numbers: Sequence[int]) -> list[Samp
 
 
 def parse_range(text: str) -> tuple[int, int | None]:
-    """Read ``A:B``, either of which may be left out; raise OptionError if it is written in another way."""
+    """Parse ``A:B``, either of which may be left out; raises `OptionError` for any other text.
+
+    Examples
+    --------
+    >>> parse_range("100:"), parse_range("0:24")
+    ((100, None), (0, 24))
+    """
     first, colon, last = text.partition(":")
     try:
         if not colon:

@@ -1,6 +1,6 @@
-"""Frames of other tools: a folder of them, or a command that writes one.
+"""Frames of other tools: from a folder, or from a command that writes one.
 
-`docs/comparison.md` says what such a folder may hold, and how its images are matched.
+`docs/comparison.md` describes the possible content of such a folder, and how its images are matched.
 """
 
 from __future__ import annotations
@@ -28,8 +28,10 @@ from fpsboost.io.images.files import read_image
 from fpsboost.io.images.source import find_images
 
 UNKNOWN = float("nan")
+"""Time of a tool that was not run here."""
 
 READ_AT_MOST = 4096  # number of bytes at the end of a command's output in which its last line is looked for
+"""Number of bytes at the end of a command's output in which its last line is searched for."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,10 @@ class PeerFrames:
     def interpolate(
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
-        """See `Contestant.interpolate`; raise InputError if an image cannot be read, or is of another size."""
+        """Yield the hidden frames; see `Contestant.interpolate`.
+
+        Raises `InputError` if an image cannot be read, or has another size.
+        """
         for interval in intervals:
             for hidden in interval.hidden:
                 if wanted is None or hidden.number in wanted:
@@ -58,7 +63,10 @@ class PeerFrames:
 
 
 def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerFrames:
-    """Match the images of a folder to all hidden frames of a clip, as `docs/comparison.md` says."""
+    """Match the images of a folder to all hidden frames of a clip, by the rules in `docs/comparison.md`.
+
+    Raises `InputError` if the folder cannot be read, or an image is missing. `name` names the tool in messages.
+    """
     with explained(InputError, "read", folder, "name a folder of images"):
         images = find_images(str(folder))
     count_of_images, own = len(images.files), list(images.numbers)
@@ -91,13 +99,31 @@ def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerF
 
 
 def _steps(numbers: Sequence[int]) -> list[int]:
+    """Return the differences of consecutive numbers."""
     return [after - before for before, after in pairwise(numbers)]
 
 
 def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Path) -> PeerFrames:
-    """Let another program interpolate the hidden frames; `scratch`, an empty folder, must stay as long as they do.
+    """Let another program interpolate the hidden frames.
 
-    `docs/comparison.md` says what the command is given, and what it must write.
+    Parameters
+    ----------
+    name : str
+        Name of the tool.
+    command : str
+        Command with ``{in}`` and ``{out}`` for folders, and optionally ``{factor}`` and ``{fps}``; see
+        `docs/comparison.md`.
+    intervals : iterable of Interval
+        Intervals of the clip.
+    scratch : Path
+        Empty folder, which must exist as long as the frames are used.
+
+    Raises
+    ------
+    InputError
+        The command fails, or writes too few or too many images.
+    OptionError
+        The command cannot be parsed.
     """
     words = split_command(name, command)
     folders = scratch / "in", scratch / "out"
@@ -121,7 +147,7 @@ def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Pa
 
 
 def split_command(name: str, command: str) -> list[str]:
-    """Split a peer's command into words; raise OptionError if that fails, or it lacks ``{in}`` or ``{out}``."""
+    """Split a peer's command into words; raises `OptionError` if that fails, or ``{in}`` or ``{out}`` is missing."""
     try:
         words = shlex.split(command)
     except ValueError as error:
@@ -135,10 +161,10 @@ def split_command(name: str, command: str) -> list[str]:
 
 
 def _write_shown(intervals: Iterable[Interval], folder: Path) -> tuple[list[tuple[int, int]], int, int, float]:
-    """Write the shown frames, and return what is expected of the other program.
+    """Write the shown frames, and return the output that is expected of the other program.
 
-    That is the numbers of the hidden frames with their places in its output, the number of shown frames, that of output
-    frames for each of them, and the shown frames per second.
+    That is the numbers of the hidden frames with their positions in its output, the number of shown frames, that of
+    output frames for each of them, and the shown frames per second.
     """
     rows: list[tuple[int, int, float]] = []
     factor, count, duration = 1, 0, 0.0
@@ -154,6 +180,7 @@ def _write_shown(intervals: Iterable[Interval], folder: Path) -> tuple[list[tupl
 
 
 def _write(folder: Path, number: int, image: Image) -> None:
+    """Write a frame as PNG, or as OpenEXR if it is float."""
     path = folder / f"{number:04d}{'.exr' if image.dtype == np.float32 else '.png'}"
     if image.shape[2] == 2 and image.dtype != np.float32:  # PNG by OpenCV has no gray with alpha
         image = image[..., [0, 0, 0, 1]]
@@ -180,12 +207,13 @@ def _run(name: str, words: Sequence[str], folder: Path) -> str:
 
 
 def _seconds_of_children() -> float:
+    """Return the CPU time of all child processes that have ended, seconds."""
     times = os.times()
     return times.children_user + times.children_system
 
 
 def read_like(path: Path, like: Image) -> Image:
-    """Return an image `as_type_of` the clip's frames; raise InputError if its size is another."""
+    """Return an image `as_type_of` the clip's frames; raises `InputError` if it has another size."""
     image = read_image(path)
     if image.shape[:2] != like.shape[:2]:
         (height, width), (clip_height, clip_width) = image.shape[:2], like.shape[:2]

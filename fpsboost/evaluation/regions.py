@@ -1,8 +1,9 @@
-"""Where errors are expected: what moves, what is hidden in one of the shown frames, what neither of them has.
+"""Areas where errors are expected: moving, occluded in one of the shown frames, or uncertain.
 
-No method that is compared has a say, since each would be measured where it fails. The areas come from the hidden frame
-itself, which no method sees: its motion to both shown frames is half as long as what a method has to find, and whether
-a pixel is there is asked of the pixels. Where a renderer's vectors are given, they say what moves and what is hidden.
+Uncertain pixels are found in neither of the shown frames. No method that is compared determines the areas, since each
+would be measured where it fails. They come from the hidden frame itself, which no method sees: its motion to both shown
+frames is half as long as the motion that a method has to find, and visibility is verified by the pixels. If a
+renderer's vectors are given, these determine motion and occlusion.
 """
 
 from __future__ import annotations
@@ -22,21 +23,24 @@ from fpsboost.motion.rendered import frame_number
 from fpsboost.render.folder import VectorFolder
 
 MOVES = 1.0  # shortest motion from one shown frame to the next that counts as moving, pixels
+"""Shortest motion from one shown frame to the next that counts as moving, pixels."""
 
 CONSISTENT = 1.5
-"""Largest distance between a pixel and where the motion there and back leads, pixels; beyond it the pixel is hidden."""
+"""Largest distance between a pixel and the end of the motion there and back, pixels; beyond it, the pixel is
+occluded."""
 
 BLOCK = 7
-"""Side of the blocks that are looked for, pixels: large enough to average noise, and small against what moves."""
+"""Side of the blocks that are compared, pixels: large enough to average noise, and small compared with moving
+objects."""
 
 MAX_DIFFERENCE = DuplicateDetector().noise
 """Largest mean difference of a block from the same one in another frame, levels of 8 bits: as in a repeated frame."""
 
 NOISE_FACTOR = 3.0
-"""Multiple of the median difference over the frame that replaces it in noisy clips, as most pixels are found again."""
+"""Multiple of the median difference over the frame that replaces it in noisy clips, where most pixels are visible."""
 
 AREAS, COMPLEMENTS = ("moving", "occluded", "uncertain"), ("still", "visible", "certain")
-"""Names of the areas, and of their complements."""
+"""Names of their complements, in the same order."""
 
 
 class Regions(NamedTuple):
@@ -50,12 +54,19 @@ class Regions(NamedTuple):
 def find_regions(interval: Interval, vectors: VectorFolder | None = None) -> Iterator[Regions]:
     """Yield the areas of every hidden frame of an interval, the same for every method.
 
-    Without a renderer's vectors, motion is that of DIS between the hidden frame and each of the shown ones, which
-    methods that use DIS cannot ask for. It is believed as far as the pixels bear it out: a block is found where it is
-    the same at the other end of its motion, or in its own place, and visible where its motion leads back as well. Where
-    DIS is wrong, more counts as hidden or not found, for all methods alike. On two frames of `samples/scenes/texture`,
-    whose occlusions are known, more than 90 % of them were marked within three pixels, and half of what was marked was
-    one.
+    Without a renderer's vectors, motion is that of DIS between the hidden frame and each of the shown ones; methods
+    that use DIS have no access to it. It is used as far as the pixels confirm it: a block is found where it is the same
+    at the other end of its motion, or in its own place, and visible where its motion leads back as well. Where DIS is
+    wrong, more counts as occluded or not found, for all methods alike. On two frames of `samples/scenes/texture`, whose
+    occlusions are known, more than 90 % of them were marked within three pixels, and half of the marked pixels were
+    occluded.
+
+    Parameters
+    ----------
+    interval : Interval
+        Two shown frames and the hidden ones between them.
+    vectors : VectorFolder, optional
+        A renderer's motion vectors.
     """
     others = interval.prepared()
     for truth in interval.prepared_truths():
@@ -78,7 +89,7 @@ def _motion(here: FrameCache, there: FrameCache, vectors: VectorFolder | None) -
 
 
 def _find(truth: FrameCache, others: Sequence[FrameCache], flows: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
-    """Return where the blocks of the true frame are found in each of the shown ones."""
+    """Return where the blocks of the true frame are found in each of the shown ones, (H, W) bool each."""
     here = _levels(truth)
     differences = []
     for other, flow in zip(others, flows, strict=True):
@@ -93,12 +104,15 @@ def _find(truth: FrameCache, others: Sequence[FrameCache], flows: Sequence[NDArr
 
 
 def _levels(frame: FrameCache) -> NDArray[Any]:
-    """Return what is compared of an image, (H, W, 1 to 4) float32, in levels of 8 bits."""
+    """Return the planes of an image that are compared, (H, W, 1 to 4) float32, in levels of 8 bits."""
     return np.dstack([np.asarray(plane, np.float32) * np.float32(unit) for plane, unit in compared_planes(frame)])
 
 
 def _apart(here: NDArray[Any], there: NDArray[Any]) -> NDArray[Any]:
-    """Return the mean difference of the block around each pixel in the plane where it is largest, (H, W)."""
+    """Return the mean difference of the block around each pixel, (H, W), in levels of 8 bits.
+
+    It is that of the plane where it is largest.
+    """
     return np.asarray(cv2.blur(cv2.absdiff(here, there), (BLOCK, BLOCK)).reshape(here.shape).max(axis=2))
 
 
@@ -111,7 +125,7 @@ def _rendered_motion(here: FrameCache, there: FrameCache, vectors: VectorFolder)
 
 
 def _leads_back(flow: NDArray[Any], back: NDArray[Any]) -> NDArray[Any]:
-    """Return where motion leads into another frame, and from there to where it began."""
+    """Return where motion leads into another frame, and from there back to where it began, (H, W) bool."""
     returned = cv2.remap(back, *_ends(flow), cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray((np.linalg.norm(flow + returned, axis=-1) <= CONSISTENT) & _is_inside(flow))
 
@@ -123,6 +137,7 @@ def _ends(flow: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def _is_inside(flow: NDArray[Any]) -> NDArray[Any]:
+    """Return where motion ends inside of the frame, (H, W) bool."""
     x, y = _ends(flow)
     height, width = flow.shape[:2]
     return np.asarray((x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5))

@@ -1,7 +1,7 @@
-"""Results of a comparison as data, and the distance of an interpolated frame from the true one in the usual figures.
+"""Results of a comparison as data, and the usual metrics of an interpolated frame against the true one.
 
 All kinds of images are compared with 1.0 for white, so that a clip scores alike with 8 bits, 16 bits or as float. MSE
-and MAE are given in levels of 255, as tables of 8-bit images have them; colours count as far as they are opaque.
+and MAE are given in levels of 255, as tables of 8-bit images have them; colours are weighted by their alpha.
 """
 
 from __future__ import annotations
@@ -22,11 +22,15 @@ from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
 from fpsboost.image import Image
 
 LEVELS = 255
+"""Levels of white in which errors are given."""
 MIN_MSE = 1e-12  # smallest MSE: equal images have a PSNR of 120 dB and not of infinity, which has no mean
+"""Smallest MSE, for white = 1: equal images have a PSNR of 120 dB, as infinity would have no mean."""
 
 SSIM_WINDOW = 7
+"""Side of the window of SSIM, pixels."""
 
 LOW_PERCENT = 5  # percentile of PSNR over frames that is reported: the worst frames say more about a clip than the mean
+"""Percentile of PSNR over frames that is reported: the worst frames characterize a clip better than the mean."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +48,25 @@ class Scores:
 
 
 def score(truth: Image, image: Image) -> Scores:
-    """Compare an interpolated frame with the true one, both (H, W, C), of one size and type, 7 pixels at least."""
+    """Compare an interpolated frame with the true one.
+
+    Parameters
+    ----------
+    truth, image : (H, W, C)
+        Two images of one size and type, at least 7 pixels each way.
+
+    Raises
+    ------
+    InputError
+        The images are smaller.
+
+    Examples
+    --------
+    >>> truth = np.full((8, 8, 3), 100, np.uint8)
+    >>> scores = score(truth, truth + np.uint8(5))
+    >>> round(scores.mae, 3), round(scores.mse, 3), round(scores.psnr, 2)
+    (5.0, 25.0, 34.15)
+    """
     if min(truth.shape[:2]) < SSIM_WINDOW:
         raise InputError(
             f"Frames of {truth.shape[1]}x{truth.shape[0]} are too small to be compared; take at least "
@@ -73,7 +95,7 @@ def mean(values: Sequence[float]) -> float:
 
 
 def low_percentile(values: Sequence[float]) -> float:
-    """Return the 5th percentile, interpolated linearly; of fewer than 20 values it lies between the two lowest."""
+    """Return the 5th percentile, interpolated linearly; of fewer than 20 values it is between the two lowest."""
     return float(np.percentile(values, LOW_PERCENT))
 
 
@@ -83,12 +105,13 @@ def means(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 
 MIN_SHARE = 0.02
-"""Smallest share of the picture of an area that is shown: a few pixels say more about chance than about a method."""
+"""Smallest share of the picture of an area that is shown: few pixels are dominated by chance."""
 
 TIMES = {"cpu_seconds": "CPU time", "seconds": "Wall time"}
-"""Times of a frame by their names in the data; verdicts go by the first."""
+"""Names of the times of a frame, by their names in the data; verdicts use the first."""
 
 MAX_NAMED = 8  # maximum number of frames that a note names; the data have all of them
+"""Maximum number of frames that a note lists; the data have all of them."""
 
 
 @dataclass(frozen=True)
@@ -96,72 +119,87 @@ class FrameResult:
     """Scores of one frame of a method."""
 
     number: int
+    """Number of the frame in the clip."""
     scores: Scores
     seconds: float
+    """Elapsed time, seconds; NaN if unknown."""
     cpu_seconds: float
+    """CPU time, seconds; NaN if unknown."""
     inside: dict[str, float]
+    """Mean absolute error inside of each area of `fpsboost.evaluation.regions.AREAS`, levels of 255; NaN for an empty
+    one."""
     outside: dict[str, float]
-    """Mean absolute error in and out of each area of `fpsboost.evaluation.regions.AREAS`, levels of 255; NaN where an
-    area is empty."""
+    """The same outside of each area."""
     search_radius: int | None = None
+    """Search radius of the motion, pixels; None if the method has none."""
     metrics: dict[str, float] = field(default_factory=dict)
+    """Further metrics by name."""
 
 
 @dataclass(frozen=True)
 class MethodResult:
-    """Scores of one method on all hidden frames, in order, those that do not count among them."""
+    """Scores of one method on all hidden frames, in order, including those that do not count."""
 
     name: str
     options: str
+    """Description of the method by `Contestant.describe`."""
     frames: list[FrameResult]
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Everything that a report says, and nothing else."""
+    """Everything that a report is made from."""
 
     clip: str
+    """Path of the clip."""
     kind: str
     """Size and type of the frames: ``640x360, 3 channels, 8-bit``."""
     hiding: Hiding
+    """Choice of the hidden frames."""
     hidden: list[int]
+    """Numbers of the hidden frames."""
     cuts: list[int]
-    """Hidden frames across a scene cut, which no method can know: no mean counts them."""
+    """Hidden frames across a scene cut, which no method can reconstruct: means leave them out."""
     shares: dict[str, float]
+    """Mean share of the picture of each area."""
     methods: list[MethodResult]
+    """Results of the methods, in the order in which they were given."""
     skipped: dict[str, str]
+    """Methods that could not be run, with the reason."""
     made_with: dict[str, str] = field(default_factory=dict)
     """Versions and machine."""
     rendered: tuple[str, ...] = ()
+    """Options for a renderer's vectors, as words of the command line."""
     others: tuple[str, ...] = ()
+    """Options for other tools' frames, as words of the command line."""
     cut_options: tuple[str, ...] = ()
-    """Options for a renderer's vectors, other tools' frames and scene cuts, as words of the command line."""
+    """Options for scene cuts, as words of the command line."""
     times: list[float] = field(default_factory=list)
-    """Place in time of each hidden frame between the two shown ones, 0 to 1."""
+    """Position in time of each hidden frame between the two shown ones, 0 to 1."""
     repeats: list[int] = field(default_factory=list)
     """Numbers of frames that repeat the one before: neither shown nor a truth, unless in a still."""
     doubtful: list[int] = field(default_factory=list)
-    """Hidden frames whose true pictures nobody knows, most often beside repeats; see
-    `fpsboost.evaluation.hidden_frames.Hiding`. No mean counts them."""
+    """Hidden frames whose true pictures are unknown, most often beside repeats; see
+    `fpsboost.evaluation.hidden_frames.Hiding`. Means leave them out."""
     clip_frames: int = 0
     """Number of frames from the first shown one to the last."""
     metrics: tuple[str, ...] = ()
 
     @property
     def areas(self) -> list[tuple[str, str]]:
-        """Areas that are worth showing, each with its complement: both take a share that matters."""
+        """Areas that are large enough to be shown, each with its complement, which is large enough too."""
         pairs = zip(AREAS, COMPLEMENTS, strict=True)
         return [pair for pair in pairs if MIN_SHARE <= self.shares[pair[0]] <= 1 - MIN_SHARE]
 
     @property
     def uneven(self) -> list[int]:
-        """Hidden frames that lie off their even places between the shown ones."""
+        """Hidden frames that do not divide the time between the shown ones evenly."""
         steps = self.hiding.skip + 1
         even = [(place % self.hiding.skip + 1) / steps for place in range(len(self.hidden))]
         return [number for number, t, usual in zip(self.hidden, self.times, even, strict=False) if t != usual]
 
     def notes(self, contestants: Mapping[str, Contestant]) -> list[str]:
-        """Return what must be known of duplicates and times to understand the figures, as sentences."""
+        """Return sentences about duplicates and times without which the figures would be misunderstood."""
         notes = []
         if self.repeats:
             notes.append(f"These frames repeat the one before, and are not compared: {_some(self.repeats)}.")
@@ -203,7 +241,7 @@ class Comparison:
 
     @property
     def known_times(self) -> dict[str, str]:
-        """Those of `TIMES` that are known of any method."""
+        """Entries of `TIMES` that are known for at least one method."""
         of_methods = [self.mean_seconds(method) for method in self.methods]
         return {name: title for name, title in TIMES.items() if any(np.isfinite(each[name]) for each in of_methods)}
 
@@ -221,7 +259,7 @@ class ComparedClip(NamedTuple):
 
 
 def _some(numbers: Sequence[int]) -> str:
-    """List the first of many numbers, and say how many more there are."""
+    """Return the first of many numbers as text, and how many more there are."""
     named = ", ".join(map(str, numbers[:MAX_NAMED]))
     more = len(numbers) - MAX_NAMED
     return f"{named} and {more} more" if more > 0 else named

@@ -1,6 +1,7 @@
-"""Metrics of what is seen at speed: torn shapes, interpolated frames that differ in kind from originals, uneven motion.
+"""Metrics of visible artefacts in motion: torn shapes, interpolated frames that differ in kind, and uneven motion.
 
-All measure sRGB with 8 bits, as it is displayed.
+All measure sRGB with 8 bits, as it is displayed. PSNR barely registers these artefacts. A meter takes all frames of a
+method in order (see `fpsboost.evaluation.further_metrics.Meter`).
 """
 
 from __future__ import annotations
@@ -18,36 +19,41 @@ from fpsboost.image import Image
 from fpsboost.motion.opencv import Dis
 
 AFAR, WRONG_LEVELS = 4, 24
-"""Factor by which images are reduced to see them from afar, and the difference that counts as wrong there, levels."""
+"""Difference that counts as wrong at this size, levels."""
 
 EDGE_REACH, EDGE_RATIO, EDGE_LEVELS = 4, np.float32(1.25), np.float32(1)
-"""Distance within which an edge has a counterpart, pixels at half the size; ratio and levels by which it exceeds it."""
+"""Slope that an edge may have in addition to that, levels per pixel."""
 
 PARTS = 4  # number of parts of the picture along each side that pulse by themselves
+"""Number of parts along each side of the picture in which flicker is measured separately."""
 FINE, COARSE = 1.0, 4.0  # standard deviations of the Gaussians between which sharpness is measured, pixels
+"""Standard deviation of the Gaussian that separates the coarse picture, pixels."""
 
 MIN_MOTION = 2.0  # shortest true path from the frame before to the frame after that counts as motion, pixels
+"""Shortest true path from the frame before to the frame after that counts as motion, pixels."""
 MAX_TURN = 0.5
-"""Change of the true motion, as a share of its path, above which DIS is taken to have lost it."""
+"""Change of the true motion, as a share of its path, above which the estimate of DIS is taken for wrong."""
 
 
 class FrameMeter:
-    """Meter by a function of an interpolated frame and the true one."""
+    """Meter of a function of an interpolated frame and the true one."""
 
     def __init__(self, measure: Callable[[Image, Image], float]) -> None:
         self._measure = measure
         self._values: list[float] = []
 
     def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
+        """Measure the next frame, if it counts."""
         if counts:
             self._values.append(self._measure(truth, image))
 
     def values(self) -> list[float]:
+        """Return the value of each frame that counts."""
         return self._values
 
 
 def wrong_area(truth: Image, image: Image) -> float:
-    """Return how much of an image is wrong even at a quarter of its size, per mille."""
+    """Return the share of the area that is wrong even at a quarter of the size, per mille."""
     height, width = truth.shape[:2]
     size = max(1, width // AFAR), max(1, height // AFAR)
     afar = [
@@ -78,15 +84,16 @@ def _edges(image: Image) -> NDArray[np.float32]:
 
 
 def _luma(displayed: NDArray[Any]) -> NDArray[np.float32]:
+    """Return the luma of an sRGB image, (H, W) float32."""
     return cv2.cvtColor(displayed, cv2.COLOR_BGR2GRAY).astype(np.float32)
 
 
 class FlickerMeter:
-    """Meter of what pulses at the rate of the originals because interpolated frames differ from them in kind.
+    """Meter of pulsation at the rate of the originals, which occurs if interpolated frames differ from them in kind.
 
-    In each part of the picture, the mean luma, the deviation of its sharpest detail and noise, and that of coarser
-    detail are compared with the mean of the two shown frames. What has the same sign in all frames pulses; changes of
-    the picture cancel out.
+    In each part of the picture, the mean luma, the deviation of its finest detail and noise, and that of coarser detail
+    are compared with the mean of the two shown frames. Differences of the same sign in all frames pulse; changes of the
+    picture cancel out.
     """
 
     def __init__(self) -> None:
@@ -95,6 +102,7 @@ class FlickerMeter:
         self._differences: list[NDArray[Any]] = []
 
     def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
+        """Add the next frame; a shown one, which does not count, closes an interval."""
         kinds = _kinds(image)
         if counts:
             self._between.append(kinds)
@@ -124,10 +132,10 @@ def _kinds(image: Image) -> NDArray[Any]:
 
 
 class StepMeter:
-    """Meter of uneven motion: steps into a frame and out of it against the true ones, percent of the true path.
+    """Meter of uneven motion: steps into a frame and out of it compared with the true ones, percent of the true path.
 
     Steps are the motion by DIS to the frames before and after. 0 is as even as the truth, 100 a frame that repeats one
-    of its neighbours. Only what moves counts, where DIS follows the true frames.
+    of its neighbours. Only moving areas count, where DIS follows the true frames.
     """
 
     def __init__(self) -> None:
@@ -136,6 +144,7 @@ class StepMeter:
         self._values: list[float] = []
 
     def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
+        """Add the next frame, whose motion to the one before is estimated."""
         frames = FrameCache(truth), FrameCache(image)
         if self._last is not None:
             steps = [Dis().estimate(before, now) for before, now in zip(self._last, frames, strict=True)]
@@ -145,11 +154,12 @@ class StepMeter:
         self._last = frames
 
     def values(self) -> list[float]:
+        """Return the value of each frame that counts."""
         return self._values
 
 
 def _unevenness(back: list[NDArray[Any]], ahead: list[NDArray[Any]]) -> float:
-    """Return how much steps change beyond the true change, percent; the true steps, (H, W, 2), come first."""
+    """Return the change of the steps beyond the true change, percent; each step is (true, interpolated), (H, W, 2)."""
     true_change, change = (a + b for a, b in zip(ahead, back, strict=True))
     path = sum(np.linalg.norm(step[0], axis=-1) for step in (back, ahead))
     is_moving = (path > MIN_MOTION) & (np.linalg.norm(true_change, axis=-1) <= MAX_TURN * path)

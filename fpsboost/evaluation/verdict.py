@@ -1,7 +1,7 @@
-"""Who comes nearest to the truth, whether that is more than chance, at what price, and what to take.
+"""Verdict of a comparison: the best method, whether its lead is significant, its cost, and a recommendation.
 
 Methods are compared frame by frame: frames differ far more in how hard they are than methods do on one frame, so the
-mean of the paired differences is known much better than either mean. Of several clips, all count alike, however long.
+mean of the paired differences is known much more accurately than either mean. Several clips count alike, however long.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ from fpsboost.errors import say_seconds
 from fpsboost.evaluation.results import Comparison
 
 MAX_STANDARD_ERRORS = 2.0  # mean difference in standard errors up to which two methods are level: about 95 %
+"""Mean difference in standard errors up to which two methods are level: about 95 %."""
 
 NEGLIGIBLE_DIFFERENCE = 0.3
-"""Difference that is hardly seen, dB; the cheapest method within it is recommended too."""
+"""Difference that is hardly visible, dB; the cheapest method within it is recommended too."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class Difference:
     """Lead of the best method over another, over the frames that count."""
 
     method: str
+    """Name of the other method."""
     mean: float
     """Mean of the differences of PSNR, dB."""
     standard_error: float | None
@@ -34,7 +36,7 @@ class Difference:
 
     @property
     def is_level(self) -> bool:
-        """Whether the difference may be chance; what is the same in every frame is level, too."""
+        """Whether the difference may be chance; equal results in every frame are level, too."""
         return self.standard_error is None or self.mean <= MAX_STANDARD_ERRORS * self.standard_error
 
 
@@ -43,24 +45,29 @@ class Verdict:
     """Outcome of a comparison."""
 
     best: str
+    """Method with the highest mean PSNR."""
     psnr: float
     """Mean PSNR of the best, dB."""
     frames: int
+    """Number of frames that count."""
     ahead: list[Difference]
+    """Its lead over each of the other methods, by decreasing PSNR."""
     level: list[str]
+    """Methods that are level with it."""
     cheapest: str
     """Method with the least CPU time of those within `NEGLIGIBLE_DIFFERENCE` of the best, itself included."""
     cpu_seconds: dict[str, float]
     """Time to multiply the frames of the whole range by `factor`, by method; NaN if unknown."""
     clip_frames: int
+    """Number of frames in the range."""
     factor: int
-    """Number of frames in the range, and of output frames for each: one more than were hidden at once."""
+    """Output frames for each of them: one more than were hidden at once."""
     sentences: list[str]
-    """What to take and why, then the figures behind it."""
+    """Recommendation and reasons, then the figures behind them."""
 
 
 def judge(comparison: Comparison) -> Verdict:
-    """Judge a comparison of one method at least; the terminal, the data and the page all say this."""
+    """Judge a comparison of at least one method; the terminal, the data and the page all show the result."""
     psnr = {each.name: [frame.scores.psnr for frame in comparison.counted(each)] for each in comparison.methods}
     means = {name: float(np.mean(values)) for name, values in psnr.items()}
     seconds = _cpu_seconds(comparison)
@@ -82,29 +89,36 @@ def judge(comparison: Comparison) -> Verdict:
 
 
 def _cpu_seconds(comparison: Comparison) -> dict[str, float]:
-    """Return the CPU time that each method takes for the whole range; NaN if unknown."""
+    """Return the CPU time of each method for the whole range, seconds; NaN if unknown."""
     count = (comparison.clip_frames - 1) * comparison.hiding.skip
     return {each.name: comparison.mean_seconds(each)["cpu_seconds"] * count for each in comparison.methods}
 
 
 def _cheapest(best: str, ahead: Sequence[Difference], seconds: Mapping[str, float]) -> str:
-    """Return the method that takes the least time of those that are about as good as the best."""
+    """Return the method with the least CPU time of those that are about as good as the best."""
     near = {best: 0.0} | {each.method: each.mean for each in ahead if each.mean <= NEGLIGIBLE_DIFFERENCE}
     return min(near, key=lambda name: (_price(seconds[name]), near[name]))
 
 
 def _price(seconds: float) -> float:
+    """Return the CPU time for comparisons; infinite if unknown."""
     return math.inf if math.isnan(seconds) else seconds
 
 
 def difference(method: str, best: Sequence[float], other: Sequence[float]) -> Difference:
-    """Return the mean paired difference of two methods' PSNR, and how well it is known.
+    """Return the mean paired difference of two methods' PSNR, and its standard error.
 
-    Frames that follow each other resemble each other, so that n of them tell less than n independent ones. The
-    differences are taken for a first-order autoregressive process: with r, their correlation from frame to frame as
+    Consecutive frames resemble each other, so that n of them carry less information than n independent ones. The
+    differences are modelled as a first-order autoregressive process: with r, their correlation from frame to frame as
     estimated from the same frames, the standard error of independent ones is multiplied by sqrt((1 + r) / (1 - r)). A
-    negative r counts as none, which never makes the error smaller. Of few frames r is underestimated and two standard
-    errors are fewer than 95 %, so that a lead over less than about ten frames is a hint only.
+    negative r counts as none, which never makes the error smaller. With few frames r is underestimated and two standard
+    errors are fewer than 95 %, so that a lead over less than about ten frames is only a hint.
+
+    Examples
+    --------
+    >>> lead = difference("blend", [30.0, 31.0, 32.0], [29.0, 30.5, 30.5])
+    >>> lead.mean, lead.is_level
+    (1.0, False)
     """
     differences = np.subtract(best, other)
     mean, count = float(differences.mean()), len(differences)
@@ -118,6 +132,7 @@ def difference(method: str, best: Sequence[float], other: Sequence[float]) -> Di
 
 
 def _say(verdict: Verdict) -> list[str]:
+    """Return the sentences of a verdict."""
     seconds = verdict.cpu_seconds
     doing = "Doubling" if verdict.factor == 2 else f"Making {verdict.factor} of each of"
     priced = [name for name in dict.fromkeys([verdict.best, verdict.cheapest]) if not math.isnan(seconds[name])]
@@ -134,7 +149,7 @@ def _say(verdict: Verdict) -> list[str]:
 def _advise(
     best: str, ahead: Sequence[Difference], cheapest: str, seconds: Mapping[str, float], where: str = "here"
 ) -> str:
-    """Return what to take and why, to be read in five seconds."""
+    """Return the recommendation and its reasons in one sentence."""
     is_one_frame = ahead[0].standard_error is None
     level = [] if is_one_frame else [each for each in ahead if each.is_level]
     near = level or ahead[:1]
@@ -154,6 +169,7 @@ def _advise(
 
 
 def _span(differences: Sequence[Difference]) -> str:
+    """Return the range of some differences as text, dB."""
     low, high = (f"{pick(each.mean for each in differences):.1f}" for pick in (min, max))
     if high == "0.0":
         return "less than 0.1 dB"
@@ -161,6 +177,7 @@ def _span(differences: Sequence[Difference]) -> str:
 
 
 def _share(share: float) -> str:
+    """Return a share of the time as text."""
     if share >= 0.95:
         return "about the same time"
     names = {2: "half", 3: "a third of", 4: "a quarter of", 5: "a fifth of", 10: "a tenth of"}
@@ -169,7 +186,7 @@ def _share(share: float) -> str:
 
 
 def _leads(ahead: Sequence[Difference]) -> str:
-    """Return by how much the best is ahead of every other method, and how well that is known."""
+    """Return the lead over every other method with its standard error, as text."""
     if ahead[0].standard_error is None:
         leads = ", ".join(f"{each.mean:.2f} dB ahead of {each.method}" for each in ahead)
         return f"{leads}; one frame says nothing about others"
@@ -178,7 +195,13 @@ def _leads(ahead: Sequence[Difference]) -> str:
 
 
 def listed(words: Sequence[str]) -> str:
-    """Return words as a list of a sentence: ``a, b and c``."""
+    """Return words as a list in a sentence.
+
+    Examples
+    --------
+    >>> listed(["nlm", "dis", "blend"])
+    'nlm, dis and blend'
+    """
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
@@ -198,7 +221,7 @@ def means_over_clips(comparisons: Sequence[Comparison]) -> Iterator[MeanOverClip
 
 
 def judge_all(comparisons: Sequence[Comparison]) -> list[str]:
-    """Return what to take for several clips and why, in sentences; they are what `judge` says of one."""
+    """Return recommendation and reasons for several clips, in sentences like those of `judge`."""
     best, *others = sorted(means_over_clips(comparisons), key=lambda each: -each.mean)
     clips = f"the mean of {len(comparisons)} clips"
     reached = f"{best.method} reaches {best.mean:.2f} dB in {clips}"

@@ -1,1 +1,1 @@
-"""A comparison as one page: figures, tables, a player, and pictures to look at closely."""
+"""Page of a comparison: `page` puts it together, `charts` draws figures, `pictures` crops and encodes frames."""

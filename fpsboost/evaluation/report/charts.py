@@ -23,13 +23,17 @@ from numpy.typing import NDArray
 from fpsboost.evaluation.report.styles import MARKERS, Style, break_name
 
 MARKED_FRAMES = 80  # number of frames up to which each point of a line is marked
+"""Number of frames up to which each point of a line is marked."""
 MARKS_OF_A_LINE = 12  # number of marks of a longer line, so that no figure hangs on colour alone
+"""Number of marks of a longer line, so that lines can be told apart without colours."""
 TITLE_WIDTH = 0.56  # width of a letter that is not bold, in sizes of the text
+"""Mean width of a letter of a title, in font sizes."""
 
 WIDTH, LINE = 0.64, 1.3
 """Width of a letter and height of a line, in sizes of the text: not less than in any font that a page may find."""
 
 MAGNITUDE = 8  # ratio of the largest to the smallest value above which a logarithmic scale shows more
+"""Ratio of the largest to the smallest value above which a logarithmic scale is used."""
 
 WIDEST = 1e5
 """Ratio of the largest to the smallest value that a logarithmic scale shows: equal frames have next to no error."""
@@ -53,18 +57,22 @@ rc_params: Any = {
 
 
 class Form(NamedTuple):
-    """Size at which a figure is drawn: it is scaled to the page's width, so this decides how large its text looks."""
+    """Size at which a figure is drawn.
+
+    It is scaled to the page's width, so that the size determines that of its text.
+    """
 
     name: str
     size: tuple[float, float]  # width and height, inches
     text: float
+    """Font size, points."""
 
 
 FORMS = (Form("wide", (11.6, 3.9), 9.4), Form("narrow", (4.7, 3.7), 10.6))  # for a screen and for a phone
 
 
 class Series(NamedTuple):
-    """Values of one method at every frame, NaN where there is none."""
+    """Values of one method for every frame, NaN where there is none."""
 
     method: int  # place among the methods, by which the page colours it
     values: Sequence[float]
@@ -72,7 +80,7 @@ class Series(NamedTuple):
 
 
 class Dot(NamedTuple):
-    """Place of one method in the plane."""
+    """Position of one method in a scatter plot."""
 
     method: int
     name: str
@@ -82,14 +90,19 @@ class Dot(NamedTuple):
 
 
 class Chart(NamedTuple):
-    """A figure, and where in it the data are, so that a page can read values from it."""
+    """A figure, and the position of its axes, so that a page can read values from it."""
 
     form: str
+    """Name of the form."""
     svg: str
+    """The figure as SVG."""
     box: tuple[float, float, float, float]  # left, top, width and height of the axes, shares of the figure
     x_range: tuple[float, float]
+    """First and last value of x."""
     y_range: tuple[float, float]
+    """First and last value of y."""
     logarithmic: bool
+    """Whether y is logarithmic."""
     is_labelled: bool = True  # whether every name that belongs into the figure had room there
 
 
@@ -142,7 +155,7 @@ def draw_lines(
 
 
 def draw_dots(name: str, label: str, across: str, dots: Sequence[Dot]) -> list[Chart]:
-    """Draw one labelled dot a method, x logarithmic, in every form; `across` is the label of x."""
+    """Draw one labelled dot per method, with logarithmic x, in every form; `across` is the label of x."""
     charts = []
     for form in FORMS:
         with mpl.rc_context({**rc_params, "font.size": form.text}):
@@ -171,6 +184,7 @@ def draw_dots(name: str, label: str, across: str, dots: Sequence[Dot]) -> list[C
 
 
 def _begin(form: Form, label: str) -> tuple[Figure, Axes]:
+    """Return a new figure with its title, which is wrapped to its width."""
     figure = Figure(figsize=form.size, layout="constrained")
     figure.patch.set_visible(False)
     axes = figure.add_subplot()
@@ -205,7 +219,7 @@ def _number_logarithmic(axis: Axis, ratio: float) -> None:
 
 
 def _label(axes: Axes, dots: Sequence[Dot], text: float) -> bool:
-    """Write each name beside its dot where it covers nothing and is not cut off; return whether all had room."""
+    """Write each name beside its dot where it covers nothing and is not cut off; return whether all fit."""
     is_labelled = True
     pixels = axes.transData.transform([(dot.x, dot.y) for dot in dots])
     scale = axes.figure.dpi / 72
@@ -244,6 +258,7 @@ def _box(x: float, y: float, width: float, height: float) -> Bbox:
 
 
 def _finish(figure: Figure, axes: Axes, name: str, form: Form) -> Chart:
+    """Return the figure as a chart for the page."""
     file = io.StringIO()
     figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     place = axes.get_position()
@@ -258,7 +273,7 @@ def _finish(figure: Figure, axes: Axes, name: str, form: Form) -> Chart:
 
 
 def _for_page(svg: str, prefix: str) -> str:
-    """Rename what other figures of a page may have too, and add classes for what belongs to a method."""
+    """Make the names in an SVG unique on a page, and add classes for the parts that belong to a method."""
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
     # what is drawn again and again takes the colour of its place, not of its definition

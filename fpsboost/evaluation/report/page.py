@@ -42,23 +42,27 @@ from fpsboost.image import Image
 from fpsboost.io.new_output import new_folder, write_whole
 
 PAGE = "index.html"
+"""Name of the page in its folder."""
 
 DIFFERENT = "where the methods differ most"
+"""Reason for which a frame is shown."""
 
 TABLED_FRAMES = 400  # number of hidden frames up to which the page has a table of all
+"""Number of hidden frames up to which the page has a table of all."""
 
 
 class Plot(NamedTuple):
-    """A figure that has a value for every frame."""
+    """A figure with a value for every frame."""
 
     key: str
+    """Name in the data of the page."""
     title: str
     unit: str
     charts: list[Chart]
 
 
 class Choice(NamedTuple):
-    """A frame that is shown, and why."""
+    """A frame that is shown, and the reasons for it."""
 
     number: int
     reasons: list[str]
@@ -73,14 +77,14 @@ class FrameSection(NamedTuple):
 
 
 def write_report(folder: Path, clips: Sequence[ComparedClip]) -> Path:
-    """Write the page of comparisons by the same methods into a new folder, and return its path."""
+    """Write the page of comparisons of the same methods into a new folder, and return its path."""
     with new_folder(folder) as unfinished:
         write_whole(unfinished / PAGE, make_page(clips).encode())
     return folder / PAGE
 
 
 def make_page(clips: Sequence[ComparedClip]) -> str:
-    """Return the page of comparisons as text; see `write_report`."""
+    """Return the page of comparisons as HTML text; see `write_report`."""
     environment = templates_of()
     environment.filters["breakable"] = breakable
     comparisons = [each.comparison for each in clips]
@@ -106,6 +110,7 @@ def make_page(clips: Sequence[ComparedClip]) -> str:
 
 
 def _name_of(comparison: Comparison) -> str:
+    """Return the name of a clip for headings."""
     return Path(comparison.clip).name or comparison.clip
 
 
@@ -155,7 +160,10 @@ def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
 def _view_frames(
     comparison: Comparison, contestants: Mapping[str, Contestant], choices: Sequence[Choice]
 ) -> tuple[list[FrameSection], MotionView | None]:
-    """Return views of the chosen frames, each interpolated when its turn comes, and of the motion at the first."""
+    """Return views of the chosen frames and of the motion at the first of them.
+
+    Each frame is interpolated when it is needed, so that few are in memory.
+    """
     names = [method.name for method in comparison.methods]
     numbers = [each.number for each in choices]
     far: dict[str, dict[int, Image]] = {}
@@ -202,7 +210,7 @@ def _title(choice: Choice, first: str) -> str:
 
 
 def describe_hidden(comparison: Comparison) -> str:
-    """Describe what was hidden, in one sentence."""
+    """Return a sentence on which frames were hidden."""
     skip, count = comparison.hiding.skip, len(comparison.hidden)
     each = "one was" if skip == 1 else f"{skip} were"
     size, _, rest = comparison.kind.partition(", ")
@@ -247,7 +255,7 @@ def _frame_charts(comparison: Comparison, key: str, label: str, at: str, **how: 
 
 
 def shared_out(comparison: Comparison) -> list[str]:
-    """Return the methods whose time is that of another program's whole run, which nobody can tell frame by frame."""
+    """Return the methods whose time is that of another program's whole run, and unknown for single frames."""
     return [
         method.name
         for method in comparison.methods
@@ -257,7 +265,7 @@ def shared_out(comparison: Comparison) -> list[str]:
 
 
 def quality_plots(comparison: Comparison, at: str = "") -> list[Plot]:
-    """Return quality against time, one dot a method, by each clock that is known."""
+    """Return quality against time, one dot per method, by each clock that is known."""
     styles = styles_of([method.name for method in comparison.methods])
     plots = []
     for key, title in comparison.known_times.items():

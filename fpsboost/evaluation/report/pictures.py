@@ -35,36 +35,45 @@ from fpsboost.pair import Pair
 from fpsboost.synthesis import FramePair, FusesHypotheses
 
 MIN_CROP = 48  # smallest side of a crop, pixels; a tenth of the frame's width if that is more
+"""Smallest side of a crop, pixels; a tenth of the frame's width if that is more."""
 WHEEL = 160  # side of the colour wheel, pixels
+"""Side of the colour wheel, pixels."""
 ARROWS = 30  # number of arrows along the longer side of a frame
+"""Number of arrows along the longer side of a frame."""
 
 MAX_DRAWN_ERROR = 64
-"""Error at the bright end of the colours, levels of 255; larger ones are drawn alike."""
+"""Error at the bright end of the colour scale, levels of 255; larger ones look alike."""
 
 
 @dataclass(frozen=True)
 class Picture:
-    """One encoded picture."""
+    """One encoded picture of a method, or of the truth."""
 
     name: str
+    """Name of the method."""
     method: int | None
-    """Place among the methods; None for the truth."""
+    """Index of the method; None for the truth."""
     uri: str
+    """Data URI."""
     mae: float | None = None
+    """Mean absolute error, levels of 255; None if unknown."""
 
 
 class Spot(NamedTuple):
-    """A square of a frame that is worth a closer look."""
+    """A square of a frame that deserves a closer look."""
 
     x: int
+    """Left column, pixels."""
     y: int
+    """Upper row, pixels."""
     size: int
+    """Side, pixels."""
     reason: str
 
 
 @dataclass(frozen=True)
 class Strip:
-    """One spot, in the truth and as every method has it."""
+    """One spot in the truth and in the frame of every method."""
 
     letter: str
     spot: Spot
@@ -78,34 +87,38 @@ class MotionPicture:
     picture: Picture
     """Direction as hue, length as saturation."""
     arrows: str
+    """SVG path of the shafts, in pixels of the frame."""
     tips: str
-    """SVG paths, in pixels of the frame: shafts, and where they point to."""
+    """SVG path of their tips."""
     longest: float
+    """Longest motion, pixels."""
 
 
 @dataclass(frozen=True)
 class MotionView:
-    """Motion between two shown frames as the methods estimate it, and their doubts."""
+    """Motion between two shown frames as the methods estimate it, and their uncertainty."""
 
     number: int
+    """Number of the hidden frame."""
     between: tuple[int, int]
     """Numbers of the shown frames."""
     width: int
     height: int
     shown: str
+    """The earlier shown frame, encoded."""
     wheel: str
-    """The earlier shown frame, and the legend of colours, encoded."""
+    """The legend of colours, encoded."""
     edge: float
     """Motion at the wheel's edge, pixels."""
     stretch: float
     """Length of an arrow as a multiple of the motion."""
     fields: list[MotionPicture]
     doubts: list[tuple[Picture, Picture]]
-    """Doubt and true error of each method that knows its doubt."""
+    """Uncertainty and true error, for each method that has a confidence of its own."""
 
 
 def view_frame(sample: Sample, frames: Mapping[str, Image]) -> list[Strip]:
-    """Find the spots of a frame that are worth a closer look, and encode them as every method, by name, has them."""
+    """Find the spots of a frame that deserve a closer look, and encode them from the frame of every method."""
     truth = sample.hidden.truth
     images = [("truth", None, truth), *((name, index, image) for index, (name, image) in enumerate(frames.items()))]
     errors = [absolute_error(truth, image) for image in frames.values()]
@@ -124,7 +137,10 @@ def view_frame(sample: Sample, frames: Mapping[str, Image]) -> list[Strip]:
 def view_motion(
     sample: Sample, frames: Mapping[str, Image], contestants: Mapping[str, Contestant]
 ) -> MotionView | None:
-    """Draw the motion of every method around a hidden frame, and the doubts; None if no method estimates motion."""
+    """Draw the motion of every method around a hidden frame, and the uncertainty.
+
+    Returns None if no method estimates motion.
+    """
     interval = sample.interval
     places = {name: index for index, name in enumerate(frames)}
     moving = {name: each.interpolator for name, each in contestants.items() if name in places and _moves(each)}
@@ -160,6 +176,7 @@ def view_motion(
 
 
 def _moves(contestant: Contestant) -> TypeGuard[InterpolatorContestant]:
+    """Return whether a method is one of this package that estimates motion."""
     return isinstance(contestant, InterpolatorContestant) and not isinstance(
         contestant.interpolator.estimator, ZeroMotion
     )
@@ -168,6 +185,7 @@ def _moves(contestant: Contestant) -> TypeGuard[InterpolatorContestant]:
 def _doubts(
     sample: Sample, frames: Mapping[str, Image], interpolators: Mapping[str, Interpolator], pairs: Mapping[str, Pair]
 ) -> Iterator[tuple[Picture, Picture]]:
+    """Return the uncertainty and the true error of each method with a confidence of its own."""
     for index, name in enumerate(frames):
         synthesizer = interpolators[name].synthesizer if name in pairs else None
         if isinstance(synthesizer, FusesHypotheses):
@@ -179,7 +197,10 @@ def _doubts(
 
 
 def find_spots(errors: Sequence[NDArray[Any]]) -> list[Spot]:
-    """Return the square where all methods together err most, and one beside it where the best is farthest ahead."""
+    """Return the square where all methods together err most, and one beside it.
+
+    The second is where the lead of the best method is largest.
+    """
     height, width = errors[0].shape
     size = min(max(MIN_CROP, width // 10), height, width)
     blurred = np.stack([cv2.blur(error.astype(np.float64), (size, size), anchor=(0, 0)) for error in errors])
@@ -206,7 +227,7 @@ def in_colour(flow: NDArray[Any], edge: float) -> NDArray[Any]:
 
 
 def draw_wheel(size: int) -> NDArray[Any]:
-    """Return the legend of `in_colour`, (size, size, 4) uint8: the colour of each vector where it points to."""
+    """Return the legend of `in_colour`, (size, size, 4) uint8: each vector has its colour where it points to."""
     radius = size / 2
     y, x = (np.mgrid[:size, :size].astype(np.float32) + 0.5 - radius) / radius
     inside = ((1 - np.hypot(x, y)) * radius + 0.5).clip(0, 1)  # a smooth rim
@@ -232,13 +253,14 @@ MAX_EXACT_PIXELS = 5_000_000
 """Number of pixels in all pictures that are kept without loss; each takes about seven times the room of another."""
 
 MIN_HIDDEN = 6  # number of hidden frames that are played in any case
+"""Number of hidden frames that are played in any case."""
 
 QUALITY = 72
-"""WebP quality; most frames are seen for a moment only."""
+"""WebP quality; most frames are visible for a moment only."""
 
 
 def choose_passages(comparison: Comparison, count: int, also: Sequence[int] = ()) -> list[list[int]]:
-    """Choose hidden frames that are worth playing: where methods differ most, and where the first one errs most.
+    """Choose hidden frames to play: where methods differ most, and where the first one errs most.
 
     The two passages have `count` frames together; frames of `also` that lie in none become passages of their own.
     """
@@ -260,7 +282,10 @@ def choose_passages(comparison: Comparison, count: int, also: Sequence[int] = ()
 
 
 def _largest(values: Sequence[float], length: int, taken: Sequence[int]) -> int:
-    """Return where the window with the largest sum begins that does not overlap the taken ones, if there is room."""
+    """Return the beginning of the window with the largest sum that does not overlap those taken.
+
+    It has `length` values. If there is no room for it, the overlap is ignored.
+    """
     begins = range(len(values) - length + 1)
     free = [begin for begin in begins if all(abs(begin - each) >= length for each in taken)]
     return max(free or begins, key=lambda begin: sum(values[begin : begin + length]))
@@ -333,7 +358,7 @@ def view_passages(
 
 
 def _until(intervals: Iterable[Interval], last: int, more: int) -> Iterator[Interval]:
-    """Yield intervals up to the one with the last hidden frame, and some more."""
+    """Yield intervals up to the one with the last hidden frame, and `more` after it."""
     for interval in intervals:
         yield interval
         if interval.end.number > last:

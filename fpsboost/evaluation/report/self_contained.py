@@ -1,4 +1,4 @@
-"""Pages that need nothing but a browser: their style sheets, scripts and pictures lie in them."""
+"""Pages that need only a browser, as they contain their style sheets, scripts and pictures."""
 
 from __future__ import annotations
 
@@ -24,35 +24,45 @@ MAX_WIDTH = 1280
 
 @dataclass
 class PlayerData:
-    """Frames that the player of a page shows, as player.js takes them."""
+    """Frames that the player of a page shows, in the form that player.js reads."""
 
     names: list[str]
+    """Names of the views."""
     width: int
+    """Width of a picture, pixels."""
     height: int
+    """Height of a picture, pixels."""
     fps: float
+    """Frames per second at full speed."""
     frames: list[dict[str, Any]] = field(default_factory=list)
-    """For each frame its ``number``, ``passage``, ``note``, the places of its ``images`` in `uris` (one of each view,
-    or one for all of them), and optionally ``loss``, the mean absolute error that compression leaves in its first
-    picture, levels of 255."""
+    """For each frame its ``number``, ``passage``, ``note``, the indices of its ``images`` in `uris` (one of each view,
+    or one for all of them), and optionally ``loss``, the mean absolute error of the compression of its first picture,
+    levels of 255."""
     opening: int | None = None
+    """Index of the frame that is shown first; None for the first one."""
     _places: dict[str, int] = field(default_factory=dict)
+    """Index of each picture, by its data URI."""
 
     @property
     def uris(self) -> list[str]:
+        """Data URIs of all pictures, each once."""
         return list(self._places)
 
     def add_picture(self, uri: str) -> int:
-        """Return the place of a picture in `uris`, to which it is added if it is new."""
+        """Return the index of a picture in `uris`; it is added if it is new."""
         return self._places.setdefault(uri, len(self._places))
 
     def as_json(self) -> dict[str, Any]:
-        """Return what player.js reads."""
+        """Return the data for player.js."""
         names = ("names", "fps", "uris", "frames", "opening")
         return {name: getattr(self, name) for name in names}
 
 
 def templates_of(*packages: str) -> Environment:
-    """Return the templates of packages and the shared ones, in which ``text_of(file)`` is a file as it is."""
+    """Return the templates of packages and the shared ones.
+
+    In templates, ``text_of(file)`` inserts a file without changes, such as a script.
+    """
     loader = ChoiceLoader([PackageLoader(package) for package in (*packages, "fpsboost.evaluation.report")])
     environment = Environment(
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -62,7 +72,7 @@ def templates_of(*packages: str) -> Environment:
 
 
 def encode(image: NDArray[Any], quality: int = QUALITY) -> str:
-    """Return an image of (H, W, C) uint8 as WebP in a data URI."""
+    """Return an image, (H, W, C) uint8, as WebP in a data URI."""
     return data_uri(as_webp(image, quality), "webp")
 
 
@@ -72,12 +82,12 @@ def data_uri(picture: bytes, kind: str) -> str:
 
 
 def as_webp(image: NDArray[Any], quality: int) -> bytes:
-    """Return an image of (H, W, C) uint8 as WebP."""
+    """Return an image, (H, W, C) uint8, encoded as WebP."""
     return cv2.imencode(".webp", image, [cv2.IMWRITE_WEBP_QUALITY, quality])[1].tobytes()
 
 
 def not_too_wide(image: NDArray[Any]) -> NDArray[Any]:
-    """Return an image, reduced if it is wider than a page can use."""
+    """Return an image, reduced if it is wider than `MAX_WIDTH`."""
     height, width = image.shape[:2]
     size = MAX_WIDTH, max(1, round(height * MAX_WIDTH / width))
     return image if width <= MAX_WIDTH else cv2.resize(image, size, interpolation=cv2.INTER_AREA)

@@ -1,10 +1,10 @@
 """Colour, marker and line of a method in every figure.
 
-A page is read beside others, so a method has the same colour in all of them, whoever else takes part. Those that are
-compared most have colours that are told apart with any colour vision; any other method, one with options or another
-tool gets one of many by a checksum of its name. Colours are not enough, as two of many may be alike: up to nine methods
-of a page have marks of their own, and lines are solid for methods as they are, dashed for those with options, and
-dashed and dotted for other tools.
+Pages are compared with each other, so a method has the same colour in all of them, whichever others take part. Methods
+that are compared most have colours that can be distinguished with any colour vision; any other method, one with options
+or another tool gets one of many by a checksum of its name. Colours are not enough, as two of many may be alike: up to
+nine methods of a page have markers of their own, and lines are solid for methods with default options, dashed for those
+with other options, and dash-dotted for other tools.
 """
 
 from __future__ import annotations
@@ -34,11 +34,10 @@ NAMED = {
     "nearest": ("#464153", "#bbcfd7"),
     "block": ("#8a20e6", "#8c3cf0"),
 }
-"""Colours on light and on dark paper of the methods that are compared most.
+"""Colours on light and on dark background of the methods that are compared most.
 
 Found by a search for those that differ most in CIELAB, with full colour vision and without any one kind of cone: by 25
-and more among those that are compared by default, and by 15 and more among all.
-"""
+and more among those that are compared by default, and by 15 and more among all."""
 
 OTHER_COLOURS = """
 882c50 febccf  8c2e23 febfb4  7a4306 fdc495  65500b f2cd64  4c5a09 c6de78  03642b 90e9a3
@@ -48,30 +47,32 @@ a54769 f78fb1  aa493c fc9382  9d580c f09f58  83680b d4b045  637502 aac05b  21804
 c46183 d87495  c86556 dd7767  be7125 d2833b  a38207 b79420  7c9128 8ea43d  429c5a 56ae6c
 0f9b89 16b09b  0e97a9 13abbf  248fcc 3ca2e0  6880d4 7993e8  9372c8 a584dc  b167ab c579be
 """
-"""Colours on light and on dark paper for all others: 12 hues and 3 lightnesses of OKLCH (Ottosson 2020).
+"""Colours on light and on dark background for all others: 12 hues and 3 lightnesses of OKLCH (Ottosson 2020).
 
-The chroma is 0.13, or what sRGB has of it; each has a contrast of 3 at least with its paper.
-"""
+The chroma is 0.13, or the largest in sRGB; each has a contrast of at least 3 with its background."""
 
 COLOURS = 36
+"""Number of these pairs."""
 
 MAX_LINE = 16
-"""Number of letters of a long name that stand side by side where there is little room."""
+"""Number of letters of a long name in one line where there is little room."""
 
 
 class Style(NamedTuple):
     """Style of a method."""
 
     on_light: str
+    """Colour on a light background, ``#rrggbb``."""
     on_dark: str
-    """Colours on light and on dark paper, ``#rrggbb``."""
+    """Colour on a dark background, ``#rrggbb``."""
     mark: int
+    """Index of the marker in `MARKERS`."""
     line: Any
     """Matplotlib's line style."""
 
 
 def styles_of(names: Sequence[str]) -> list[Style]:
-    """Return the styles of the methods of a page."""
+    """Return the styles of the methods of a page, by their names in order."""
     ours = method_names()
     taken: list[int] = []
     styles = []
@@ -89,7 +90,7 @@ def styles_of(names: Sequence[str]) -> list[Style]:
 
 
 def break_name(name: str) -> list[str]:
-    """Break a long name into lines behind its punctuation."""
+    """Break a long name into lines after its punctuation."""
     lines = [""]
     for part in re.findall(r"[^:,]*[:,]|[^:,]+", name):
         if lines[-1] and len(lines[-1]) + len(part) > MAX_LINE:
@@ -99,7 +100,7 @@ def break_name(name: str) -> list[str]:
 
 
 def colours_of(name: str) -> tuple[str, str]:
-    """Return the colours of a method on light and on dark paper."""
+    """Return the colours of a method on light and on dark background."""
     if name in NAMED:
         return NAMED[name]
     place = 2 * (_checksum(name) % COLOURS)
