@@ -324,7 +324,7 @@ def read_cuts(path: PathName) -> CutList:
     InputError
         The file cannot be read, or is not text.
     OptionError
-        A line is no position.
+        A line is not a position.
     """
     name = os.fspath(path)
     with explained(InputError, "read", name, "check `cuts`"):
@@ -332,7 +332,9 @@ def read_cuts(path: PathName) -> CutList:
             with open(path, encoding="utf-8-sig", newline="") as file:
                 return CutList(tuple(_read_positions(file, name)))
         except UnicodeDecodeError:
-            raise InputError(f"{name} is no text; give `cuts` a file with a time or frame on each line.") from None
+            raise InputError(
+                f"{name} is not a text file; give `cuts` a file with a time or frame on each line."
+            ) from None
 
 
 def _read_positions(lines: Iterable[str], name: str) -> Iterator[Position]:

@@ -94,12 +94,14 @@ def compare(
         Informed about the progress.
     skipped : mapping of str to str, optional
         Methods that cannot be run, with the reason.
-    rendered, others, cut_options : tuple of str
-        Options of the command line, which are kept in the result.
+    rendered, others : tuple of str
+        Options of the command line for a renderer's vectors and for other tools' frames, which are kept in the result.
     vectors : VectorFolder, optional
         A renderer's vectors, which give the areas; repeated frames are then not looked for.
     cuts : CutPolicy or None
         Finds the scene cuts between the true frames; None takes everything for one scene.
+    cut_options : tuple of str
+        Options of the command line for scene cuts, which are kept in the result.
     metrics : sequence of str
         Names of further metrics, see `fpsboost.evaluation.further_metrics.metrics`.
 

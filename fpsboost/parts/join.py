@@ -117,7 +117,7 @@ def find_parts(parts: Sequence[PathName]) -> list[Path]:
     folders: list[Path] = []
     for part in map(Path, parts):
         if not part.is_dir():
-            raise InputError(f"{part} is no folder of a part; name the folders that `chunk` has made.")
+            raise InputError(f"{part} is not the folder of a part; name the folders that `chunk` has written.")
         inside = [] if (part / MANIFEST_NAME).exists() else sorted(part.glob(f"*/{MANIFEST_NAME}"))
         folders += [path.parent for path in inside] or [part]
     return folders

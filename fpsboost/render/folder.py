@@ -277,7 +277,7 @@ def _find_files(path: Path, what: str, *suffixes: str) -> FileSequence:
     `what` names the content in messages, `suffixes` are the types of files that are taken.
     """
     if not path.is_dir() and (find_placeholder(path.name) is None or path.suffix.lower() != ".exr"):
-        raise InputError(f"{path} is no folder with {what}; name a folder, or a pattern such as Vector####.exr.")
+        raise InputError(f"{path} is not a folder with {what}; name a folder, or a pattern such as Vector####.exr.")
     with explained(InputError, "read", path, "check that it exists and that you may read it"):
         if not path.is_dir():
             return find_numbered(Numbering.parse(str(path)))
@@ -419,8 +419,8 @@ def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], 
     fit, remarks = fit_convention(pairs, usual), []
     if fit.convention != usual:
         remarks.append(
-            f"In {folder.path}, {fit.convention}: found by comparing frames, as the names of the channels suggest "
-            "otherwise; `vector_convention` says it instead."
+            f"In {folder.path}, {fit.convention}: found by comparing frames, although the names of the channels "
+            "suggest otherwise; `vector_convention` overrides this."
         )
     if fit.error > fit.still_error:
         remarks.append(

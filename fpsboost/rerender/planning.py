@@ -216,7 +216,7 @@ def plan_rerender(
     Raises
     ------
     InputError
-        The input is no folder of images, or these cannot be read or are fewer than three.
+        The input is not a folder of images, or these cannot be read or are fewer than three.
     OutputError
         The folder exists and is not empty, or cannot be written.
 
@@ -261,7 +261,7 @@ def open_images(path: str, folder: str) -> ImageSource:
     if not stands_for_images(path):
         if not Path(path).exists():
             raise InputError(f"{path or 'An input without a name'} does not exist; check the name.")
-        raise InputError(f"{path} is no folder or pattern of images, which plans need; write its frames as images.")
+        raise InputError(f"{path} is not a folder or pattern of images, which plans need; write its frames as images.")
     check_new_folder(Path(folder))
     source = ImageSource(path, ASSUMED_IMAGE_RATE)
     if len(source.images.files) < MIN_IMAGES:

@@ -99,7 +99,7 @@ def parse_position(text: str, option: str) -> Position:
     found = re.fullmatch(r"(?:(?:([0-9]{1,9}):)?([0-9]{1,9}):)?([0-9]{1,15}(?:\.[0-9]{1,30})?|\.[0-9]{1,30})", word)
     if found is None or (found[2] and Fraction(found[3]) >= 60) or (found[1] and int(found[2]) >= 60):
         raise OptionError(
-            f"{option} {text!r} is no place in a clip; write seconds (90.5), a time (1:30 or 00:01:30.5), or the "
+            f"{option} {text!r} is not a position in a clip; write seconds (90.5), a time (1:30 or 00:01:30.5), or the "
             "number of a frame (2700f)."
         )
     return Position(int(found[1] or 0) * 3600 + int(found[2] or 0) * 60 + Fraction(found[3]))
@@ -139,7 +139,7 @@ class Trim(Checked):
         start, end = self.start or Position(Fraction(0)), self.end
         comparable = end is not None and (start.is_frame == end.is_frame or not start.value or not end.value)
         if end is not None and comparable and end.value <= start.value:
-            raise OptionError(f"`end={end}` does not lie behind `start={start}`; the end is not part of the range.")
+            raise OptionError(f"`end={end}` must be after `start={start}`; the end is not part of the range.")
 
     @property
     def is_whole(self) -> bool:

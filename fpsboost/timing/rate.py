@@ -116,9 +116,9 @@ class OutputRate(Checked):
         kinds = ("retime", "speed", "slow_motion", "keep_timing", "fill_gaps")
         given = [f"`{name}`" for name in kinds if getattr(self, name)]
         if self.retimes and len(given) > 1:
-            raise OptionError(f"{' and '.join(given)} say different things of time; give one of them.")
+            raise OptionError(f"{' and '.join(given)} set the timing in different ways; give one of them.")
         if self.factor is not None and self.fps is not None and not self.slow_motion:
-            raise OptionError("`factor` and `fps` say the same thing in two ways; give one of them.")
+            raise OptionError("`factor` and `fps` both set the output rate; give one of them.")
         if self.fps is not None and self.keep_timing:
             raise OptionError("`fps` makes the rate constant and `keep_timing` does not; give one of them.")
         if self.shutter_samples is not None and self.shutter is None:

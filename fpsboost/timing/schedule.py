@@ -212,10 +212,12 @@ class RetimeSchedule(ByRate):
 
     Parameters
     ----------
-    curve : TimeMap
-        Map of output times to source times; one that plays backwards is unfolded before, see `TimeMap.unfolded`.
+    frames_per_second, source_rate, tolerance, longest : Fraction, optional
+        As in `ByRate`.
     shutter : Shutter, optional
         Shutter for motion blur.
+    curve : TimeMap
+        Map of output times to source times; one that plays backwards is unfolded before, see `TimeMap.unfolded`.
     """
 
     curve: TimeMap = field(kw_only=True)

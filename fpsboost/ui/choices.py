@@ -50,7 +50,7 @@ PHRASES = {
     r"with --no-(?=audio|subtitles)": "by clearing --no-",
     "a higher --crf": "“Smaller file”",
     r"leave (\d+) out of --streams": r"clear stream \1 of “Streams to keep”",
-    "leave --resume out to start anew": "remove it here, and convert anew",
+    "leave --resume out to start anew": "remove it here, and convert again",
 }
 """Replacements in messages where the page has another control than an option."""
 
@@ -85,8 +85,14 @@ class Choices(Checked):
         Name of the method.
     start, end : str
         Positions of a part, empty for all of the clip.
-    codec, quality, sound, subtitles, streams
-        Options of the encoding; an empty codec is the usual one.
+    codec : str
+        Video codec; empty for the usual one of the output's type.
+    quality : {'usual', 'smaller', 'higher', 'lossless'}
+        Constant rate factor relative to the codec's usual one.
+    sound, subtitles : bool
+        Keep the streams of this kind.
+    streams : str
+        Numbers of the streams to keep; empty for all.
     overwrite : bool
         Replace an existing output.
     input_fps : str

@@ -55,7 +55,7 @@ def ui(
         raise OptionError("The page needs more packages; install them with pip install 'fpsboost[ui]'.") from error
     allowed = files.Files() if folder is None else files.Files(files.Files().inside(folder))
     if allowed.root is not None and not allowed.root.is_dir():
-        raise OptionError(f"{folder} is no folder; name one, or leave it out.")
+        raise OptionError(f"{folder} is not a folder; name one, or leave it out.")
     console, token = Console(highlight=False), secrets.token_urlsafe(24)
     state = platformdirs.user_state_path("fpsboost", appauthor=False)
     page = state / "page.html"

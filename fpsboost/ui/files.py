@@ -108,7 +108,7 @@ class Files:
         place = self.inside(folder)
         file = name.rstrip("/\\")
         if not file or file in (".", "..") or file != Path(file).name or "\\" in file or "\0" in file:
-            raise OutputError(f"{name!r} is no name of a file; write one such as clip-2x.mp4, and pick its folder.")
+            raise OutputError(f"{name!r} is not a file name; write one such as clip-2x.mp4, and pick its folder.")
         path = place / file
         if any(each.is_symlink() for each in (path, *unfinished_places(path))):
             raise OutputError(f"{path} is a link to another place, or was begun there; choose another name.")

@@ -31,7 +31,7 @@ from fpsboost.ui.files import Files
 State = Literal["waiting", "running", "stopping", "paused", "done", "failed"]
 """State of a job; "stopping" lasts until its process has ended."""
 
-BEGINS_ANEW = "Paused; no part of it could be kept, so it begins anew."
+BEGINS_ANEW = "Paused; no part of it could be kept, so it starts again from the beginning."
 """State of a job that was paused before any part of its output was kept."""
 
 FINISHED = r"(\d+)(?: of \d+)? frames are finished"
@@ -139,7 +139,7 @@ class Queue:
         """Return a job by its number; raise `OptionError` if there is none."""
         with self._changed:
             if number not in self._jobs:
-                raise OptionError(f"There is no job {number} in the queue; load the page anew.")
+                raise OptionError(f"There is no job {number} in the queue; reload the page.")
             return self._jobs[number]
 
     def add(self, *commands: list[str]) -> list[int]:
@@ -313,7 +313,7 @@ def _read(path: Path) -> list[Job]:
     except FileNotFoundError:
         return []
     except (OSError, ValueError, TypeError) as error:
-        raise OutputError(f"{path} is no queue of fpsboost ui; move it away.") from error
+        raise OutputError(f"{path} is not a queue of fpsboost ui; move it away.") from error
     for job in jobs:
         if job.state in ("running", "stopping"):  # its server was killed
             is_kept = is_unfinished(job.output)

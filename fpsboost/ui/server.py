@@ -85,7 +85,7 @@ class UiSession:
         """Return the paths of files that were dropped on the page."""
         wanted = data.get("files")
         if not isinstance(wanted, list) or not all(isinstance(each, dict) for each in wanted):
-            raise OptionError("The page has sent no files; load it anew.")
+            raise OptionError("The page has sent no files; reload it.")
         return self.files.find(wanted, str(data.get("folder") or self.start))
 
     def pick(self, data: Json) -> Json:
@@ -107,7 +107,7 @@ class UiSession:
         """Return a frame between two, by a method and by blending; once begun, it is computed to its end."""
         choices, time = Choices.of(data.get("choices")), data.get("time")
         if not isinstance(time, int | float) or time is True or not 0 <= time < 1e9:
-            raise OptionError("The page has sent no valid time; load it anew.")
+            raise OptionError("The page has sent no valid time; reload it.")
         job = choices.job(self.files)
         return preview_between(job, Fraction(time).limit_denominator(10**9))
 
@@ -122,7 +122,7 @@ class UiSession:
         """
         clips = data.get("clips")
         if not isinstance(clips, list) or not clips:
-            raise OptionError("The page has sent no clips; load it anew.")
+            raise OptionError("The page has sent no clips; reload it.")
         outputs = self.queue.outputs()
         for each in clips:
             choices = Choices.of(each)
@@ -168,7 +168,7 @@ class UiSession:
         }
         number, action = data.get("number"), data.get("action")
         if type(number) is not int or not isinstance(action, str) or action not in actions:
-            raise OptionError("The page has sent no valid action; load it anew.")
+            raise OptionError("The page has sent no valid action; reload it.")
         actions[action](number)
         return {}
 
@@ -336,12 +336,12 @@ async def _data_of(request: Request) -> Json:
     async for part in request.stream():
         body += part
         if len(body) > MAX_BODY:
-            raise InputError(f"The page has sent more than {MAX_BODY} bytes; load it anew.")
+            raise InputError(f"The page has sent more than {MAX_BODY} bytes; reload it.")
     try:
         data = json.loads(body)
         os.fsencode(json.dumps(data, ensure_ascii=False))  # names of files need not be Unicode, but are not anything
     except (ValueError, RecursionError) as error:
-        raise OptionError("The page has sent what is no JSON; load it anew.") from error
+        raise OptionError("The page has sent data that is not JSON; reload it.") from error
     return data if isinstance(data, dict) else {}
 
 

@@ -64,13 +64,13 @@ def test_what_is_no_list_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"Cannot read .*none\.txt"):
         read_cuts(tmp_path / "none.txt")
     (tmp_path / "cuts.txt").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match=r"cuts\.txt is no text; give `cuts` a file"):
+    with pytest.raises(InputError, match=r"cuts\.txt is not a text file; give `cuts` a file"):
         read_cuts(tmp_path / "cuts.txt")
     (tmp_path / "cuts.txt").write_text("1.5\nsoon\n")
-    with pytest.raises(OptionError, match=r"cuts\.txt, line 2: 'soon' is no place in a clip"):
+    with pytest.raises(OptionError, match=r"cuts\.txt, line 2: 'soon' is not a position in a clip"):
         read_cuts(tmp_path / "cuts.txt")
     (tmp_path / "cuts.txt").write_text(SCENES + "3,31\n")
-    with pytest.raises(OptionError, match=r"cuts\.txt, line 5: '' is no place"):
+    with pytest.raises(OptionError, match=r"cuts\.txt, line 5: '' is not a position"):
         read_cuts(tmp_path / "cuts.txt")
 
 

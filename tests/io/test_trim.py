@@ -58,7 +58,7 @@ def test_times_are_read_as_people_write_them(text, seconds):
 @pytest.mark.parametrize("text", ["", "f", "-1", "-5f", "1.5f", "1:60", "1:75:00", "1:2:3:4", "1,5", "abc", "1e9", "٣"])
 def test_other_words_are_refused(text):
     """The sentence names the option and shows how to write it."""
-    with pytest.raises(OptionError, match=r"--end .* is no place in a clip; write seconds \(90\.5\)"):
+    with pytest.raises(OptionError, match=r"--end .* is not a position in a clip; write seconds \(90\.5\)"):
         parse_position(text, "--end")
 
 
@@ -67,7 +67,7 @@ def test_other_words_are_refused(text):
 )
 def test_an_end_that_is_no_end_is_refused(start, end):
     """It must lie behind the start, where the two can be compared."""
-    with pytest.raises(OptionError, match=r"`end=.*` does not lie behind `start=.*`"):
+    with pytest.raises(OptionError, match=r"`end=.*` must be after `start=.*`"):
         trim(start, end)
     assert trim("2", "10f").end == Position(Fraction(10), is_frame=True)
 

@@ -208,7 +208,7 @@ def test_parts_that_cannot_be_joined(tmp_path, made):
         return str(caught.value)
 
     assert "No parts" in refused()
-    assert "is no folder" in refused(tmp_path / "nothing")
+    assert "is not the folder of a part" in refused(tmp_path / "nothing")
     assert "2 is missing" in refused(one, three)
     assert "2, 3 are missing" in refused(one)
     copy = shutil.copytree(two, tmp_path / "copy")

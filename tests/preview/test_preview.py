@@ -218,7 +218,7 @@ def test_input_is_left_alone_and_nothing_else_is_written(short, fpsboost_, tmp_p
         (["CLIP", "page"], 2, "page is no name of a page; say page.html."),
         (["CLIP", "CLIP", "-y"], 2, "is no name of a page; say"),
         (["CLIP", "--at", "99"], 2, "--at 99 lies behind the end of"),
-        (["CLIP", "--at", "soon"], 2, "--at 'soon' is no place in a clip"),
+        (["CLIP", "--at", "soon"], 2, "--at 'soon' is not a position in a clip"),
         (["CLIP", "-m", "best"], 2, "There is no method 'best'"),
         (["CLIP", "-m", "reproject-image"], 2, "'reproject-image' needs the renderer's motion vectors"),
         (["CLIP", "--side-by-side", "out.png"], 2, "out.png"),

@@ -134,17 +134,17 @@ def test_folders_without_vectors_are_named(tmp_path):
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("")
     for name, message in {
-        "none": "none is no folder with motion vectors",
-        "file": "file is no folder with motion vectors",
+        "none": "none is not a folder with motion vectors",
+        "file": "file is not a folder with motion vectors",
         "empty": "empty holds no motion vectors",
         "v_##.exr": "No image is named like .*v_##.exr",
         "none/v_##.exr": "none/v_##.exr .No such file",
-        "v_##.flo": "is no folder",
+        "v_##.flo": "is not a folder",
     }.items():
         with pytest.raises(InputError, match=message):
             VectorFolder(tmp_path / name)
     save_translation(tmp_path / "v", 2, SIZE, 1, 0)
-    with pytest.raises(InputError, match="none is no folder with depth"):
+    with pytest.raises(InputError, match="none is not a folder with depth"):
         VectorFolder(tmp_path / "v", tmp_path / "none")
 
 

@@ -66,9 +66,9 @@ def test_twice_the_rate_unless_told():
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"factor": 2, "fps": 60}, "`factor` and `fps` say the same"),
-        ({"retime": "0=0 1s=2s", "speed": "2"}, "`retime` and `speed` say different things of time"),
-        ({"speed": "2", "slow_motion": True}, "`speed` and `slow_motion` say different things of time"),
+        ({"factor": 2, "fps": 60}, "`factor` and `fps` both set the output rate"),
+        ({"retime": "0=0 1s=2s", "speed": "2"}, "`retime` and `speed` set the timing in different ways"),
+        ({"speed": "2", "slow_motion": True}, "`speed` and `slow_motion` set the timing in different ways"),
         ({"fps": 60, "keep_timing": True}, "`fps` makes the rate constant and `keep_timing` does not"),
         ({"factor": 0}, "`factor` must be"),
         ({"fps": 0}, "`fps` must be"),

@@ -163,7 +163,7 @@ def test_body_has_a_limit(client):
     """A request that is too large is refused, also one that does not say its size."""
     for body in (b"x" * (MAX_BODY + 1), iter([b"x" * MAX_BODY, b"x"])):
         answer = client.post("/folder", content=body)
-        assert answer.json() == {"notice": f"The page has sent more than {MAX_BODY} bytes; load it anew."}
+        assert answer.json() == {"notice": f"The page has sent more than {MAX_BODY} bytes; reload it."}
 
 
 # ---------------------------------------------------------------- what it may read and write
@@ -268,7 +268,7 @@ def test_input_that_became_a_link_is_not_converted(session, client, films):
 def test_output_is_a_name_in_its_folder(client, films):
     """The name of an output leads nowhere else."""
     for name in ("../out.mp4", "a/b.mp4", "..", "../", ".", "", "a\\b.mp4", "/out.mp4", "a\0.mp4"):
-        assert notice(client, "/check", form(client, films, name=name)).startswith(f"{name!r} is no name of a file")
+        assert notice(client, "/check", form(client, films, name=name)).startswith(f"{name!r} is not a file name")
 
 
 def test_output_is_no_link(client, films):
@@ -394,7 +394,7 @@ def test_times_are_checked(client, films):
     """A place in a clip is a number of seconds."""
     for time in (-1, float("nan"), 1e30, True, "1"):
         answer = client.post("/look", content=json.dumps({"choices": form(client, films), "time": time}))
-        assert answer.json() == {"notice": "The page has sent no valid time; load it anew."}
+        assert answer.json() == {"notice": "The page has sent no valid time; reload it."}
 
 
 # ---------------------------------------------------------------- what it says and shows
@@ -738,7 +738,7 @@ def test_animation_begins_anew():
 def test_broken_queue_is_said(tmp_path, content):
     """A file that is no queue is left as it is, and named."""
     (tmp_path / "queue.json").write_text(content)
-    with pytest.raises(OutputError, match=r"queue\.json is no queue"):
+    with pytest.raises(OutputError, match=r"queue\.json is not a queue"):
         Queue(tmp_path / "queue.json")
     assert (tmp_path / "queue.json").read_text() == content
 
@@ -807,7 +807,7 @@ def test_port_in_use_is_said(fpsboost_, tmp_path, monkeypatch):
     assert f"--port {port} cannot be used (" in result.err
     assert "it must be 0 to 65535" in fpsboost_("ui", str(tmp_path), "--port", "65536", "--no-browser").err
     (tmp_path / "file").touch()
-    assert fpsboost_("ui", str(tmp_path / "file")).err.endswith("is no folder; name one, or leave it out.\n")
+    assert fpsboost_("ui", str(tmp_path / "file")).err.endswith("is not a folder; name one, or leave it out.\n")
 
 
 def test_missing_packages_are_said(fpsboost_, monkeypatch):
