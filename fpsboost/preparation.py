@@ -29,7 +29,8 @@ from fpsboost.io.images.files import extension_of, read_image
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.images.source import is_pattern
 from fpsboost.io.opening import PIPES, Target, check_images, open_source
-from fpsboost.io.output import TIME_TOLERANCE, Output, StreamInfo, Window
+from fpsboost.io.output import Output, StreamInfo
+from fpsboost.io.video.clock import TIME_TOLERANCE, Window
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES

@@ -23,9 +23,9 @@ from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.io import SeekableSource
 from fpsboost.io.animation.source import is_animation
 from fpsboost.io.opening import Target, TargetRequirements, open_source
-from fpsboost.io.output import Output, VideoFile
+from fpsboost.io.output import Output
 from fpsboost.io.video.decode_options import DecodeOptions, SizeChange
-from fpsboost.io.video.demuxer import is_cover_art, open_video
+from fpsboost.io.video.demuxer import VideoFile, is_cover_art
 from fpsboost.io.video.fitting import first_packets, fits, headers_in, is_text, keeps_data
 from fpsboost.io.video.tags import find_timecode
 from fpsboost.io.video.traits import VideoTraits, matrices, primaries, tag_name, transfers
@@ -315,7 +315,7 @@ def _look(traits: VideoTraits) -> Look:
 def list_streams(file: VideoFile) -> list[StreamFacts]:
     """Return the properties of all streams in a file."""
     whole, listed = headers_in(file), list[StreamFacts]()
-    with open_video(file.path, file.name, playlists=file.playlists) as container:
+    with file.open() as container:
         streams: list[Any] = list(container.streams)
         samples = first_packets(container, [stream for stream in streams if stream.type in ("audio", "subtitle")])
         for stream in streams:

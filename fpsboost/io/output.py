@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -13,52 +12,11 @@ from fpsboost.fingerprint import JobFingerprint
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import view
 from fpsboost.io.images.sequence import NumberedImages
+from fpsboost.io.video.clock import Window
+from fpsboost.io.video.demuxer import VideoFile
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.timing.schedule import OutputTiming
-from fpsboost.timing.time_map import TimeMap
-
-TIME_TOLERANCE = Fraction(1, 1000)
-"""Maximum seconds by which a clock that counts in milliseconds puts a frame before its position."""
-
-
-@dataclass
-class Window:
-    """Part of a clip that becomes the output, on the clip's own clock, seconds."""
-
-    begin: Fraction
-    """Time that becomes 0: of the first frame of the part. Until that has been read, the time by the options."""
-    end: Fraction | None
-    """End of the part; None if that is the clip's own end, or a frame that has not been read yet."""
-    planned_end: Fraction | None
-    """End of the part by the options and the nominal rate; None for the clip's end."""
-    origin: Fraction = Fraction(0)
-    """Time of the clip's first frame."""
-    skipped: int = 0
-    """Number of frames before the part that were read, or that reading it has left out by their times."""
-    curve: TimeMap | None = None
-    """Which time of the part every output time shows; None if it plays at its own speed."""
-
-    def frames_before(self, rate: Fraction) -> int:
-        return max(0, math.ceil((self.begin - self.origin - TIME_TOLERANCE) * rate))
-
-
-@dataclass(frozen=True)
-class VideoFile:
-    """Video file whose streams besides the converted one may be carried over; messages call it `name`."""
-
-    path: Path
-    name: str
-    stream_index: int
-    """Number of the converted stream."""
-    start: Fraction
-    """Time of the file's own clock from which all times are counted, seconds."""
-    coded_rate: Fraction
-    """Nominal frames per second of the coded pictures; fields made into frames double the source's rate."""
-    companions: Sequence[str]
-    """Kinds of streams beside the pictures: ``sound``, ``subtitles``, both or neither."""
-    playlists: bool = False
-    """Whether it may be a playlist, for which other files are read."""
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from fractions import Fraction
 from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any, get_args
@@ -22,11 +23,11 @@ import av
 from av.packet import PacketSideData, PktSideDataT
 
 from fpsboost.errors import OutputError
-from fpsboost.io.output import Output
 from fpsboost.io.staging import rename_safely, sync
-from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, containers
+from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS
 from fpsboost.io.video.fitting import Fitting, check_readable, open_muxer
 from fpsboost.io.video.other_streams import OtherStreams
+from fpsboost.io.video.traits import VideoTraits
 
 CHUNK_FRAMES = 240
 """Frames per chunk: near the default maximum keyframe interval of x264 and x265, so chunks do not enlarge the file."""
@@ -140,24 +141,24 @@ class Assembly:
         self,
         path: Path,
         template: av.VideoStream,
-        output: Output,
-        display_matrix: tuple[int, ...] | None,
+        time_base: Fraction,
         fitting: Fitting,
+        traits: VideoTraits,
     ) -> None:
-        self._path, self._time_base, self._name = path, output.timing.time_base, output.path
-        self._container = container = containers[path.suffix]
+        self._path, self._time_base, self._name = path, time_base, fitting.name
+        self._container = container = fitting.container
         self._output: av.container.OutputContainer | None = open_muxer(path, container, any_codec=fitting.any_codec)
         self._others: OtherStreams | None = None
         try:
             self._stream = stream = self._output.add_stream_from_template(template)
-            stream.time_base = self._time_base
+            stream.time_base = time_base
             stream.codec_context.codec_tag = template.codec_context.codec_tag
-            if display_matrix is not None:
-                stream.set_display_matrix(display_matrix)
-            if output.stream.video is not None:
-                self._others = OtherStreams(output, output.stream.video, self._output, stream, container, fitting)
-                if output.stream.traits is not None and output.stream.traits.stereo_mode:
-                    stream.metadata["stereo_mode"] = output.stream.traits.stereo_mode  # Matroska's and WebM's element
+            if traits.display_matrix is not None:
+                stream.set_display_matrix(traits.display_matrix)
+            if fitting.source is not None:
+                self._others = OtherStreams(fitting, fitting.source, self._output, stream)
+                if traits.stereo_mode:
+                    stream.metadata["stereo_mode"] = traits.stereo_mode  # Matroska's and WebM's element
                 if container in EXACT_TIME_BASE_CONTAINERS:
                     self._output.container_options["movie_timescale"] = str(self._others.clock)
                     if self._others.tags.free_keys:

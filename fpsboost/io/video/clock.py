@@ -20,6 +20,7 @@ from fpsboost.io.video.demuxer import Demuxer, clock_may_jump, is_encrypted, is_
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import Damage, counted
 from fpsboost.timing.schedule import MAX_DISPLAY_RATE, is_implausible
+from fpsboost.timing.time_map import TimeMap
 
 T = TypeVar("T")
 
@@ -48,6 +49,10 @@ MAX_SURVEY_PACKETS = 1000
 
 MAX_SURVEY_BYTES = 1 << 26
 """Maximum size of the packets that are read, bytes; it limits the time for reading large packets."""
+
+
+TIME_TOLERANCE = Fraction(1, 1000)
+"""Maximum seconds by which a clock that counts in milliseconds puts a frame before its position."""
 
 
 @dataclass(frozen=True)
@@ -183,6 +188,35 @@ def survey(container: av.container.InputContainer, video: int) -> tuple[list[int
     if keeps_delays or (start < 0 and (container.format.name == "ogg" or not clock_may_jump(container))):
         start = Fraction(0)
     return listed or sorted(set(times)), start, clear
+
+
+@dataclass
+class Window:
+    """Part of a clip that becomes the output, on the clip's own clock, seconds."""
+
+    begin: Fraction
+    """Time that becomes 0: of the first frame of the part. Until that has been read, the time by the options."""
+    end: Fraction | None
+    """End of the part; None if that is the clip's own end, or a frame that has not been read yet."""
+    planned_end: Fraction | None
+    """End of the part by the options and the nominal rate; None for the clip's end."""
+    origin: Fraction = Fraction(0)
+    """Time of the clip's first frame."""
+    skipped: int = 0
+    """Number of frames before the part that were read, or that reading it has left out by their times."""
+    curve: TimeMap | None = None
+    """Which time of the part every output time shows; None if it plays at its own speed."""
+
+    def frames_before(self, rate: Fraction) -> int:
+        """Return the number of frames before the part, at a rate."""
+        return max(0, math.ceil((self.begin - self.origin - TIME_TOLERANCE) * rate))
+
+    def output_time(self, time: Fraction, begin: Fraction | None = None) -> Fraction:
+        """Return when a time of the source is shown, seconds; of the end of what begins at `begin`, when that ends."""
+        at = time - self.begin
+        if self.curve is None:
+            return at
+        return self.curve.time_of(at) if begin is None else self.curve.end_of(begin - self.begin, at)
 
 
 @dataclass(frozen=True)

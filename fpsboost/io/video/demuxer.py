@@ -6,8 +6,9 @@ import mmap
 import os
 import re
 import statistics
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
@@ -72,6 +73,28 @@ UNTIMED_FORMAT = "avi"
 
 TIMED_BY_CODEC = ("m4v", "jpegxl_anim")
 """Streams without a container whose codecs say when each picture is presented: MPEG-4 Part 2, animated JPEG XL."""
+
+
+@dataclass(frozen=True)
+class VideoFile:
+    """Video file whose streams besides the converted one may be carried over; messages call it `name`."""
+
+    path: Path
+    name: str
+    stream_index: int
+    """Number of the converted stream."""
+    start: Fraction
+    """Time of the file's own clock from which all times are counted, seconds."""
+    coded_rate: Fraction
+    """Nominal frames per second of the coded pictures; fields made into frames double the source's rate."""
+    companions: Sequence[str]
+    """Kinds of streams beside the pictures: ``sound``, ``subtitles``, both or neither."""
+    playlists: bool = False
+    """Whether it may be a playlist, for which other files are read."""
+
+    def open(self) -> av.container.InputContainer:
+        """Open the file once more, from its beginning."""
+        return open_video(self.path, self.name, playlists=self.playlists)
 
 
 class Demuxer:

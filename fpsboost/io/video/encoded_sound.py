@@ -28,7 +28,7 @@ from av.packet import PacketSideData, PktSideDataT
 from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
-from fpsboost.io.output import Window
+from fpsboost.io.video.clock import Window
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoding import check_holds, find_encoder
 from fpsboost.io.video.pyav import pulled
@@ -407,13 +407,3 @@ def _traits_of(sound: Any) -> Traits:
     """Return the traits of a frame, or of a decoder, whose sample format is taken for fltp if it is not known yet."""
     format = "fltp" if sound.format is None else sound.format.name
     return sound.sample_rate, format, named_layout(sound.layout)
-
-
-def output_time(time: Fraction, window: Window | None, begin: Fraction | None = None) -> Fraction:
-    """Return when a time of the source is shown, seconds; of the end of what begins at `begin`, when that ends."""
-    if window is None:
-        return time
-    at = time - window.begin
-    if window.curve is None:
-        return at
-    return window.curve.time_of(at) if begin is None else window.curve.end_of(begin - window.begin, at)

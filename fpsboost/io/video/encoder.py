@@ -18,22 +18,16 @@ from pathlib import Path
 from typing import Any
 
 import av
-import numpy as np
 from av.codec.codec import Capabilities, PixFmtLoss, find_best_pix_fmt_of_list
 from av.video.frame import PictureType
-from av.video.reformatter import VideoReformatter
 
-from fpsboost.colour import Coding
 from fpsboost.errors import OptionError, OutputError
-from fpsboost.frame import ClipInfo, Frame
-from fpsboost.image import Pixels
 from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, depth_of, encoders, encodes_alpha, pixel_formats
-from fpsboost.io.video.pixels import BT709, BT2020, FULL_RANGE, LIMITED_RANGE, RGB, has_alpha, is_gray
-from fpsboost.io.video.side_data import MASTERING, filtered, stereo_modes
-from fpsboost.io.video.traits import LightLevel, MasteringDisplay, VideoTraits, primaries, transfers
-from fpsboost.io.video.ycc import as_picture
+from fpsboost.io.video.pixels import FULL_RANGE, LIMITED_RANGE, RGB, has_alpha, is_gray
+from fpsboost.io.video.side_data import filtered, stereo_modes
+from fpsboost.io.video.traits import LightLevel, MasteringDisplay, VideoTraits
 
 MIN_CUTREE_WIDTH = 64
 """Minimum width for x265's "cutree", pixels; in narrower pictures it writes out of bounds (seen up to 48)."""
@@ -51,10 +45,8 @@ class VideoEncoder:
     ) -> None:
         self._encoder, self._format = encoder, container
         self._name, self._info, self._timing, self._encoding = output.path, output.info, output.timing, output.encoding
-        self._traits, name = traits, self._name
-        self._keeps_original = output.stream.traits is not None  # decoded pictures are used where the source is video
-        self._reformatter = VideoReformatter()
-        self._full_range, self._options = traits.full_range, dict(options)
+        self.traits, name = traits, self._name
+        self.full_range, self._options = traits.full_range, dict(options)
         is_default = traits.chroma_location == "left" and encoder in ("libx264", "libx265")  # needs no tag
         if traits.tagged_chroma_location and not is_default:
             self._options["chroma_sample_location"] = traits.chroma_location
@@ -63,9 +55,9 @@ class VideoEncoder:
             self._encoding,
             container,
             traits.pixel_format,
-            self._info,
+            (self._info.width, self._info.height),
             name,
-            of_images=not self._keeps_original,
+            of_images=output.stream.traits is None,
         )
         if has_alpha(self.pixel_format) and encoder.startswith("libvpx"):
             self._options["auto-alt-ref"] = "0"  # libvpx does not support hidden frames with alpha
@@ -85,8 +77,7 @@ class VideoEncoder:
             f"{name} lost the {' and the '.join(lost)} of its source.": bool(lost),
         }
         self.remarks += [remark for remark, is_due in said.items() if is_due]
-        self._has_captions = "A53_CC" in kept & traits.side_data.keys()
-        self._last_original: object | None = None
+        self.has_captions = "A53_CC" in kept & traits.side_data.keys()
         self._nowhere: av.container.OutputContainer | None = None
         self._stream: av.VideoStream | None = None
 
@@ -115,25 +106,14 @@ class VideoEncoder:
             self._stream = self._open()
         return self._stream
 
-    def encode(self, frame: Frame, pts: int, duration: int) -> list[av.Packet[Any]]:
-        """Encode one frame and return the packets that are ready; times are in ticks."""
-        stream = self.stream
-        time_base = self._timing.time_base
-        color_space, location = self._traits.color_space, self._traits.chroma_location
-        coding = Coding(depth_of(self.pixel_format), color_space, self._full_range, location, self.pixel_format)
-        picture = as_picture(frame, coding, self._reformatter, keeps_original=self._keeps_original)
-        if frame.original is not None:
-            self._last_original = frame.original
-        elif self._has_captions and frame.preceding is not self._last_original:  # said once
-            self._has_captions = False
-            self.remarks.append(
-                f"{self._name} lost closed captions where pictures of its source gave way to interpolated ones."
-            )
-        if picture is not frame.original:  # the ProRes encoder reads these and not its context
+    def encode(self, picture: av.VideoFrame, pts: int, duration: int, *, is_original: bool) -> list[av.Packet[Any]]:
+        """Encode a picture, which may be the decoder's own, and return the packets that are ready; times in ticks."""
+        stream, time_base = self.stream, self._timing.time_base
+        if not is_original:  # the ProRes encoder reads these and not its context
             context = stream.codec_context
             picture.colorspace, picture.color_range = context.colorspace, context.color_range
             picture.color_primaries, picture.color_trc = context.color_primaries, context.color_trc
-        if "VIEW_ID" in self._traits.side_data:  # of two views, one is left, which x264 must not call stereo
+        if "VIEW_ID" in self.traits.side_data:  # of two views, one is left, which x264 must not call stereo
             picture = filtered(picture, ["mode=delete:type=STEREO3D"]) or picture
         # The same decoded picture may be written again at another time, so its properties are restored. The encoder
         # holds a reference of its own, with the properties as set here.
@@ -168,9 +148,9 @@ class VideoEncoder:
         context = stream.codec_context
         stream.time_base = context.time_base = self._timing.time_base
         context.pix_fmt = self.pixel_format
-        self._tag_colours(context, self._traits)
-        if self._traits.sample_aspect_ratio is not None:
-            context.sample_aspect_ratio = self._traits.sample_aspect_ratio
+        self._tag_colours(context, self.traits)
+        if self.traits.sample_aspect_ratio is not None:
+            context.sample_aspect_ratio = self.traits.sample_aspect_ratio
         if av.Codec(self._encoder, "w").canonical_name == "hevc" and self._format in EXACT_TIME_BASE_CONTAINERS:
             context.codec_tag = "hvc1"  # the only tag of HEVC that Apple's players accept
         context.options = dict(self._options)
@@ -184,14 +164,14 @@ class VideoEncoder:
         context.color_range, context.colorspace = traits.color_range, traits.tagged_color_space
         if _is_rgb(traits.pixel_format) and not _is_rgb(self.pixel_format):
             # RGB has neither matrix nor range; the matrix is chosen by the size.
-            self._full_range = False
+            self.full_range = False
             context.colorspace, context.color_range = traits.color_space, LIMITED_RANGE
         elif _is_rgb(self.pixel_format):
             context.colorspace, context.color_range = RGB, FULL_RANGE
         elif is_gray(av.VideoFormat(self.pixel_format)):  # else decoders that give yuv420p for it take it for limited
             context.color_range = FULL_RANGE
         elif self.pixel_format.startswith("yuvj"):
-            self._full_range, context.color_range = True, FULL_RANGE
+            self.full_range, context.color_range = True, FULL_RANGE
         if context.colorspace == RGB and not _is_rgb(self.pixel_format):  # decoders of gray PNG say so
             context.colorspace = traits.color_space
 
@@ -209,27 +189,6 @@ class VideoEncoder:
                 f"{float(self._timing.rate):g} frames per second, {self.pixel_format}{missing}; {check}choose another "
                 "`codec`."
             ) from None
-
-
-def traits_of_image(image: Pixels | None, colours: VideoTraits) -> VideoTraits:
-    """Return the traits to write for images: limited range, own channels and depth, and the colours that they name.
-
-    Colours that they do not name, or by unknown numbers, are tagged as BT.709. Y, Cb and Cr are made by the matrix of
-    BT.2020 for its primaries, otherwise by that of BT.709.
-    """
-    channels = 3 if image is None else image.shape[2]
-    deep = image is not None and image.dtype != np.uint8
-    matrix = BT2020 if colours.color_primaries == BT2020 else BT709
-    return VideoTraits(
-        {1: "gray", 3: "gbrp"}.get(channels, "gbrap") + ("16le" if deep else ""),
-        color_space=matrix,
-        tagged_color_space=matrix,
-        color_primaries=colours.color_primaries if colours.color_primaries in primaries else BT709,
-        color_transfer=colours.color_transfer if colours.color_transfer in transfers else BT709,
-        mastering_display=colours.mastering_display,
-        light_level=colours.light_level,
-        side_data={kind: word for kind, word in colours.side_data.items() if word == MASTERING},
-    )
 
 
 def _is_rgb(pixel_format: str) -> bool:
@@ -304,21 +263,24 @@ EXCLUDED_FORMATS = re.compile(r"^(pal8|mono|bayer)|f(16|32)(le|be)$|^rgb555|^bgr
 
 
 def choose_pixel_format(
-    encoder: str, encoding: Encoding, container: str, source: str, info: ClipInfo, name: str, *, of_images: bool
+    encoder: str, encoding: Encoding, container: str, source: str, size: tuple[int, int], name: str, *, of_images: bool
 ) -> tuple[str, list[str]]:
-    """Return the pixel format to encode, and remarks on what it loses of the `source`, which may be `of_images`."""
+    """Return the pixel format to encode, and remarks on what it loses of the `source`, which may be `of_images`.
+
+    The size of the pictures is width and height.
+    """
     codec = av.Codec(encoder, "w")
     offered = pixel_formats(codec)
     wanted = encoding.pixel_format or source
     if not offered:
         return wanted, []
     whole_only = any(entry.name == encoder and entry.needs_whole_chroma for entry in encoders.values())
-    fitting = [name for name in offered if not whole_only or _divides(name, info.width, info.height)]
+    fitting = [name for name in offered if not whole_only or _divides(name, *size)]
     if encoding.pixel_format:
         if wanted not in fitting:
             raise OptionError(
                 f"`pixel_format={wanted!r}` halves an odd size, which {encoder} cannot do for {name} at "
-                f"{info.width}x{info.height}; use yuv444p, or crop to an even size."
+                f"{size[0]}x{size[1]}; use yuv444p, or crop to an even size."
             )
         return wanted, []
     is_deep = depth_of(source) > 8
@@ -341,7 +303,7 @@ def choose_pixel_format(
     remarks = []
     if best.name != plain and {wanted, plain}.intersection(offered):
         remarks.append(
-            f"{name} has the odd size {info.width}x{info.height} and was written as {best.name}, which few players "
+            f"{name} has the odd size {size[0]}x{size[1]} and was written as {best.name}, which few players "
             "show; write a .webm, or crop to an even size."
         )
     elif whole_only and av.VideoFormat(wanted).is_rgb and _chroma_of(best) == 1:

@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import islice
 from pathlib import Path
@@ -16,8 +16,8 @@ import av
 from av.codec.codec import Properties
 
 from fpsboost.errors import OptionError, OutputError
-from fpsboost.io.output import Output, VideoFile
-from fpsboost.io.video.demuxer import open_video
+from fpsboost.io.video.clock import Window
+from fpsboost.io.video.demuxer import VideoFile
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoded_sound import can_encode, choose_sound_encoder, defaults, named_layout, sound_encoders
 from fpsboost.io.video.encoding import containers, holds
@@ -34,30 +34,35 @@ _Misfit = tuple[str, list[str], str]
 
 @dataclass(frozen=True)
 class Fitting:
-    """Plan for storing the streams of a source in a container.
+    """Plan for storing the streams of a source, if there is one, in a file of this name and container.
 
-    FFmpeg's encoder is listed for each audio stream that is re-encoded, and a remark for each stream that is left out
-    because it fits in neither way. With `any_codec`, a stream is copied whose codec is missing from the container's
-    list; see `open_muxer`.
+    The window is the part of the source that is written, None for all of it. FFmpeg's encoder is listed for each audio
+    stream that is re-encoded, and a remark for each stream that is left out because it fits in neither way. With
+    `any_codec`, a stream is copied whose codec is missing from the container's list; see `open_muxer`.
     """
 
+    name: str
+    container: str
+    encoding: Encoding
+    source: VideoFile | None = None
+    window: Window | None = None
     encoders: Mapping[int, str] = field(default_factory=dict)
     left_out: Mapping[int, str] = field(default_factory=dict)
     any_codec: bool = False
 
 
-def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
-    """Decide how audio and subtitles of an output's source are stored in a container, beside an encoder's video.
+def fit_streams(plan: Fitting, encoder: str) -> Fitting:
+    """Decide how audio and subtitles of a plan's source are stored in its container, beside an encoder's video.
 
     What fits in no way is left out beside others of its kind; alone, or if it was asked for, it raises `OutputError`.
     """
-    source, encoding, name = output.stream.video, output.encoding, output.path
+    name, container, encoding, source = plan.name, plan.container, plan.encoding, plan.source
     if source is None:
         if encoding.streams is not None:
             raise OptionError("`streams` chooses among the streams of a video file; leave it out.")
-        return Fitting()
+        return plan
     asked = choose_sound_encoder(encoding, container, name)
-    is_stretched = output.window is not None and output.window.curve is not None
+    is_stretched = plan.window is not None and plan.window.curve is not None
     if is_stretched and asked is None and encoding.audio_codec is not None and encoding.audio:
         raise OptionError(
             f"`slow_motion_sound='stretch'` and `audio_codec={encoding.audio_codec!r}` contradict each other; give "
@@ -67,7 +72,7 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
     misfits: dict[int, _Misfit] = {}
     any_codec = False
     headers = headers_in(source)
-    with open_video(source.path, source.name, playlists=source.playlists) as file:
+    with source.open() as file:
         _check_streams(file, source, encoding)
         streams = [stream for stream in file.streams if is_wanted(stream, encoding)]
         strict = [stream for stream in streams if not is_text(stream)]
@@ -111,7 +116,7 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
             if file.streams[index].type not in kept:
                 raise OutputError(f"{cause}; {_any_of([*ways, without])}.")
             left_out[index] = f"{cause}; stream {index} was left out{'; to keep it, ' * bool(ways)}{_any_of(ways)}."
-    return Fitting(encoders, left_out, any_codec)
+    return replace(plan, encoders=encoders, left_out=left_out, any_codec=any_codec)
 
 
 def _check_streams(file: av.container.InputContainer, source: VideoFile, encoding: Encoding) -> None:
@@ -210,7 +215,7 @@ def _headers_of(stream: av.stream.Stream) -> tuple[bool, bool]:
 
 def headers_in(source: VideoFile) -> dict[int, tuple[bool, bool]]:
     """Return the result of `_headers_of` for each stream of a file by its number."""
-    with open_video(source.path, source.name, playlists=source.playlists) as file:
+    with source.open() as file:
         return {stream.index: _headers_of(stream) for stream in file.streams}
 
 

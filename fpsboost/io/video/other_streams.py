@@ -17,9 +17,9 @@ from av.codec.codec import Capabilities
 from av.subtitles.subtitle import SubtitleSet
 
 from fpsboost.errors import EncryptedError
-from fpsboost.io.output import Output, VideoFile, Window
-from fpsboost.io.video.demuxer import is_cover_art, is_encrypted, open_video, read_packets
-from fpsboost.io.video.encoded_sound import EncodedSound, output_time
+from fpsboost.io.video.clock import Window
+from fpsboost.io.video.demuxer import VideoFile, is_cover_art, is_encrypted, read_packets
+from fpsboost.io.video.encoded_sound import EncodedSound
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, containers
 from fpsboost.io.video.fitting import Fitting, add_copied, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
 from fpsboost.io.video.pyav import open_input, printable
@@ -46,37 +46,32 @@ class OtherStreams:
     """
 
     def __init__(
-        self,
-        plan: Output,
-        source: VideoFile,
-        output: av.container.OutputContainer,
-        video: av.VideoStream,
-        container: str,
-        fitting: Fitting,
+        self, fitting: Fitting, source: VideoFile, output: av.container.OutputContainer, video: av.VideoStream
     ) -> None:
-        self._window, self._fitting, self._encoding = plan.window, fitting, plan.encoding
-        self._curve = None if plan.window is None else plan.window.curve
-        self._output, self._name, self._container, self._source = output, plan.path, container, source
+        self._fitting, self._source, self._output = fitting, source, output
+        self._window, self._encoding = fitting.window, fitting.encoding
+        self._name, self._container = fitting.name, fitting.container
+        self._curve = None if fitting.window is None else fitting.window.curve
         self.remarks: list[str] = []
         self.written: dict[int, str] = {}
         """Type of each stream of the source of which packets were muxed, by its number."""
-        self._input = open_video(source.path, source.name, playlists=source.playlists)
+        self._input = source.open()
         self._targets: dict[int, av.stream.Stream] = {}
         self._last_dts: dict[int, int] = {}
         self._covers: list[av.Packet[Any]] = []
         self._converters: dict[int, TextConverter] = {}
         self._sounds: dict[int, EncodedSound] = {}
-        self.tags = tags_for(self._input.metadata, container)
+        self.tags = tags_for(self._input.metadata, self._container)
         output.metadata.update(self.tags.values)
         if self.tags.lost:
             self._remark(f"lost tags of its source, which its container has no place for: {', '.join(self.tags.lost)}.")
-        chapters = _chapters_within(self._input, plan.window, source.start)
+        chapters = _chapters_within(self._input, self._window, source.start)
         output.set_chapters(chapters)
         if chapters and fitting.any_codec:
             self._remark("lost the chapters of its source, which its kind of sound rules out here.")
         if unread := unread_of_chapters(self._input):
             self._remark(f"lost the parts of its source's chapters that FFmpeg cannot read: {', '.join(unread)}.")
-        copy_labels(self._input.streams[source.stream_index], video, container)
+        copy_labels(self._input.streams[source.stream_index], video, self._container)
         self._has_timecode = self._copy_timecode(video)
         for stream in self._input.streams:
             if stream.index != source.stream_index:
@@ -106,7 +101,8 @@ class OtherStreams:
                     sound.drain()
                 break
             assert packet.dts is not None
-            if time is not None and output_time(packet.dts * Fraction(packet.time_base), self._window) > time:
+            due = packet.dts * Fraction(packet.time_base)
+            if time is not None and (due if self._window is None else self._window.output_time(due)) > time:
                 self._ahead = packet
                 break
             self._copy(packet)
@@ -275,9 +271,9 @@ class OtherStreams:
         packet.pts, packet.dts = pts - moved, packet.dts - moved
         if packet.stream.type == "subtitle":
             begin, end = max(begin, window.begin), end if window.end is None else min(end, window.end)
-            packet.pts = packet.dts = round(output_time(begin, window) / tick)
+            packet.pts = packet.dts = round(window.output_time(begin) / tick)
             if packet.duration:
-                packet.duration = round(output_time(end, window, begin) / tick) - packet.pts
+                packet.duration = round(window.output_time(end, begin) / tick) - packet.pts
                 if not packet.duration:  # not in the part that the curve shows
                     return False
         return packet.pts >= 0 or is_exact or leads
@@ -325,7 +321,7 @@ def _chapters_within(file: av.container.InputContainer, window: Window | None, s
         begin, end = max(chapter["start"] * tick - start, window.begin), chapter["end"] * tick - start
         end = end if window.planned_end is None else min(end, window.planned_end)
         if begin < end:
-            shown = {"start": output_time(begin, window), "end": output_time(end, window, begin)}
+            shown = {"start": window.output_time(begin), "end": window.output_time(end, begin)}
             times = {name: round(time / tick) for name, time in shown.items()}
             if times["start"] < times["end"]:
                 kept.append({**chapter, **times, "metadata": printable(chapter["metadata"])})
@@ -334,7 +330,7 @@ def _chapters_within(file: av.container.InputContainer, window: Window | None, s
 
 def _attached_picture(source: VideoFile, index: int) -> av.Packet[Any] | None:
     """Return an attached picture, the first packet of its stream, from a file of its own, as seeking loses audio."""
-    with open_video(source.path, source.name, playlists=source.playlists) as file:
+    with source.open() as file:
         try:
             packet = next(iter(file.demux(file.streams[index])), None)
         except av.error.FFmpegError:

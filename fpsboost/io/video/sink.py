@@ -16,14 +16,17 @@ from typing import Any, Self
 
 import av
 import numpy as np
+from av.video.reformatter import VideoReformatter
 
+from fpsboost.colour import Coding
 from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.frame import Frame
+from fpsboost.image import Pixels
 from fpsboost.io.new_output import check_writable
 from fpsboost.io.output import Output, check_frame_size
 from fpsboost.io.staging import PartFolder, StagedSink, StagingDirectory, complete_already, hidden_place
 from fpsboost.io.video.chunks import CHUNK_FRAMES, Assembly, Chunk, ChunkWriter, find_chunks
-from fpsboost.io.video.encoder import VideoEncoder, traits_of_image
+from fpsboost.io.video.encoder import VideoEncoder
 from fpsboost.io.video.encoding import (
     EXACT_TIME_BASE_CONTAINERS,
     MATROSKA_TICK,
@@ -32,9 +35,11 @@ from fpsboost.io.video.encoding import (
     containers,
     depth_of,
 )
-from fpsboost.io.video.fitting import fit_streams
-from fpsboost.io.video.pixels import has_alpha
-from fpsboost.io.video.traits import VideoTraits
+from fpsboost.io.video.fitting import Fitting, fit_streams
+from fpsboost.io.video.pixels import BT709, BT2020, has_alpha
+from fpsboost.io.video.side_data import MASTERING
+from fpsboost.io.video.traits import VideoTraits, primaries, transfers
+from fpsboost.io.video.ycc import as_picture
 from fpsboost.memory import return_free_memory
 
 
@@ -53,7 +58,8 @@ class ChunkSink(StagedSink):
         self._container = container_of(output)
         codec, _ = self._choose_encoder(output.stream.traits)
         # what the container cannot hold is known before any frame is encoded
-        self._fitting = fit_streams(output, codec, self._container)
+        plan = Fitting(output.path, self._container, output.encoding, output.stream.video, output.window)
+        self._fitting = fit_streams(plan, codec)
         self._chunks: list[Chunk] = []
         self._first_chunk = 0 if output.part is None else output.part.first // chunk_frames
         self._encoder: VideoEncoder | None = None
@@ -61,6 +67,8 @@ class ChunkSink(StagedSink):
         self._durations: dict[int, int] = {}
         self._frames_seen = self._frames_in_chunk = 0
         self._last_pts: int | None = None
+        self._last_original: object | None = None
+        self._reformatter = VideoReformatter()
         self._remarks: list[str] = []
 
     @property
@@ -93,7 +101,7 @@ class ChunkSink(StagedSink):
                 self._start(traits_of_image(frame.pixels, self._output.stream.colours))
             encoder = self._encoder
             assert encoder is not None
-            self._remark_on(frame, encoder.pixel_format)
+            self._remark_on(frame, encoder)
             time_base = self._output.timing.time_base
             pts = round(frame.time / time_base)
             if self._last_pts is not None and pts <= self._last_pts:
@@ -133,7 +141,13 @@ class ChunkSink(StagedSink):
             extradata = bytes(encoder.stream.codec_context.extradata or b"")
             self._writer = ChunkWriter(self._folder, self._first_chunk + len(self._chunks), extradata)
         self._durations[pts] = duration
-        self._keep(self._writer, encoder.encode(frame, pts, duration))
+        traits, pixel_format = encoder.traits, encoder.pixel_format
+        location, full_range = traits.chroma_location, encoder.full_range
+        coding = Coding(depth_of(pixel_format), traits.color_space, full_range, location, pixel_format)
+        # decoded pictures are used where the source is video
+        keeps_original = self._output.stream.traits is not None
+        picture = as_picture(frame, coding, self._reformatter, keeps_original=keeps_original)
+        self._keep(self._writer, encoder.encode(picture, pts, duration, is_original=picture is frame.original))
         self._frames_in_chunk += 1
         if self._frames_in_chunk == self._chunk_frames:
             self._finish_chunk()
@@ -155,18 +169,23 @@ class ChunkSink(StagedSink):
         pixels = self._output.info.height * self._output.info.width
         return choose_encoder(self._output.encoding, self._container, self._output.path, *coding, pixels=pixels)
 
-    def _remark_on(self, frame: Frame, pixel_format: str) -> None:
-        """Add a remark, once each, on alpha, and on depth and light of floats, that the pixel format cannot hold."""
+    def _remark_on(self, frame: Frame, encoder: VideoEncoder) -> None:
+        """Add a remark, once each, on alpha, depth, light and closed captions of a frame that the output lacks."""
         name, is_float = self._output.path, frame.image.dtype == np.float32
         is_beyond = is_float and bool(np.logical_or(frame.array[..., :3] < 0, frame.array[..., :3] > 1).any())
-        has_more = frame.image.shape[2] == 4 and not has_alpha(pixel_format)
+        # an original before this frame was not written
+        is_replaced = frame.original is None and frame.preceding is not self._last_original
+        has_more = frame.image.shape[2] == 4 and not has_alpha(encoder.pixel_format)
         lost = {
             f"{name} cannot hold an alpha channel, which was left out.": has_more,
             # with fewer bits a remark exists already
             f"{name} holds the floating-point values of its source in 16 bits.": is_float
-            and depth_of(pixel_format) == 16,
+            and depth_of(encoder.pixel_format) == 16,
             f"{name} holds no light beyond white or below black, which was clipped; images as .exr keep it.": is_beyond,
+            f"{name} lost closed captions where pictures of its source gave way to interpolated ones.": is_replaced
+            and encoder.has_captions,
         }
+        self._last_original = frame.original or self._last_original
         self._remarks += [remark for remark, is_lost in lost.items() if is_lost and remark not in self._remarks]
 
 
@@ -202,7 +221,8 @@ class VideoSink(ChunkSink):
 
     def _start(self, traits: VideoTraits) -> av.VideoStream:
         template = super()._start(traits)  # the file's header is written at once
-        self._assembly = Assembly(self._unfinished.staged, template, self._output, traits.display_matrix, self._fitting)
+        time_base = self._output.timing.time_base
+        self._assembly = Assembly(self._unfinished.staged, template, time_base, self._fitting, traits)
         return template
 
     def _finish(self) -> None:
@@ -230,6 +250,27 @@ class VideoPartSink(ChunkSink):
         if len(find_chunks(self._folder, self._first_chunk)) < len(self._chunks):
             raise OutputError(f"{self._name} was not written because it cannot be read back; check the disk.")
         self._part.publish_part()
+
+
+def traits_of_image(image: Pixels | None, colours: VideoTraits) -> VideoTraits:
+    """Return the traits to write for images: limited range, own channels and depth, and the colours that they name.
+
+    Colours that they do not name, or by unknown numbers, are tagged as BT.709. Y, Cb and Cr are made by the matrix of
+    BT.2020 for its primaries, otherwise by that of BT.709.
+    """
+    channels = 3 if image is None else image.shape[2]
+    deep = image is not None and image.dtype != np.uint8
+    matrix = BT2020 if colours.color_primaries == BT2020 else BT709
+    return VideoTraits(
+        {1: "gray", 3: "gbrp"}.get(channels, "gbrap") + ("16le" if deep else ""),
+        color_space=matrix,
+        tagged_color_space=matrix,
+        color_primaries=colours.color_primaries if colours.color_primaries in primaries else BT709,
+        color_transfer=colours.color_transfer if colours.color_transfer in transfers else BT709,
+        mastering_display=colours.mastering_display,
+        light_level=colours.light_level,
+        side_data={kind: word for kind, word in colours.side_data.items() if word == MASTERING},
+    )
 
 
 def container_of(output: Output) -> str:

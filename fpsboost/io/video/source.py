@@ -21,7 +21,7 @@ from fpsboost.contracts import ClosesOnExit
 from fpsboost.errors import EncryptedError, InputError, OptionError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
-from fpsboost.io.output import StreamInfo, VideoFile
+from fpsboost.io.output import StreamInfo
 from fpsboost.io.video.clock import (
     VideoClock,
     assumed_rate_remark,
@@ -31,7 +31,15 @@ from fpsboost.io.video.clock import (
     survey,
 )
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.demuxer import Demuxer, is_fragmented, is_raw, left_out_remarks, open_video, read_packets
+from fpsboost.io.video.demuxer import (
+    Demuxer,
+    VideoFile,
+    is_fragmented,
+    is_raw,
+    left_out_remarks,
+    open_video,
+    read_packets,
+)
 from fpsboost.io.video.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
 from fpsboost.io.video.pictures import MAX_REORDERED, FormatUnifier, Pictures
 from fpsboost.io.video.pixels import has_alpha
@@ -298,7 +306,7 @@ class VideoSource(ClosesOnExit):
                 self._unindexed = str(reason)
         if self.frame_index is None:
             if self.info.frame_count is None and self.info.duration is None:
-                with open_video(self.path, self._name, playlists=self._playlists) as file:
+                with self.file.open() as file:
                     packets = sum(1 for _ in read_packets(file, {self.file.stream_index}, Damage()))
                 self.info = replace(self.info, frame_count=packets * (2 if self._decoding.deinterlace else 1))
             return None

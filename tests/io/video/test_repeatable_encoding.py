@@ -11,12 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fpsboost.frame import ClipInfo, Frame
+from fpsboost.frame import ClipInfo
 from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.encoder import VideoEncoder, traits_of_image
+from fpsboost.io.video.encoder import VideoEncoder
 from fpsboost.io.video.encoding import ENCODER_THREADS, choose_encoder, repeatable_parameters
+from fpsboost.io.video.sink import traits_of_image
 from fpsboost.io.video.traits import VideoTraits
+from fpsboost.io.video.ycc import from_bgr
 from fpsboost.timing.schedule import OutputTiming
 
 RATE = Fraction(25)
@@ -32,7 +34,10 @@ def packets_of_noise(encoding: Encoding) -> bytes:
     output = Output("out.mkv", info, OutputTiming(RATE, Fraction(1, 1000)), encoding=encoding)
     video = VideoEncoder(output, encoder, options, "matroska", traits)
     extradata = bytes(video.stream.codec_context.extradata or b"")
-    packets = [each for k, image in enumerate(images) for each in video.encode(Frame(image, k / RATE), 40 * k, 40)]
+    pictures = [from_bgr(image, video.pixel_format, 1, full_range=False) for image in images]
+    packets = [
+        each for k, picture in enumerate(pictures) for each in video.encode(picture, 40 * k, 40, is_original=False)
+    ]
     return extradata + b"".join(bytes(each) for each in (*packets, *video.finish()))
 
 
