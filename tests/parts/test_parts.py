@@ -21,9 +21,9 @@ from video_truth import packets_of, scene, write_clip
 from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.conversion import convert
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
-from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.sink import VideoSink
 from fpsboost.method_table import find_method
 from fpsboost.parts.join import join
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest
@@ -33,8 +33,17 @@ from fpsboost.timing.position import Position, Trim
 from fpsboost.timing.rate import OutputRate
 
 FAST = Encoding(preset="ultrafast")
-FACTOR = 16  # so that a chunk of the output lies between few frames of the source
+CHUNK_FRAMES = 60  # instead of 240, for speed
+FACTOR = 4  # so that a chunk of the output lies between few frames of the source
 FRAMES = 54
+
+
+@pytest.fixture(autouse=True)
+def short_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cut and encode in shorter chunks, so that clips of some chunks are short."""
+    for module in ("fpsboost.parts.plan", "fpsboost.io.video.sink"):
+        monkeypatch.setattr(f"{module}.CHUNK_FRAMES", CHUNK_FRAMES)
+    monkeypatch.setitem(VideoSink.__init__.__kwdefaults__, "chunk_frames", CHUNK_FRAMES)
 
 
 def film(index: int, height: int, width: int) -> NDArray[np.uint8]:
@@ -67,10 +76,10 @@ def packets(path: Path) -> list[object]:
     return [packets_of(path, kind) for kind in kinds]
 
 
-@pytest.fixture
-def clip(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_clip(
-        tmp_path / "in.mkv",
+        tmp_path_factory.mktemp("clip") / "in.mkv",
         times=range(FRAMES),
         picture=film,
         sound="aac",
@@ -90,23 +99,23 @@ def facts_of(summary: Summary) -> tuple[object, ...]:
 
 VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
     "a factor": {"factor": FACTOR},
-    "a fraction of a frame": {"factor": Fraction(41, 3)},
+    "a fraction of a frame": {"factor": Fraction(41, 12)},
     "the same rhythm": {"rate": OutputRate(FACTOR, keep_timing=True)},
-    "a rate": {"rate": OutputRate(fps=Fraction(60000 * 8, 1001))},
+    "a rate": {"rate": OutputRate(fps=Fraction(60000 * 2, 1001))},
     "slow motion": {"rate": OutputRate(FACTOR, slow_motion=True, slow_motion_sound="stretch")},
     "a range": {"factor": FACTOR, "decoding": DecodeOptions(Trim(Position(Fraction(2, 5)), Position(Fraction(2))))},
     "a range of frames": {
         "factor": FACTOR,
         "decoding": DecodeOptions(Trim(Position(Fraction(11), is_frame=True), Position(Fraction(50), is_frame=True))),
     },
-    "a retime curve": {"rate": OutputRate(6, retime="smooth 0=4f 2s=1s 2.5s=1s 4s=2s")},
-    "motion blur": {"rate": OutputRate(6, shutter=Fraction(300), shutter_samples=3)},
+    "a retime curve": {"rate": OutputRate(2, retime="smooth 0=4f 2s=1s 2.5s=1s 4s=2s")},
+    "motion blur": {"rate": OutputRate(2, shutter=Fraction(300), shutter_samples=3)},
 }
 
 
 @pytest.mark.parametrize(
     ("options", "parts"),
-    [*((options, 3) for options in VIDEO_OPTIONS.values()), ({"factor": 8}, 5)],
+    [*((options, 3) for options in VIDEO_OPTIONS.values()), ({"factor": 2}, 5)],
     ids=[*VIDEO_OPTIONS, "more parts than chunks"],
 )
 def test_a_video_joined_of_parts_is_that_of_one_run(tmp_path, clip, options, parts):
@@ -137,7 +146,7 @@ def test_a_variable_rate_in_parts(tmp_path, times, container):
         rate=Fraction(25),
         picture=film,
     )
-    options = {"method": "nlm-fast", "factor": 10, "encoding": FAST}
+    options = {"method": "nlm-fast", "factor": 3, "encoding": FAST}
     convert(str(source), str(tmp_path / "whole.mkv"), **options)
     convert_in_parts(3, source, tmp_path / "out.mkv", **options)
     join(str(tmp_path / "out.mkv"), [tmp_path / "out.mkv.parts"])
@@ -243,7 +252,7 @@ def test_join_takes_an_input_that_was_moved(tmp_path, made):
 def test_an_output_of_another_type_is_refused(tmp_path, made, clip):
     """Parts are made for one container, or for images."""
     with pytest.raises(OptionError, match="another type"):
-        join(str(tmp_path / "out.mp4"), [made], input=str(clip.parent / "in"))
+        join(str(tmp_path / "out.mp4"), [made], input=str(tmp_path / "in"))
 
 
 def test_what_cannot_be_cut(tmp_path, clip, made):
@@ -292,7 +301,7 @@ def test_a_part_goes_on_where_it_was_stopped(tmp_path, clip):
     stop = StopAfter(CHUNK_FRAMES + 20)
     with pytest.raises(KeyboardInterrupt) as stopped:
         again(run=RunOptions(chunk=Part(2, 2), observer=stop))
-    assert "240 of" in stopped.value.__notes__[0]
+    assert f"{CHUNK_FRAMES} of" in stopped.value.__notes__[0]
     resumed = again(run=RunOptions(chunk=Part(2, 2), resume=True))
     assert resumed.completed_frames == CHUNK_FRAMES
     again(run=RunOptions(chunk=Part(1, 2)))
@@ -332,12 +341,12 @@ def test_a_manifest_comes_back_as_it_was(made, tmp_path):
 
 def test_parts_on_the_command_line(fpsboost_, tmp_path, clip):
     """Made and joined as the help says."""
-    assert fpsboost_("in.mkv", "whole.mkv", "-m", "blend", "-f", "20").code == 0
+    assert fpsboost_(clip, "whole.mkv", "-m", "blend", "-f", "5").code == 0
     for part in ("1/2", "2/2"):
-        assert fpsboost_("in.mkv", "out.mkv", "-m", "blend", "-f", "20", "--chunk", part).code == 0
+        assert fpsboost_(clip, "out.mkv", "-m", "blend", "-f", "5", "--chunk", part).code == 0
     done = fpsboost_("join", "out.mkv", "out.mkv.parts")
     assert done.code == 0
-    assert "54 -> 1080 frames" in done.err
+    assert "54 -> 270 frames" in done.err
     assert packets(tmp_path / "out.mkv") == packets(tmp_path / "whole.mkv")
     refused = fpsboost_("join", "other.mkv", "out.mkv.parts/0001-of-0002")
     assert (refused.code, "2 is missing" in refused.err) == (1, True)
@@ -348,7 +357,7 @@ def test_a_video_that_does_not_list_its_frames(tmp_path, name):
     """All before a part is decoded then, which is said; also where nothing says how many frames there are."""
     codec = "libx264" if name == "in.ts" else "mpeg2video"
     write_clip(tmp_path / name, times=range(FRAMES), picture=film, codec=codec)
-    options: dict[str, Any] = {"method": "blend", "factor": 10, "encoding": FAST}
+    options: dict[str, Any] = {"method": "blend", "factor": 3, "encoding": FAST}
     whole = convert(str(tmp_path / name), str(tmp_path / "whole.mkv"), **options)
     convert_in_parts(2, tmp_path / name, tmp_path / "out.mkv", **options)
     joined = join(str(tmp_path / "out.mkv"), [tmp_path / "out.mkv.parts"])

@@ -165,9 +165,9 @@ def choose_encoder(
     check_holds(container, encoder, name, f"`codec={asked!r}`", {common: e.name for common, e in encoders.items()})
     _check_pixel_format(codec, encoding.pixel_format)
     options = _options_of_other(codec, encoding) if known is None else _options_of_known(known, asked, encoding)
-    generic = OptionFlags.ENCODING_PARAM | OptionFlags.VIDEO_PARAM
-    common = {o.name for o in codec.create("video").supported_options.generic if o.flags & generic == generic}
     for option, _ in encoding.encoder_options:
+        generic = OptionFlags.ENCODING_PARAM | OptionFlags.VIDEO_PARAM  # milliseconds, for the few who give options
+        common = {o.name for o in codec.create("video").supported_options.generic if o.flags & generic == generic}
         if option not in private_options(codec) | common:
             raise OptionError(
                 f"`encoder_options={option}` is unknown to {encoder}; look it up with ffmpeg -h encoder={encoder}."
