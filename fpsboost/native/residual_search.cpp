@@ -68,19 +68,20 @@ INLINE void find_lowest_neighbours(const View<float, 2> &values, const View<floa
     }
 }
 
-INLINE Int highest_lane(U16 values) {
-  values =
-      larger(values, __builtin_shufflevector(values, values, 8, 9, 10, 11, 12, 13, 14, 15, 0, 1, 2, 3, 4, 5, 6, 7));
-  values = larger(values, __builtin_shufflevector(values, values, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3));
-  values = larger(values, __builtin_shufflevector(values, values, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1));
-  return most(values[0], values[1]);
+// The lowest sum of which the share is above a value.
+INLINE Int lowest_above(float value, float share) {
+  Int sum = Int(value / share);
+  while (float(sum - 1) * share > value) sum--;
+  while (float(sum) * share <= value) sum++;
+  return sum;
 }
 
 // Sums the similarities of the patch around one position and those around several positions in a row. Returns false as
-// soon as none of the sums that are counted, times the share, can exceed `highest`.
+// soon as none of the sums that are counted can reach `lowest`.
 INLINE bool compare_positions(const Frames<uint8_t> &frames, const Patch &patch, const uint8_t *first,
-                              const uint8_t *second, U16 counted, float highest, U16 &total) {
+                              const uint8_t *second, U16 counted, Int lowest, U16 &total) {
   const Int radius = patch.radius;
+  if (lowest > patch.size * patch.size * frames.max_similarity) return false;
   total = U16{};
   for (Int j = -radius; j <= radius; j++) {
     for (Int k = -radius; k <= radius; k++) {
@@ -89,8 +90,8 @@ INLINE bool compare_positions(const Frames<uint8_t> &frames, const Patch &patch,
                              broadcast_byte(pixel[2 * frames.plane])};
       total += linear_similarity(pixels, second + j * frames.stride + k, frames.plane, patch.max_similarity);
     }
-    const Int sum = highest_lane(total & counted);
-    if (float(sum + (radius - j) * patch.size * frames.max_similarity) * patch.share <= highest) return false;
+    const Int at_least = lowest - (radius - j) * patch.size * frames.max_similarity;
+    if (at_least > 0 && !any((U16)(total >= uint16_t(at_least)) & counted)) return false;
   }
   return true;
 }
@@ -108,7 +109,7 @@ INLINE void search_residuals(const Frames<uint8_t> &frames, const SearchResidual
       const Int top = most(y - a.max_offset, Int(0)), bottom = least(y + a.max_offset, frames.height - 1);
       const Int left = most(x - a.max_offset, Int(0)), right = least(x + a.max_offset, frames.width - 1);
       const uint8_t *pixel = frames.first + frames.place(y, x);
-      float highest = similarity(row, point) + better;
+      Int lowest = lowest_above(similarity(row, point) + better, patch.share);
       for (Int there_row = top / step; there_row <= bottom / step; there_row++) {
         const float *is_explained = elsewhere.at(there_row);
         for (Int there = left / step; there <= right / step;) {
@@ -127,11 +128,10 @@ INLINE void search_residuals(const Frames<uint8_t> &frames, const SearchResidual
           for (Int there_y = most(there_row * step, top); there_y <= last_y; there_y++) {
             U16 total;
             const uint8_t *other = frames.second + frames.place(there_y, first);
-            if (!compare_positions(frames, patch, pixel, other, counted, highest, total)) continue;
+            if (!compare_positions(frames, patch, pixel, other, counted, lowest, total)) continue;
             for (Int i = 0; i < count; i++) {
-              const float value = float(total[i]) * patch.share;
-              if (value > highest) {
-                highest = value;
+              if (total[i] >= lowest) {
+                lowest = lowest_above(float(total[i]) * patch.share, patch.share);
                 flow(row, point, 0) = float(first + i - x), flow(row, point, 1) = float(there_y - y);
               }
             }

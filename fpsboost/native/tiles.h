@@ -50,12 +50,6 @@ struct EntryRow {
       : similarity(entries + 3 * entry * points), dx(similarity + points), dy(dx + points) {}
 };
 
-INLINE bool any(I8 mask) {
-  typedef int64_t L4 __attribute__((vector_size(32)));
-  const L4 pairs = (L4)mask;
-  return (pairs[0] | pairs[1] | pairs[2] | pairs[3]) != 0;
-}
-
 // Inserts an offset into the lists of eight points, which are in order of falling similarity; of neighbouring offsets,
 // only the more similar one is kept.
 INLINE void insert_eight(float dx, float dy, const float *similarities, Int at, float *entries, Int points,

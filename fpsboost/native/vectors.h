@@ -66,4 +66,11 @@ template <typename V> INLINE V smaller(V a, V b) { return a < b ? a : b; }
 INLINE F8 absolute(F8 a) { return (F8)((I8)a & 0x7fffffff); }
 INLINE F16 absolute(F16 a) { return (F16)((I16)a & 0x7fffffff); }
 
+// Whether any bit of a mask of 32 bytes is set.
+template <typename V> INLINE bool any(V mask) {
+  typedef int64_t L4 __attribute__((vector_size(32)));
+  const L4 parts = (L4)mask;
+  return (parts[0] | parts[1] | parts[2] | parts[3]) != 0;
+}
+
 }  // namespace
