@@ -4,7 +4,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from fpsboost import DecodeOptions, Interpolator, RunOptions, methods
+from fpsboost import DecodeOptions, Encoding, Interpolator, RunOptions, convert, methods
 from fpsboost.contracts import FrameSink
 from fpsboost.io import DescribedSource
 from fpsboost.io.opening import Target
@@ -12,6 +12,7 @@ from fpsboost.io.output import Output
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import OutputTiming
 
+FAST = Encoding(preset="ultrafast")
 GROUPS = {"rate": OutputRate, "decoding": DecodeOptions, "run": RunOptions}
 
 
@@ -34,6 +35,13 @@ def output_of(path: Path | str, source: DescribedSource, timing: OutputTiming, *
 def open_output(path: Path | str, source: DescribedSource, timing: OutputTiming, **options: Any) -> FrameSink:
     """Return the sink of an output made from a source."""
     return Target.parse(str(path)).open(output_of(path, source, timing, **options))
+
+
+def double(source: Path, target: Path, encoding: Encoding = FAST, **options: Any) -> list[str]:
+    """Convert in the cheapest way; return the remarks."""
+    if target.suffix == ".webm":
+        encoding = replace(encoding, preset="8")
+    return convert(str(source), str(target), method="nearest", encoding=encoding, **grouped(**options)).remarks
 
 
 def keeping_duplicates(method: str) -> Interpolator:

@@ -1,14 +1,16 @@
 """Sound that a container cannot hold, or that is wanted in another format: encoded anew, in its place and as long."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import av
+import conversion_options
 import numpy as np
 import pytest
-from conversion_options import grouped
+from conversion_options import FAST
 from numpy.typing import NDArray
 from test_stretched_sound import CLICK, CLICKS, clicks_of, heard, slow, write_sounds
 from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, sound_packets, tone, write_clip
@@ -22,10 +24,9 @@ RATE = 48000
 SAMPLES = RATE + 1234  # of a sound that no encoder's frames divide
 
 
-def double(source: Path, target: Path, audio_codec: str | None = None, **more: Any) -> list[str]:
-    """Convert in the cheapest way; return what was said."""
-    encoding = Encoding(preset="8" if target.suffix == ".webm" else "ultrafast", audio_codec=audio_codec)
-    return convert(str(source), str(target), method="nearest", encoding=encoding, **grouped(**more)).remarks
+def double(source: Path, target: Path, audio_codec: str | None = None) -> list[str]:
+    """Convert in the cheapest way, with sound of a codec; return the remarks."""
+    return conversion_options.double(source, target, replace(FAST, audio_codec=audio_codec))
 
 
 def noise(samples: int = SAMPLES) -> NDArray[np.int16]:
@@ -152,8 +153,11 @@ def test_a_sound_of_unknown_codec_is_left_out_beside_others(tmp_path, suffix, co
     if codec is None:
         before, after = packets_of(clip, "audio", 1 - unknown), packets_of(target, "audio")
         assert [data for _, data in after] == [data for _, data in before]
+    alone = write_unknown(tmp_path / "alone.mp4", [0, 1])
     with pytest.raises(OutputError, match=r"unknown sound .*; leave .* out with `audio=False`"):
-        double(write_unknown(tmp_path / "alone.mp4", [0, 1]), tmp_path / "none.mp4", codec)
+        double(alone, tmp_path / "none.mp4", codec)
+    with pytest.raises(OutputError, match=r"The unknown sound of .* cannot be stretched here; .*_sound='drop'`\."):
+        slow(alone, tmp_path / "none.mp4")
 
 
 def test_streams_are_chosen_by_their_numbers(tmp_path):

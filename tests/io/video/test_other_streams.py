@@ -8,28 +8,20 @@ from typing import Any
 
 import av
 import pytest
+from conversion_options import FAST, double
 from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, tone, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import OutputError
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.tags import timecode_at
 from fpsboost.probing import probe
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Trim, parse_position
 
-FAST = Encoding(preset="ultrafast")
 LINES = [(0, 100, b"one <b>bold</b> word"), (120, 80, "zwei\nZäune".encode()), (300, 90, b"three")]
 WORDS = ["one bold word", "zwei\nZäune", "three"]
 FONT = bytes(range(256)) * 5
-
-
-def double(source: Path, target: Path, encoding: Encoding = FAST) -> list[str]:
-    """Convert in the cheapest way; return what was said."""
-    if target.suffix == ".webm":
-        encoding = Encoding(preset="8")
-    return convert(str(source), str(target), method="nearest", encoding=encoding).remarks
 
 
 def write_with(path: Path, add: Any, fill: Any = lambda stream: [], rate: Fraction = Fraction(24)) -> Path:

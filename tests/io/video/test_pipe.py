@@ -16,10 +16,10 @@ from typing import BinaryIO
 import av
 import numpy as np
 import pytest
+from command_line import environment
 from conversion_options import output_of
 from video_truth import QUARTER_TURN, bytes_of, pictures_of, scene, stream_of, write_clip, write_stream
 
-import fpsboost
 from fpsboost.cli import app
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
@@ -32,11 +32,6 @@ from fpsboost.timing.schedule import OutputTiming
 NAMES = tuple(formats)
 ODD = (47, 63)
 NEAREST = ("--method", "nearest", "--no-cuts")
-
-
-def environment() -> dict[str, str]:
-    """This process's, in which fpsboost can be imported from anywhere."""
-    return {**os.environ, "PYTHONPATH": str(Path(fpsboost.__file__).parents[1])}
 
 
 def command(*arguments: object) -> list[str]:

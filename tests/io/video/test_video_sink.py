@@ -8,6 +8,7 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
+from conversion_options import FAST, double
 from video_truth import QUARTER_TURN, bytes_of, packets_of, pictures_of, png, scene, write_clip
 
 from fpsboost.conversion import convert
@@ -20,15 +21,9 @@ from fpsboost.io.video.source import VideoSource
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import OutputTiming
 
-FAST = Encoding(preset="ultrafast")
 LOSSLESS = Encoding(crf=0, preset="ultrafast")
 B_FRAMES = Encoding(preset="veryfast")
 INFO = ClipInfo("x", 48, 64, Fraction(25), Fraction(1, 25), None)
-
-
-def double(source_path: Path, target: Path, encoding: Encoding = FAST) -> list[str]:
-    """Convert in the cheapest way; return what was said."""
-    return convert(str(source_path), str(target), method="nearest", encoding=encoding).remarks
 
 
 def write_images(target: Path, images: list[np.ndarray], encoding: Encoding = FAST) -> list[str]:
