@@ -142,8 +142,9 @@ class ChunkSink(StagedSink):
             self._writer = ChunkWriter(self._folder, self._first_chunk + len(self._chunks), extradata)
         self._durations[pts] = duration
         traits, pixel_format = encoder.traits, encoder.pixel_format
-        location, full_range = traits.chroma_location, encoder.full_range
-        coding = Coding(depth_of(pixel_format), traits.color_space, full_range, location, pixel_format)
+        coding = Coding(
+            depth_of(pixel_format), traits.color_space, encoder.full_range, traits.chroma_location, pixel_format
+        )
         # decoded pictures are used where the source is video
         keeps_original = self._output.stream.traits is not None
         picture = as_picture(frame, coding, self._reformatter, keeps_original=keeps_original)
