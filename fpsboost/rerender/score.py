@@ -18,7 +18,6 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import isotonic_regression
 
 from fpsboost import Frame, FrameCache, Interpolator, Pair, SourcePosition, with_neighbours
 from fpsboost.extension import Image, compared_colours, composite_on_black, view
@@ -60,6 +59,18 @@ _Trio = tuple[Pair, Image | None]
 """Pair of images, and the hidden one in their middle if there is one."""
 
 
+def isotonic_regression(values: Tiles, weights: Tiles) -> Tiles:
+    """Return the nearest values that never fall, in weighted least squares; all (N,) float64, weights at least 1.
+
+    Each is the largest, over all first places up to its own, of the least mean from there to its own or a later place
+    (min-max formula of Barlow et al. 1972, Statistical inference under order restrictions).
+    """
+    sums, totals = (np.concatenate([[0], np.cumsum(each)]) for each in (values * weights, weights))
+    means = (sums[1:] - sums[:-1, None]) / np.maximum(totals[1:] - totals[:-1, None], 1)  # from a row to a column
+    least = np.minimum.accumulate(means[:, ::-1], axis=1)[:, ::-1]
+    return np.asarray(np.maximum.accumulate(least, axis=0).diagonal())
+
+
 @dataclass(frozen=True)
 class ErrorCurve:
     """Squared error by uncertainty, which never falls as the uncertainty rises (isotonic regression)."""
@@ -75,10 +86,8 @@ class ErrorCurve:
         doubts, errors = _tiles_of(trials)
         order = np.argsort(doubts, kind="stable")
         bins = np.array_split(order, min(BINS, len(order)))
-        return cls(
-            np.array([doubts[each].mean() for each in bins]),
-            isotonic_regression([errors[each].mean() for each in bins], weights=[len(each) for each in bins]).x,
-        )
+        mean_doubts, mean_errors = (np.array([tiles[each].mean() for each in bins]) for tiles in (doubts, errors))
+        return cls(mean_doubts, isotonic_regression(mean_errors, np.array([len(each) for each in bins])))
 
     def at(self, doubts: NDArray[Any]) -> NDArray[Any]:
         """Return the expected squared error of tiles with these uncertainties."""
