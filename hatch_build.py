@@ -1,9 +1,9 @@
 """Compile the kernels in ``fpsboost/native`` into one library, which any Python of the platform can load.
 
 pip runs this when it installs fpsboost or makes a wheel; ``python hatch_build.py`` compiles them again after a change.
-The compiler is Zig's clang, a package on PyPI. Environment variables:
+The compiler is Zig's clang, a package on PyPI that pip brings for the build. Environment variables:
 
-- ``CC``: another clang or gcc, and ``CFLAGS``: further options, such as those of a sanitizer
+- ``CC``: another clang or gcc, instead of Zig's, and ``CFLAGS``: further options, such as those of a sanitizer
 - ``FPSBOOST_PLATFORM``: one of `PLATFORMS` to compile for instead of this machine's, with Zig
 """
 
@@ -17,12 +17,16 @@ import sys
 import sysconfig
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 SOURCES = Path(__file__).parent / "fpsboost" / "native"
+
+ZIG = "ziglang==0.17.1"
+"""Package of the compiler: one version, as another one may give other bits."""
 
 X86 = {"baseline": "x86_64", "avx2": "x86_64_v3", "avx512": "x86_64_v4"}
 ARM = {"baseline": "generic"}  # with NEON
@@ -71,6 +75,9 @@ def compile_kernels(platform: Platform, folder: Path) -> Path:
     zig = [sys.executable, "-m", "ziglang", "cc", "-target", platform.target]
     own = shlex.split(os.environ.get("CC", ""))
     compiler, further = own or zig, shlex.split(os.environ.get("CFLAGS", ""))
+    if not own and not find_spec("ziglang"):
+        sys.exit(f"The compiler of the kernels is missing; run pip install {ZIG}, or name a clang or gcc by CC.")
+    print(f"Compiling the kernels for {platform.target} by {shlex.join(compiler)}", flush=True)
     flags = [*FLAGS, *(["-fPIC"] if platform.suffix != ".dll" else []), *further]
     with tempfile.TemporaryDirectory() as objects, ThreadPoolExecutor(os.cpu_count()) as pool:
         jobs = [
@@ -83,20 +90,34 @@ def compile_kernels(platform: Platform, folder: Path) -> Path:
             source, level, to = job
             processor = platform.levels[level].replace("_", "-") if own else platform.levels[level]
             options = [f"-march={processor}", f"-DLEVEL={level}", "-c", str(source), "-o", to]
-            subprocess.run([*compiler, *flags, *options], check=True)
+            run_compiler([*compiler, *flags, *options])
 
         list(pool.map(compile_one, jobs))
         library = Path(objects, f"kernels{platform.suffix}")
-        subprocess.run([*compiler, "-shared", "-s", *further, *(to for *_, to in jobs), "-o", str(library)], check=True)
+        run_compiler([*compiler, "-shared", "-s", *further, *(to for *_, to in jobs), "-o", str(library)])
         # under a name of its own at first, as a process may have loaded the old one
         new = Path(shutil.copy(library, folder / f"new-{library.name}"))
         return new.replace(folder / library.name)
+
+
+def run_compiler(command: list[str]) -> None:
+    """Run a compiler; exits with a sentence if it is missing or fails, below what it says itself."""
+    try:
+        subprocess.run(command, check=True)
+    except OSError as error:
+        sys.exit(f"The compiler {command[0]} cannot be run ({error.strerror}); name a clang or gcc by CC, or unset it.")
+    except subprocess.CalledProcessError as error:
+        sys.exit(f"The compiler {command[0]} ended with {error.returncode} for {command[-1]}; see what it said above.")
 
 
 class KernelsHook(BuildHookInterface):
     """Step of a build that adds the compiled kernels to the package."""
 
     PLUGIN_NAME = "custom"
+
+    def dependencies(self) -> list[str]:
+        """Return what pip installs for the build beside hatchling; a compiler of `CC` needs none."""
+        return [] if os.environ.get("CC") else [ZIG]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile the kernels beside their sources, where an editable installation finds them, too."""
