@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,16 +23,14 @@ from fpsboost.layered import FrameImage
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.field import MotionField, Neighbour, ZeroMotion
 from fpsboost.motion.rendered import RenderedVectors, UsesVectors
-from fpsboost.options import Checked, Range, checked
+from fpsboost.options import LEAST_CONFIDENCE, AtCuts, Checked, Range, Uncertain, checked
 from fpsboost.pair import Layered, Pair, as_bgr
 from fpsboost.synthesis import FramePair, FusesHypotheses, InterpolatedImage, Synthesizer
-from fpsboost.synthesis.agreement import Uncertain, fall_back, measure_agreement, measure_doubt
+from fpsboost.synthesis.agreement import fall_back, measure_agreement, measure_doubt
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.layers import MixesLayers
 from fpsboost.synthesis.warp import Extrapolate
 from fpsboost.timing.position import Replacement
-
-AtCuts = Literal["repeat", "blend", "extrapolate"]
 
 Item = TypeVar("Item")
 
@@ -113,11 +111,11 @@ class Interpolator(Checked):
     replacement: Replacement | None = None
     match_grain: bool = False
     uncertain: Uncertain = "keep"
-    below: Annotated[float, Range(0, 1)] = 0.4
+    below: Annotated[float, Range(0, 1)] = LEAST_CONFIDENCE
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.uncertain == "keep" and self.below != type(self).below:
+        if self.uncertain == "keep" and self.below != LEAST_CONFIDENCE:
             raise OptionError("`below` goes with `uncertain`; give that too, or leave it out.")
 
     @property
@@ -257,8 +255,7 @@ class Interpolator(Checked):
         self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None = None, after: Pair | None = None
     ) -> InBetween:
         """Return images and whether a scene ends; deprecated, as `images` and `Pair.is_cut` return these."""
-        text = "Interpolator.between is deprecated; use Interpolator.images, and Pair.is_cut."
-        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        warnings.warn("Interpolator.between is deprecated; use Interpolator.images.", DeprecationWarning, stacklevel=2)
         images = self.images(pair, times, before, after)
         return InBetween((image for image, _ in images), pair.is_cut(before, after))
 

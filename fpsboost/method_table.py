@@ -109,7 +109,7 @@ def find_method(method: str | Interpolator, vectors: RenderedVectors | None = No
     interpolator = _named(name, vectors)
     values = read_options(interpolator, name, options)
     try:
-        return configure(interpolator, name, values) if values else interpolator
+        return configure(interpolator, values) if values else interpolator
     except OptionError as error:
         raise OptionError(f"In {method}: {error}") from None
 
@@ -155,7 +155,7 @@ def _named(method: str, vectors: RenderedVectors | None) -> Interpolator:
             f"`vectors` does not apply to the method {method!r}; leave it out, or choose one of "
             f"{', '.join([*vector_methods, *others])}."
         )
-    return configure(methods[method], method, {"vectors": vectors})
+    return configure(methods[method], {"vectors": vectors})
 
 
 def may_use_vectors(interpolator: Interpolator) -> bool:
@@ -163,23 +163,17 @@ def may_use_vectors(interpolator: Interpolator) -> bool:
     return any(isinstance(part, UsesVectors) for part in (interpolator.estimator, interpolator.synthesizer))
 
 
-def configure(interpolator: Interpolator, method: str, options: Mapping[str, Any]) -> Interpolator:
-    """Set options of a method's estimator and synthesizer by their field names; messages name the `method`.
+def configure(interpolator: Interpolator, options: Mapping[str, Any]) -> Interpolator:
+    """Set options of a method's estimator and synthesizer by their field names; what both have is the estimator's.
 
-    Raises `OptionError` if the method has no such option, or the value is out of range.
+    Raises `OptionError` if a value is out of range.
     """
     estimator: Any = interpolator.estimator
-    synthesizer: Any = interpolator.synthesizer
-    of_estimator, of_synthesizer = ({field.name for field in fields(part)} for part in (estimator, synthesizer))
-    for name in options.keys() - of_estimator - of_synthesizer:
-        raise OptionError(f"`{name}` does not apply to the method {method!r}; leave it out.")
-    return replace(
-        interpolator,
-        estimator=replace(estimator, **{name: value for name, value in options.items() if name in of_estimator}),
-        synthesizer=replace(
-            synthesizer, **{name: value for name, value in options.items() if name not in of_estimator}
-        ),
-    )
+    own = {field.name for field in fields(estimator)} & options.keys()
+    others = {name: value for name, value in options.items() if name not in own}
+    synthesizer: Any = replace(interpolator.synthesizer, **others)  # type: ignore[type-var]
+    estimator = replace(estimator, **{name: options[name] for name in own})
+    return replace(interpolator, estimator=estimator, synthesizer=synthesizer)
 
 
 def read_options(interpolator: Interpolator, method: str, texts: Mapping[str, str]) -> dict[str, Any]:
@@ -191,14 +185,15 @@ def read_options(interpolator: Interpolator, method: str, texts: Mapping[str, st
     names = {field.name.replace("_", "-") for part in parts for field in fields(part)} - {"vectors"}
     for text in texts.keys() - names:
         raise OptionError(f"The method {method!r} has no option {text!r}; it has {', '.join(sorted(names)) or 'none'}.")
-    options = {}
-    for text, value in texts.items():
-        name = text.replace("-", "_")
-        try:
-            options[name] = literal_eval(value)  # a number
-        except (ValueError, SyntaxError):
-            options[name] = value
-    return options
+    return {text.replace("-", "_"): _value(value) for text, value in texts.items()}
+
+
+def _value(text: str) -> Any:
+    """Return the number that a text is, or the text."""
+    try:
+        return literal_eval(text)
+    except (ValueError, SyntaxError):
+        return text
 
 
 @checked

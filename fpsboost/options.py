@@ -34,6 +34,18 @@ Rate = Fraction | int | float | str
 PathName = str | os.PathLike[str]
 """Name of a file or folder, as text or as a ``pathlib.Path``."""
 
+AtCuts = Literal["repeat", "blend", "extrapolate"]
+"""Across a cut: repeat the nearer frame, mix the two, or extrapolate the motion of each."""
+Duplicates = Literal["interpolate", "keep"]
+"""Treatment of repeated frames: grouped and interpolated anew, or kept as frames of their own."""
+Pattern = Literal["full", "three-step", "diamond"]
+"""Search pattern of block matching: every offset of the range, or one of two fast searches from the best so far."""
+Uncertain = Literal["keep", "blend", "nearest", "hold"]
+"""Fallback for uncertain pixels: none (keep), the mix of both frames, the nearer frame, or the nearer frame for a whole
+image of which too much is uncertain (hold)."""
+LEAST_CONFIDENCE = 0.4
+"""Confidence below which motion is unsure, unless another limit is given."""
+
 
 @dataclass(frozen=True)
 class Option:
@@ -147,6 +159,18 @@ def with_options(options: Any, given: dict[str, Any], group: str) -> Any:
         if is_dataclass(each.default) and is_dataclass(value):
             values[each.name] = with_options(value, given, group)
     return replace(options, **values)
+
+
+def one_of(choices: Any) -> str:
+    """Return the values of a ``Literal`` as a phrase.
+
+    Examples
+    --------
+    >>> one_of(Uncertain)
+    'keep, blend, nearest or hold'
+    """
+    *first, last = get_args(choices)
+    return f"{', '.join(first)} or {last}"
 
 
 class Checked:

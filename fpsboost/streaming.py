@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from itertools import chain, groupby, islice, pairwise
-from typing import Annotated, NamedTuple, Self
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -104,7 +104,8 @@ def run_conversion(
             stretch=stretch,
             threads=threads,
             holds_last_frame=sink.holds_last_frame,
-            needs=Needs.of(sink),
+            needs_confidence=isinstance(sink, NeedsConfidence) and sink.needs_confidence,
+            needs_motion=isinstance(sink, NeedsMotion) and sink.needs_motion,
             outputs=outputs,
         ) as frames,
         write_behind(sink.write, 2, _cancel_of(sink)) as write,
@@ -121,19 +122,6 @@ def run_conversion(
     return summary
 
 
-class Needs(NamedTuple):
-    """What interpolated frames are to have beside their pixels: their confidence, and motion; see `Frame`."""
-
-    confidence: bool = False
-    motion: bool = False
-
-    @classmethod
-    def of(cls, sink: FrameSink) -> Self:
-        """Return what a sink asks for."""
-        needs_confidence = isinstance(sink, NeedsConfidence) and sink.needs_confidence
-        return cls(needs_confidence, isinstance(sink, NeedsMotion) and sink.needs_motion)
-
-
 @contextmanager
 def interpolate_frames(
     source: FrameSource,
@@ -144,7 +132,8 @@ def interpolate_frames(
     holds_last_frame: bool,
     stretch: Fraction = Fraction(1),
     threads: int | None = None,
-    needs: Needs | None = None,
+    needs_confidence: bool = False,
+    needs_motion: bool = False,
     outputs: OutputRange | None = None,
 ) -> Generator[Iterator[Frame]]:
     """Yield the output frames in order, made while the block lasts; see `run_conversion`.
@@ -160,7 +149,8 @@ def interpolate_frames(
         first = list(islice(arriving, 1))
         frames = chain(first, arriving)
         place = beginning(source)
-        clip = _LoopState(source.info, schedule, interpolator, summary, place, needs or Needs(), outputs, stretch)
+        needs = needs_confidence, needs_motion
+        clip = _LoopState(source.info, schedule, interpolator, summary, place, *needs, outputs, stretch)
         before, start = clip.outputs_before, None if outputs.entry is None else outputs.entry.start
         stop = None if outputs.stop is None else outputs.stop - before
         made = _output_frames(frames, clip, detector, holds_last_frame, in_order)
@@ -270,7 +260,8 @@ class _LoopState:
     interpolator: Interpolator
     summary: Summary
     beginning: SourcePosition
-    needs: Needs
+    needs_confidence: bool
+    needs_motion: bool
     outputs: OutputRange
     stretch: Fraction
     start: Fraction = Fraction(0)
@@ -444,7 +435,7 @@ def _output_frames(
         if step.t == 0 or holds_last_frame:
             output = _Output(last, step, clip.output_number(step, last), scene=scenes)
             summary.frames_made += output.is_new and output.number in clip.outputs
-            yield output.repeated(0 if clip.needs.confidence else None)
+            yield output.repeated(0 if clip.needs_confidence else None)
 
 
 def _exposed(outputs: Iterator[_Output]) -> Iterator[Frame]:
@@ -478,23 +469,23 @@ def _tasks(clip: _LoopState, groups: Iterable[FrameGroup]) -> Iterator[Callable[
 def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: int) -> _Part:
     """Make the output frames of a part of an interval; those that are not needed carry any image."""
     interval.resolve(neighbours)
-    outputs, pair, needs = interval.outputs[begin : begin + FRAMES_PER_TASK], interval.pair, clip.needs
+    outputs, pair = interval.outputs[begin : begin + FRAMES_PER_TASK], interval.pair
     times = [each.step.t for each in outputs if clip.makes(each)]
     images: Iterator[InterpolatedImage] = iter(())
     # an interval of which nothing is made is needed all the same to count its cut, unless another run counts it
     if times or (clip.counts(interval) and any(each.is_interpolated for each in interval.outputs)):
-        images = clip.interpolator.images(pair, times, *neighbours, with_confidence=needs.confidence)
+        images = clip.interpolator.images(pair, times, *neighbours, with_confidence=clip.needs_confidence)
         interval.scene_cut = pair.is_cut(*neighbours)
     finished = list[_Output]()
     for output in outputs:
         if not output.is_interpolated:  # between frames that show the same, a repeated one is certain
-            finished.append(output.repeated(1 if needs.confidence else None))
+            finished.append(output.repeated(1 if clip.needs_confidence else None))
             continue
         source = output.source.frame
         image, confidence = next(images) if clip.makes(output) else (source.image, None)
         frame = Frame(image, output.step.time, preceding=source.original, confidence=confidence)
         finished.append(output._replace(frame=frame))
-    if needs.motion and not any(each.is_interpolated for each in interval.outputs[:begin]):
+    if clip.needs_motion and not any(each.is_interpolated for each in interval.outputs[:begin]):
         _add_motion(finished, interval, neighbours)
     if begin == 0 and clip.counts(interval) and not interval.scene_cut:
         interval.match = clip.measure_match(interval)

@@ -137,7 +137,7 @@ def draw_squares(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[A
 def draw_clip(folder: Path, count: int, seed: int) -> list[Squares]:
     """Draw squares of every hidden frame of a clip."""
     frames = [cv2.imread(str(path)) for path in sorted(folder.glob("*.png"))]
-    method = configure(methods["nlm"], "nlm", {"fusion": "learnt"})
+    method = configure(methods["nlm"], {"fusion": "learnt"})
     images = [FrameCache(frame) for frame in frames[::2]]
     pairs = [method.pair(first, second) for first, second in itertools.pairwise(images)]
     drawn = []

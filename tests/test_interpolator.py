@@ -12,7 +12,7 @@ from truth import CutsWhere, accelerating, affine, as_type, eroded, layers, nois
 
 from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import InputError, OptionError, SceneCutWarning
-from fpsboost.method_table import configure, interpolate, interpolate_with_confidence, methods
+from fpsboost.method_table import find_method, interpolate, interpolate_with_confidence, methods
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.synthesis.reproject import Reproject
 
@@ -380,33 +380,31 @@ def test_two_images_are_never_repeated_unless_asked(method):
 
 def test_options_reach_the_estimator_and_the_synthesizer():
     """By field name; what is not named stays."""
-    options = {"search_radius": 7, "window": "gaussian", "search": "brute-force", "iterations": 3}
-    changed = configure(methods["nlm-exhaustive"], "nlm-exhaustive", options)
+    changed = find_method("nlm-exhaustive:search-radius=7,window=gaussian,search=brute-force,iterations=3")
     assert changed.estimator == ExhaustiveSearch(search_radius=7, window="gaussian")
     assert changed.synthesizer == Reproject("brute-force", 3)
     assert changed.cuts == CutDetector()
-    assert configure(methods["nlm"], "nlm", {}) == methods["nlm"]
-    assert configure(methods["nlm"], "nlm", {"v": 0.1}).estimator == replace(methods["nlm"].estimator, v=0.1)
+    assert find_method("nlm:v=0.1").estimator == replace(methods["nlm"].estimator, v=0.1)
     assert methods["nlm-exhaustive"].estimator == ExhaustiveSearch()
 
 
 @pytest.mark.parametrize(
-    ("method", "options", "message"),
+    ("method", "message"),
     [
-        ("nlm", {"search_radius": 7}, "`search_radius` does not apply to the method 'nlm'"),
-        ("blend", {"patch_radius": 3}, "`patch_radius` does not apply"),
-        ("dis", {"block_size": 8}, "`block_size` does not apply"),
-        ("block", {"pattern": "spiral"}, "`pattern` must be one of"),
-        ("dis", {"cuts": None}, "`cuts` does not apply"),
-        ("nlm", {"patch_radius": 99}, "`patch_radius` must be"),
-        ("nlm-exhaustive", {"iterations": 0}, "`iterations` must be"),
-        ("nlm-exhaustive", {"search": "magic"}, "`search` must be one of"),
+        ("nlm:search-radius=7", "The method 'nlm' has no option 'search-radius'"),
+        ("blend:patch-radius=3", "has no option 'patch-radius'"),
+        ("dis:block-size=8", "has no option 'block-size'"),
+        ("block:pattern=spiral", "`pattern` must be one of full, three-step, diamond"),
+        ("dis:cuts=None", "has no option 'cuts'"),
+        ("nlm:patch-radius=99", "`patch_radius` must be"),
+        ("nlm-exhaustive:iterations=0", "`iterations` must be"),
+        ("nlm-exhaustive:search=magic", "`search` must be one of"),
     ],
 )
-def test_options_of_other_methods_and_bad_values_are_refused(method, options, message):
-    """With the name of the option as the command line knows it."""
+def test_options_of_other_methods_and_bad_values_are_refused(method, message):
+    """With the name of the option, and the values that it may have."""
     with pytest.raises(OptionError, match=message):
-        configure(methods[method], method, options)
+        find_method(method)
 
 
 def test_one_image_is_one_call():

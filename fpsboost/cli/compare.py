@@ -14,13 +14,15 @@ from contextlib import ExitStack
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple
 
 from cyclopts import Group, Parameter
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
 
+import fpsboost
+from fpsboost import evaluation
 from fpsboost.cli import messages
 from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import (
@@ -37,14 +39,6 @@ from fpsboost.errors import OptionError, choose_one
 from fpsboost.io.new_output import check_new_folder, check_writable
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.options import words_of_options
-
-if TYPE_CHECKING:
-    from fpsboost.evaluation.contestants import Contestant
-    from fpsboost.evaluation.export import Row
-    from fpsboost.evaluation.hidden_frames import Interval
-    from fpsboost.evaluation.results import ComparedClip, Comparison
-    from fpsboost.render.folder import VectorFolder
-
 
 EXIT_BELOW_LIMIT = 3  # exit code of a comparison that ends below ``--fail-under``
 
@@ -76,14 +70,12 @@ def compare(
         Further ones.
     """
     from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
-    from fpsboost.evaluation.further_metrics import choose_metrics  # noqa: PLC0415
-    from fpsboost.evaluation.hidden_frames import Hiding, parse_range  # noqa: PLC0415
-    from fpsboost.evaluation.results import ComparedClip  # noqa: PLC0415
-    from fpsboost.evaluation.verdict import means_over_clips  # noqa: PLC0415
-    from fpsboost.method_table import find_method  # noqa: PLC0415
 
     console = Console(highlight=False, quiet=results.quiet)
-    inputs, hiding = [input, *more], Hiding(frames.skip, *parse_range(frames.range or ":"), decoding, frames.duplicates)
+    inputs, hiding = (
+        [input, *more],
+        evaluation.Hiding(frames.skip, *evaluation.parse_range(frames.range or ":"), decoding, frames.duplicates),
+    )
     others = name_others(contest.frames_of, contest.peer)
     check_several(inputs, contest)
     rendered = {clip: contest.rendered.of_clip(clip) for clip in inputs}
@@ -96,7 +88,7 @@ def compare(
         asked = split_methods(contest.methods)[0]
         if ours and asked in skipped:
             raise OptionError(f"--fail-under asks about {asked}, which cannot be run here; name another method first.")
-    metrics = choose_metrics(results.metrics)
+    metrics = evaluation.choose_metrics(results.metrics)
     check_results(results)
     for clip in more:  # the first one says so soon enough
         next(hiding.intervals(clip))
@@ -116,15 +108,15 @@ def compare(
                     rendered=tuple(words_of_options(rendered[clip])),
                     others=others.words(),
                     vectors=folders[clip],
-                    cuts=at_cuts.applied_to(find_method("nlm")).cuts,
+                    cuts=at_cuts.applied_to(fpsboost.find_method("nlm")).cuts,
                     cut_options=tuple(words_of_options(at_cuts)),
                     metrics=metrics,
                 )
             print_comparison(comparison, contestants, console)
-            compared.append(ComparedClip(comparison, contestants))
+            compared.append(evaluation.ComparedClip(comparison, contestants))
         write_results(compared, results, console)
     if results.fail_under is not None:
-        first = next(means_over_clips([clip.comparison for clip in compared]))
+        first = next(evaluation.means_over_clips([clip.comparison for clip in compared]))
         if first.mean < results.fail_under:
             reached = (
                 f"{first.method} reaches {first.mean:.2f} dB, below the {results.fail_under:g} dB of --fail-under."
@@ -133,11 +125,11 @@ def compare(
             sys.exit(EXIT_BELOW_LIMIT)
 
 
-def print_comparison(comparison: Comparison, contestants: Mapping[str, Contestant], console: Console) -> None:
+def print_comparison(
+    comparison: evaluation.Comparison, contestants: Mapping[str, evaluation.Contestant], console: Console
+) -> None:
     """Print what to take, the tables, the remarks and the rest of the verdict."""
-    from fpsboost.evaluation.verdict import judge  # noqa: PLC0415
-
-    advice, *reasons = judge(comparison).sentences
+    advice, *reasons = evaluation.judge(comparison).sentences
     console.print(sentence(advice), style="bold", soft_wrap=True)
     for table in tables(comparison):
         console.print(table)
@@ -145,22 +137,19 @@ def print_comparison(comparison: Comparison, contestants: Mapping[str, Contestan
         console.print(sentence(line))
 
 
-def write_results(compared: Sequence[ComparedClip], results: ResultOptions, console: Console) -> None:
+def write_results(compared: Sequence[evaluation.ComparedClip], results: ResultOptions, console: Console) -> None:
     """Print what several clips come to, and write the files and the page that are asked for."""
-    from fpsboost.evaluation.export import mean_rows, write_csv, write_json  # noqa: PLC0415
-    from fpsboost.evaluation.verdict import judge_all  # noqa: PLC0415
-
     comparisons = [clip.comparison for clip in compared]
     if len(comparisons) > 1:
-        advice, *reasons = judge_all(comparisons)
+        advice, *reasons = evaluation.judge_all(comparisons)
         console.print(sentence(advice), style="bold", soft_wrap=True)
         names = ["mean", *(literal(Path(each.clip).name) for each in comparisons)]
-        means = figure_table("PSNR", f"{len(comparisons)} clips", names, mean_rows(comparisons))
+        means = figure_table("PSNR", f"{len(comparisons)} clips", names, evaluation.mean_rows(comparisons))
         console.print(means, *map(sentence, reasons), sep="\n")
     if results.json is not None:
-        write_json(Path(results.json), comparisons)
+        evaluation.write_json(Path(results.json), comparisons)
     if results.csv is not None:
-        write_csv(Path(results.csv), comparisons)
+        evaluation.write_csv(Path(results.csv), comparisons)
     if results.report is not None:
         from fpsboost.evaluation.report.page import write_report  # noqa: PLC0415 (the drawing code is slow to import)
 
@@ -181,7 +170,7 @@ def check_several(inputs: Sequence[str], contest: ContestOptions) -> None:
     check_named_once(inputs)
 
 
-def match_vectors(clip: str, vectors: VectorFolder) -> VectorFolder:
+def match_vectors(clip: str, vectors: fpsboost.VectorFolder) -> fpsboost.VectorFolder:
     """Match a renderer's vectors with the frames of a clip by number if both have numbers."""
     from fpsboost.io.images.source import find_numbers  # noqa: PLC0415
 
@@ -203,43 +192,38 @@ def check_results(results: ResultOptions) -> None:
         taken.append(place)
 
 
-def tables(comparison: Comparison) -> list[Table]:
+def tables(comparison: evaluation.Comparison) -> list[Table]:
     """Return tables, best method first: overall figures; errors by area, if one is large enough; further metrics."""
-    from fpsboost.evaluation.export import area_rows, further_rows, overall_rows  # noqa: PLC0415
-    from fpsboost.evaluation.further_metrics import metrics  # noqa: PLC0415
-
     title = f"{literal(comparison.clip)}: {len(comparison.hidden)} frames of {comparison.kind}"
     figures = ["PSNR", "PSNR P5", "SSIM", "MAE", "MSE", "CPU s", "wall s"]
-    all_tables = [figure_table("method", title, figures, overall_rows(comparison))]
+    all_tables = [figure_table("method", title, figures, evaluation.overall_rows(comparison))]
     if comparison.areas:
         areas = chain.from_iterable(comparison.areas)
-        all_tables.append(figure_table("MAE", "where the errors are", areas, area_rows(comparison)))
+        all_tables.append(figure_table("MAE", "where the errors are", areas, evaluation.area_rows(comparison)))
     if comparison.metrics:
-        titles = [metrics[name].title for name in comparison.metrics]
-        all_tables.append(figure_table("method", "further metrics", titles, further_rows(comparison)))
+        titles = [evaluation.metrics[name].title for name in comparison.metrics]
+        all_tables.append(figure_table("method", "further metrics", titles, evaluation.further_rows(comparison)))
     return all_tables
 
 
-def figure_table(name: str, title: str, figures: Iterable[str], rows: Sequence[Row]) -> Table:
+def figure_table(name: str, title: str, figures: Iterable[str], rows: Sequence[evaluation.Row]) -> Table:
     """Return a table with a row for each method, the first one highlighted if there are several."""
-    from fpsboost.evaluation.report.styles import break_name  # noqa: PLC0415
-
     columns = (Column(figure, justify="right", overflow="fold") for figure in figures)
     table = Table(Column(name, overflow="fold"), *columns, title=title)
     for place, row in enumerate(rows):
         style = "bold green" if place == 0 and len(rows) > 1 else ""
-        table.add_row("\n".join(map(literal, break_name(row.name))), *(cell.text for cell in row.cells), style=style)
+        table.add_row(
+            "\n".join(map(literal, evaluation.break_name(row.name))), *(cell.text for cell in row.cells), style=style
+        )
     return table
 
 
-def remarks(comparison: Comparison, contestants: Mapping[str, Contestant]) -> list[str]:
+def remarks(comparison: evaluation.Comparison, contestants: Mapping[str, evaluation.Contestant]) -> list[str]:
     """Return the remarks below the tables."""
-    from fpsboost.evaluation.further_metrics import metrics  # noqa: PLC0415
-
     shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in comparison.shares.items())
     units = "PSNR in dB, P5 its 5th percentile; MAE and MSE in levels of 255; times of a frame."
     lines = [f"{units} Of the picture: {shares}."]
-    lines += [metrics[name].meaning for name in comparison.metrics]
+    lines += [evaluation.metrics[name].meaning for name in comparison.metrics]
     if comparison.cuts:
         are = "frame across a scene cut is" if len(comparison.cuts) == 1 else "frames across a scene cut are"
         lines.append(f"Note: {len(comparison.cuts)} {are} not counted.")
@@ -295,25 +279,17 @@ def split_methods(texts: Sequence[str]) -> list[str]:
 
 
 def choose(
-    texts: Sequence[str], vectors: VectorFolder | None, cuts: CutOptions = CutOptions()
-) -> tuple[dict[str, Contestant], dict[str, str]]:
+    texts: Sequence[str], vectors: fpsboost.VectorFolder | None, cuts: CutOptions = CutOptions()
+) -> tuple[dict[str, evaluation.Contestant], dict[str, str]]:
     """Return the methods of ``--methods``, and those that cannot be run with the reason."""
-    from fpsboost.evaluation.contestants import (  # noqa: PLC0415
-        MINTERPOLATE,
-        InterpolatorContestant,
-        Minterpolate,
-        method_names,
-    )
     from fpsboost.method_table import (  # noqa: PLC0415
-        find_method,
         may_use_vectors,
-        methods,
         split_method,
         vector_methods,
     )
 
-    names = method_names()
-    contestants: dict[str, Contestant] = {}
+    names = evaluation.method_names()
+    contestants: dict[str, evaluation.Contestant] = {}
     skipped: dict[str, str] = {}
     for method in split_methods(texts):
         for text in names if method == "all" else [method]:
@@ -322,12 +298,12 @@ def choose(
                 raise OptionError(f"There is no method {name!r}; {choose_one(name, [*names, 'all'])}")
             if name in vector_methods and vectors is None:
                 skipped[text] = "it needs the renderer's motion vectors (--vectors)"
-            elif name == MINTERPOLATE:
-                contestants[text] = Minterpolate.with_options(options)
+            elif name == evaluation.MINTERPOLATE:
+                contestants[text] = evaluation.Minterpolate.with_options(options)
             else:
-                takes_vectors = name in vector_methods or may_use_vectors(methods[name])
-                method_of_text = find_method(text, vectors if takes_vectors else None)
-                contestants[text] = InterpolatorContestant(cuts.applied_to(method_of_text))
+                takes_vectors = name in vector_methods or may_use_vectors(fpsboost.methods[name])
+                method_of_text = fpsboost.find_method(text, vectors if takes_vectors else None)
+                contestants[text] = evaluation.InterpolatorContestant(cuts.applied_to(method_of_text))
     return contestants, skipped
 
 
@@ -346,26 +322,22 @@ class Others(NamedTuple):
         )
 
     def contestants(
-        self, intervals: Callable[[], Iterable[Interval]], scratch: Path, begin: Callable[[str, None], None]
-    ) -> Iterator[tuple[str, Contestant]]:
+        self, intervals: Callable[[], Iterable[evaluation.Interval]], scratch: Path, begin: Callable[[str, None], None]
+    ) -> Iterator[tuple[str, evaluation.Contestant]]:
         """Match the folders to the clip of `intervals`, and run the commands, whose frames stay in `scratch`."""
-        from fpsboost.evaluation.peers import find_frames, run_peer  # noqa: PLC0415
 
         for name, folder in self.folders.items():
             begin(name, None)
-            yield name, find_frames(name, Path(folder), intervals())
+            yield name, evaluation.find_frames(name, Path(folder), intervals())
         for name, command in self.commands.items():
             begin(name, None)
-            yield name, run_peer(name, command, intervals(), Path(tempfile.mkdtemp(dir=scratch)))
+            yield name, evaluation.run_peer(name, command, intervals(), Path(tempfile.mkdtemp(dir=scratch)))
 
 
 def name_others(frames: Sequence[str], peers: Sequence[str]) -> Others:
     """Parse ``--frames NAME=FOLDER`` and ``--peer NAME=COMMAND``, each given any number of times."""
-    from fpsboost.evaluation.contestants import method_names  # noqa: PLC0415
-    from fpsboost.evaluation.peers import split_command  # noqa: PLC0415
-
     others = Others({}, {})
-    taken = {*method_names(), "all", "truth"}
+    taken = {*evaluation.method_names(), "all", "truth"}
     for option, texts, value, found in (
         ("--frames", frames, "FOLDER", others.folders),
         ("--peer", peers, "'COMMAND {in} {out}'", others.commands),
@@ -378,5 +350,5 @@ def name_others(frames: Sequence[str], peers: Sequence[str]) -> Others:
                 raise OptionError(f"{option} {name!r} is the name of another method; choose one of your own.")
             found[name] = rest
     for name, command in others.commands.items():
-        split_command(name, command)
+        evaluation.split_command(name, command)
     return others

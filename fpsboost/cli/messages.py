@@ -17,7 +17,7 @@ import unicodedata
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
 from io import TextIOWrapper
-from typing import IO, TYPE_CHECKING, Any, Self, TextIO
+from typing import IO, Any, Self, TextIO
 
 from rich.console import Console
 from rich.markup import escape
@@ -25,17 +25,12 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, Tex
 from rich.table import Column, Table
 from rich.text import Text
 
+import fpsboost
 from fpsboost.cli.options import MessageOptions, in_flags
 from fpsboost.errors import notes_of, rounded
 from fpsboost.timing.position import as_ranges, format_time
 from fpsboost.timing.rate import readable
 from fpsboost.version import __version__
-
-if TYPE_CHECKING:
-    from fpsboost.contracts import Summary
-    from fpsboost.frame import ClipInfo
-    from fpsboost.interpolator import Interpolator
-
 
 STANDARD_ERROR = 2
 WIDTHS = range(20, 2001)
@@ -223,7 +218,7 @@ class Reporter(ExitStack):
         self.enter_context(self._progress)
         return self
 
-    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
+    def opened(self, info: fpsboost.ClipInfo, expected_frames: int | None) -> None:
         if self._verbose:
             count = "an unknown number of" if info.frame_count is None else info.frame_count
             self._say(f"{info.name}: {info.width}x{info.height}, {count} frames at {readable(info.rate)} fps")
@@ -236,18 +231,18 @@ class Reporter(ExitStack):
         if self._task is not None:
             self._progress.start_task(self._task)
 
-    def wrote(self, summary: Summary) -> None:
+    def wrote(self, summary: fpsboost.Summary) -> None:
         if self._task is not None:
             self._progress.update(self._task, completed=summary.frames_out)
 
-    def say_settings(self, method: str, interpolator: Interpolator) -> None:
+    def say_settings(self, method: str, interpolator: fpsboost.Interpolator) -> None:
         """Print every option in use, if --verbose is given."""
         if self._verbose:
             self._say(f"fpsboost {__version__}, method {method}")
             for part in (interpolator.estimator, interpolator.synthesizer, interpolator.cuts or "no scene cuts"):
                 self._say(f"  {part}")
 
-    def say_summary(self, summary: Summary, *, in_place: bool = False) -> None:
+    def say_summary(self, summary: fpsboost.Summary, *, in_place: bool = False) -> None:
         """Print what was made of how many frames, and every remark; `in_place`, also how many images were added."""
         frames = f"{summary.frames_in} -> {summary.frames_out} frame{'s' if summary.frames_out != 1 else ''}"
         frames += f", {summary.frames_out - summary.frames_in} added" * in_place
@@ -292,7 +287,7 @@ class JsonReporter(ExitStack):
         self._output, self._frames = output, 0
         self._expected: int | None = None
 
-    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
+    def opened(self, info: fpsboost.ClipInfo, expected_frames: int | None) -> None:
         self._expected = expected_frames
         self._print("opened")
 
@@ -300,14 +295,14 @@ class JsonReporter(ExitStack):
         collect_from_here_on()
         self._print("ready")
 
-    def wrote(self, summary: Summary) -> None:
+    def wrote(self, summary: fpsboost.Summary) -> None:
         self._frames = summary.frames_out
         self._print("converting", fps=_speed(summary))
 
-    def say_settings(self, method: str, interpolator: Interpolator) -> None:
+    def say_settings(self, method: str, interpolator: fpsboost.Interpolator) -> None:
         """Do nothing: the program knows what it has asked for."""
 
-    def say_summary(self, summary: Summary, *, in_place: bool = False) -> None:
+    def say_summary(self, summary: fpsboost.Summary, *, in_place: bool = False) -> None:
         """Print the counts and remarks; `frames_made` are those that were added `in_place`.
 
         Nothing is least certain if nothing was made between two frames of a scene.
@@ -349,5 +344,5 @@ def print_object(**values: Any) -> None:
     sys.stderr.flush()
 
 
-def _speed(summary: Summary) -> float:
+def _speed(summary: fpsboost.Summary) -> float:
     return round((summary.frames_out - summary.completed_frames) / max(summary.seconds, 1e-9), 2)

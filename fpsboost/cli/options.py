@@ -9,18 +9,33 @@ import inspect
 import os
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, is_dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from cyclopts import Group, Parameter
 
+import fpsboost
 from fpsboost.cluster import ClusterOptions
 from fpsboost.errors import OptionError
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.memory import MemoryLimit, parse_memory
-from fpsboost.options import Checked, Flag, Range, flags_of, given_in, option, options_from
+from fpsboost.options import (
+    LEAST_CONFIDENCE,
+    AtCuts,
+    Checked,
+    Duplicates,
+    Flag,
+    Pattern,
+    Range,
+    Uncertain,
+    flags_of,
+    given_in,
+    one_of,
+    option,
+    options_from,
+)
 from fpsboost.render.convention import ConventionName
 from fpsboost.rerender.options import MergeOptions, PlanOptions
 from fpsboost.run_options import RunOptions
@@ -28,9 +43,6 @@ from fpsboost.timing.position import Position, parse_positions
 from fpsboost.timing.rate import OutputRate
 
 if TYPE_CHECKING:
-    from fpsboost.interpolator import Interpolator
-    from fpsboost.render.folder import VectorFolder
-
     PathName = str
 else:
     PathName = str | Path
@@ -72,10 +84,10 @@ class RenderedOptions:
             raise OptionError("--vectors-as says what --vectors holds; give that too, or leave it out.")
 
     @property
-    def folder(self) -> VectorFolder | None:
-        from fpsboost.render.folder import VectorFolder  # noqa: PLC0415
-
-        return None if self.vectors is None else VectorFolder(self.vectors, self.depth, self.vector_convention)
+    def folder(self) -> fpsboost.VectorFolder | None:
+        if self.vectors is None:
+            return None
+        return fpsboost.VectorFolder(self.vectors, self.depth, self.vector_convention)
 
     def of_clip(self, clip: str) -> RenderedOptions:
         """Return what belongs to a clip, whose name replaces ``{in}``."""
@@ -87,21 +99,22 @@ class RenderedOptions:
 class TuningOptions:
     """Some options of methods as flags: ``--patch-radius 4`` stands for ``--method nlm:patch-radius=4``.
 
-    They are named like the fields of estimators and synthesizers. None leaves what the method has.
+    They are named like the fields of estimators and synthesizers, and their texts are read and checked where those
+    behind the name of a method are. None leaves what the method has.
     """
 
-    patch_radius: int | None = option(None, "nlm*: patch radius, pixels.")
-    v: float | None = option(None, "nlm*: similarity bandwidth, for colours from 0 to 1.")
-    search_radius: int | None = option(None, "nlm-exhaustive: largest motion, pixels; else auto.")
-    block_size: int | None = option(None, "block: block size, pixels.")
-    search_range: int | None = option(None, "block: largest motion, pixels.")
-    pattern: Literal["full", "three-step", "diamond"] | None = option(
-        None, "block: search pattern, full, three-step or diamond."
+    patch_radius: str | None = option(None, "nlm*: patch radius, pixels.", metavar="N")
+    v: str | None = option(None, "nlm*: similarity bandwidth, for colours from 0 to 1.", metavar="X")
+    search_radius: str | None = option(None, "nlm-exhaustive: largest motion, pixels; else auto.", metavar="N")
+    block_size: str | None = option(None, "block: block size, pixels.", metavar="N")
+    search_range: str | None = option(None, "block: largest motion, pixels.", metavar="N")
+    pattern: str | None = option(
+        None, f"block: search pattern, {one_of(Pattern)}.", choices=get_args(Pattern), metavar="HOW"
     )
 
     def behind(self, method: str) -> str:
         """Return a method with the options that are given behind its name and its own."""
-        given = ",".join(f"{name}={value}" for name, value in asdict(self).items() if value is not None)
+        given = ",".join(f"{flag.removeprefix('--')}={value}" for flag, value in given_in(self))
         return f"{method}{',' if ':' in method else ':'}{given}" if given else method
 
 
@@ -115,16 +128,14 @@ class MethodOptions:
         short="m",
         choices=METHODS,
     )
-    duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate or keep.")
+    duplicates: Duplicates = option("interpolate", f"Repeats: {one_of(Duplicates)}.")
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
-    uncertain: Literal["keep", "blend", "nearest", "hold"] = option("keep", "If unsure: keep, blend, nearest or hold.")
-    below: float = option(0.4, "Motion is unsure below this confidence.")
+    uncertain: Uncertain = option("keep", f"If unsure: {one_of(Uncertain)}.")
+    below: float = option(LEAST_CONFIDENCE, "Motion is unsure below this confidence.")
     rendered: RenderedOptions = RenderedOptions()
 
-    def interpolator(self, tuning: TuningOptions = TuningOptions()) -> Interpolator:
-        from fpsboost.method_table import find_method  # noqa: PLC0415
-
-        interpolator = find_method(tuning.behind(self.method), self.rendered.folder)
+    def interpolator(self, tuning: TuningOptions = TuningOptions()) -> fpsboost.Interpolator:
+        interpolator = fpsboost.find_method(tuning.behind(self.method), self.rendered.folder)
         interpolator = replace(interpolator, match_grain=self.match_grain, uncertain=self.uncertain, below=self.below)
         return interpolator if self.duplicates == "interpolate" else replace(interpolator, duplicates=None)
 
@@ -133,15 +144,15 @@ class MethodOptions:
 class CutOptions(Checked):
     """Options for where scenes end, and for what is shown there."""
 
-    at_cuts: Literal["repeat", "blend", "extrapolate"] = option("repeat", "At a cut: repeat, blend or extrapolate.")
+    at_cuts: AtCuts = option("repeat", f"At a cut: {one_of(AtCuts)}.")
     cut_threshold: Annotated[float, Range(0, 1)] | None = option(
         None, "Frames less alike than this are a cut: 0 to 1; else 0.5."
     )
     no_cuts: bool = option(False, "Treat the clip as one scene.")
     cuts: str | None = option(None, "Cut list: a time or frame per line, or PySceneDetect's.", metavar="FILE")
 
-    def applied_to(self, interpolator: Interpolator) -> Interpolator:
-        from fpsboost.analysis.scene_cuts import CutDetector, read_cuts  # noqa: PLC0415
+    def applied_to(self, interpolator: fpsboost.Interpolator) -> fpsboost.Interpolator:
+        from fpsboost.analysis.scene_cuts import read_cuts  # noqa: PLC0415
 
         names = [name for name, _ in given_in(self) if name != "--at-cuts"]
         if len(names) > 1:
@@ -151,7 +162,7 @@ class CutOptions(Checked):
             policy = None
         elif self.cuts is not None:
             policy = read_cuts(self.cuts)
-        elif self.cut_threshold is not None and isinstance(policy, CutDetector):
+        elif self.cut_threshold is not None and isinstance(policy, fpsboost.CutDetector):
             policy = replace(policy, threshold=self.cut_threshold)
         return replace(interpolator, cuts=policy, at_cuts=self.at_cuts)
 
@@ -188,7 +199,7 @@ class HidingOptions:
 
     range: str | None = option(None, "Frames A to B - 1, counted from 0; also A: or :B.", metavar="A:B")
     skip: int = option(1, "Hidden frames between two shown ones.")
-    duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate (unscored) or keep.")
+    duplicates: Duplicates = option("interpolate", "Repeats: interpolate (unscored) or keep.")
 
 
 @dataclass(frozen=True)
@@ -264,7 +275,7 @@ class PreviewOptions:
     methods: tuple[str, ...] = option(
         ("nlm",), "As in compare: separated by commas, options after a\ncolon.", short="m", metavar="NAMES"
     )
-    duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate or keep.")
+    duplicates: Duplicates = option("interpolate", f"Repeats: {one_of(Duplicates)}.")
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
     side_by_side: str | None = option(None, "Write the passages, before and after, as a video too.", metavar="FILE")
     overwrite: bool = option(False, "Replace an existing page and video.", short="y")

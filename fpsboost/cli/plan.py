@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Group, Parameter
 from rich.console import Console
 from rich.table import Table
 
+import fpsboost
 from fpsboost.cli.messages import console, fact_table, literal, sentence
 from fpsboost.cli.options import MethodOptions, PathName, PlannedMethodOptions, with_flags
 from fpsboost.rerender.options import MergeOptions, PlanOptions
-
-if TYPE_CHECKING:
-    from fpsboost.rerender.planning import RerenderPlan
 
 budget, method = Group("Regions", sort_key=1), Group("Method", sort_key=2)
 merge_options = Group("Options", sort_key=1)
@@ -37,16 +35,14 @@ def plan(
     folder
         A new folder for plan.json and a mask for every frame.
     """
-    from fpsboost.rerender.planning import plan_rerender  # noqa: PLC0415
-
     interpolator = MethodOptions(motion.method, rendered=motion.rendered).interpolator()
     with Console(stderr=True, quiet=motion.quiet).status("making frames whose truth is known"):
-        table = plan_table(plan_rerender(input, folder, options, method=interpolator), folder)
+        table = plan_table(fpsboost.plan_rerender(input, folder, options, method=interpolator), folder)
     if not motion.quiet:
         Console(highlight=False).print(table)
 
 
-def plan_table(plan: RerenderPlan, folder: str) -> Table:
+def plan_table(plan: fpsboost.RerenderPlan, folder: str) -> Table:
     """Return what was planned, one name and value per row."""
     started = [frame for frame in plan.frames if frame.regions]
     regions = sum(len(frame.regions) for frame in started)
@@ -86,10 +82,8 @@ def merge(
     quiet
         Print errors only.
     """
-    from fpsboost.rerender.merging import merge_regions  # noqa: PLC0415
-
     with Console(stderr=True, quiet=quiet).status("merging"):
-        summary = merge_regions(images, rendered, output, options)
+        summary = fpsboost.merge_regions(images, rendered, output, options)
     errors = console(quiet=quiet)
     errors.print(
         sentence(

@@ -13,14 +13,11 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from fpsboost import OptionError
+import fpsboost
 from fpsboost.extension import available_cores, option
 
 if TYPE_CHECKING:
     from distributed import Client
-
-    from fpsboost import ConversionJob, RunOptions, Summary
-
 
 LOCAL = "local"
 """Address that stands for workers on this machine."""
@@ -45,22 +42,19 @@ class ClusterOptions:
 
     def __post_init__(self) -> None:
         if self.cluster is not None and self.cluster != LOCAL and not re.match(r"(tcp|tls)://[^/]+:\d+$", self.cluster):
-            raise OptionError(
+            raise fpsboost.OptionError(
                 f"`cluster` must be local, or the address of a scheduler such as tls://host:8786, not {self.cluster}."
             )
 
 
-def convert_where(where: ClusterOptions, job: ConversionJob, run: RunOptions) -> Summary:
+def convert_where(where: ClusterOptions, job: fpsboost.ConversionJob, run: fpsboost.RunOptions) -> fpsboost.Summary:
     """Convert a clip in this process, on local workers or on a cluster, as options specify; the output is the same."""
-    # imported here because the command line reads the options for --help
-    from fpsboost import convert_job  # noqa: PLC0415
-
     if where.cluster is None:
-        return convert_job(job, run)
+        return fpsboost.convert_job(job, run)
     try:
         from fpsboost.cluster import dask_engine  # noqa: PLC0415
     except ImportError as error:
-        raise OptionError("`cluster` needs Dask; install it with: pip install 'fpsboost[cluster]'.") from error
+        raise fpsboost.OptionError("`cluster` needs Dask; install it with: pip install 'fpsboost[cluster]'.") from error
     if where.cluster == LOCAL:
         with dask_engine.local_client(_affordable_workers(job, run)) as client:
             return dask_engine.convert(job, client, run=run)
@@ -74,7 +68,7 @@ def convert_where(where: ClusterOptions, job: ConversionJob, run: RunOptions) ->
     return summary
 
 
-def _affordable_workers(job: ConversionJob, run: RunOptions) -> int:
+def _affordable_workers(job: fpsboost.ConversionJob, run: fpsboost.RunOptions) -> int:
     """Return the number of workers with one thread that the cores and the memory of this machine suffice for."""
     from fpsboost.extension import memory_limit, opened_clip  # noqa: PLC0415
 
@@ -84,7 +78,7 @@ def _affordable_workers(job: ConversionJob, run: RunOptions) -> int:
     return memory_limit(job, run).affordable_processes(info.width, info.height, available_cores(), planes)
 
 
-def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None) -> Summary:
+def convert(job: fpsboost.ConversionJob, client: Client, *, run: fpsboost.RunOptions | None = None) -> fpsboost.Summary:
     """Convert a clip on the workers of a Dask cluster; the output is that of one process.
 
     Workers need the versions of this process, and the input under the same path. If they have access to the folder of

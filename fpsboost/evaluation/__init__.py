@@ -11,4 +11,10 @@ tables and data, and `report` writes the page. `compare` runs all of it:
 >>> contestants = {name: InterpolatorContestant(methods[name]) for name in ("nlm", "blend")}
 >>> comparison = compare("clip.mp4", contestants, Hiding(skip=1), observer)  # doctest: +SKIP
 >>> comparison.means(comparison.methods[0]).psnr  # doctest: +SKIP
+
+The names that other rooms use are listed in ``__init__.pyi`` and loaded at first use.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

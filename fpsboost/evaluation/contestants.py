@@ -100,21 +100,18 @@ class InterpolatorContestant:
     def _timed(
         self, pair: Pair, chosen: Sequence[Hidden], before: Pair | None, after: Pair | None
     ) -> Iterator[InterpolatedFrame]:
-        begin, begin_cpu = time.perf_counter(), time.process_time()
         images = self.interpolator.images(pair, [hidden.t for hidden in chosen], before, after)
         for hidden in chosen:
+            begin, begin_cpu = time.perf_counter(), time.process_time()
             image = view(next(images).image).array()
             seconds, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
             yield InterpolatedFrame(hidden.number, image, seconds, cpu, pair.search_radius)
-            begin, begin_cpu = time.perf_counter(), time.process_time()
 
     def _pairs(self, intervals: Iterable[Interval]) -> Iterator[tuple[Interval, Pair]]:
         last: FrameCache | None = None
         for interval in intervals:
             first, image = interval.prepared(with_layers=self.interpolator.takes_layers)
-            if last is None:
-                last = first
-            yield interval, self.interpolator.pair(last, image, interval.shown1.time - interval.shown0.time)
+            yield interval, self.interpolator.pair(last or first, image, interval.shown1.time - interval.shown0.time)
             last = image
 
     def describe(self) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import islice, pairwise
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -23,13 +23,10 @@ from fpsboost.image import Image
 from fpsboost.io.opening import PIPES, TargetRequirements, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.layered import FrameImage
-from fpsboost.options import Checked, Range, words_of, words_of_options
+from fpsboost.options import Checked, Duplicates, Range, words_of, words_of_options
 from fpsboost.preparation import trim_source
 from fpsboost.streaming import beginning
 from fpsboost.timing.schedule import ByRate, rising_time
-
-Duplicates = Literal["interpolate", "keep"]
-"""Treatment of repeated frames: grouped as in a conversion, or kept as frames of their own."""
 
 WHOLE = "0:"
 """Range of the whole clip."""

@@ -93,7 +93,8 @@ def interpolate(
     fps_num, fps_den : int, optional
         Output frames per second, as a fraction, instead of the factor; `fps_den` is 1 by default.
     method : str or Interpolator
-        A name from `fpsboost.methods`, or an object, whose `duplicates` is not used.
+        A name as `fpsboost.find_method` takes it, with options: ``nlm:fusion=plain``; or an object, whose `duplicates`
+        is not used.
     sc : bool
         Whether scenes end: where ``_SceneChangeNext`` of a frame or ``_SceneChangePrev`` of the next one says so, and,
         between frames that have neither, where the method's own policy finds a cut. False follows motion between any

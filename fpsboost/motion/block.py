@@ -7,7 +7,7 @@ cheapest prediction and not necessarily the true motion.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,7 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, check_pair
 from fpsboost.kernels.block import SearchPlan, match_blocks
 from fpsboost.motion.field import MotionField
-from fpsboost.options import Checked, Range
-
-Pattern = Literal["full", "three-step", "diamond"]
-"""Search pattern: every offset of the range, or one of two fast searches that follow the best position so far."""
+from fpsboost.options import Checked, Pattern, Range
 
 ZERO_OFFSET = np.array([(0, 0)], np.int32)
 SQUARE_OFFSETS = np.array([(-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)], np.int32)

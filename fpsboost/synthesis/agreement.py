@@ -10,7 +10,7 @@ The fallback replaces uncertain pixels by the two frames themselves, mixed or th
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any
 
 import cv2
 import numpy as np
@@ -20,6 +20,7 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels, view
 from fpsboost.kernels.window_samples import END_WEIGHT
 from fpsboost.motion.field import MotionField
+from fpsboost.options import Uncertain
 from fpsboost.synthesis import FramePair
 
 BANDWIDTH = 0.3
@@ -118,10 +119,6 @@ def _comparable(image: Pixels) -> NDArray[Any]:
     """Return an image as the agreement compares it; a function for `FrameCache.cached`."""
     return view(image).comparable()
 
-
-Uncertain = Literal["keep", "blend", "nearest", "hold"]
-"""Fallback for uncertain pixels: none (keep), the mix of both frames, the nearer frame, or the nearer frame for a whole
-image of which too much is uncertain (hold)."""
 
 RAMP = 0.1
 """Difference of confidence from the limit at which the weight of the fallback reaches 0 or 1."""

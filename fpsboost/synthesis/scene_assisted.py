@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,15 +22,8 @@ from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.agreement import measure_agreement_along
 from fpsboost.synthesis.blend import Blend
 
-
-class _Neighbour(NamedTuple):
-    """One of the two frames relative to an in-between frame."""
-
-    image: FrameCache
-    flow: NDArray[Any]
-    """Motion from the in-between frame to this frame, (H, W, 2) float32."""
-    weight: float
-    """Weight of this frame where both are visible."""
+Flow = NDArray[Any]
+"""Motion from an in-between frame to one of the two frames, (H, W, 2) float32."""
 
 
 @dataclass(frozen=True)
@@ -80,38 +73,35 @@ class SceneAssisted(Checked):
         """Generate the images of `synthesize` with the agreement of both frames where the vectors lead."""
         image0, image1 = frame_pair.image0, frame_pair.image1
         for image, t in zip(self.synthesize(frame_pair, times), times, strict=True):
-            _, neighbours = self._neighbours(image0, image1, t)
-            flows = [neighbour.flow for neighbour in neighbours]
+            _, *flows = self._flows(image0, image1, t)
             yield InterpolatedImage(image, measure_agreement_along(image0, image1, *flows))
 
-    def _neighbours(self, image0: FrameCache, image1: FrameCache, t: float) -> tuple[FrameVectors, list[_Neighbour]]:
-        """Return the vectors of the in-between frame, and the two frames as its vectors lead to them."""
+    def _flows(self, image0: FrameCache, image1: FrameCache, t: float) -> tuple[FrameVectors, Flow, Flow]:
+        """Return the vectors of the in-between frame, and the motion from it to each of the two frames."""
         place0, place1 = image0.output_position, image1.output_position
         number = output_frame_between(place0, place1, t)
         assert place0 is not None, "else there would be no frame between"
         assert place1 is not None
         here, step = self.vectors.for_image(number, image0.array), self.vectors.step
-        return here, [
-            _Neighbour(image0, here.backward * np.float32((number - place0) * step), 1 - t),
-            _Neighbour(image1, here.forward * np.float32((place1 - number) * step), t),
-        ]
+        to_first = here.backward * np.float32((number - place0) * step)
+        return here, to_first, here.forward * np.float32((place1 - number) * step)
 
     def _image_at(self, frame_pair: FramePair, t: float) -> Image:
         """Return the in-between frame at time t."""
         image0, image1 = frame_pair.image0, frame_pair.image1
-        here, neighbours = self._neighbours(image0, image1, t)
+        here, *flows = self._flows(image0, image1, t)
         weights, colours = [], []
-        for neighbour in neighbours:
+        for image, flow, weight in zip((image0, image1), flows, (1 - t, t), strict=True):
             height, width = here.backward.shape[:2]
             y, x = np.mgrid[:height, :width].astype(np.float32)
-            x, y = x + neighbour.flow[..., 0], y + neighbour.flow[..., 1]
+            x, y = x + flow[..., 0], y + flow[..., 1]
             seen = (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)
             if here.depth is not None:
-                there = self.vectors.for_image(frame_number(neighbour.image.output_position), image0.array).depth
+                there = self.vectors.for_image(frame_number(image.output_position), image0.array).depth
                 assert there is not None, "all frames of a folder have depth, or none"
                 seen &= _at_nearest(there, x, y) >= here.depth * np.float32(1 - self.depth_tolerance)
-            weights.append(seen * np.float32(neighbour.weight))
-            colours.append(_between_pixels(neighbour.image.cached(premultiplied), x, y))
+            weights.append(seen * np.float32(weight))
+            colours.append(_between_pixels(image.cached(premultiplied), x, y))
         total = weights[0] + weights[1]
         share = np.divide(weights[1], total, out=np.full_like(total, t), where=total > 0)[..., np.newaxis]
         mixed = (1 - share) * colours[0] + share * colours[1]

@@ -15,8 +15,8 @@ from fpsboost import (
     methods,
     run_conversion,
 )
-from fpsboost.interpolator import AtCuts
 from fpsboost.io.video.capture import ArraySource
+from fpsboost.options import AtCuts, Duplicates
 from fpsboost.threads import available_cores
 
 from .batch import BatchSink, Tensor, check_batch, frames_of
@@ -27,8 +27,6 @@ MAX_MULTIPLIER = 16
 
 SceneCuts = AtCuts | Literal["one scene"]
 """Choices for the end of a scene; the last one does not detect it."""
-
-Duplicates = Literal["interpolate", "keep"]
 
 ANY_RATE = Fraction(24)
 """Frames per second of a batch, which has none; images do not depend on it."""

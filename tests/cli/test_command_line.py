@@ -250,7 +250,7 @@ MISTAKES: dict[str, tuple[str, str]] = {
     "cut threshold": ("in.mp4 out.mp4 --method blend --cut-threshold 3", "--cut-threshold"),
     # the parser's own
     "crf is no number": ("in.mp4 out.mp4 --crf low", "--crf"),
-    "search radius is no number": ("in.mp4 out.mp4 --search-radius far", "--search-radius"),
+    "half a pixel": ("in.mp4 out.mp4 --patch-radius 4.5", "--patch-radius must be a whole number, not 4.5"),
     "at-cuts": ("in.mp4 out.mp4 --at-cuts jump", "--at-cuts"),
     "unknown option": ("in.mp4 out.mp4 --faster 2", "--faster"),
     "option without value": ("in.mp4 out.mp4 --fps", "--fps"),

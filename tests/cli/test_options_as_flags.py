@@ -4,7 +4,7 @@ import ast
 import re
 from dataclasses import fields
 from pathlib import Path
-from typing import get_type_hints
+from typing import Literal, get_args, get_origin, get_type_hints
 
 import pytest
 
@@ -36,14 +36,15 @@ def test_flags_are_spelled_once():
 
 @pytest.mark.parametrize("flag", list(flags_of(TuningOptions)), ids=lambda flag: flag.field)
 def test_options_of_methods_are_fields_of_their_parts(flag):
-    """With the same type and the same choices; None on the command line leaves what the part has."""
+    """With the same choices, if there are some; texts are read where those behind the name of a method are."""
     parts = {type(part) for method in methods.values() for part in (method.estimator, method.synthesizer)}
-    assert {hints[flag.field] | None for hints in map(get_type_hints, parts) if flag.field in hints} == {flag.kind}
+    (kind,) = {hints[flag.field] for hints in map(get_type_hints, parts) if flag.field in hints}
+    assert (get_args(kind) if get_origin(kind) is Literal else ()) == flag.option.choices
 
 
 def test_flags_of_methods_stand_for_options_behind_a_name():
     """One grammar: what a flag sets, and what the name of a method has behind a colon, are the same."""
-    made = MethodOptions("nlm:fusion=plain").interpolator(TuningOptions(patch_radius=4, v=0.1))
+    made = MethodOptions("nlm:fusion=plain").interpolator(TuningOptions(patch_radius="4", v="0.1"))
     assert made == find_method("nlm:fusion=plain,patch-radius=4,v=0.1") != methods["nlm"]
 
 

@@ -63,7 +63,7 @@ def test_another_method_has_another_digest():
     image = np.zeros((4, 6, 3), np.uint8)
     digests = {name: self_test(each, image) for name, each in methods.items() if name != "nlm-passes"}
     assert len(set(digests.values())) == len(digests)
-    larger = configure(methods["nlm"], "nlm", {"patch_radius": 3})
+    larger = configure(methods["nlm"], {"patch_radius": 3})
     assert self_test(larger, image) not in digests.values()
 
 
