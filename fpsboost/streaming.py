@@ -148,9 +148,13 @@ def interpolate_frames(
     ):
         first = list(islice(arriving, 1))
         frames = chain(first, arriving)
-        place = beginning(source)
-        needs = needs_confidence, needs_motion
-        clip = _LoopState(source.info, schedule, interpolator, summary, place, *needs, outputs, stretch)
+        clip = _LoopState(
+            *(source.info, schedule, interpolator, summary, beginning(source)),
+            needs_confidence=needs_confidence,
+            needs_motion=needs_motion,
+            outputs=outputs,
+            stretch=stretch,
+        )
         before, start = clip.outputs_before, None if outputs.entry is None else outputs.entry.start
         stop = None if outputs.stop is None else outputs.stop - before
         made = _output_frames(frames, clip, detector, holds_last_frame, in_order)
@@ -282,8 +286,8 @@ class _LoopState:
     def __post_init__(self) -> None:
         retimed = self.schedule if isinstance(self.schedule, RetimeSchedule) else None
         self.curve = None if retimed is None else retimed.curve
-        shutter = None if retimed is None else retimed.shutter
-        self.has_exposures = shutter is not None or isinstance(self.schedule, ExposureSchedule)
+        is_blurred = retimed is not None and retimed.shutter is not None
+        self.has_exposures = is_blurred or isinstance(self.schedule, ExposureSchedule)
         entry = self.outputs.entry
         if entry is not None:
             self.start, self.step, self.outputs_before = entry.start, entry.step, entry.outputs_before

@@ -7,9 +7,7 @@ from fpsboost.cli.compare import choose, name_others, split_methods
 from fpsboost.errors import OptionError
 from fpsboost.evaluation.contestants import Minterpolate, method_names
 from fpsboost.method_table import find_method, methods
-from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.render.folder import VectorFolder
-from fpsboost.synthesis.reproject import Reproject
 
 # said only under pytest
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
@@ -45,6 +43,10 @@ def test_commas_part_methods_and_options(texts, found):
         ("nlm:window=box", "The method 'nlm' has no option 'window'; it has .*patch-radius"),
         ("blend:v=1", "The method 'blend' has no option 'v'; it has none"),
         ("nlm:others=dis", "has no option 'others'"),
+        ("nlm:search-radius=7", "The method 'nlm' has no option 'search-radius'"),
+        ("dis:cuts=None", "The method 'dis' has no option 'cuts'"),
+        ("block:pattern=spiral", "`pattern` must be one of full, three-step, diamond, not 'spiral'"),
+        ("nlm-exhaustive:iterations=0", "`iterations` must be"),
         ("nlm:v=nan", "In nlm:v=nan: `v` must be a number, not 'nan'"),
         ("nlm:patch-radius=2.5", "`patch_radius` must be a whole number, not 2.5"),
         ("nlm:patch-radius=14", "In nlm:patch-radius=14: `patch_radius` must be 1 to 10 pixels"),
@@ -58,13 +60,6 @@ def test_what_is_no_method_is_one_sentence(text, sentence):
     """It names the option, and says what there is."""
     with pytest.raises(OptionError, match=sentence):
         choose([text], None)
-
-
-def test_options_have_the_types_of_the_fields():
-    """Numbers, choices, and a field that may be None; the estimator goes before the synthesizer."""
-    method = find_method("nlm-exhaustive:search-radius=6,window=gaussian,v=0.05,search=brute-force")
-    assert method.estimator == ExhaustiveSearch(search_radius=6, window="gaussian", v=0.05)
-    assert method.synthesizer == Reproject(search="brute-force")
 
 
 @pytest.mark.parametrize("name", methods)

@@ -54,8 +54,8 @@ def method_of(sure: float = 0.5, **options) -> Interpolator:
 def between(kind, times, sure=0.5, **options):
     """Return the images between two frames."""
     method = method_of(sure, **options)
-    pair = method.pair(FrameCache(frame(kind, 1)), FrameCache(frame(kind, 2)))
-    return [image for image, _ in method.images(pair, times)]
+    frames = FrameCache(frame(kind, 1)), FrameCache(frame(kind, 2))
+    return [image for image, _ in method.images(method.pair(*frames), times)]
 
 
 @pytest.mark.parametrize("kind", ["uint8", "uint16", "float32", "planes"])
