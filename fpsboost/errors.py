@@ -70,12 +70,12 @@ def rounded(number: float, digits: int) -> str:
     return f"{float(f'{number:.{digits}g}'):,.15g}"
 
 
-def say_seconds(seconds: float) -> str:
-    """Return a time as people say it, with two figures that count.
+def format_duration(seconds: float) -> str:
+    """Return a duration in seconds as text, with two significant figures.
 
     Examples
     --------
-    >>> say_seconds(0.0123), say_seconds(7.25), say_seconds(95.0), say_seconds(5000.0)
+    >>> format_duration(0.0123), format_duration(7.25), format_duration(95.0), format_duration(5000.0)
     ('0.012 s', '7.2 s', '95 s', '1 h 23 min')
     """
     if seconds >= 3600:

@@ -263,7 +263,7 @@ def _mixing(planes: list[Plane], blocks: list[tuple[FlatBlocks, FlatBlocks]]) ->
     residuals = np.stack([_residuals(plane.samples, corners)[0].ravel() for plane in planes]).astype(np.float64)
     covariance = residuals @ residuals.T
     scale = np.sqrt(np.diag(covariance)) + np.finfo(np.float64).tiny
-    # the small part of independent noise keeps equal channels, as of gray pictures, decomposable
+    # a small part of independent noise keeps the matrix positive definite for equal channels, as of gray pictures
     correlation = covariance / np.outer(scale, scale) * (1 - 1e-6)
     np.fill_diagonal(correlation, 1)
     return np.linalg.cholesky(correlation).astype(np.float32)
@@ -335,7 +335,7 @@ def _find_missing_noise(
     missing = np.float32(1 - t) * limited[0] + np.float32(t) * limited[-1]
     missing[missing < least * least] = 0
     spectrum = np.maximum(spectrum, 0)
-    # the trend was taken off, and with it the lowest frequency
+    # the lowest frequency was removed together with the linear trend
     spectrum[0, 0] = (spectrum[0, 1] + spectrum[1, 0]) / 2
     kernel = np.fft.fftshift(np.fft.ifft2(np.sqrt(spectrum)).real)
     norm = np.sqrt(np.square(kernel).sum())

@@ -252,7 +252,7 @@ def _find_local_gain(image0: FrameCache, image1: FrameCache, side: int) -> NDArr
     accepted = np.isin(regions, np.unique(regions[is_explained])).astype(np.float32)
     without_light = (image.derived(_without_light, side) for image in (image0, image1))
     detail = [even.mean(axis=2)[accepted > 0].var() for even in without_light]
-    if min(detail) < LOCAL_MIN_DETAIL * max(detail):  # white or black, not lit
+    if min(detail) < LOCAL_MIN_DETAIL * max(detail):  # it turned white or black, which light alone does not do
         return None
     share = _smoothed(cv2.dilate(accepted, np.ones((5, 5), np.uint8)), reach)
     return np.asarray(gain ** share[..., np.newaxis])

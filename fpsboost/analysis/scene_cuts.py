@@ -65,7 +65,7 @@ STRICT_BANDWIDTH = 0.04
 """Bandwidth of the similarity for inconsistent vectors: only patches that look nearly the same, such as those of one
 wall or of a black frame, count as the starting point."""
 
-SEEMS_ALIKE = 0.5  # match score above which what the search has not seen may contradict it; below, they differ anyway
+SEEMS_ALIKE = 0.5
 """Match score above which planes that the search has not compared are examined; below it, the frames differ anyway."""
 CONTRADICTION = 0.25
 """Loss of similarity of a patch, by planes that the search has not compared, from which the search is repeated with
@@ -149,7 +149,7 @@ class CutDetector(Checked):
         if not neighbours:
             return False
         drops = match_score < self.threshold and match_score <= self.drop * max(neighbours)
-        # a single neighbour may be a short rest before motion continues
+        # a single neighbour, at the ends of a clip, may be a short rest before motion continues
         far_out = len(neighbours) > 1 and 1 - match_score >= self.times * (1 - min(neighbours))
         return drops or (far_out and match_score < ISOLATED_CUT_FACTOR * self.threshold)
 

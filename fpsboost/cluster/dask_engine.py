@@ -68,14 +68,14 @@ MAX_FAILURES = 3
 MAX_LOST_WORKERS = 10
 """Number of workers that may die with the same part; nodes that are taken away at any time need more than a few."""
 
-WAIT_SECONDS = 0.5  # longest time that is waited for an end or a progress before workers are looked for
+WAIT_SECONDS = 0.5
 """Longest time between two checks of the workers, seconds; the end or progress of a task is noticed at once."""
 
 WORKERS_INTERVAL = 1.0
 """Seconds between requests to the scheduler for the list of workers."""
 
 CONNECT_SECONDS, REPLY_SECONDS = 10, 30
-"""Time limit of an answer of the scheduler or a worker, seconds."""
+"""Time limits of a connection to the scheduler, and of an answer of the scheduler or a worker, seconds."""
 
 PIECE_BYTES = 16 << 20
 """Bytes of a part's file that are sent at a time where storage is not shared; worker, scheduler and client each hold
@@ -89,7 +89,7 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
     if client.asynchronous:
         raise OptionError("The client is asynchronous, and a conversion waits for its parts; give a synchronous one.")
     output = os.path.abspath(output_beside(job.input, job.rate) if job.output is None else job.output)
-    # as workers get it
+    # the job as workers get it, so that its facts are the same on both sides
     job = pickle.loads(pickle.dumps(replace(job, input=os.path.abspath(job.input), output=output)))
     given = [*["`in_place`"] * run.in_place, *["`chunk`"] * (run.chunk is not None), *run.side.given]
     if given:
@@ -128,11 +128,11 @@ def _join(output: str, parts: Sequence[Path], *, overwrite: bool) -> Summary:
         except InUseError:
             time.sleep(LOCK_INTERVAL)
         except FpsboostError as error:
-            # the output was not there when the parts were planned; whoever makes it removes the parts a moment later
+            # the output did not exist when the parts were planned; the run that has written it removes the parts next
             if folder.is_dir() and not isinstance(error, ExistsError):
                 raise
             raise CompleteAlreadyError(f"{output} was made by another run of the same job.") from None
-    with suppress(OSError):  # with all parts at once, so that another run does not find some
+    with suppress(OSError):  # all parts at once, so that another run does not find only some of them
         removed = folder.rename(folder.with_name(f".{folder.name}.joined"))
         shutil.rmtree(removed)
     return summary
@@ -257,7 +257,7 @@ class _Parts:
         self._workers, keys = tasks.keys(), {key for of_worker in tasks.values() for key in of_worker}
         for running in self._running:
             running.times_missing = 0 if running.future.key in keys else running.times_missing + 1
-        # while there is none, a task for any worker, so that a cluster that starts them on demand does
+        # a task for any worker while there is none, so that a cluster that starts workers on demand starts one
         if not self._workers and self._call is None:
             self._call = self._client.submit(os.getpid, key=f"{self._topic}-call", pure=False)
         elif self._workers:
@@ -321,7 +321,7 @@ class _Parts:
         if running.copy is not None:
             return running.copy.done() and running.copy.result() is None
         if not future.done():
-            if running.times_missing > 1:  # once, it may be on its way
+            if running.times_missing > 1:  # if only once, it may be in transit
                 raise _WorkerLostError
             return False
         if future.cancelled():
@@ -398,7 +398,7 @@ def local_client(workers: int) -> Iterator[Client]:
         LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
-            memory_limit=0,  # what a conversion takes is checked before it begins
+            memory_limit=0,  # the memory that a conversion needs is checked before it begins
             processes=True,
             dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
@@ -419,7 +419,7 @@ def remote_client(address: str) -> Iterator[Client]:
             f"{address} needs certificates, and Dask's configuration names none; set distributed.comm.tls.ca-file, and "
             "cert and key of distributed.comm.tls.client."
         )
-    with silence_logging_cmgr(logging.CRITICAL):  # that a scheduler is gone is said in one sentence
+    with silence_logging_cmgr(logging.CRITICAL):  # a lost scheduler is reported in one sentence by fpsboost
         try:
             client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
         except (OSError, TimeoutError, RuntimeError, ValueError) as error:

@@ -57,7 +57,7 @@ class Outcome:
     is_private: bool = False  # whether it lies in the worker's own folder, since storage is not shared
     sizes: Mapping[str, int] | None = None  # sizes of the part's files by their names, bytes
     error: Exception | None = None
-    is_stopped: bool = False  # whether the worker was closed meanwhile, or nobody wanted the part any more
+    is_stopped: bool = False  # whether the worker was closed meanwhile, or the part was not needed any more
 
 
 class _CancelledPartError(Exception):
@@ -74,7 +74,7 @@ def make_on_worker(order: WorkerOrder) -> Outcome:
         return Outcome(is_stopped=True)
     except FpsboostError as error:
         return Outcome(error=error)
-    except Exception as error:  # which the client could perhaps not read
+    except Exception as error:  # as text, since the client may be unable to unpickle it
         return Outcome(error=RuntimeError("".join(traceback.format_exception(error))))
 
 
@@ -83,7 +83,7 @@ def _carry_out(order: WorkerOrder, worker: Worker, check: Callable[[], None]) ->
 
     Where storage is not shared, it is written into a private folder.
     """
-    for name, here in program_facts().items():  # so that both read the same pickles
+    for name, here in program_facts().items():  # before the task is unpickled, which needs the same versions
         if order.facts.get(name) != here:
             raise ClusterError(
                 f"The worker at {worker.address} has {here}, and the client {order.facts.get(name)}; install the same "

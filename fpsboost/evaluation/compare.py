@@ -204,7 +204,7 @@ class _Facts:
     """Position of each hidden frame in time between the shown ones, 0 to 1."""
     shares: list[list[float]] = field(default_factory=list)
     """Share of the picture that each area has, by hidden frame."""
-    unknown: list[int] = field(default_factory=list)  # hidden frames of intervals whose pictures are not known
+    unknown: list[int] = field(default_factory=list)
     """Hidden frames of intervals whose true pictures are unknown."""
     repeats: list[int] = field(default_factory=list)
     kind: str = ""

@@ -40,7 +40,7 @@ PIXEL_FORMAT = "yuv444p"
 MULTIPLE = 4
 """Side of the blocks of ``xpsnr``, pixels; a lone last row or column has far too much weight, and may lie behind it."""
 
-MIN_PIXELS = 2025  # number of pixels of a frame below which ``xpsnr`` takes blocks of no size, and divides by it
+MIN_PIXELS = 2025
 """Number of pixels of a frame below which ``xpsnr`` chooses blocks of no size, and divides by it."""
 
 MIN_SIDE = 32
@@ -185,7 +185,7 @@ def read_vmaf(log: str) -> list[float]:
     return [float(frame["metrics"]["vmaf"]) for frame in frames]
 
 
-ALWAYS = ("psnr", "psnr_p5", "ssim", "mae", "mse")  # metrics that every comparison has; naming one changes nothing
+ALWAYS = ("psnr", "psnr_p5", "ssim", "mae", "mse")
 """Metrics that every comparison has; naming one has no effect."""
 
 

@@ -256,7 +256,7 @@ class Sample(NamedTuple):
     """A held-out frame with as much of the clip around it as methods need."""
 
     hidden: Hidden
-    window: list[Interval]  # its interval, the one before and the one after
+    window: list[Interval]
     """Its interval, the one before and the one after."""
 
     @property

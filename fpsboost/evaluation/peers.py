@@ -30,7 +30,7 @@ from fpsboost.io.images.source import find_images
 UNKNOWN = float("nan")
 """Time of a tool that was not run here."""
 
-READ_AT_MOST = 4096  # number of bytes at the end of a command's output in which its last line is looked for
+READ_AT_MOST = 4096
 """Number of bytes at the end of a command's output in which its last line is searched for."""
 
 

@@ -22,7 +22,7 @@ from fpsboost.motion.opencv import Dis
 from fpsboost.motion.rendered import frame_number
 from fpsboost.render.folder import VectorFolder
 
-MOVES = 1.0  # shortest motion from one shown frame to the next that counts as moving, pixels
+MOVES = 1.0
 """Shortest motion from one shown frame to the next that counts as moving, pixels."""
 
 CONSISTENT = 1.5
@@ -40,7 +40,7 @@ NOISE_FACTOR = 3.0
 """Multiple of the median difference over the frame that replaces it in noisy clips, where most pixels are visible."""
 
 AREAS, COMPLEMENTS = ("moving", "occluded", "uncertain"), ("still", "visible", "certain")
-"""Names of their complements, in the same order."""
+"""Names of the areas, and of their complements in the same order."""
 
 
 class Regions(NamedTuple):

@@ -23,13 +23,13 @@ from fpsboost.image import Image
 
 LEVELS = 255
 """Levels of white in which errors are given."""
-MIN_MSE = 1e-12  # smallest MSE: equal images have a PSNR of 120 dB and not of infinity, which has no mean
+MIN_MSE = 1e-12
 """Smallest MSE, for white = 1: equal images have a PSNR of 120 dB, as infinity would have no mean."""
 
 SSIM_WINDOW = 7
 """Side of the window of SSIM, pixels."""
 
-LOW_PERCENT = 5  # percentile of PSNR over frames that is reported: the worst frames say more about a clip than the mean
+LOW_PERCENT = 5
 """Percentile of PSNR over frames that is reported: the worst frames characterize a clip better than the mean."""
 
 
@@ -126,7 +126,7 @@ MIN_SHARE = 0.02
 TIMES = {"cpu_seconds": "CPU time", "seconds": "Wall time"}
 """Names of the times of a frame, by their names in the data; verdicts use the first."""
 
-MAX_NAMED = 8  # maximum number of frames that a note names; the data have all of them
+MAX_NAMED = 8
 """Maximum number of frames that a note lists; the data have all of them."""
 
 

@@ -19,17 +19,20 @@ from fpsboost.image import Image
 from fpsboost.motion.opencv import Dis
 
 AFAR, WRONG_LEVELS = 4, 24
-"""Difference that counts as wrong at this size, levels."""
+"""Factor by which images are reduced, as if they were seen from a distance, and difference that counts as wrong at this
+size, levels."""
 
 EDGE_REACH, EDGE_RATIO, EDGE_LEVELS = 4, np.float32(1.25), np.float32(1)
-"""Slope that an edge may have in addition to that, levels per pixel."""
+"""Distance within which an edge has a counterpart, pixels at half the size; ratio to the counterpart from which it is
+too strong; and slope that it may have in addition to that, levels per pixel."""
 
-PARTS = 4  # number of parts of the picture along each side that pulse by themselves
+PARTS = 4
 """Number of parts along each side of the picture in which flicker is measured separately."""
-FINE, COARSE = 1.0, 4.0  # standard deviations of the Gaussians between which sharpness is measured, pixels
-"""Standard deviation of the Gaussian that separates the coarse picture, pixels."""
+FINE, COARSE = 1.0, 4.0
+"""Standard deviations of the Gaussians that separate noise and the finest detail from the rest, and the coarse picture,
+pixels."""
 
-MIN_MOTION = 2.0  # shortest true path from the frame before to the frame after that counts as motion, pixels
+MIN_MOTION = 2.0
 """Shortest true path from the frame before to the frame after that counts as motion, pixels."""
 MAX_TURN = 0.5
 """Change of the true motion, as a share of its path, above which the estimate of DIS is taken for wrong."""

@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpsboost.errors import say_seconds
+from fpsboost.errors import format_duration
 from fpsboost.evaluation.results import Comparison
 
-MAX_STANDARD_ERRORS = 2.0  # mean difference in standard errors up to which two methods are level: about 95 %
+MAX_STANDARD_ERRORS = 2.0
 """Mean difference in standard errors up to which two methods are level: about 95 %."""
 
 NEGLIGIBLE_DIFFERENCE = 0.3
@@ -136,7 +136,7 @@ def _say(verdict: Verdict) -> list[str]:
     seconds = verdict.cpu_seconds
     doing = "Doubling" if verdict.factor == 2 else f"Making {verdict.factor} of each of"
     priced = [name for name in dict.fromkeys([verdict.best, verdict.cheapest]) if not math.isnan(seconds[name])]
-    prices = [f"{name} {say_seconds(seconds[name])}" for name in priced]
+    prices = [f"{name} {format_duration(seconds[name])}" for name in priced]
     price = [f"{doing} these {verdict.clip_frames} frames takes {listed(prices)} of CPU time."] if prices else []
     plural = "" if verdict.frames == 1 else "s"
     reached = f"{verdict.best} reaches {verdict.psnr:.1f} dB over {verdict.frames} frame{plural}"

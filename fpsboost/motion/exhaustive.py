@@ -36,7 +36,7 @@ from fpsboost.kernels.shortest import ShortestMotion, find_shortest
 from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.motion.components import contrast_components, padded_planes, small_copy
 from fpsboost.motion.field import MotionField, forward_backward_error, point_places
-from fpsboost.motion.full_search import Window, search_by_passes, search_fused
+from fpsboost.motion.full_search import PatchWindow, search_by_passes, search_fused
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis
 from fpsboost.motion.rendered import RenderedMotion, RenderedVectors
@@ -84,7 +84,7 @@ class ExhaustiveSearch(Checked):
 
     search_radius: Annotated[int, Range(1, 1000, unit=" pixels")] | None = None
     patch_radius: Annotated[int, Range(1, MAX_PATCH_RADIUS, unit=" pixels")] = 5
-    window: Window = "box"
+    window: PatchWindow = "box"
     v: Annotated[float, Range(above=0)] = 0.25
     implementation: Implementation = "fused"
     vectors: RenderedVectors | None = None

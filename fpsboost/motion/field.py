@@ -101,7 +101,7 @@ def resample_points(values: NDArray[Any], size: tuple[int, ...], spacing: int, s
 def spread_points(values: NDArray[Any], size: tuple[int, ...], spacing: int) -> NDArray[Any]:
     """Repeat the value of each point for every pixel of a frame, or for the finer points of `size`, (rows, columns)."""
     height, width = size[:2]
-    # rows last, as they are copied as a whole
+    # along rows first: the second repeat then copies whole rows
     return values.repeat(spacing, axis=1)[:, :width].repeat(spacing, axis=0)[:height]
 
 

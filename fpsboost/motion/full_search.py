@@ -22,10 +22,11 @@ from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.motion.components import Components, padded_planes
 from fpsboost.motion.field import MotionField
 
-Window = Literal["box", "gaussian"]
+PatchWindow = Literal["box", "gaussian"]
+"""Weights of the pixels of a patch: equal, or a Gaussian."""
 
 
-def window_taps(window: Window, patch_radius: int) -> tuple[float, ...]:
+def window_taps(window: PatchWindow, patch_radius: int) -> tuple[float, ...]:
     """Return the weights of one axis of the separable window, which sum to 1 (section 3.1).
 
     There are ``2 patch_radius + 1``. The report gives the Gaussian "a variance of 0.5 times the size of the similarity
@@ -44,7 +45,7 @@ def search_fused(
     colours1: Components,
     search_radius: int,
     patch_radius: int,
-    window: Window,
+    window: PatchWindow,
     bandwidth: float,
     penalty: float = 0.0,
 ) -> tuple[MotionField, MotionField]:
@@ -102,7 +103,12 @@ def _motion_penalties(search_radius: int, per_pixel: float, dtype: type[np.numbe
 
 
 def search_by_passes(
-    colours0: Components, colours1: Components, search_radius: int, patch_radius: int, window: Window, bandwidth: float
+    colours0: Components,
+    colours1: Components,
+    search_radius: int,
+    patch_radius: int,
+    window: PatchWindow,
+    bandwidth: float,
 ) -> tuple[MotionField, MotionField]:
     """Search every offset as the report states it: full-image passes per offset, one direction after the other.
 

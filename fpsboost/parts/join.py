@@ -71,7 +71,7 @@ def join(
     if Target.parse(output).file_type != first.facts.get("output_type"):
         raise OptionError(f"{output} is of another type than {first.output}; name one of that type.")
     run = RunOptions(overwrite=overwrite)
-    # nothing is made here, so a method that takes images of any kind stands for the one that has made the parts
+    # nothing is interpolated here, so any method that accepts all kinds of images may replace that of the parts
     method = find_method("nearest")
     job = ConversionJob(input or first.input, output, first.rate, method, first.decoding, first.encoding)
     with opened_clip(job, run) as clip:

@@ -44,16 +44,16 @@ from fpsboost.timing.position import MAX_RUN
 from fpsboost.timing.rate import exposed
 from fpsboost.timing.schedule import MAX_FILLED, ByFactor, Schedule, count_frames, rising_time
 
-LEAD_IN = 24  # number of frames that are searched first, before those that are needed, for one where reading may begin
+LEAD_IN = 24
 """Number of frames before those that are needed in which the first search looks for a frame where reading may begin."""
-GROWTH = 4  # factor by which that number grows until there is one
+GROWTH = 4
 """Factor by which that number grows until the search succeeds."""
 REPLACED_BEFORE = 2 * (MAX_RUN + 1) + CERTAIN_AFTER
 """Number of preceding frames that influence a frame where frames are replaced: those of its group and of the group
 before, from the first that is certainly grouped as in one run."""
 LATE = 30
 """Time of the source at which a curve must begin at least for the frames before it to be skipped, seconds."""
-NO_TIME = np.iinfo(np.int64).min  # number in a list of frames for a time that is not known
+NO_TIME = np.iinfo(np.int64).min
 """Number in a list of frames for an unknown time."""
 
 

@@ -42,9 +42,9 @@ from fpsboost.extension import (
     check_writable,
     data_uri,
     encode,
+    format_duration,
     prepared,
     rounded,
-    say_seconds,
     templates_of,
     write_whole,
 )
@@ -150,7 +150,7 @@ def preview(
                 output.parent.mkdir(exist_ok=True)
                 trial, summary = _convert_passage(replace(job, method=method), run, target, passage, output)
                 trials[name].append(trial)
-                # what `replace` lists behind the end of a passage need not lie behind that of the clip
+                # frames of `replace` after the end of a passage are not necessarily after the end of the clip
                 remarks |= dict.fromkeys(each for each in summary.remarks if not each.startswith("The last frame is"))
     return Preview(
         info,
@@ -340,7 +340,7 @@ def estimate_sentence(frames: int | None, seconds_per_frame: float) -> str:
     if frames is None:
         speed = rounded(1 / seconds_per_frame, 2)
         return f"about {speed} frames a second; the length of the clip is not known beforehand."
-    return f"about {say_seconds(frames * seconds_per_frame)} for {frames:,} frames."
+    return f"about {format_duration(frames * seconds_per_frame)} for {frames:,} frames."
 
 
 def write_video(path: str, preview: Preview, *, overwrite: bool = False) -> None:

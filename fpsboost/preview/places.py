@@ -78,26 +78,26 @@ class View:
         return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8)
 
 
-PASSAGES = 3  # maximum number of passages that are chosen
+PASSAGES = 3
 """Maximum number of passages that are chosen."""
 
 PLACES, FRAMES_PER_PLACE = 12, 4
-"""Number of frames that are decoded at each place."""
+"""Number of places at which motion is measured, and number of frames that are decoded at each."""
 
-ENOUGH_PLACES = 4  # number of different places below which the clip is read from its beginning instead
+ENOUGH_PLACES = 4
 """Number of different places below which the clip is read from its beginning instead."""
 
 MAX_READ = 480
 """Maximum number of frames that are read from the beginning instead."""
 
 MIN_FRAMES, MAX_FRAMES = 8, 30
-"""Maximum number of source frames in a passage, which otherwise lasts a second."""
+"""Minimum and maximum number of source frames in a passage, which otherwise lasts a second."""
 
 MAX_PIXELS = 33_000_000
 """Number of pixels in the frames of a passage above which it is shorter, so that large frames do not take minutes."""
 
 THUMBNAIL_SIDE = 160  # longer side of the images on which motion is measured, pixels
-CHROMA_SHARE = 0.01  # share of the motion of chroma that counts, where luma stands still
+CHROMA_SHARE = 0.01
 """Weight of the motion of chroma, where luma stands still."""
 SHORTEST_SIDE = 32  # shortest side of an image that DIS takes, pixels
 

@@ -43,7 +43,7 @@ from fpsboost.motion.rendered import FrameVectors
 from fpsboost.options import checked
 from fpsboost.render.convention import ConventionName, Direction, StoredVectors, VectorConvention, conventions
 
-CACHED_FRAMES = 4  # number of frames whose vectors are cached: a pair's two frames, and two between them
+CACHED_FRAMES = 4
 """Number of frames whose vectors are kept in memory: the two frames of a pair, and two between them."""
 
 layer_names = ("vector", "motionvector", "motionvectors", "motion", "velocity", "vrayvelocity", "speed")

@@ -44,7 +44,7 @@ PLAN_FILE = "plan.json"
 """Name of the plan in its folder."""
 VERSION = 1
 """Version of the format of plans."""
-RENDERED = 255  # value of mask pixels that are to be rendered
+RENDERED = 255
 """Value of the pixels of a mask that are to be rendered; all others are 0."""
 
 MASK_DIGITS = 4
@@ -189,7 +189,7 @@ def _frame(data: Mapping[str, Any], width: int, height: int) -> PlannedFrame:
     )
 
 
-MIN_IMAGES = 3  # smallest number of images: one is hidden between two others to learn how large errors are
+MIN_IMAGES = 3
 """Smallest number of images: one is hidden between two others to learn how large errors are."""
 
 LEVELS = 255**2

@@ -16,14 +16,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-WHOLE_SHARE = 0.8  # share of a frame from which on all of it is rendered: one plain render without seams
+WHOLE_SHARE = 0.8
 """Share of a frame from which on all of it is rendered: one plain render without seams."""
 SMALLEST_GRID = 16  # number of tiles of a frame below which single tiles are kept
 
 LARGER = (1.25, 1.5)
 """Multiples of the number of tiles that fits, of which some frames are taken where there is room left."""
 
-MAX_ADDED_SHARE = 0.25  # maximum share of a rectangle that was not in the two that it replaces
+MAX_ADDED_SHARE = 0.25
 """Maximum share of a rectangle that does not belong to the two that it replaces."""
 
 

@@ -138,14 +138,14 @@ def expect_errors(
     cut = np.repeat([trial.scene_cut for trial in between], factor - 1)
     scenes = np.repeat(np.cumsum([trial.scene_cut for trial in between]) * 2, factor - 1) - cut
     measured = [trial for trial in hidden if trial is not None and trial.error is not None]
-    if not measured:  # scenes of two images each
+    if not measured:  # such as scenes of two images each, of which none can be hidden
         return ExpectedErrors(np.where(cut[:, np.newaxis, np.newaxis], doubts, 0), scenes.tolist())
     expected = ErrorCurve.fitted(measured).at(doubts)
     farther = [trial for trial in trials(4, 0) if trial.error is not None]
     if farther:
         expected /= ErrorCurve.fitted(farther).bias(measured)
     follows = ~cut & np.isfinite(nearby).all(axis=(1, 2))
-    # the geometric mean of both, with the sum of the first; both are taken for equally large in all
+    # the geometric mean of both, scaled to the sum of the first, as if both had the same sum
     product = np.sqrt((expected[follows] + MIN_ERROR) * (nearby[follows] + MIN_ERROR))
     total = product.sum()
     expected[follows] = product * (expected[follows].sum() / total) if total > 0 else product
@@ -192,7 +192,7 @@ def _try(
     """Interpolate between two images, and measure the uncertainty and, where the truth is known, the error."""
     before, (pair, truth), after = neighbourhood
     neighbours = before and before[0], after and after[0]
-    if pair.is_discontinuous(*neighbours):  # the nearer frame is repeated, and as often the other one is right
+    if pair.is_discontinuous(*neighbours):  # the nearer frame is repeated, and the other one is right as often
         apart = grid.means(squared_error(pair.image0.array, pair.image1.array)) / 2
         return Trial(scene_cut=True, doubts=[apart] * len(times), error=None)
     interpolated = list(interpolator.images(pair, times, *neighbours, with_confidence=True))

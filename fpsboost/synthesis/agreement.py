@@ -177,6 +177,6 @@ def fall_back(image: Pixels, image0: Pixels, image1: Pixels, t: float, doubt: ND
         )
         values = first + weight * (second.astype(np.float32) - first)
         values = values if first.dtype == np.float32 else np.rint(values)
-        return np.where(weight > 0, values, first).astype(first.dtype)  # without doubt, to the bit
+        return np.where(weight > 0, values, first).astype(first.dtype)  # certain pixels keep their bits
 
     return view(image).map(mixed, view(other))

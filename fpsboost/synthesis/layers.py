@@ -34,7 +34,7 @@ AGREEMENT = np.float32(4)
 across a surface differs by less, that of something in front of it by more."""
 
 NEAR, RINGING = np.ones((3, 3), np.uint8), np.ones((17, 17), np.uint8)
-"""Distance to which a spline rings (17 x 17 pixels)."""
+"""Neighbourhood whose values limit that of a pixel (3 x 3), and the area to which a spline rings (17 x 17)."""
 
 ONE_SURFACE = 0.1
 """Largest difference between two distances on one surface, as a share of the smaller."""
@@ -192,7 +192,8 @@ def _mix_linear(
                 share[beyond] = np.minimum(share[beyond], allowed.clip(0, 1))
     planes = (plane for mixed in results for plane in zip(*mixed, strict=True))
     values = (smooth + share * (sharp - smooth) for sharp, smooth in planes)
-    return [each.clip(*limits) for each, limits in zip(values, ranges, strict=True)]  # only what rounding adds
+    # the clip removes only the excess by rounding
+    return [each.clip(*limits) for each, limits in zip(values, ranges, strict=True)]
 
 
 def _mix_normals(pairs: Sequence[tuple[NDArray[Any], NDArray[Any]]], mix: Callable[[Planes, Planes], Mixed]) -> Planes:

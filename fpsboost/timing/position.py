@@ -175,8 +175,8 @@ TOO_LONG = f"at most {MAX_RUN} can be interpolated; motion is not known across l
 """End of the message for longer runs."""
 SYNTAX = "write frames (340, 120-123), times (1:02.5), auto, or the name of a file with these"
 """End of messages about items that cannot be read."""
-TIME_TOLERANCE = Fraction(1, 1000)  # seconds by which a time may miss its frame: people write three decimals
-MAX_CHARACTERS = 1_000_000  # of a file with a list
+TIME_TOLERANCE = Fraction(1, 1000)  # seconds by which a time may miss its frame, since users write three decimals
+MAX_CHARACTERS = 1_000_000  # number of characters that are read from a file with a list
 
 Range = tuple[Position, Position]
 """First and last frame of a run; a time stands for the frame that is shown then."""

@@ -315,7 +315,7 @@ def parse_number(text: str, option: str) -> Fraction:
     Raises `OptionError`, in which `option` names it, for any other text.
     """
     try:
-        if re.search(r"e[+-]?\d{3}", text, re.IGNORECASE):  # the number would take all memory
+        if re.search(r"e[+-]?\d{3}", text, re.IGNORECASE):  # an exact fraction of it would take all memory
             raise ValueError
         value = Fraction(text.strip())
     except (ValueError, ZeroDivisionError):

@@ -148,7 +148,7 @@ class TimeMap:
         curve : TimeMap
             Map of output times to times of the unfolded clip. The source turns behind the frame that encloses the turn.
         """
-        last, ends = len(times) - 1, [*times, self.top]  # what is beyond the last frame shows that one
+        last, ends = len(times) - 1, [*times, self.top]  # beyond the last frame, that one is shown
         stop = last if self.is_open or self.top <= times[-1] else last + 1
         first, sign = self.segments[0], -1 if self.segments[0].source1 < self.segments[0].source0 else 1
         place = min(bisect_left(times, first.source0), stop) if sign < 0 else bisect_right(times, first.source0) - 1

@@ -146,7 +146,7 @@ class Choices(Checked):
         encoding: Encoding = options_from(Encoding, {"codec": codec, "streams": self.streams or None})
         encoding = replace(encoding, lossless=lossless, audio=self.sound, subtitles=self.subtitles)
         codec = self.codec or ("vp9" if self.name.lower().endswith(".webm") else "h264")
-        if not CRF_STEPS[self.quality] or codec not in encoders:  # which is said when it is to encode
+        if not CRF_STEPS[self.quality] or codec not in encoders:  # an unknown codec is refused by the conversion
             return encoding
         return replace(encoding, crf=encoders[codec].crf + CRF_STEPS[self.quality])
 

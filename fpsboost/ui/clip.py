@@ -51,7 +51,7 @@ def header(path: str) -> dict[str, Any]:
         info, is_images = source.info, source.stream_info.images is not None
         remarks, file = list(source.remarks), source.stream_info.video
     count, duration = info.frame_count, _duration(info)
-    unit = info.rate if is_images else 1  # of places: images, or seconds
+    unit = info.rate if is_images else 1  # positions are numbers of images, or seconds
     says = [f"{info.width}x{info.height}", *([f"{count:,} frames"] if count else [])]
     if not is_images:
         says += [f"{float(info.rate):.6g} frames a second", *([format_time(duration)] if duration else [])]
@@ -78,7 +78,7 @@ def probe(path: str, is_dropped: Event) -> dict[str, Any]:
         try:
             text, messages = process.communicate(timeout=0.25)
             break
-        except subprocess.TimeoutExpired:  # does anybody still wait for it?
+        except subprocess.TimeoutExpired:  # check whether the request still waits for it
             if is_dropped.is_set():
                 process.terminate()
     if process.returncode != 0:
@@ -129,7 +129,7 @@ def preview_between(job: ConversionJob, time: Fraction) -> dict[str, Any]:
     place = Position(start) if images is None else Position(Fraction(math.ceil(start * info.rate)), is_frame=True)
     with opened_clip(job.of_part(Trim(place if start > 0 else None)), run) as clip:
         findings = Findings()
-        # the pair and one on either side, whose motion says where its own one bends
+        # the pair and one on either side, whose motion curves its paths
         pairs = list(islice(findings.pairs(clip.source, job.method), 3))
         if not pairs:
             if start <= 0:

@@ -88,7 +88,7 @@ def ui(
     except KeyboardInterrupt:
         console.print("Stopped.")
         sys.stdout.flush()
-        os._exit(0)  # without waiting for a frame that is being computed, which nobody sees any more
+        os._exit(0)  # without waiting for a frame that is being computed for the page
 
 
 def _bound(port: int) -> socket.socket:

@@ -27,7 +27,7 @@ class Files:
     """
 
     root: Path | None = None
-    _picked: set[Path] = field(default_factory=set)  # paths are added and looked for, which needs no lock
+    _picked: set[Path] = field(default_factory=set)  # paths are only added and looked up, which needs no lock
 
     def inside(self, text: str) -> Path:
         """Return a path with all symbolic links followed; raises `InputError` if it is outside of the root."""

@@ -245,7 +245,7 @@ class Queue:
 
     def _follow(self, job: Job, process: subprocess.Popen[str]) -> tuple[str, int]:
         """Update a job with the progress of its process until that ends; return its messages and its exit code."""
-        lines = deque[str](maxlen=20)  # a broken run may say much
+        lines = deque[str](maxlen=20)  # a broken run may print a lot
         assert process.stderr is not None, "it is a pipe"
         with process.stderr as report:
             for line in report:

@@ -339,7 +339,7 @@ async def _data_of(request: Request) -> Json:
             raise InputError(f"The page has sent more than {MAX_BODY} bytes; reload it.")
     try:
         data = json.loads(body)
-        os.fsencode(json.dumps(data, ensure_ascii=False))  # names of files need not be Unicode, but are not anything
+        os.fsencode(json.dumps(data, ensure_ascii=False))  # names need not be Unicode, but must be valid for files
     except (ValueError, RecursionError) as error:
         raise OptionError("The page has sent data that is not JSON; reload it.") from error
     return data if isinstance(data, dict) else {}

@@ -22,17 +22,17 @@ from numpy.typing import NDArray
 
 from fpsboost.evaluation.report.styles import MARKERS, Style, break_name
 
-MARKED_FRAMES = 80  # number of frames up to which each point of a line is marked
+MARKED_FRAMES = 80
 """Number of frames up to which each point of a line is marked."""
-MARKS_OF_A_LINE = 12  # number of marks of a longer line, so that no figure hangs on colour alone
+MARKS_OF_A_LINE = 12
 """Number of marks of a longer line, so that lines can be told apart without colours."""
-TITLE_WIDTH = 0.56  # width of a letter that is not bold, in sizes of the text
+TITLE_WIDTH = 0.56
 """Mean width of a letter of a title, in font sizes."""
 
 WIDTH, LINE = 0.64, 1.3
 """Width of a letter and height of a line, in sizes of the text: not less than in any font that a page may find."""
 
-MAGNITUDE = 8  # ratio of the largest to the smallest value above which a logarithmic scale shows more
+MAGNITUDE = 8
 """Ratio of the largest to the smallest value above which a logarithmic scale is used."""
 
 WIDEST = 1e5

@@ -47,7 +47,7 @@ PAGE = "index.html"
 DIFFERENT = "where the methods differ most"
 """Reason for which a frame is shown."""
 
-TABLED_FRAMES = 400  # number of hidden frames up to which the page has a table of all
+TABLED_FRAMES = 400
 """Number of hidden frames up to which the page has a table of all."""
 
 

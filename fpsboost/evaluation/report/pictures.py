@@ -34,11 +34,11 @@ from fpsboost.motion.field import ZeroMotion, point_places
 from fpsboost.pair import Pair
 from fpsboost.synthesis import FramePair, FusesHypotheses
 
-MIN_CROP = 48  # smallest side of a crop, pixels; a tenth of the frame's width if that is more
+MIN_CROP = 48
 """Smallest side of a crop, pixels; a tenth of the frame's width if that is more."""
-WHEEL = 160  # side of the colour wheel, pixels
+WHEEL = 160
 """Side of the colour wheel, pixels."""
-ARROWS = 30  # number of arrows along the longer side of a frame
+ARROWS = 30
 """Number of arrows along the longer side of a frame."""
 
 MAX_DRAWN_ERROR = 64
@@ -252,7 +252,7 @@ MAX_PIXELS = 24_000_000
 MAX_EXACT_PIXELS = 5_000_000
 """Number of pixels in all pictures that are kept without loss; each takes about seven times the room of another."""
 
-MIN_HIDDEN = 6  # number of hidden frames that are played in any case
+MIN_HIDDEN = 6
 """Number of hidden frames that are played in any case."""
 
 QUALITY = 72
