@@ -143,6 +143,12 @@ class CutDetector(Checked):
 
         Without neighbours, a pair is a cut only if nothing matches: only the surrounding pairs show how well a scene
         can be followed at all, and a needless interpolation does less harm than motion that stops.
+
+        Examples
+        --------
+        >>> detector = CutDetector()
+        >>> detector.is_cut(0.3, 0.9, 0.8), detector.is_cut(0.3, 0.4, 0.3)  # a drop, and motion that is hard to follow
+        (True, False)
         """
         if self.threshold == 1 or match_score < CERTAIN_CUT_FRACTION * self.threshold:
             return self.threshold > 0

@@ -123,7 +123,13 @@ def colour_values(image: Image) -> NDArray[Any]:
 
 
 def white_of(image: Image) -> float:
-    """Return the value of white in the `colour_values` of images of this type: 1, 255, 255 squared, or 65535."""
+    """Return the value of white in the `colour_values` of images of this type: 1, 255, 255 squared, or 65535.
+
+    Examples
+    --------
+    >>> white_of(np.zeros((1, 1, 3), np.uint8)), white_of(np.zeros((1, 1, 4), np.uint8))
+    (255, 65025)
+    """
     if image.dtype == np.float32:
         return 1
     white = int(np.iinfo(image.dtype).max)

@@ -14,6 +14,11 @@ def parse_budget(text: str, name: str) -> float:
     """Return a budget such as ``10%`` of the pixels as a share, 0.1.
 
     Raises `OptionError`, in which `name` names the option, for any other text.
+
+    Examples
+    --------
+    >>> parse_budget("12.5%", "budget")
+    0.125
     """
     match = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*%\s*", text)
     if match is None:

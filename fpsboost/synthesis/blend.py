@@ -21,7 +21,17 @@ from fpsboost.synthesis.layers import Mixed, Planes, Sources, mix_layers
 
 @dataclass(frozen=True)
 class Blend:
-    """Blend of the two frames by time, without motion."""
+    """Blend of the two frames by time, without motion.
+
+    Examples
+    --------
+    >>> from fpsboost import FrameCache
+    >>> from fpsboost.motion.field import ZeroMotion
+    >>> black, white = (FrameCache(np.full((8, 8, 3), level, np.uint8)) for level in (0, 200))
+    >>> pair = FramePair(black, white, *ZeroMotion().estimate(black, white))
+    >>> [int(image[0, 0, 0]) for image in Blend().synthesize(pair, [0.25, 0.5])]
+    [50, 100]
+    """
 
     takes_planes: ClassVar[bool] = True
 
@@ -56,7 +66,10 @@ def _mix_planes(t: float, planes0: Planes, planes1: Planes) -> Mixed:
 
 @dataclass(frozen=True)
 class Nearest:
-    """Repetition of the frame that is nearer in time; the earlier one at the middle."""
+    """Repetition of the frame that is nearer in time; the earlier one at the middle.
+
+    Copies are yielded, so that a caller may change them.
+    """
 
     takes_planes: ClassVar[bool] = True
 

@@ -407,7 +407,7 @@ class MultiHypothesis(Checked):
         """Return the votes of a frame's points with their weights.
 
         A weight is proportional to the similarity of the patches, if it is known, and decreases with the
-        forward-backward error: what is occluded in the other frame is matched by chance only, at another position.
+        forward-backward error: pixels occluded in the other frame are matched by chance only, at another position.
         """
         vectors, similarities = field.at_points(self.step)
         return Votes(vectors, motion_gradients(vectors, self.step), changes, similarities * consistency)

@@ -27,19 +27,34 @@ class Reproject(Checked):
     """Search of both frames for the pixel that moves to the target (section 3 of the report).
 
     A source is *found* if it lands within half a pixel of the target in x and in y. If it is found in both frames, the
-    two colours are blended in time; if in one, that one is used, so that what is occluded in one frame comes from the
+    two colours are blended in time; if in one, that one is used, so that pixels occluded in one frame come from the
     other; if in neither, both are blended unchanged.
 
     Parameters
     ----------
     search : {'iterative', 'brute-force'}
         *iterative*: the fixed-point search of Yang et al. 2011 from T - m(T) on, where T is the target, with the first
-        iteration's result if it fails (section 2.2).
-        *brute-force*: of all sources within the search radius, the one that lands nearest; of several, the one nearest
-        to the target. A choice by raster order would instead take a pan's colours from one frame alone, at an offset of
-        half a pixel.
+        iteration's result if it fails (section 2.2). *brute-force*: of all sources within the search radius, the one
+        that lands nearest; of several, the one nearest to the target. A choice by raster order would instead take a
+        pan's colours from one frame alone, at an offset of half a pixel.
     iterations : int
         Maximum number of iterations of the iterative search, at least 1.
+
+    References
+    ----------
+    L. Yang, Y.-C. Tse, P. V. Sander, J. Lawrence, D. Nehab, H. Hoppe and C. L. Wilkins, Image-based Bidirectional Scene
+    Reprojection, ACM Transactions on Graphics 2011, doi:10.1145/2070781.2024184
+
+    Examples
+    --------
+    >>> from fpsboost import FrameCache
+    >>> from fpsboost.motion.exhaustive import ExhaustiveSearch
+    >>> noise = np.random.default_rng(1).integers(0, 256, (32, 48, 3), dtype=np.uint8)
+    >>> image0, image1 = FrameCache(noise), FrameCache(np.roll(noise, 4, axis=1))
+    >>> fields = ExhaustiveSearch(search_radius=6, patch_radius=2).estimate(image0, image1)
+    >>> (middle,) = Reproject().synthesize(FramePair(image0, image1, *fields), [0.5])
+    >>> bool((middle[8:24, 12:36] == np.roll(noise, 2, axis=1)[8:24, 12:36]).all())
+    True
     """
 
     search: SourceSearch = "iterative"

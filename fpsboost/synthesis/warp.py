@@ -23,8 +23,8 @@ class Warp:
     """Blend of backward warps, ``(1 - t) image0(x - t flow01(x)) + t image1(x - (1 - t) flow10(x))``.
 
     Sampling is bilinear, with repeated edges. This is the usual warp along an optical flow. The motion is read at the
-    target pixel, although it belongs to another one: around moving objects the background is dragged along, and what is
-    occluded in one frame is blended in.
+    target pixel, although it belongs to another one: around moving objects the background is dragged along, and pixels
+    that are occluded in one frame are blended in.
     """
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:

@@ -81,6 +81,11 @@ class OutputRate(Checked):
     ------
     OptionError
         Options contradict each other, or one is out of range.
+
+    Examples
+    --------
+    >>> OutputRate(factor=4, slow_motion=True).stretch, OutputRate(fps=59.94).fps
+    (Fraction(4, 1), Fraction(60000, 1001))
     """
 
     factor: Annotated[Rate, Range(above=0, most=MAX_FACTOR)] | None = option(
@@ -135,7 +140,7 @@ class OutputRate(Checked):
 
     @property
     def exposure(self) -> Shutter | None:
-        """The shutter; None without motion blur."""
+        """Shutter of the motion blur; None without it."""
         samples = self.shutter_samples or DEFAULT_SAMPLES
         return None if self.shutter is None else Shutter(Fraction(self.shutter), samples)
 
