@@ -26,7 +26,7 @@ from fpsboost.motion.rendered import RenderedVectors, UsesVectors
 from fpsboost.options import LEAST_CONFIDENCE, AtCuts, Checked, Range, Uncertain, checked
 from fpsboost.pair import Layered, Pair, as_bgr
 from fpsboost.synthesis import FramePair, FusesHypotheses, InterpolatedImage, Synthesizer
-from fpsboost.synthesis.agreement import fall_back, measure_agreement, measure_doubt
+from fpsboost.synthesis.agreement import blend_fallback, measure_agreement, measure_uncertainty
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.layers import MixesLayers
 from fpsboost.synthesis.warp import Extrapolate
@@ -319,14 +319,14 @@ class Interpolator(Checked):
 
         def measure() -> NDArray[Any]:
             ((_, confidence),) = made or make([0.5])
-            return measure_doubt(confidence, self.below, self.uncertain)
+            return measure_uncertainty(confidence, self.below, self.uncertain)
 
-        doubt = pair.measured_doubt(measure)
+        uncertainty = pair.uncertainty_map(measure)
         for (image, confidence), t in zip(made or make(times), times, strict=True):
             pixels = view(image).picture
             frames = (each if view(pixels).coding else as_bgr(each) for each in (pair.image0, pair.image1))
             image0, image1 = (each.pixels for each in frames)
-            shown = fall_back(pixels, image0, image1, t, doubt, mix=self.uncertain == "blend")
+            shown = blend_fallback(pixels, image0, image1, t, uncertainty, mix=self.uncertain == "blend")
             yield InterpolatedImage(shown, confidence)
 
     def frame_pair(self, pair: Pair, before: Pair | None, after: Pair | None) -> FramePair:

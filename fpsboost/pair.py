@@ -163,15 +163,15 @@ class Pair:
             image0, image1 = as_bgr(image0), as_bgr(image1)
         return measure_grain(image0.pixels, image1.pixels, *self.fields)
 
-    def measured_doubt(self, measure: Callable[[], NDArray[Any]]) -> NDArray[Any]:
-        """Return where and how far motion halfway is unsure, (H, W) float32, 0 to 1, measured once for the pair."""
-        return self._results.cached("doubt", measure)
+    def uncertainty_map(self, measure: Callable[[], NDArray[Any]]) -> NDArray[Any]:
+        """Return the uncertainty of the image halfway, (H, W) float32, 0 to 1, which is measured once for the pair."""
+        return self._results.cached("uncertainty", measure)
 
     @property
     def unsure_share(self) -> float:
         """Share of the pixels in which motion is unsure; 0 if that was not measured."""
-        doubt = self._results.get("doubt")
-        return 0.0 if doubt is None else float(doubt.mean())
+        uncertainty = self._results.get("uncertainty")
+        return 0.0 if uncertainty is None else float(uncertainty.mean())
 
     @property
     def search_radius(self) -> int | None:

@@ -5,7 +5,7 @@ for a single motion, so that confidences of all methods are on one scale: patche
 pixels, similarity ``exp(-d / 2 v^2)``, to the eighth power.
 
 The fallback replaces uncertain pixels by the two frames themselves, mixed or the nearer one, with soft edges
-(`measure_doubt`, `fall_back`).
+(`measure_uncertainty`, `blend_fallback`).
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ MAX_UNSURE = 0.2
 """Largest share of uncertain pixels of a frame that is not held."""
 
 
-def measure_doubt(confidence: NDArray[Any], below: float, uncertain: Uncertain) -> NDArray[Any]:
+def measure_uncertainty(confidence: NDArray[Any], below: float, uncertain: Uncertain) -> NDArray[Any]:
     """Return the weight of the fallback at each pixel, (H, W) float32, 0 to 1.
 
     It is continuous in place and in confidence, so that no edges and no flicker appear; with ``hold``, it is 0 or 1
@@ -145,12 +145,14 @@ def measure_doubt(confidence: NDArray[Any], below: float, uncertain: Uncertain) 
         Kind of fallback.
     """
     blurred = cv2.GaussianBlur(confidence, (0, 0), SOFTNESS * max(confidence.shape))
-    doubt = ((below + RAMP - blurred) / np.float32(2 * RAMP)).clip(0, 1)
-    return doubt if uncertain != "hold" else np.full_like(doubt, doubt.mean() > MAX_UNSURE)
+    uncertainty = ((below + RAMP - blurred) / np.float32(2 * RAMP)).clip(0, 1)
+    return uncertainty if uncertain != "hold" else np.full_like(uncertainty, uncertainty.mean() > MAX_UNSURE)
 
 
-def fall_back(image: Pixels, image0: Pixels, image1: Pixels, t: float, doubt: NDArray[Any], *, mix: bool) -> Pixels:
-    """Return an image in which the two frames replace uncertain pixels, to the share `doubt`.
+def blend_fallback(
+    image: Pixels, image0: Pixels, image1: Pixels, t: float, uncertainty: NDArray[Any], *, mix: bool
+) -> Pixels:
+    """Return an image in which the two frames replace uncertain pixels, by the weight `uncertainty`.
 
     Parameters
     ----------
@@ -160,19 +162,19 @@ def fall_back(image: Pixels, image0: Pixels, image1: Pixels, t: float, doubt: ND
         The two frames.
     t : float
         Time of the in-between frame, in (0, 1).
-    doubt : (H, W) float32
-        Weight of the fallback, see `measure_doubt`; pixels of weight 0 keep their value to the bit.
+    uncertainty : (H, W) float32
+        Weight of the fallback, see `measure_uncertainty`; pixels of weight 0 keep their value to the bit.
     mix : bool
         Whether the fallback is the mix of both frames by time, or the frame that is nearer in time.
     """
-    if not doubt.any():
+    if not uncertainty.any():
         return image
     nearer = image0 if t <= 0.5 else image1
     other = view(image0).mix(view(image1), t) if mix else nearer
 
     def mixed(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
         second = second.reshape(first.shape)
-        weight = cv2.resize(doubt, first.shape[1::-1], interpolation=cv2.INTER_AREA).reshape(
+        weight = cv2.resize(uncertainty, first.shape[1::-1], interpolation=cv2.INTER_AREA).reshape(
             *first.shape[:2], *[1] * (first.ndim - 2)
         )
         values = first + weight * (second.astype(np.float32) - first)
