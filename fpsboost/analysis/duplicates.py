@@ -153,7 +153,9 @@ class SourceFrame(NamedTuple):
     """Frame of the source, and the cache of what was computed of its image."""
 
     frame: Frame
+    """The frame, at its presentation time."""
     image: FrameCache
+    """Cache of its image, which both pairs of the frame share."""
 
     @property
     def position(self) -> SourcePosition:
@@ -218,6 +220,7 @@ class PictureRun(NamedTuple):
     """Consecutive frames that show one picture, or a part of them if it lasts long."""
 
     frames: FrameGroup
+    """The frames, at least one."""
     is_still: bool
     """Whether it lasts longer than the detector allows, or until the clip ends, so that no motion follows it."""
     repeats: int

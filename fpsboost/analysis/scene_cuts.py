@@ -299,6 +299,7 @@ class CutList(Checked):
         return match_score == 0
 
     def is_gradual(self, match_score: float, *across: float) -> bool:
+        """Return False: every listed cut is a cut."""
         return False  # every listed cut is a cut
 
     def is_flash(self, match_score: float, across: float, *neighbours: float) -> bool:
@@ -306,15 +307,18 @@ class CutList(Checked):
         return False
 
     def _count_cuts_until(self, position: SourcePosition) -> int:
+        """Return the number of listed cuts at or before a position in the clip."""
         seconds = position.seconds + TIME_TOLERANCE
         return bisect_right(self._frames, position.number) + bisect_right(self._seconds, seconds)
 
     @cached_property
     def _frames(self) -> list[Fraction]:
+        """Cuts that are listed as frame numbers, increasing."""
         return sorted(place.value for place in self.positions if place.is_frame)
 
     @cached_property
     def _seconds(self) -> list[Fraction]:
+        """Cuts that are listed as times, seconds, increasing."""
         return sorted(place.value for place in self.positions if not place.is_frame)
 
 

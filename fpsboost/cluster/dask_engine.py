@@ -57,13 +57,15 @@ from fpsboost.extension import (
 )
 
 PARTS_PER_WORKER = 8
-"""Parts of a conversion for each worker; at the end, a worker idles for half of one on average."""
+"""Parts of a conversion for each worker: at the end, a worker idles for half of one on average, while each part costs
+the start of a run and a few frames that are read again."""
 
 GROWN_CLUSTER = 32
 """Minimum number of workers for which parts are cut: nodes of a batch system come one by one."""
 
 MAX_FAILURES = 3
-"""Number of times that a part may fail with an error; the last error is raised then."""
+"""Number of times that a part may fail with an error; the last error is raised then. Errors of the input or of the
+options are raised at once, as another attempt would fail too."""
 
 MAX_LOST_WORKERS = 10
 """Number of workers that may die with the same part; nodes that are taken away at any time need more than a few."""
@@ -144,7 +146,7 @@ class _WorkerLostError(Exception):
 
 @dataclass
 class _Attempts:
-    """Attempts to compute one part so far."""
+    """Attempts to compute one part so far, which decide whether and where it is tried again."""
 
     count: int = 0
     """Number of attempts."""
@@ -176,9 +178,13 @@ class _Running:
     """Part that a worker computes, whose files are then copied if they lie on a disk of the worker alone."""
 
     planned: PlannedPart
+    """The part."""
     worker: str
+    """Address of the worker."""
     future: Future[Outcome]
+    """Result of the task."""
     copy: concurrent.futures.Future[None] | None = None
+    """Copy of its files to the folder of parts, once it has begun."""
     times_missing: int = 0  # how often in a row no worker had the task when the scheduler was asked
 
 

@@ -57,6 +57,7 @@ class Outcome:
     is_private: bool = False  # whether it lies in the worker's own folder, since storage is not shared
     sizes: Mapping[str, int] | None = None  # sizes of the part's files by their names, bytes
     error: Exception | None = None
+    """Error that ended the attempt, which the client raises or counts; None if there was none."""
     is_stopped: bool = False  # whether the worker was closed meanwhile, or the part was not needed any more
 
 
@@ -142,7 +143,10 @@ def make_part(job: ConversionJob, run: RunOptions, observer: WorkerObserver) -> 
 
 
 def job_key(facts: Mapping[str, str], output: str) -> str:
-    """Return a name for a conversion to an output, the same in every process: 16 hexadecimal digits."""
+    """Return a name for a conversion to an output, the same in every process: 16 hexadecimal digits.
+
+    It names the tasks of the job, so that two clients of one scheduler wait for the same tasks.
+    """
     return hashlib.sha256(json.dumps([sorted(facts.items()), output]).encode()).hexdigest()[:16]
 
 

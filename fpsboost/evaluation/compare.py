@@ -200,6 +200,7 @@ class _Facts:
     """Facts about the intervals of a clip, collected while they are read."""
 
     hidden: list[int] = field(default_factory=list)
+    """Numbers of the hidden frames."""
     times: list[float] = field(default_factory=list)
     """Position of each hidden frame in time between the shown ones, 0 to 1."""
     shares: list[list[float]] = field(default_factory=list)
@@ -207,9 +208,11 @@ class _Facts:
     unknown: list[int] = field(default_factory=list)
     """Hidden frames of intervals whose true pictures are unknown."""
     repeats: list[int] = field(default_factory=list)
+    """Numbers of the frames that repeat the one before."""
     kind: str = ""
     """Size and type of the frames."""
     clip_frames: int = 1
+    """Number of frames from the first shown one to the last."""
     pictures: int = 0
     """Number of frames that are not repeats, except the last one."""
     seconds: Fraction = Fraction(0)

@@ -84,6 +84,7 @@ class InterpolatorContestant:
     """A method of this package. The time of the first frame of an interval includes the motion search."""
 
     interpolator: Interpolator
+    """The method, with its cut policy and other settings."""
     looks_far: ClassVar[bool] = False
     any_time: ClassVar[bool] = True
 
@@ -100,6 +101,7 @@ class InterpolatorContestant:
     def _timed(
         self, pair: Pair, chosen: Sequence[Hidden], before: Pair | None, after: Pair | None
     ) -> Iterator[InterpolatedFrame]:
+        """Yield the chosen frames of an interval with the time that each took."""
         images = self.interpolator.images(pair, [hidden.t for hidden in chosen], before, after)
         for hidden in chosen:
             begin, begin_cpu = time.perf_counter(), time.process_time()
@@ -108,6 +110,7 @@ class InterpolatorContestant:
             yield InterpolatedFrame(hidden.number, image, seconds, cpu, pair.search_radius)
 
     def _pairs(self, intervals: Iterable[Interval]) -> Iterator[tuple[Interval, Pair]]:
+        """Yield the intervals with pairs of their shown frames, each of which two pairs share."""
         last: FrameCache | None = None
         for interval in intervals:
             first, image = interval.prepared(with_layers=self.interpolator.takes_layers)
@@ -126,6 +129,7 @@ class Minterpolate:
     """
 
     options: str = "mi_mode=mci:mc_mode=aobmc:me_mode=bidir:vsbmc=1:scd=none"
+    """Options in FFmpeg's syntax, without the rate."""
 
     @classmethod
     def with_options(cls, texts: Mapping[str, str]) -> Self:

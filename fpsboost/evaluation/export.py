@@ -110,9 +110,11 @@ class Column(NamedTuple):
 
     title: str
     unit: str
+    """Unit of the numbers; empty if they have none."""
     digits: int
     """Decimals of the numbers."""
     high_is_good: bool
+    """Whether larger numbers are better."""
 
 
 COLUMNS = (
@@ -143,6 +145,7 @@ class Row(NamedTuple):
     """Index of the method in the comparison."""
     name: str
     cells: list[Cell]
+    """Cells in the order of the columns."""
 
 
 def overall_rows(comparison: Comparison) -> list[Row]:
@@ -184,6 +187,7 @@ def further_rows(comparison: Comparison) -> list[Row]:
 def _rows(
     methods: Sequence[MethodResult], figures: Sequence[Sequence[float]], formats: Sequence[tuple[int, bool]]
 ) -> list[Row]:
+    """Return the rows of a table, by its figures and by (decimals, whether high is good) of each column."""
     columns = [
         _cells(values, digits, high_is_good)
         for values, (digits, high_is_good) in zip(zip(*figures, strict=True), formats, strict=True)

@@ -147,6 +147,7 @@ class XpsnrMeter(_FilterMeter):
         self._keep(self._push(truth, image, counts=counts))
 
     def _keep(self, pictures: list[av.VideoFrame]) -> None:
+        """Store the values of pictures that the filter has output, limited to `HIGHEST`."""
         self._values += [min(float(each.metadata["lavfi.xpsnr.xpsnr.y"]), HIGHEST) for each in pictures]
 
     def values(self) -> list[float]:
@@ -210,6 +211,7 @@ class Metric:
     digits: int
     """Decimals in tables."""
     high_is_good: bool
+    """Whether larger values are better."""
     start: Callable[[Fraction], Meter]
     """Function that returns a meter for a method, given the clip's frames per second."""
     meaning: str

@@ -41,16 +41,22 @@ class Hidden(NamedTuple):
     truth: Image
     """The frame itself, (H, W, C)."""
     source_position: SourcePosition
+    """Position in the clip."""
 
 
 class Interval(NamedTuple):
     """Two shown frames with their positions in the clip, and the hidden ones between them."""
 
     begin: SourcePosition
+    """Position of the first shown frame."""
     end: SourcePosition
+    """Position of the second shown frame."""
     shown0: Frame
+    """First shown frame."""
     shown1: Frame
+    """Second shown frame."""
     hidden: tuple[Hidden, ...]
+    """Hidden frames in order."""
     repeats: tuple[int, ...]
     """Numbers of frames, from the first shown one to the second, that repeat the one before."""
     is_known: bool
@@ -131,6 +137,7 @@ class Hiding(Checked):
 
     @property
     def _range(self) -> str:
+        """The range as text, as the option has it."""
         return f"{self.first}:{'' if self.last is None else self.last}"
 
     def as_options(self) -> list[str]:
@@ -225,6 +232,7 @@ class Hiding(Checked):
 
 
 def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
+    """Return the interval of a row of frames: the first and the last are shown, those between are hidden."""
     before, *between, after = row
     begin, end = before.frame.time, after.frame.time
     hidden = []
@@ -256,11 +264,13 @@ class Sample(NamedTuple):
     """A held-out frame with as much of the clip around it as methods need."""
 
     hidden: Hidden
+    """The frame."""
     window: list[Interval]
     """Its interval, the one before and the one after."""
 
     @property
     def interval(self) -> Interval:
+        """The interval that the frame lies in."""
         return next(each for each in self.window if each.begin.number < self.hidden.number < each.end.number)
 
 

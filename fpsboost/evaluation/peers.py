@@ -39,9 +39,13 @@ class PeerFrames:
     """Frames of another tool, one image for each hidden frame, by its number; seconds are those per frame."""
 
     files: Mapping[int, Path]
+    """Images by the numbers of the frames."""
     description: str
+    """Command, or name of the folder."""
     seconds: float = UNKNOWN
+    """Elapsed time per frame; NaN if unknown."""
     cpu_seconds: float = UNKNOWN
+    """CPU time per frame; NaN if unknown."""
     looks_far: ClassVar[bool] = False  # whatever the tool looked at: its images stay the same
     any_time: ClassVar[bool] = False  # it was given frames without times
 

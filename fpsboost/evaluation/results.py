@@ -137,6 +137,7 @@ class FrameResult:
     number: int
     """Number of the frame in the clip."""
     scores: Scores
+    """PSNR, SSIM, MAE and MSE."""
     seconds: float
     """Elapsed time, seconds; NaN if unknown."""
     cpu_seconds: float
@@ -160,6 +161,7 @@ class MethodResult:
     options: str
     """Description of the method by `Contestant.describe`."""
     frames: list[FrameResult]
+    """Scores of the frames."""
 
 
 @dataclass(frozen=True)
@@ -200,6 +202,7 @@ class Comparison:
     clip_frames: int = 0
     """Number of frames from the first shown one to the last."""
     metrics: tuple[str, ...] = ()
+    """Names of the further metrics, in the order of the tables."""
 
     @property
     def areas(self) -> list[tuple[str, str]]:
@@ -272,6 +275,7 @@ class ComparedClip(NamedTuple):
 
     comparison: Comparison
     contestants: Mapping[str, Contestant]
+    """Methods by name, in the order of the comparison."""
 
 
 def _some(numbers: Sequence[int]) -> str:

@@ -210,7 +210,9 @@ class MeanOverClips(NamedTuple):
 
     method: str
     mean: float
+    """Mean over the clips, which have equal weights, dB."""
     of_clips: list[float]
+    """PSNR on each clip, dB."""
 
 
 def means_over_clips(comparisons: Sequence[Comparison]) -> Iterator[MeanOverClips]:

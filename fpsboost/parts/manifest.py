@@ -56,13 +56,17 @@ class Manifest:
     """Description of a finished part, in a file beside its frames."""
 
     part: Part
+    """Number of the part, and number of parts."""
     input: str
     """Absolute path of the input."""
     output: str
     """Path of the output of the whole conversion."""
     rate: OutputRate
+    """Options of the job for the frame rate."""
     decoding: DecodeOptions
+    """Options of the job for reading the input."""
     encoding: Encoding
+    """Options of the job for writing the output."""
     facts: dict[str, str]
     """Facts that must be the same for all parts, by their names; see `facts_of`."""
     first: int

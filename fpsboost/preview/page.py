@@ -170,9 +170,11 @@ class _Recorder(SilentObserver):
     """Watcher and observer of one conversion: keeps its frames and their confidence, and measures its own CPU time."""
 
     view: View
+    """Frames for the page."""
     stretch: Fraction
     """Duration of the output as a multiple of the source's."""
     needs_confidence: bool
+    """Whether frames shall have a confidence."""
     confidences: list[NDArray[Any] | None] = field(default_factory=list)
     """Confidence of each output frame, as it is displayed."""
     own_seconds: float = 0.0
@@ -181,9 +183,11 @@ class _Recorder(SilentObserver):
     """Elapsed and CPU time when the conversion began."""
 
     def ready(self) -> None:
+        """Start the clocks when everything is open."""
         self.start = time.perf_counter(), time.process_time()
 
     def watch(self, frame: Frame) -> None:
+        """Add a frame to the view; its time here does not count as time of the conversion."""
         begin = time.thread_time()
         self.view.add(frame, frame.time / self.stretch)
         self.view.end = (frame.time + frame.duration) / self.stretch

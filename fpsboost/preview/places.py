@@ -272,6 +272,7 @@ class _Span:
     """Part of a clip in which passages are chosen."""
 
     info: ClipInfo
+    """Properties of the clip."""
     begin: Fraction
     """Seconds after the clip's first frame."""
     end: Fraction | None
@@ -334,7 +335,9 @@ class _Reader:
     job: ConversionJob
     run: RunOptions
     rate: Fraction
+    """Frames per second of the clip."""
     is_images: bool
+    """Whether the clip is a sequence of images, whose positions are frame numbers."""
 
     def examine(
         self, start: Fraction, duration: Fraction, seen: Callable[[Frame, Fraction], None] | None = None
@@ -395,6 +398,7 @@ def _thumbnail(frame: Frame) -> NDArray[Any]:
 
 
 def _mean(motions: list[Place]) -> float:
+    """Return the mean motion of some places."""
     return float(np.mean([each.motion for each in motions]))
 
 

@@ -48,6 +48,7 @@ class VectorConvention:
     """
 
     pairs: tuple[StoredVectors, ...]
+    """Meaning of the first two channels, and of the next two if there are four."""
 
     def read(self, channels: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return the vectors to the previous and to the next frame, each (H, W, 2) float32, y down.

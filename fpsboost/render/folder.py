@@ -182,6 +182,7 @@ class VectorFolder:
         return channels, usual
 
     def _channels_at(self, number: int) -> tuple[NDArray[Any], VectorConvention]:
+        """Return the channels of an output frame's vectors as stored, and the usual convention of their names."""
         file = self._file_of(self._vectors, number, self.path, "vectors")
         names = list(read_exr_header(file).channels)
         found = find_vector_channels(names, of_any_layer=self.convention is not None)
@@ -208,6 +209,7 @@ class VectorFolder:
         return vectors
 
     def _check_size(self, vectors: NDArray[Any], image: Pixels) -> None:
+        """Raise `InputError` if vectors are of another size than an image."""
         (height, width), (image_height, image_width) = vectors.shape[:2], image.shape[:2]
         if (height, width) != (image_height, image_width):
             raise InputError(
@@ -382,6 +384,7 @@ class RenderedPair(NamedTuple):
     channels0: NDArray[Any]
     """Vectors of the first frame as stored, (H, W, 2 or 4) float32."""
     channels1: NDArray[Any]
+    """Vectors of the second frame as stored."""
     distance: int
     """Number of vectors from one frame to the other."""
 
@@ -390,6 +393,7 @@ class VectorFit(NamedTuple):
     """Convention of motion vectors, and how well they fit the frames."""
 
     convention: VectorConvention
+    """The convention that fits best."""
     error: float
     """Mean squared difference between each frame and the other one fetched along the vectors, in squared mean
     colours."""

@@ -175,7 +175,9 @@ class _Merger:
 
     plan: RerenderPlan
     feather: int
+    """Width of seams, pixels."""
     limit: MemoryLimit
+    """Limit of the memory for images."""
 
     def merged(self, path: Path, frame: PlannedFrame, rendered: _Rendered) -> bytes:
         """Return the content of the file of a merged frame, encoded like the interpolated one at `path`."""
@@ -213,6 +215,7 @@ class _Merger:
         return picture
 
     def _read(self, path: Path, passes: Passes | None) -> FrameImage:
+        """Return an image, of an OpenEXR file with the given passes."""
         if passes is None or extension_of(path.name) != ".exr":
             return read_image(path, self.limit)
         return passes.read(path, self.limit)

@@ -153,6 +153,7 @@ class RerenderPlan:
         return plan
 
     def _check_masks(self, folder: Path) -> None:
+        """Raise `InputError` if a mask is missing, or differs from the rectangles."""
         masks = mask_numbering(folder, [frame.number for frame in self.frames])
         for frame in self.frames:
             path = masks.path(frame.number)
@@ -174,6 +175,7 @@ def mask_numbering(folder: Path, numbers: Sequence[int]) -> Numbering:
 
 
 def _errors_of(item: PlannedFrame | RerenderPlan) -> dict[str, float]:
+    """Return expected and remaining error as plain data."""
     return {name: round(getattr(item, name), 4) for name in ("expected_error", "remaining_error")}
 
 

@@ -42,7 +42,9 @@ class Rectangle(NamedTuple):
     y: int
     """Row of the upper edge."""
     width: int
+    """Number of columns."""
     height: int
+    """Number of rows."""
 
     @property
     def area(self) -> int:
@@ -67,8 +69,9 @@ class TileGrid:
     """Tiles of frames of one size, from the upper left; those at the right and at the bottom edge may be smaller."""
 
     height: int
+    """Height of a frame, pixels."""
     width: int
-    """Size of a frame, pixels."""
+    """Width of a frame, pixels."""
     tile: int
     """Side of a tile, pixels."""
 
@@ -250,6 +253,7 @@ def clean(masks: NDArray[Any], scenes: NDArray[Any]) -> NDArray[Any]:
 
 
 def _clean_frame(mask: NDArray[Any]) -> NDArray[Any]:
+    """Fill holes, drop single tiles and join near rectangles; a frame that is nearly covered is taken as a whole."""
     kept = _without_holes(simplified(_without_crumbs(_without_holes(mask))))
     return np.ones_like(kept) if kept.mean() >= WHOLE_SHARE else kept
 

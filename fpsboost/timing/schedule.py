@@ -119,12 +119,14 @@ class ByFactor(Checked):
             yield Step(time0 + t * (time1 - time0), t)
 
     def output_position(self, index: int, start: Fraction, time: Fraction) -> Fraction:
+        """Return ``index * factor``; see `Schedule.output_position`."""
         return index * self.factor
 
     def rate(self, source_rate: Fraction) -> Fraction:
         return source_rate * self.factor
 
     def time_base(self, source_time_base: Fraction) -> Fraction:
+        """Return the source's seconds per tick divided by the factor's numerator, if 32 bits hold it."""
         return representable(source_time_base / self.factor.numerator, source_time_base)
 
 
@@ -193,12 +195,14 @@ class ByRate:
             yield Step(time, Fraction(0) if is_pause else (time - time0) / (time1 - time0))
 
     def output_position(self, index: int, start: Fraction, time: Fraction) -> Fraction:
+        """Return the position on the output's clock; see `Schedule.output_position`."""
         return (time - start) * self.frames_per_second
 
     def rate(self, source_rate: Fraction) -> Fraction:
         return self.frames_per_second
 
     def time_base(self, source_time_base: Fraction) -> Fraction:
+        """Return the largest time base that has both the output's and the source's ticks, if 32 bits hold it."""
         ticks = Fraction(1, self.frames_per_second.numerator)
         return representable(Fraction(1, math.lcm(ticks.denominator, source_time_base.denominator)), ticks)
 
@@ -388,7 +392,9 @@ class ExposureSchedule:
     """
 
     schedule: Schedule
+    """Schedule of the output frames."""
     shutter: Shutter
+    """Angle of the shutter, and number of samples."""
 
     def presentation_time(self, start: Fraction, time: Fraction) -> Fraction:
         return self.schedule.presentation_time(start, time)

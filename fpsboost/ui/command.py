@@ -69,12 +69,10 @@ def ui(
             address = f"http://127.0.0.1:{port}/#{token}"
             write_safely(page, REDIRECTION.format(address).encode(), jobs.PRIVATE)
             console.print(
-                f"The page: {address}\nCtrl-C stops it; conversions that are not done can go on later.", soft_wrap=True
+                f"The page: {address}\nCtrl-C stops it; unfinished conversions can be continued later.", soft_wrap=True
             )
             if queue.outside:
-                console.print(
-                    f"Earlier conversions outside of {allowed.root} do not go on from here: {len(queue.outside)}."
-                )
+                console.print(f"Earlier conversions outside of {allowed.root} are not continued: {len(queue.outside)}.")
             if not no_browser:
                 webbrowser.open(page.as_uri())
             uvicorn.Server(config).run(sockets=[bound])
@@ -82,7 +80,7 @@ def ui(
         if folder is not None or not page.is_file():
             raise
         (address,) = set(re.findall(r'http:[^"]+', page.read_text()))
-        console.print(f"The page, which runs already: {address}", soft_wrap=True)
+        console.print(f"The page, which is running already: {address}", soft_wrap=True)
         if not no_browser:
             webbrowser.open(page.as_uri())
     except KeyboardInterrupt:

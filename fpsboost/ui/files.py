@@ -27,6 +27,7 @@ class Files:
     """
 
     root: Path | None = None
+    """Folder that the page may use; None for all of the file system."""
     _picked: set[Path] = field(default_factory=set)  # paths are only added and looked up, which needs no lock
 
     def inside(self, text: str) -> Path:

@@ -272,6 +272,8 @@ def make_app(session: UiSession) -> ASGIApp:
         return Response(poster(str(path)), media_type="image/jpeg") if kind == "poster" else FileResponse(path)
 
     def answering(answer: Callable[[Json], Json]) -> Callable[[Request], Any]:
+        """Return an endpoint that answers an object with an object; the function runs in a thread."""
+
         async def endpoint(request: Request) -> Response:
             return Answer(await run_in_threadpool(answer, await _data_of(request)))
 

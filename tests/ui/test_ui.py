@@ -765,7 +765,7 @@ def test_command_prints_the_address_and_ends(films, fpsboost_, monkeypatch):
     monkeypatch.setattr("webbrowser.open", browser.append)
 
     def start_again(address):
-        assert fpsboost_("ui").out == f"The page, which runs already: {address}\n"
+        assert fpsboost_("ui").out == f"The page, which is running already: {address}\n"
         assert "leave the folder out to open its page" in fpsboost_("ui", str(films)).err
         assert {path.stat().st_mode & 0o077 for path in [page.parent, *page.parent.glob("*.*[!k]")]} == {0}
 
@@ -967,7 +967,7 @@ def test_place_is_typed_until_the_length_is_known(chromium, films, tmp_path):
         page.locator("#at").fill("0:00.2")
         page.locator("#at").press("Enter")
         page.get_by_text("In the middle between 0:00.200").wait_for()
-        page.get_by_role("button", name="Read it to its end").click()
+        page.get_by_role("button", name="Read the whole clip").click()
         page.locator("#time").wait_for()
         assert float(page.locator("#time").get_attribute("max") or 0) == pytest.approx(0.36)
 
@@ -1000,7 +1000,7 @@ def test_streams_of_each_clip_are_chosen(chromium, films, tmp_path):
     with serving(films, tmp_path / "queue.json") as address, opened(chromium, address) as page:
         for name in ("clip.mp4", "film.mp4"):
             page.get_by_label(f"Tick {name}").check()
-        page.get_by_role("button", name="Take these 2 clips").click()
+        page.get_by_role("button", name="Use these 2 clips").click()
         expect(page.locator("#clip-title")).to_have_text("2 clips")
         expect(page.locator("#streams")).to_be_hidden()
         page.get_by_role("radio", name="film.mp4").click()
@@ -1028,7 +1028,7 @@ def test_several_clips_become_something_alike(chromium, films, tmp_path, way):
         if way == "tick":
             for name in ("beach.mp4", "city.mp4"):
                 page.get_by_label(f"Tick {name}").check()
-            page.get_by_role("button", name="Take these 2 clips").click()
+            page.get_by_role("button", name="Use these 2 clips").click()
         else:
             sizes = [(each.name, each.stat().st_size) for each in sorted((films / "holiday").iterdir())]
             page.evaluate(

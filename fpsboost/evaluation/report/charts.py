@@ -77,6 +77,7 @@ class Series(NamedTuple):
     method: int  # place among the methods, by which the page colours it
     values: Sequence[float]
     style: Style
+    """Colour, marker and line."""
 
 
 class Dot(NamedTuple):
@@ -85,7 +86,9 @@ class Dot(NamedTuple):
     method: int
     name: str
     x: float
+    """Time per frame, seconds."""
     y: float
+    """PSNR, dB."""
     style: Style
 
 
@@ -198,6 +201,7 @@ def _begin(form: Form, label: str) -> tuple[Figure, Axes]:
 def _set_limits(
     axes: Axes, numbers: Sequence[int], all_values: NDArray[Any], *, from_zero: bool, logarithmic: bool
 ) -> None:
+    """Set the limits of the axes so that values are visible with a margin; logarithmic scales span at most `WIDEST`."""
     spare = max(0.5, 0.015 * (numbers[-1] - numbers[0]))
     axes.set_xlim(numbers[0] - spare, numbers[-1] + spare)
     lowest, highest = float(all_values.min()), float(all_values.max())
@@ -254,6 +258,7 @@ def _label(axes: Axes, dots: Sequence[Dot], text: float) -> bool:
 
 
 def _box(x: float, y: float, width: float, height: float) -> Bbox:
+    """Return a rectangle around its centre, pixels of the figure."""
     return Bbox.from_bounds(x - width / 2, y - height / 2, width, height)
 
 

@@ -59,6 +59,7 @@ class Plot(NamedTuple):
     title: str
     unit: str
     charts: list[Chart]
+    """The figure in every form."""
 
 
 class Choice(NamedTuple):
@@ -66,6 +67,7 @@ class Choice(NamedTuple):
 
     number: int
     reasons: list[str]
+    """Reasons for showing it, such as "the worst"."""
 
 
 class FrameSection(NamedTuple):
@@ -74,6 +76,7 @@ class FrameSection(NamedTuple):
     title: str
     number: int
     strips: list[Strip]
+    """Close-ups of the frame."""
 
 
 def write_report(folder: Path, clips: Sequence[ComparedClip]) -> Path:
@@ -204,6 +207,7 @@ def choose_frames(comparison: Comparison) -> list[Choice]:
 
 
 def _title(choice: Choice, first: str) -> str:
+    """Return the heading of a chosen frame; `first` is the name of the first method."""
     places = [reason for reason in choice.reasons if reason != DIFFERENT]
     of_first = [f"{listed(places)} of {first}"] if places else []
     return f"Frame {choice.number}: {listed(of_first + [each for each in choice.reasons if each == DIFFERENT])}"
@@ -248,6 +252,7 @@ def time_plots(comparison: Comparison, at: str = "") -> list[Plot]:
 
 
 def _frame_charts(comparison: Comparison, key: str, label: str, at: str, **how: bool) -> list[Chart]:
+    """Return charts of a value of every frame, by its name in the data."""
     values = frame_values(comparison)
     styles = styles_of([method.name for method in comparison.methods])
     series = [Series(index, each[key], styles[index]) for index, each in enumerate(values["methods"])]

@@ -69,6 +69,7 @@ class Spot(NamedTuple):
     size: int
     """Side, pixels."""
     reason: str
+    """Reason for showing it."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +77,10 @@ class Strip:
     """One spot in the truth and in the frame of every method."""
 
     letter: str
+    """Letter that marks the spot on the page."""
     spot: Spot
     crops: list[Picture]
+    """The spot in the truth and in every method's frame."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,9 @@ class MotionView:
     between: tuple[int, int]
     """Numbers of the shown frames."""
     width: int
+    """Width of the frame, pixels."""
     height: int
+    """Height of the frame, pixels."""
     shown: str
     """The earlier shown frame, encoded."""
     wheel: str
@@ -113,6 +118,7 @@ class MotionView:
     stretch: float
     """Length of an arrow as a multiple of the motion."""
     fields: list[MotionPicture]
+    """Motion by each method that estimates it."""
     doubts: list[tuple[Picture, Picture]]
     """Uncertainty and true error, for each method that has a confidence of its own."""
 
@@ -292,6 +298,7 @@ def _largest(values: Sequence[float], length: int, taken: Sequence[int]) -> int:
 
 
 def _size_of(comparison: Comparison) -> tuple[int, int]:
+    """Return width and height of the frames of a comparison, pixels."""
     width, height = comparison.kind.partition(",")[0].split("x")
     return int(width), int(height)
 

@@ -163,7 +163,7 @@ async function open(path) {
   byId("count").textContent = counts.length ? `${counts.join(", ")}${isLong ? "; scroll for more" : ""}.` : "";
   countTicks();
   byId("images").hidden = found.images < 2;
-  byId("images").textContent = `Take the ${found.images} images of this folder`;
+  byId("images").textContent = `Use the ${found.images} images in this folder`;
   if (focused === "entries") (byId("entries").querySelector("button") ?? byId("entries")).focus();
   if (focused === "above") byId("above").lastElementChild.focus();
 }
@@ -179,7 +179,7 @@ function ticked() {
 function countTicks() {
   const count = ticked().length;
   byId("take").hidden = !count;
-  byId("take").textContent = count === 1 ? "Take the clip that is ticked" : `Take these ${count} clips`;
+  byId("take").textContent = count === 1 ? "Use the ticked clip" : `Use these ${count} clips`;
 }
 
 /** A path that was typed: a folder is opened, anything else is picked. */
@@ -578,7 +578,7 @@ async function look() {
     return;
   }
   const { clip } = state, looking = (state.looking = { again: false });
-  byId("between").textContent = "Making it…";
+  byId("between").textContent = "Interpolating…";
   state.player?.element.classList.add("is-busy");
   const wish = choices();
   const question = { choices: { ...clip.choices, method: wish.method }, time: +byId("time").value };
@@ -639,7 +639,7 @@ function stateOf(job) {
     if (!job.fps) return "Starting";
     return [frames, `${job.fps.toFixed(1)} a second`, ...(job.frames ? [left(job)] : [])].join(", ");
   }
-  const words = { waiting: "Waits for the one before", stopping: "Stopping", paused: job.message || "Paused", done: frames, failed: "Not done" };
+  const words = { waiting: "Waits for the one before", stopping: "Stopping", paused: job.message || "Paused", done: frames, failed: "Failed" };
   return words[job.state];
 }
 
@@ -740,7 +740,7 @@ function pictureOf(job, kind, path) {
   loadInTurn(element, job.media[kind]);
   element.addEventListener("error", () => {
     if (kind === "source") element.closest("figure").remove(); // images, and what only other players play
-    else element.replaceWith(still(job), make("p", { className: "note" }, "This browser cannot play it; other players do."));
+    else element.replaceWith(still(job), make("p", { className: "note" }, "This browser cannot play it; other players can."));
   });
   return element;
 }
@@ -830,7 +830,7 @@ byId("another").addEventListener("click", () => {
 
 /** A browser tells names and sizes of dropped files, but not where they lie: the server looks for them. */
 async function drop(files) {
-  if (!files.length) throw new Notice("What was dropped are no files; drop videos.");
+  if (!files.length) throw new Notice("Only files can be dropped here; drop videos.");
   const wanted = [...files].map(({ name, size }) => ({ name, size }));
   const { paths, missing } = await ask("/find", { folder: state.folder, files: wanted });
   if (paths.length) await pick(paths);
