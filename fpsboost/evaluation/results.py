@@ -166,7 +166,7 @@ class MethodResult:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Everything that a report is made from."""
+    """Everything that a report contains."""
 
     clip: str
     """Path of the clip."""
