@@ -22,7 +22,7 @@ from fpsboost.synthesis.fusion_table import fusion_coefficients
 
 
 def samples(image):
-    """Planes and their coefficients, which the twin finds: uncompiled, the kernel would take most of the time."""
+    """Planes and their coefficients, which the twin finds, so that a fault of the filter is not one of blending."""
     planes = image.transpose(2, 0, 1).astype(np.float32, order="C")
     beyond = 2 * SPARE  # the solver knows nothing of what lies farther out
     coefficients = [
