@@ -94,16 +94,17 @@ def compile_kernels(platform: Platform, folder: Path) -> Path:
 
         list(pool.map(compile_one, jobs))
         library = Path(objects, f"kernels{platform.suffix}")
-        run_compiler([*compiler, "-shared", "-s", *further, *(to for *_, to in jobs), "-o", str(library)])
+        link = [*compiler, "-shared", "-s", *further, *(to for *_, to in jobs), "-o", library.name]
+        run_compiler(link, objects)  # macOS's linker writes the name that it is given into the library
         # under a name of its own at first, as a process may have loaded the old one
         new = Path(shutil.copy(library, folder / f"new-{library.name}"))
         return new.replace(folder / library.name)
 
 
-def run_compiler(command: list[str]) -> None:
-    """Run a compiler; exits with a sentence if it is missing or fails, below what it says itself."""
+def run_compiler(command: list[str], folder: str | None = None) -> None:
+    """Run a compiler, in a folder if one is given; exits with a sentence if it is missing or fails, below what it says itself."""
     try:
-        subprocess.run(command, check=True)
+        subprocess.run(command, check=True, cwd=folder)
     except OSError as error:
         sys.exit(f"The compiler {command[0]} cannot be run ({error.strerror}); name a clang or gcc by CC, or unset it.")
     except subprocess.CalledProcessError as error:
