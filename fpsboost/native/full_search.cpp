@@ -24,7 +24,7 @@ namespace {
 typedef uint32_t U32 __attribute__((vector_size(64)));
 typedef uint32_t U32Unaligned __attribute__((vector_size(64), aligned(4), may_alias));
 
-constexpr Int LANES = 16;         // of kernels/jit.py: planes are so much wider, and those of frame 1 begin behind it
+constexpr Int LANES = 16;         // of kernels/planes.py: planes are so much wider, and those of frame 1 begin behind it
 constexpr Int STRIP_WIDTH = 640;  // columns per pass: little overhead of patch margins, and small enough for caches
 constexpr Int OFFSETS_PER_PASS = 8;  // neighbouring offsets that are processed together
 constexpr Int OFFSETS_AT_ONCE = 4;   // of which so many are compared with the best ones at a time
