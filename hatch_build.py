@@ -102,7 +102,7 @@ def compile_kernels(platform: Platform, folder: Path) -> Path:
 
 
 def run_compiler(command: list[str], folder: str | None = None) -> None:
-    """Run a compiler, in a folder if one is given; exits with a sentence if it is missing or fails, below what it says itself."""
+    """Run a compiler, in a folder if one is given; exits with a sentence, below its own output, if it is missing or fails."""
     try:
         subprocess.run(command, check=True, cwd=folder)
     except OSError as error:

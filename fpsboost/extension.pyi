@@ -13,9 +13,9 @@ from .errors import ExistsError as ExistsError
 from .errors import InUseError as InUseError
 from .errors import explain as explain
 from .errors import explained as explained
+from .errors import format_duration as format_duration
 from .errors import notes_of as notes_of
 from .errors import rounded as rounded
-from .errors import format_duration as format_duration
 from .evaluation.report.self_contained import PlayerData as PlayerData
 from .evaluation.report.self_contained import as_heat as as_heat
 from .evaluation.report.self_contained import data_uri as data_uri
