@@ -11,7 +11,6 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from importlib.metadata import version
 from itertools import pairwise
 from typing import IO, Any, Protocol
 
@@ -151,7 +150,7 @@ def compare(
         made_with={  # versions of what affects frames, scores or speed
             "fpsboost": __version__,
             "Python": platform.python_version(),
-            **{name: version(name.lower()) for name in ("NumPy", "scikit-image")},
+            "NumPy": np.__version__,
             "OpenCV": cv2.__version__,
             "kernels": processor_level(),
             "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",

@@ -573,7 +573,7 @@ def test_help_fits_a_small_terminal(fpsboost_, monkeypatch):
 @pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["compare", "--help"]])
 def test_what_needs_no_work_is_light(tmp_path, arguments):
     """Neither the package nor its command line loads OpenCV, the kernels or FFmpeg before there is work."""
-    heavy = "{'cv2', 'fpsboost.kernels.binding', 'av', 'skimage', 'numpy', 'matplotlib', 'jinja2'}"
+    heavy = "{'cv2', 'fpsboost.kernels.binding', 'av', 'numpy', 'matplotlib', 'jinja2'}"
     run = f"import sys; from fpsboost.cli import app; app.app({arguments}, result_action='return_value')"
     code = f"{run}\nprint({heavy} & set(sys.modules), file=sys.stderr)"
     assert run_code(tmp_path, code).stderr.strip() == b"set()"
