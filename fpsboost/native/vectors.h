@@ -54,7 +54,30 @@ INLINE float fma(float a, float b, float c) {
   return float(odd);
 }
 #endif
-#if !defined(__clang__) || !(defined(__FMA__) || defined(__aarch64__))
+#if !(defined(__FMA__) || defined(__aarch64__))
+// The same for vectors, four lanes at a time.
+typedef float F4 __attribute__((vector_size(16)));
+typedef double D4 __attribute__((vector_size(32)));
+typedef int64_t I4 __attribute__((vector_size(32)));
+template <typename V> INLINE V fma(V a, V b, V c) {
+  V result;
+  for (int i = 0; i < Lanes<V>::count; i += 4) {
+    F4 values[3];
+    __builtin_memcpy(&values[0], (const float *)&a + i, sizeof(F4));
+    __builtin_memcpy(&values[1], (const float *)&b + i, sizeof(F4));
+    __builtin_memcpy(&values[2], (const float *)&c + i, sizeof(F4));
+    const D4 product = __builtin_convertvector(values[0], D4) * __builtin_convertvector(values[1], D4), none = {};
+    const D4 added = __builtin_convertvector(values[2], D4), sum = product + added, part = sum - product;
+    const D4 error = (product - (sum - part)) + (added - part);
+    const I4 bits = (I4)sum, above = (I4)(error > none), below = (I4)(error < none);
+    const I4 is_even = (bits & 1) - 1, grows = ~(above ^ (I4)(sum > none));  // all ones where it holds, else zero
+    const D4 odd = (D4)(bits + (((grows & 1) | ~grows) & (above | below) & is_even));
+    const F4 rounded = __builtin_convertvector(odd, F4);
+    __builtin_memcpy((float *)&result + i, &rounded, sizeof(F4));
+  }
+  return result;
+}
+#elif !defined(__clang__)
 template <typename V> INLINE V fma(V a, V b, V c) {
   for (int i = 0; i < Lanes<V>::count; i++) c[i] = fma(a[i], b[i], c[i]);
   return c;
