@@ -33,13 +33,18 @@ KERNELS: dict[str, Kernel] = {
 """The description of every kernel."""
 
 
+WORKING = ("scratch", "full", "further")
+"""Parameters with memory that only the kernel itself uses, of which the layers of images have some, too."""
+
+
 def digest(name: str, text: Any, arrays: dict[str, np.ndarray]) -> str:
-    """Call a kernel with recorded arguments; digest what it returns, and all arrays after it but for scratch memory."""
+    """Call a kernel with recorded arguments; digest what it returns, and all arrays after it but for `WORKING`."""
     arguments = json.loads(
         json.dumps(text), object_hook=lambda place: arrays[place["array"]].copy().transpose(place["axes"])
     )
     parts = hashlib.sha256(repr(binding.compiled(KERNELS[name])(*arguments)).encode())
-    compared = arguments[: -1 if "scratch" in signature(KERNELS[name]).parameters else None]
+    parameters = zip(signature(KERNELS[name]).parameters, arguments, strict=True)
+    compared = [argument for parameter, argument in parameters if parameter not in WORKING]
     json.dumps(compared, default=lambda array: parts.update(np.ascontiguousarray(array)))
     return parts.hexdigest()[:16]
 
