@@ -85,7 +85,8 @@ struct PixelRow {
   }
 
 private:
-  template <int COUNT, typename Function> inline __attribute__((always_inline)) void compare_vectors(Int x, const Function &use) const {
+  template <int COUNT, typename Function>
+  inline __attribute__((always_inline)) void compare_vectors(Int x, const Function &use) const {
     I16 similarity[COUNT];
     exponential_similarity(first + x, plane0, second + x, plane1, similarity);
     for (Int n = 0; n < COUNT; n++) use(similarity[n], x + LANES * n);
@@ -150,7 +151,9 @@ template <Int SIZE> struct BoxScores {
         add(sums.template sum_last<SIZE>(), x);
       });
     } else {
-      pixels.compare([=](I16 similarity, Int x) __attribute__((always_inline)) { store_words(values + x, (U32)similarity); });
+      pixels.compare([=](I16 similarity, Int x) __attribute__((always_inline)) {
+        store_words(values + x, (U32)similarity);
+      });
       for (Int x = 0; x < pixels.count; x += LANES) {
         U32 across{};
         for (Int k = x + 1 - size; k <= x; k++) across += load_words(values + k);
@@ -193,11 +196,14 @@ template <Int SIZE> struct WindowScores {
     for (Int k = 0; k < size + rows - 1; k++) slot[k] = ring + (first + k) % slots * row_size;
     for (Int x = 0; x < count; x += BLOCK)
       for (Int row = 0; row < rows; row++)
-        sum_symmetric(x, -price, scores + row * apart, [&](Int k) __attribute__((always_inline)) { return slot[row + k]; });
+        sum_symmetric(x, -price, scores + row * apart,
+                      [&](Int k) __attribute__((always_inline)) { return slot[row + k]; });
   }
 
   // Writes weighted sums of a block of values, of which the k-th begin at value(k), and a first value.
-  template <typename Value> inline __attribute__((always_inline)) void sum_symmetric(Int x, float first, float *sums, const Value &value) {
+  template <typename Value>
+  inline __attribute__((always_inline)) void sum_symmetric(Int x, float first, float *sums,
+                                                           const Value &value) {
     const Int half = (SIZE ? SIZE : size) / 2;
     F16 sum[BLOCK / LANES];
     for (Int n = 0; n < BLOCK / LANES; n++)

@@ -216,7 +216,8 @@ inline void mix_rigid(LayerSamples &layer, const WindowPlace &place, float t) {
     for (Int i = 0; i < layer.wide; i += Lanes<Wide>::count) {
       const float *const columns[2] = {from[0] + i, from[1] + i};
       const Int to = c * layer.size + i;
-      mix_columns<Wide>(layer, columns, taps, layer.tall, t, layer.mixed + to, layer.change + to, layer.distance + i, ahead);
+      mix_columns<Wide>(layer, columns, taps, layer.tall, t, layer.mixed + to, layer.change + to, layer.distance + i,
+                        ahead);
     }
   }
 }
