@@ -279,13 +279,14 @@ class AnimationSink(StagedSink):
     @property
     def remarks(self) -> list[str]:
         suffix, shortest = self._path.suffix.lower(), self._type.shortest
+        before, last = self._last_ticks
         late = {
             f"{self._name} shows some frames up to {float(self._latest * 1000):.0f} ms late, because {suffix} cannot "
             f"show one for less than {float(shortest * 1000):.3g} ms.": self._latest >= shortest,
             f"{self._name} has frames of 10 ms and less, which browsers slow down to 100 ms; use `fps=90` or less for "
             "them.": self._has_short_frames,
             f"{self._name} shows its last frame as long as the one before, and not for its own time; write a .webp to "
-            "keep that.": suffix == ".apng" and self._last_ticks[0] not in (0, self._last_ticks[1]),
+            "keep that.": suffix == ".apng" and 2 * abs(before - last) > before > 0,
         }
         return [*self._losses, *(remark for remark, is_due in late.items() if is_due)]
 
