@@ -103,7 +103,7 @@ def test_points_are_times_or_frames(text, expected):
         ("0 0\n# once\n2s", "line 3: '2s' must be an output time and a source time"),
         ("0 0\n2s 1s\n1s 3s", "line 3: 1s is not after the point before it"),
         ("0=0 2s=3", "point 2: '2s=3' has no unit"),
-        ("0=0 2s=three", "point 2 'three' is no place"),
+        ("0=0 2s=three", "point 2 'three' is not a position"),
         ("0=0s", "at least two points"),
         ("0=0s x0", "does not lead to the source's end"),
         ("0=0s x2 1s=1s", "point 2: 'x2' must be an output time"),
