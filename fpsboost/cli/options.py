@@ -397,7 +397,7 @@ def parameter_of(flag: Flag, group: Group | None) -> inspect.Parameter:
             kind |= Path
         if flag.option.choices:
             proposed: Any = Literal[flag.option.choices] | str  # parsed like a text, with choices for a shell
-            kind = tuple[proposed, ...] if get_origin(kind) is tuple else proposed
+            kind = tuple[proposed, ...] if get_origin(kind) is tuple else proposed | kind
     group = GROUPS[flag.option.group] if flag.option.group else group
     is_main = group in GROUPS.values() and flag.name in MAIN_OPTIONS
     more = Parameter(

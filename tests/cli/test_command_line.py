@@ -290,6 +290,13 @@ def test_refusals(fpsboost_, tmp_path, snapshot, case):
 
 
 @pytest.mark.usefixtures("material")
+def test_values_are_right_for_pydantic(fpsboost_):
+    """The parser of arguments has it check all of them, defaults too, where another library has loaded it."""
+    pytest.importorskip("pydantic")
+    assert fpsboost_("in.mp4", "out.mp4", *CHEAP).code == 0
+
+
+@pytest.mark.usefixtures("material")
 @pytest.mark.parametrize(
     "arguments",
     [
