@@ -10,6 +10,7 @@ The compiler is Zig's clang, a package on PyPI that pip brings for the build. En
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -102,7 +103,7 @@ def compile_kernels(platform: Platform, folder: Path) -> Path:
 
 
 def run_compiler(command: list[str], folder: str | None = None) -> None:
-    """Run a compiler, in a folder if one is given; exits with a sentence, below its own output, if it is missing or fails."""
+    """Run a compiler, in a folder if one is given; exit with a sentence below its output if it is missing or fails."""
     try:
         subprocess.run(command, check=True, cwd=folder)
     except OSError as error:
@@ -124,7 +125,9 @@ class KernelsHook(BuildHookInterface):
         """Compile the kernels beside their sources, where an editable installation finds them, too."""
         platform = PLATFORMS[this_platform()]
         library = compile_kernels(platform, SOURCES)
-        build_data.update(tag=f"py3-none-{platform.tag}", pure_python=False)
+        # another compiler links with this machine's C library, which may be newer
+        tag = re.sub(r"\W", "_", sysconfig.get_platform()) if os.environ.get("CC") else platform.tag
+        build_data.update(tag=f"py3-none-{tag}", pure_python=False)
         build_data["artifacts"].append(f"/fpsboost/native/{library.name}")
 
 

@@ -24,7 +24,7 @@ def arrays():
 
 @pytest.mark.parametrize("name", KERNELS)
 def test_a_kernel_gives_the_recorded_bits_at_every_level(name, arrays, monkeypatch):
-    """Of all levels that this processor has; what calls return, and every array after them."""
+    """Of all `LEVELS`: what calls return, and every array after them."""
     calls, expected = json.loads(arrays["calls"].tobytes())[name], json.loads(DIGESTS.read_text())[name]
     for level in LEVELS:
         monkeypatch.setattr(binding, "processor_level", lambda level=level: level)
