@@ -210,7 +210,7 @@ def draw_candidates() -> Path:
     frames = clip()[27:29]
     pair, fuse = methods["nlm"].pair(*prepared(frames)), MultiHypothesis()
     frame_pair = FramePair(pair.image0, pair.image1, *pair.fields)
-    ((listed, t),) = fuse._listed(frame_pair, [0.5])
+    ((listed, _, t),) = fuse._at_times(frame_pair, [0.5])
     row, column, scale = 8, 15, 4
     before, side = (WINDOW - listed.spacing) // 2, WINDOW
     top, left = row * listed.spacing - before, column * listed.spacing - before

@@ -82,7 +82,7 @@ class Squares:
 
 def draw_squares(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[Any], count: int, seed: int) -> Squares:
     """Draw squares of the frame in the middle of a pair, more of them where the plain weights err."""
-    (listed,) = synthesizer._listed(pair, [0.5])
+    (listed,) = synthesizer._at_times(pair, [0.5])
     (image,) = synthesizer.synthesize(pair, [0.5])
     height, width = (size // 2 * 2 for size in truth.shape[:2])
     rows, columns = height // 2, width // 2
