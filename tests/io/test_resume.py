@@ -422,7 +422,7 @@ def test_killed_at_random_moments(tmp_path):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, folders))}
     (tmp_path / "out").mkdir()
     done = subprocess.run(
-        [sys.executable, "-c", KILLING, clip, tmp_path / "out", tmp_path / "whole.mp4"],
+        [sys.executable, "-X", "faulthandler", "-c", KILLING, clip, tmp_path / "out", tmp_path / "whole.mp4"],
         env=environment,
         stderr=subprocess.PIPE,
         timeout=100,
