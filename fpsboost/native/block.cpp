@@ -26,13 +26,7 @@ struct Vector {
 };
 
 // Sum of absolute differences of parts of two rows, added to those above. A row of a block has at most 2^16 values.
-INLINE Int add_differences(Int total, const uint8_t *here, const uint8_t *there, Int count) {
-  uint32_t sum = 0;
-  for (Int i = 0; i < count; i++) sum += uint32_t(__builtin_abs(int(here[i]) - int(there[i])));
-  return total + sum;
-}
-
-INLINE Int add_differences(Int total, const uint16_t *here, const uint16_t *there, Int count) {
+template <typename T> INLINE Int add_differences(Int total, const T *here, const T *there, Int count) {
   uint32_t sum = 0;
   for (Int i = 0; i < count; i++) sum += uint32_t(__builtin_abs(int(here[i]) - int(there[i])));
   return total + sum;

@@ -1,9 +1,7 @@
 // Cubic B-splines: the coefficients of planes, and both frames mixed in time along the motion of every pixel.
-#include "vectors.h"
+#include "spline_samples.h"
 
 namespace {
-
-constexpr Int MARGIN = 40;  // of kernels/spline.py: width of the repeated edges beyond the frame, pixels
 
 // Filters that turn samples into coefficients, one after the other; stage k adds what is 2^k places away on both sides.
 struct Prefilter {
@@ -113,15 +111,6 @@ struct SplinePlace {
   Int top, left;
   float down[4], across[4];
 };
-
-// Writes the weights of the four coefficients around a position.
-INLINE void spline_weights(float fraction, float *weights) {
-  const float f = fraction, g = 1 - f, sixth = float(1.0 / 6), two_thirds = float(2.0 / 3), half = 0.5f;
-  weights[0] = sixth * g * g * g;
-  weights[1] = two_thirds - half * f * f * (2 - f);
-  weights[2] = two_thirds - half * g * g * (2 - g);
-  weights[3] = sixth * f * f * f;
-}
 
 // The place where the motion of a pixel ends; beyond the frame, edges are repeated.
 INLINE SplinePlace locate(const View<const float, 3> &motion, Int i, Int j) {
