@@ -4,11 +4,12 @@ A kernel is a Python function without a body, whose annotations describe its arg
 they mean. `compiled` makes it call the function of the same name in ``fpsboost/native``. There, the arguments are one
 record, whose fields have the names and the order of the parameters. Python's lock is released during the call.
 
+Annotations must be the types themselves, so the modules of kernels do not postpone their evaluation: to evaluate them
+when a program starts would take longer than to make a frame.
+
 Kernels are compiled for several levels of processors when fpsboost is installed, and give the same bits at all of them.
 The environment variable ``FPSBOOST_CPU`` chooses a lower one than the highest that the processor has.
 """
-
-from __future__ import annotations
 
 import ctypes
 import os
@@ -17,10 +18,10 @@ import struct
 import sys
 from collections.abc import Callable
 from functools import cache, lru_cache, wraps
-from inspect import signature
+from inspect import get_annotations, signature
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, ParamSpec, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ParamSpec, TypeVar, Union, cast, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,9 +101,7 @@ def compiled(function: Callable[Parameters, Result]) -> Callable[Parameters, Res
     @cache
     def entry() -> tuple[Any, Convert]:
         kernel = getattr(library(), f"{function.__name__}_{processor_level()}")
-        kernel.restype = {NoneType: None, int: ctypes.c_int64, float: ctypes.c_double}[
-            get_type_hints(function)["return"]
-        ]
+        kernel.restype = {None: None, int: ctypes.c_int64, float: ctypes.c_double}[get_annotations(function)["return"]]
         return kernel, arguments_of(function)[1]
 
     @wraps(function)
@@ -116,7 +115,7 @@ def compiled(function: Callable[Parameters, Result]) -> Callable[Parameters, Res
 
 def arguments_of(function: Callable[..., Any]) -> tuple[type[ctypes.Structure], Convert]:
     """Return the record of a kernel, and the function that converts arguments to it; see `record`."""
-    hints = get_type_hints(function, include_extras=True)
+    hints = get_annotations(function)
     fields = {name: converter(f"{function.__name__}: {name}", hint) for name, hint in hints.items() if name != "return"}
     return record(function.__name__, fields)
 
@@ -132,7 +131,7 @@ def converter(name: str, hint: Any) -> tuple[Any, Convert]:
         structure, convert = record(name, {f"{n}": converter(name, each) for n, each in enumerate(get_args(hint))})
         return structure._fields_[0][1] * len(structure._fields_), convert
     if hasattr(hint, "_fields"):
-        fields = get_type_hints(hint, include_extras=True)
+        fields = get_annotations(hint)
         return record(hint.__name__, {each: converter(f"{name}.{each}", fields[each]) for each in hint._fields})
     kind, code = (ctypes.c_int64, "q") if issubclass(hint, int | np.integer) else (ctypes.c_double, "d")
     return kind, struct.Struct(code).pack

@@ -4,8 +4,6 @@ The best match has the lowest sum of absolute differences; of equally good match
 rows of values with the channels of a pixel side by side, so that a row of a block is contiguous in memory.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 from fpsboost.kernels.binding import Array, compiled

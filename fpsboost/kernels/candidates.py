@@ -5,8 +5,6 @@ candidate of that node; candidates that agree are merged, and their votes are ad
 acceleration of its votes, so that objects that cross each other keep separate trajectories.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ For values that must not be averaged, such as object numbers. Candidates are wei
 `fpsboost.kernels.multi_hypothesis`, but the weights of a motion that several nodes list are not added up.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

@@ -4,8 +4,6 @@ A feature is a number of one square of a window and one candidate; ``fusion_feat
 `fpsboost.synthesis.fusion_table` names them in order.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

@@ -3,8 +3,6 @@
 It is one kernel, as Python would take as long as the kernel between its steps where levels are small.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ into each other, so that no borders are visible (overlapped block motion compens
 doi:10.1109/83.334974).
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Annotated, NamedTuple
 

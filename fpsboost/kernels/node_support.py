@@ -4,8 +4,6 @@ A node alone cannot tell which of several motions of weak texture is right. Each
 those that its neighbours believe in, by their votes and by the luma around them.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

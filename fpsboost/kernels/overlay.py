@@ -1,7 +1,5 @@
 """Detection of static overlays on moving frames: titles, logos, the car that the camera follows."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How the candidates of a node are weighed at each square of its window; ``pixel_weights.h`` weighs them."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

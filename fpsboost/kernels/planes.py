@@ -1,7 +1,5 @@
 """Planes in which the searches compare two frames: padded 8-bit components, and copies of a frame made smaller."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, Any, NamedTuple
 

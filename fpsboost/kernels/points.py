@@ -1,7 +1,5 @@
 """Kernels on the vectors of points several pixels apart: forward-backward error, gradients and accelerations."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

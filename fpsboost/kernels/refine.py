@@ -5,8 +5,6 @@ Kanade 1981). Each pixel of the window is weighted by its similarity, as in the 
 window has no influence.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

@@ -4,8 +4,6 @@ In all kernels, `flow` is the motion of the source frame, and `t` the distance i
 are written as ``y * W + x``, and `lands` tells whether a source lands on the target pixel.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

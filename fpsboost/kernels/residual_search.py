@@ -6,8 +6,6 @@ Points that small patches do not explain are therefore compared with the points 
 explained either.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Memory for the work arrays of compiled kernels, which allocate none themselves."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fpsboost.kernels.binding import Array

@@ -7,8 +7,6 @@ comparisons. Some neighbouring offsets are processed together and share the read
 so far.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Annotated, NamedTuple
 

@@ -6,8 +6,6 @@ path, every change of motion has a cost, up to a limit, so that motion may be di
 common one.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

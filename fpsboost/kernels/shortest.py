@@ -4,8 +4,6 @@ In a repeated pattern, many motions are equally similar, and a search for the mo
 Comparison with the shorter motions of the surroundings shows which length is necessary.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

@@ -9,8 +9,6 @@ The linear form, ``max(1 - sum_c |a_c - b_c| / (4 v), 0)``, falls from 1 to 0 ap
 is the bandwidth), and takes a dozen instructions for sixteen pixels.
 """
 
-from __future__ import annotations
-
 import math
 
 FRACTION_BITS = 20

@@ -4,8 +4,6 @@ Samples of an interpolating cubic spline are as sharp as those of a windowed sin
 taps; in return, each frame is filtered beforehand (Unser, Aldroubi, Eden 1993, doi:10.1109/78.193220).
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Annotated, Any, NamedTuple

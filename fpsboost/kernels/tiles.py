@@ -8,8 +8,6 @@ Each point keeps its most similar offsets, one per local maximum: in a repeated 
 and only the neighbours can tell which one is correct.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 from fpsboost.kernels.binding import Array, compiled

@@ -4,8 +4,6 @@ Each node of an in-between frame has a window, which overlaps those of its neigh
 whole window; ``window_samples.h`` says how both frames are sampled along it.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np
