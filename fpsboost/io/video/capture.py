@@ -27,8 +27,19 @@ class ArraySource(ClosesOnExit):
 
     Closing it does nothing, since the caller owns the origin of the images.
 
-    Images are (H, W, C) or (H, W), all of one shape and dtype, and must not be modified afterwards. Raises `InputError`
-    if there are none, or one is no image or differs from the first; `name` stands for the source there.
+    Parameters
+    ----------
+    images : iterable of ndarray
+        Images, (H, W, C) or (H, W), all of one shape and dtype, which must not be modified afterwards.
+    rate : Fraction
+        Frames per second.
+    name : str
+        The source in messages.
+
+    Raises
+    ------
+    InputError
+        There is no image, or one is invalid; while iterating also: one differs from the first.
     """
 
     def __init__(self, images: Iterable[Image], rate: Fraction, name: str = "The source") -> None:
@@ -45,13 +56,27 @@ class ArraySource(ClosesOnExit):
         self.stream_info = StreamInfo()
 
     def __iter__(self) -> Iterator[Frame]:
+        """Yield the frames; the images are consumed."""
         for number, image in enumerate(map(_with_channels, self._images)):
             check_pair(self._first, image)
             yield Frame(image, number / self.info.rate, 1 / self.info.rate)
 
 
 class CaptureSource(ArraySource):
-    """Source of what OpenCV reads: a file, a URL, a GStreamer pipeline, or the number of a camera."""
+    """Source of the frames that OpenCV captures, 8-bit BGR at a constant rate, without sound and metadata.
+
+    Parameters
+    ----------
+    path : str
+        File, URL, GStreamer pipeline, or number of a camera.
+    limit : MemoryLimit, optional
+        Limit that the size of the pictures is checked against; by default the free memory.
+
+    Raises
+    ------
+    InputError
+        OpenCV cannot open it, reports no frame rate, or it is too large.
+    """
 
     def __init__(self, path: str, *, limit: MemoryLimit | None = None) -> None:
         camera: Any = int(path) if path.isdigit() and not Path(path).exists() else path
@@ -74,6 +99,7 @@ class CaptureSource(ArraySource):
         ]
 
     def close(self) -> None:
+        """Release the capture."""
         self._capture.release()
 
 
@@ -90,5 +116,6 @@ def rate_of(capture: cv2.VideoCapture) -> Fraction | None:
 
 
 def _with_channels(image: Image) -> Image:
+    """Return an image as a contiguous (H, W, C) array."""
     array = np.ascontiguousarray(image)
     return array[..., np.newaxis] if array.ndim == 2 else array

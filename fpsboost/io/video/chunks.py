@@ -35,13 +35,23 @@ CHUNK_FRAMES = 240
 CHUNK_SUFFIX = ".chunk"
 DATA, INDEX = "packets", "index.json"
 DAMAGES = (BadZipFile, zlib.error, EOFError, KeyError, OSError, OverflowError, RuntimeError, ValueError)
-"""What reading a damaged archive raises."""
+"""Exceptions that reading a damaged archive raises."""
 
 kinds_of_side_data: tuple[str, ...] = get_args(PktSideDataT)
 
 
 class ChunkWriter:
-    """Writer of one chunk file, which is renamed to its final name when it is complete."""
+    """Writer of one chunk file, which is renamed to its final name when it is complete.
+
+    Parameters
+    ----------
+    folder : Path
+        Existing folder of the chunks.
+    number : int
+        Place of the chunk in the output, counted from 0; it becomes the file's name.
+    extradata : bytes
+        Codec headers of the encoder, by which `Assembly` recognizes chunks of an encoder with other settings.
+    """
 
     def __init__(self, folder: Path, number: int, extradata: bytes) -> None:
         self._path = folder / f"{number:08d}{CHUNK_SUFFIX}"
@@ -52,12 +62,20 @@ class ChunkWriter:
         self._packets: list[Any] = []
 
     def add(self, packet: av.Packet[Any], duration: int) -> None:
+        """Append a packet, in decoding order; its data and side data are copied.
+
+        Its times and `duration` are in ticks of the output's time base.
+        """
         side_data = [(item.data_type, bytes(item)) for item in packet.iter_sidedata()]
         self._data.write(b"".join([bytes(packet), *(content for _, content in side_data)]))
         sizes = [(kind, len(content)) for kind, content in side_data]
         self._packets.append(((packet.pts, packet.dts, duration), packet.is_keyframe, packet.size, sizes))
 
     def finish(self, frames: int) -> Chunk:
+        """Write the index, sync the file to disk and rename it; return the chunk, with its number of frames.
+
+        The writer must not be used afterwards.
+        """
         self._data.close()
         index = {"frames": frames, "extradata": self._extradata.hex(), "packets": self._packets}
         self._archive.writestr(ZipInfo(INDEX), json.dumps(index))
@@ -74,11 +92,12 @@ class ChunkWriter:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Complete chunk, and what must be known of all before the first is muxed."""
+    """Complete chunk file, with the facts about all of its packets that are needed before the first is muxed."""
 
     path: Path
     frames: int
     extradata: bytes
+    """Codec headers of the encoder."""
     delay: int
     """Number of packets that are decoded before the first one is presented."""
     times: Sequence[int]
@@ -99,11 +118,13 @@ class Chunk:
 
 
 def _index_of(path: Path) -> dict[str, Any]:
+    """Read the index of a chunk file."""
     with ZipFile(path) as archive:
         return dict(json.loads(archive.read(INDEX)))
 
 
 def _chunk_of(path: Path, index: dict[str, Any]) -> Chunk:
+    """Describe a chunk by its index; its delay is that of the packets' order or of the encoder's decoding times."""
     times = [times for times, *_ in index["packets"]]
     in_order = sorted(pts for pts, *_ in times)
     places = {pts: place for place, pts in enumerate(in_order)}
@@ -118,7 +139,7 @@ def complete_chunk(path: Path) -> Chunk:
 
 
 def find_chunks(folder: Path, first: int = 0) -> list[Chunk]:
-    """Return the complete chunks in a folder from a number on, up to the first that is missing or damaged."""
+    """Return the complete chunks from a number on, up to the first that is missing or damaged; reads all data."""
     chunks: list[Chunk] = []
     with suppress(*DAMAGES):
         while True:
@@ -131,10 +152,22 @@ def find_chunks(folder: Path, first: int = 0) -> list[Chunk]:
 
 
 class Assembly:
-    """Output file whose header is written at once and whose packets are written when all chunks are complete.
+    """Output file whose header is written at once, and whose packets are written when all chunks are complete.
 
-    What the container cannot hold is therefore known before any frame is encoded. The path is the staged file's; the
-    encoder of `template` is open and set up like that of the chunks.
+    So what the container cannot hold is known before any frame is encoded.
+
+    Parameters
+    ----------
+    path : Path
+        Staged file to write, not the final name.
+    template : av.VideoStream
+        Stream of an open encoder with the settings of the chunks' encoder.
+    time_base : Fraction
+        Seconds per tick of the chunks' packets.
+    fitting : Fitting
+        Container, and the other streams of the source, if there is one.
+    traits : VideoTraits
+        Orientation and stereo mode to store in the container.
     """
 
     def __init__(
@@ -175,7 +208,13 @@ class Assembly:
         return self._others.remarks if self._others else []
 
     def finish(self, chunks: Sequence[Chunk]) -> None:
-        """Write everything and close the file; raise `OutputError` for a chunk of an encoder with other settings."""
+        """Mux all chunks and the other streams, close the file, sync it to disk and read it back.
+
+        Raises
+        ------
+        OutputError
+            A chunk is of an encoder with other settings, there is no packet, or the finished file cannot be read.
+        """
         assert self._output is not None
         extradata = bytes(self._stream.codec_context.extradata or b"")
         if any(chunk.extradata != extradata for chunk in chunks):
@@ -194,7 +233,7 @@ class Assembly:
             self._others.check_labels(self._path)
 
     def discard(self) -> None:
-        """Close everything and delete the file, before the muxer closes, so that FFmpeg does no faststart rewrite."""
+        """Close and delete the file; deleted first, so that FFmpeg's muxer does no faststart rewrite on closing."""
         if self._others is not None:
             self._others.close()
         if self._output is None:

@@ -25,7 +25,7 @@ from fpsboost.timing.time_map import TimeMap
 T = TypeVar("T")
 
 DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
-"""Containers whose header says how long they are; elsewhere the duration is FFmpeg's estimate."""
+"""Containers whose header has the duration; elsewhere it is FFmpeg's estimate."""
 
 DURATION_FROM_BEGIN = ("mov", "flv")  # those that count it from the beginning, wherever on the clock that is
 
@@ -45,7 +45,7 @@ MAX_DENOMINATORS = (1, 100, 10_000)
 """Maximum denominators of measured rates, tried in this order until a rate matches the times."""
 
 MAX_SURVEY_PACKETS = 1000
-"""Maximum number of video packets that are read: enough to tell 23.976 from 24 frames per second in milliseconds."""
+"""Maximum number of video packets that are read: enough to distinguish 23.976 and 24 fps by times in milliseconds."""
 
 MAX_SURVEY_BYTES = 1 << 26
 """Maximum size of the packets that are read, bytes; it limits the time for reading large packets."""
@@ -57,10 +57,22 @@ TIME_TOLERANCE = Fraction(1, 1000)
 
 @dataclass(frozen=True)
 class Cadence:
-    """Usual interval between frames in seconds, and its statistics over `count` usual intervals.
+    """Usual interval between frames, seconds, as measured by `measured_cadence`.
 
-    `error` is the most that rounding and jitter can change the interval, `mean_rate` includes pauses, and `is_constant`
-    says whether nearly all intervals are usual ones.
+    Parameters
+    ----------
+    interval : Fraction
+        Mean of the usual intervals, seconds.
+    error : Fraction
+        Largest deviation of `interval` that rounding and jitter can cause, seconds.
+    count : int
+        Number of usual intervals.
+    is_constant : bool
+        Whether nearly all intervals are usual ones.
+    mean_rate : Fraction
+        Frames per second, pauses included.
+    tick : Fraction
+        Seconds per tick of the times.
     """
 
     interval: Fraction
@@ -71,6 +83,7 @@ class Cadence:
     tick: Fraction
 
     def is_exactly(self, rate: Fraction) -> bool:
+        """Return whether the interval of a rate, frames per second, is the measured one within its error."""
         return abs(1 / rate - self.interval) <= self.error
 
     def is_nearly(self, rate: Fraction) -> bool:
@@ -205,14 +218,18 @@ class Window:
     skipped: int = 0
     """Number of frames before the part that were read, or that reading it has left out by their times."""
     curve: TimeMap | None = None
-    """Which time of the part every output time shows; None if it plays at its own speed."""
+    """Map of output times to times of the part; None if it plays at its own speed."""
 
     def frames_before(self, rate: Fraction) -> int:
         """Return the number of frames before the part, at a rate."""
         return max(0, math.ceil((self.begin - self.origin - TIME_TOLERANCE) * rate))
 
     def output_time(self, time: Fraction, begin: Fraction | None = None) -> Fraction:
-        """Return when a time of the source is shown, seconds; of the end of what begins at `begin`, when that ends."""
+        """Return the output time, seconds, at which a time of the source is shown.
+
+        With `begin`, the time is the end of something that begins there, and the result is when that ends in the
+        output.
+        """
         at = time - self.begin
         if self.curve is None:
             return at
@@ -221,13 +238,24 @@ class Window:
 
 @dataclass(frozen=True)
 class VideoClock:
-    """Times of the pictures of a video, in seconds from the start of the clip.
+    """Converter of the times of pictures to seconds from the start of the clip.
 
-    That lies at `start` by the file's own clock. `tick` is the time base of the stream, and `time_base` that of frames:
-    half of it where each field is a frame.
+    A raw stream has no clock: its `tick` is half a frame, and `Pictures` counts frames instead.
 
-    A raw stream has no clock: its `tick` is half a frame, and `Pictures` counts. `raw_rate` is the rate by which FFmpeg
-    has told the durations of its packets, and None for all other files.
+    Parameters
+    ----------
+    file : Demuxer
+        Open file, whose header and packets give the end of the clip.
+    start : Fraction
+        Time of the file's own clock that becomes 0, seconds.
+    tick : Fraction
+        Time base of the stream, seconds.
+    time_base : Fraction
+        Time base of the frames, seconds: half a tick where each field becomes a frame.
+    rate : Fraction
+        Nominal frames per second; twice the coded rate where each field becomes a frame.
+    raw_rate : Fraction, optional
+        For a raw stream, the rate by which FFmpeg derived the durations of its packets; None for all other files.
     """
 
     file: Demuxer
@@ -238,22 +266,27 @@ class VideoClock:
     raw_rate: Fraction | None = None
 
     def time_of(self, picture: av.VideoFrame, end: Fraction | None, damage: Damage) -> Fraction:
-        """Return when a picture is presented; without a time of its own, at `end`, where the one before it ends."""
+        """Return when a picture is presented, seconds; without a time of its own, at `end` of the one before."""
         if picture.pts is not None:
             return picture.pts * (as_fraction(picture.time_base) or self.time_base) - self.start
         damage.untimed += 1
         return Fraction(0) if end is None else round(end / self.time_base) * self.time_base
 
     def duration_of(self, picture: av.VideoFrame) -> Fraction:
-        """Return how long a picture is presented; FFmpeg's duration of one that has no time may be anything."""
+        """Return how long a picture is presented, seconds: its own duration, or one interval of the nominal rate.
+
+        FFmpeg's duration of a picture without a time is unreliable, and not used.
+        """
         time_base = as_fraction(picture.time_base) or self.time_base
         return picture.duration * time_base if picture.pts is not None and picture.duration > 0 else 1 / self.rate
 
     def last_duration(self, time: Fraction, duration: Fraction) -> Fraction:
-        """Return how long the last picture, at `time`, is presented so that the clip ends where the container says.
+        """Return the duration of the last picture, at `time`, seconds: until the clip's end as the container declares
+        it.
 
-        Where that is implausible it is the picture's own `duration`. It is plausible, too, where packets that became no
-        picture reach that far: captures leave out what stands still.
+        If that end is implausible, it is the picture's own `duration`. An end is plausible within four frames after
+        `time`, or after the last packet even if that became no picture, since screen recordings omit pictures without
+        change.
         """
         end = self._declared_end
         if self._says_duration and end is not None and self.file.stream.start_time is not None:
@@ -263,7 +296,7 @@ class VideoClock:
         return duration
 
     def early_end_remarks(self, name: str, end: Fraction, count: int, listed: int | None) -> list[str]:
-        """Return the remark that a file ends before its header says, at `end` after `count` of `listed` frames."""
+        """Return the remark that a file ends earlier than its header declares, at `end` after `count` frames."""
         container, declared = self.file.container, self._declared_end
         promised, reached = Fraction(0), Fraction(0)
         if declared is not None and not clock_may_jump(container):  # there FFmpeg estimates it
@@ -286,7 +319,7 @@ class VideoClock:
 
     @property
     def _declared_end(self) -> Fraction | None:
-        """Return when the stream ends by its header; that of ASF only says how long the whole file is."""
+        """End of the stream by its header, seconds; None if unknown, or ASF, which declares only the file's."""
         duration = self.file.duration
         if duration is None or self.file.container.format.name.startswith("asf"):
             return None
@@ -294,6 +327,7 @@ class VideoClock:
 
     @property
     def _says_duration(self) -> bool:
+        """Whether the duration is read from the header and not FFmpeg's estimate."""
         return self.file.container.format.name.startswith(DURATION_IN_HEADER)
 
 

@@ -45,7 +45,7 @@ MAX_GAP = Fraction(10)
 FIRST_BOXES = {b"ftyp", b"mdat", b"wide", b"free", b"skip"}  # types of the boxes that files of MP4 and MOV begin with
 
 SEGMENT_BOXES = {b"styp", b"sidx", b"moof", b"emsg", b"prft"}
-"""Types of the boxes that a segment of DASH or HLS in MP4 begins with, which say nothing about its streams."""
+"""Types of the boxes that a segment of DASH or HLS in MP4 begins with, which do not describe its streams."""
 
 unreadable_playlists = {
     b"<MPD": "is a manifest of DASH, which this FFmpeg cannot read; join the initialization segment and the segments "
@@ -63,7 +63,7 @@ PICTURE_TIME = re.compile(rb"\x00\x00\x01[\xe0-\xef]..[\x80-\xbf][\x80-\xff].(.{
 """Presentation time, among bits that are always set, in the header of a packet of video (PES)."""
 
 MAX_REORDERED_TIME = 45_000
-"""How far back in ticks of 90 kHz a picture may be presented before the one that is stored before it."""
+"""Maximum backward step between presentation times in storage order, as reordering causes it, ticks of 90 kHz."""
 
 PROBES, MIN_PROBED_BYTES, MAX_PROBED_BYTES = 256, 1 << 12, 1 << 15
 """Number and sizes of the places of a file at which a sample is taken."""
@@ -72,7 +72,7 @@ UNTIMED_FORMAT = "avi"
 """Container that stores no times, only packets in order; FFmpeg guesses presentation times from picture types."""
 
 TIMED_BY_CODEC = ("m4v", "jpegxl_anim")
-"""Streams without a container whose codecs say when each picture is presented: MPEG-4 Part 2, animated JPEG XL."""
+"""Formats without a container whose codecs store presentation times: MPEG-4 Part 2, animated JPEG XL."""
 
 
 @dataclass(frozen=True)
@@ -100,10 +100,32 @@ class VideoFile:
 class Demuxer:
     """Video file with one of its video streams chosen, which can be read again from its beginning.
 
-    On the file's own clock in seconds, `furthest` is the end of all packets of video, sound and subtitles read so far,
-    and `last_start` the presentation time of the last video packet. Reading ends at a video packet that is encrypted;
-    `clear` is how long the pictures before it last, or None if there is none. `colour_tags` are those of the container,
-    by their names in PyAV; see `fpsboost.io.video.pixels.add_colour_tags`. The decoder has so many `threads`.
+    Attributes that reading updates, in seconds on the file's own clock: `furthest` is the end of all packets of video,
+    audio and subtitles so far, `last_start` the presentation time of the last video packet. Reading ends at an
+    encrypted video packet; `clear` is then the duration of the pictures before it, otherwise None. `colour_tags` are
+    the container's, by their names in PyAV; see `fpsboost.io.video.pixels.add_colour_tags`.
+
+    Parameters
+    ----------
+    path : Path
+        File to open.
+    name : str
+        The file in messages.
+    wanted : int or None
+        Number of the video stream; None for the one that `choose_video` takes.
+    playlists : bool
+        Also open playlists, for which other files are read.
+    threads : int
+        Threads of the decoder.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or has no video that can be decoded.
+    EncryptedError
+        The video is encrypted.
+    OptionError
+        `wanted` is no video stream.
     """
 
     def __init__(self, path: Path, name: str, wanted: int | None, *, playlists: bool = False, threads: int = 1) -> None:
@@ -124,7 +146,7 @@ class Demuxer:
         except BaseException:
             self.container.close()
             raise
-        # the first picture replaces them by what the coded stream says, be it nothing
+        # read before decoding: the first picture overwrites them with the tags of the coded stream, even if unspecified
         self.colour_tags = {name: int(getattr(self.stream.codec_context, name)) for name in NO_COLOUR_TAG}
         self.stream.thread_type, self.stream.thread_count = "AUTO", self._threads
 
@@ -152,7 +174,7 @@ class Demuxer:
         return None if jumps else duration
 
     def packets(self, damage: Damage) -> Iterator[av.Packet[Any]]:
-        """Yield the video stream's packets from where the file is, and update `damage`, `furthest` and `last_start`."""
+        """Yield the video packets from the current position on; update `damage`, `clear` and the positions read."""
         video, streams = self.stream.index, self.container.streams
         self.clear = None
         companions = {stream.index for stream in (*streams.audio, *streams.subtitles)}
@@ -170,7 +192,7 @@ class Demuxer:
             yield packet
 
     def seek(self, ticks: int) -> bool:
-        """Go to the key frame before a time in ticks of the video stream; return whether the container can."""
+        """Seek to the key frame at or before a time in ticks of the stream; return whether the container can."""
         try:
             self.container.seek(ticks, stream=self.stream, backward=True)
         except av.error.FFmpegError:
@@ -178,10 +200,12 @@ class Demuxer:
         return True
 
     def reopen(self) -> None:
+        """Return to the beginning of the file, with a new container and decoder."""
         self.container.close()
         self._open()
 
     def close(self) -> None:
+        """Close the file."""
         self.container.close()
 
 
@@ -288,7 +312,7 @@ def is_encrypted(packet: av.Packet[Any]) -> bool:
 
 
 def probed(path: Path) -> Iterator[bytes]:
-    """Yield a sample of a file: what lies at some of its places."""
+    """Yield blocks of a file at regular distances, as a sample of its content."""
     size = path.stat().st_size
     step = max(MIN_PROBED_BYTES, size // PROBES)
     with path.open("rb") as file:
@@ -337,6 +361,7 @@ def _described(stream: av.VideoStream) -> str:
 
 
 def _score(stream: av.VideoStream) -> tuple[int, bool]:
+    """Return the size of a stream, pixels, with a bonus for the default flag, and whether it has colour."""
     context = stream.codec_context
     if context is None:
         return -1, False
@@ -387,6 +412,11 @@ def read_packets(
 
 
 def _demux_past_damage(container: av.container.InputContainer, damage: Damage) -> Iterator[av.Packet[Any]]:
+    """Yield the packets with data of a container, and go on after read errors.
+
+    Gives up after `MAX_FAILURES` errors in a row, or at the end of the file; containers that list their samples are
+    read on after a sample that is missing.
+    """
     delays: dict[int, int] = {}
     is_timed_by_decoding = container.format.name == UNTIMED_FORMAT
     is_listed = container.format.name.startswith(SAMPLE_INDEX_FORMATS)

@@ -1,4 +1,4 @@
-"""Encode audio anew: which encoder and format, at its own duration or time-stretched at its own pitch.
+"""Re-encode audio in a format that fits its container, at its own duration or time-stretched without change of pitch.
 
 Audio is decoded, passed through FFmpeg's filters, and encoded. Each run of audio without a gap has its own filter
 graph. After a gap, or where packets are lost, a new run begins at the source's timestamp, so that no drift accumulates
@@ -116,6 +116,7 @@ def is_lossless(encoder: str) -> bool:
 
 
 def _takes(encoder: str, traits: Traits) -> bool:
+    """Return whether an encoder opens with this sample rate, format and layout."""
     context: Any = av.CodecContext.create(encoder, "w")
     try:
         context.sample_rate, context.format, context.layout = traits
@@ -142,11 +143,22 @@ def can_encode(stream: av.stream.Stream, encoder: str) -> bool:
 class EncodedSound:
     """Audio stream that is re-encoded in another format, or at another duration.
 
-    It is added to an output whose header is not written yet. The window is read when packets arrive; without one, all
-    of the source is taken at its own duration. The output begins at time 0 and has no gap: it is silent where the
-    source has no sound, where its curve leaves sound out, and where `lost_packets` could not be decoded, unless sound
-    begins again after `silent_until`, seconds. `changes` end a sentence about what the encoder does not support:
-    ``, its 7.1.4 as stereo``.
+    The output begins at time 0 and has no gap: it is silent where the source has no sound, where its speed curve leaves
+    sound out, and where `lost_packets` could not be decoded. Only behind `silent_until`, seconds, time stamps jump
+    instead. `changes` is the end of a sentence about properties that the encoder does not support: ``, its 7.1.4 as
+    stereo``.
+
+    Parameters
+    ----------
+    stream : av.stream.Stream
+        Audio stream of the source.
+    output : av.container.OutputContainer
+        Output, whose header is not written yet, to which a stream is added.
+    encoder : str
+        FFmpeg's name of the encoder.
+    window : Window or None
+        Part of the source that is written, with its speed curve, read when the first packet arrives; None for all of
+        it.
     """
 
     def __init__(
@@ -177,7 +189,7 @@ class EncodedSound:
         self.silent_until = FOREVER
 
     def take(self, packet: av.Packet[Any]) -> None:
-        """Decode a packet, and encode what is complete with it; packets that nothing heard depends on are ignored."""
+        """Decode a packet, and encode what is complete with it; packets far outside the audible parts are ignored."""
         assert packet.dts is not None
         self._tick = tick = Fraction(packet.time_base)
         pts = packet.dts if packet.pts is None else packet.pts

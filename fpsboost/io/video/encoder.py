@@ -36,8 +36,27 @@ MIN_CUTREE_WIDTH = 64
 class VideoEncoder:
     """Encoder of a clip in chunks that can be decoded independently of each other.
 
-    `traits` are the source's, or those to write for images. Raises `OptionError` or `OutputError` if the encoder cannot
-    encode frames of this size, rate and pixel format.
+    It is opened by the first use of `stream` or `encode`, and again after `finish`.
+
+    Parameters
+    ----------
+    output : Output
+        Size, times and options of the frames to come; its path is in messages.
+    encoder : str
+        FFmpeg's name of the encoder.
+    options : dict of str
+        FFmpeg's options of the encoder; HDR metadata and workarounds are added to a copy.
+    container : str
+        FFmpeg's name of the output's container.
+    traits : VideoTraits
+        Pixel format, colours and shape of the source, or those to write for images.
+
+    Raises
+    ------
+    OptionError
+        The pixel format that was asked for does not suit the encoder or the size.
+    OutputError
+        The encoder takes no pixel format like the source's; on opening also: it refuses this size, rate or format.
     """
 
     def __init__(
@@ -83,6 +102,7 @@ class VideoEncoder:
 
     @property
     def details(self) -> str:
+        """Encoder, pixel format and options, for verbose output."""
         options = " ".join(f"{name}={value}" for name, value in self._options.items())
         return f"{self._encoder}, {self.pixel_format}, {options}"
 
@@ -102,12 +122,28 @@ class VideoEncoder:
 
     @property
     def stream(self) -> av.VideoStream:
+        """Stream of the open encoder, which the first use opens; its container goes to memory and is never used."""
         if self._stream is None:
             self._stream = self._open()
         return self._stream
 
     def encode(self, picture: av.VideoFrame, pts: int, duration: int, *, is_original: bool) -> list[av.Packet[Any]]:
-        """Encode a picture, which may be the decoder's own, and return the packets that are ready; times in ticks."""
+        """Encode the next picture, and return the packets that are ready, often those of earlier pictures.
+
+        Parameters
+        ----------
+        picture : av.VideoFrame
+            Picture in the encoder's pixel format; its times and type are as before when this returns.
+        pts, duration : int
+            Presentation time and duration, ticks of the output's time base.
+        is_original : bool
+            Whether it is a decoded picture of the source, whose own colour tags stay; others get the encoder's.
+
+        Returns
+        -------
+        list of av.Packet
+            Packets in decoding order, whose times are in the same ticks; empty if none is ready.
+        """
         stream, time_base = self.stream, self._timing.time_base
         if not is_original:  # the ProRes encoder reads these and not its context
             context = stream.codec_context
@@ -126,12 +162,13 @@ class VideoEncoder:
             picture.pts, picture.duration, picture.time_base, picture.pict_type = before
 
     def finish(self) -> list[av.Packet[Any]]:
-        """Flush the encoder and return the remaining packets; the next frame begins a new chunk."""
+        """Flush and close the encoder, and return its remaining packets; the next picture begins a new chunk."""
         packets = self.stream.encode(None)
         self.close()
         return packets
 
     def close(self) -> None:
+        """Close the encoder, and drop the pictures that it still holds; may be called again."""
         self._stream = None
         if self._nowhere is not None:
             nowhere, self._nowhere = self._nowhere, None
@@ -139,6 +176,7 @@ class VideoEncoder:
                 nowhere.close()
 
     def _open(self) -> av.VideoStream:
+        """Open the encoder, in a container in memory, because PyAV copies its parameters to a stream only there."""
         self._nowhere = av.open(BytesIO(), "w", format=self._format)
         rate = self._timing.rate  # only a tag here, since times are exact; FFmpeg has two 32-bit numbers for it
         rate = rate if rate.numerator < 2**31 else rate.limit_denominator(1000)
@@ -172,10 +210,11 @@ class VideoEncoder:
             context.color_range = FULL_RANGE
         elif self.pixel_format.startswith("yuvj"):
             self.full_range, context.color_range = True, FULL_RANGE
-        if context.colorspace == RGB and not _is_rgb(self.pixel_format):  # decoders of gray PNG say so
+        if context.colorspace == RGB and not _is_rgb(self.pixel_format):  # as decoders of gray PNG tag it
             context.colorspace = traits.color_space
 
     def _open_encoder(self, context: av.VideoCodecContext) -> None:
+        """Open the encoder; if FFmpeg refuses, raise `OutputError` with size, rate and pixel format."""
         try:
             with undisturbed():
                 context.open()
@@ -317,7 +356,7 @@ def choose_pixel_format(
 
 
 losses = {PixFmtLoss.DEPTH: "depth", PixFmtLoss.CHROMA | PixFmtLoss.RESOLUTION: "colour resolution"}
-"""Words for what FFmpeg says is lost between two pixel formats."""
+"""Words in remarks for FFmpeg's flags of losses between two pixel formats."""
 
 
 def _deepest(offered: list[str], wanted: str, *, exact: bool) -> str:
@@ -344,6 +383,7 @@ def _deepest(offered: list[str], wanted: str, *, exact: bool) -> str:
 
 
 def _loss_remarks(name: str, encoder: str, chosen: str, source: str, *, exact: bool) -> list[str]:
+    """Return the remark on depth and colour resolution that the chosen format lacks; empty if it lacks nothing."""
     finer = _chroma_of(av.VideoFormat(source)) > _chroma_of(av.VideoFormat(chosen))
     deeper = _bits_held(chosen, source, exact=exact) < depth_of(source)
     if not finer and not deeper:
@@ -353,6 +393,7 @@ def _loss_remarks(name: str, encoder: str, chosen: str, source: str, *, exact: b
 
 
 def _loss_sentence(name: str, lost: list[str], encoder: str, chosen: str, source: str) -> str:
+    """Return the remark on a loss, without its full stop."""
     return f"{name} has less {' and '.join(lost)} than its source: {encoder} wrote {chosen} for {source}"
 
 
@@ -372,6 +413,7 @@ def _chroma_of(format: av.VideoFormat) -> float:
 
 
 def _divides(pixel_format: str, width: int, height: int) -> bool:
+    """Return whether the chroma samples of a pixel format divide the size of a picture."""
     layout = av.VideoFormat(pixel_format, 16, 16)
     across, down = 16 // max(1, layout.chroma_width()), 16 // max(1, layout.chroma_height())
     return width % across == 0 and height % down == 0

@@ -24,7 +24,15 @@ INDEXED = ("matroska", "mov")  # containers that store a presentation time with 
 
 @dataclass(frozen=True)
 class EntryPoint:
-    """Key frame at which decoding can begin, with its times in ticks; frame `number` is the first to be presented."""
+    """Key frame at which decoding can begin.
+
+    Parameters
+    ----------
+    number : int
+        Number of the frame, counted from 0; all frames from it on can be decoded.
+    pts, dts : int
+        Presentation and decoding time, ticks; `dts` is None if the container stores none.
+    """
 
     number: int
     pts: int
@@ -33,18 +41,41 @@ class EntryPoint:
 
 @dataclass(frozen=True)
 class FrameIndex:
-    """Index of the frames of a video stream: their increasing times (N,) in ticks, and entry points in file order."""
+    """Index of the frames of a video stream.
+
+    Parameters
+    ----------
+    ticks : NDArray
+        Presentation times, (N,) int64 in ticks of the stream, strictly increasing.
+    entry_points : list of EntryPoint
+        Key frames at which decoding can begin, in file order.
+    """
 
     ticks: NDArray[np.int64]
     entry_points: list[EntryPoint]
 
 
 class UnindexedError(Exception):
-    """The packets of a file do not give the times of its frames; the message is the reason, as a clause."""
+    """Reason, as a clause without subject and full stop, why packets do not determine the times of frames."""
 
 
 def read_index(path: Path, video: int, *, playlists: bool = False) -> FrameIndex:
-    """Return the index of a video stream by its packets; raise `UnindexedError` if they do not tell its frames."""
+    """Return the index of a video stream, by reading all of its packets.
+
+    Parameters
+    ----------
+    path : Path
+        File to read.
+    video : int
+        Number of the stream.
+    playlists : bool
+        Also open playlists, for which other files are read.
+
+    Raises
+    ------
+    UnindexedError
+        The packets do not determine the frames: damage, encryption, or times that are missing or equal.
+    """
     damage = Damage()
     pts: list[int] = []
     dts: list[int | None] = []

@@ -30,7 +30,7 @@ MAX_INTERLEAVING = 10  # maximum time by which packets of different streams in o
 MAX_PRIMING = Fraction(1, 10)  # hidden sound before the beginning that decoders need to have decoded, at most, seconds
 
 MIN_TEXT_TICK = Fraction(1, 90_000)
-"""Shortest tick of subtitles in mp4 and mov, whose muxer takes no two that are 2**31 ticks apart, seconds."""
+"""Shortest tick of subtitles in mp4 and mov, seconds: their muxer refuses two cues that are 2**31 ticks apart."""
 
 ERASE_CAPTIONS = b"\xfc\x94\x2c\xfd\x15\x2c"
 """Command of CEA-608 that empties the screen, in the first and in the second field of a picture, with parity."""
@@ -40,9 +40,22 @@ text_formats = {"mp4": "mov_text", "mov": "mov_text", "matroska": "subrip", "web
 
 
 class OtherStreams:
-    """Copier of audio, subtitles, data, attachments and tags from the source file to an output without a header yet.
+    """Copier of audio, subtitles, data, attachments, tags and chapters from a source file to an output.
 
     The source is opened a second time, so that these packets are read when they are due and memory use stays constant.
+    Add it before the output's header is written: it adds streams, and sets tags, chapters and the timecode.
+
+    Parameters
+    ----------
+    fitting : Fitting
+        Result of `fpsboost.io.video.fitting.fit_streams`: which streams are copied, encoded or left out, and the part
+        of the source that is written.
+    source : VideoFile
+        File to copy from.
+    output : av.container.OutputContainer
+        Output whose header is not written yet; it stays the caller's to close.
+    video : av.VideoStream
+        Video stream of the output, which gets the labels and the timecode of the source's.
     """
 
     def __init__(
@@ -89,11 +102,16 @@ class OtherStreams:
         self._ahead: av.Packet[av.stream.Stream] | None = None
 
     def close(self) -> None:
+        """Close the source file; the output stays open."""
         self._packets.close()  # type: ignore[attr-defined]
         self._input.close()
 
     def copy_until(self, time: Fraction | None) -> None:
-        """Mux the packets that are due up to the output time `time` in seconds, or all packets if it is None."""
+        """Mux all packets that are due up to an output time, seconds; None for all that are left.
+
+        Times must not decrease from call to call. Packets before the window are left out, and those out of order too,
+        with a remark. Raises `EncryptedError` for an encrypted packet in the window.
+        """
         while True:
             packet, self._ahead = self._ahead or next(self._packets, None), None
             if packet is None:
@@ -115,10 +133,11 @@ class OtherStreams:
                 self._remark(f"lost lines of stream {index} of its source, where more are shown than a text can hold.")
 
     def copy_cover(self) -> None:
-        """Mux the attached pictures, which mp4 requires directly after its header."""
+        """Mux the attached pictures; call it directly after the header is written, as mp4 requires."""
         self._output.mux(self._covers)
 
     def check_labels(self, path: Path) -> None:
+        """Read the finished file back, and remark on languages, titles and flags of streams that it lost."""
         with open_input(str(path.absolute())) as file:
             streams = [stream for stream in file.streams if not is_cover_art(stream)]
             for index, target in self._targets.items():  # the streams of each type are in order, but not all of them
@@ -127,9 +146,11 @@ class OtherStreams:
                     self._remark(f"lost of stream {index} of its source: {', '.join(lost)}.")
 
     def _remark(self, sentence: str) -> None:
+        """Add a remark whose subject is the output."""
         self.remarks.append(f"{self._name} {sentence}")
 
     def _add(self, stream: av.stream.Stream) -> None:
+        """Add an output stream for a stream of the source as `fit_streams` has chosen, or remark on its loss."""
         is_kept = is_wanted(stream, self._encoding)
         if stream.type == "video" and is_cover_art(stream):
             self._add_cover(stream)
@@ -153,11 +174,12 @@ class OtherStreams:
             self.remarks.append(not_held_remark(self._name, what, keeping))
 
     def _add_target(self, stream: av.stream.Stream, target: av.stream.Stream) -> None:
+        """Register the output stream for the packets of a stream, with its language, title and flags."""
         copy_labels(stream, target, self._container)
         self._targets[stream.index] = target
 
     def _add_converted(self, stream: av.stream.Stream) -> None:
-        """Add a stream in the container's text format for subtitles; `fit_streams` has verified that it is possible."""
+        """Add a stream of text subtitles in the container's format; `fit_streams` has checked that it fits."""
         converter = self._converters[stream.index] = TextConverter(stream, self._output, self._container)
         self._add_target(stream, converter.stream)
         self._remark(
@@ -166,7 +188,7 @@ class OtherStreams:
         )
 
     def _add_encoded(self, stream: av.stream.Stream, encoder: str) -> None:
-        """Add a stream for audio that is re-encoded; `fit_streams` has verified that it is possible."""
+        """Add a stream of audio that is re-encoded; `fit_streams` has checked that it can be."""
         sound = EncodedSound(stream, self._output, encoder, self._window)
         self._sounds[stream.index] = sound
         self._add_target(stream, sound.stream)
@@ -179,9 +201,12 @@ class OtherStreams:
         )
 
     def finish(self, end: Fraction) -> None:
-        """Mux all remaining packets, and add remarks on what could not be decoded.
+        """Mux all remaining packets, add remarks on audio that could not be decoded, and close the source.
 
-        Sound of a curve is silent up to `end`, which is the end of the pictures in the output, seconds.
+        Parameters
+        ----------
+        end : Fraction
+            End of the pictures in the output, seconds; audio of a speed curve is filled with silence up to it.
         """
         for sound in self._sounds.values():  # far behind the pictures only damaged time stamps lead
             sound.silent_until = end + MAX_INTERLEAVING
@@ -213,6 +238,7 @@ class OtherStreams:
         return True
 
     def _add_cover(self, stream: av.stream.Stream) -> None:
+        """Keep a cover picture, as an attachment in Matroska or a stream in mp4; elsewhere remark on its loss."""
         packet = _attached_picture(self._source, stream.index)
         if packet is not None and self._container == "matroska":
             kind, tags = "png" if stream.name == "png" else "jpeg", stream.metadata
@@ -227,6 +253,10 @@ class OtherStreams:
             self.remarks.append(not_held_remark(self._name, "the cover picture", keeping))
 
     def _read(self) -> Iterator[av.Packet[av.stream.Stream]]:
+        """Yield the packets to mux, in file order, with times from the start of the clip; text as decoded cues.
+
+        Ends soon after the window does. Damage is remarked once.
+        """
         if not self._targets:
             return
         # where all later packets of any stream are after the window too
@@ -257,7 +287,7 @@ class OtherStreams:
         return packet.is_discard and is_copied and end < -MAX_PRIMING
 
     def _move(self, packet: av.Packet[av.stream.Stream], window: Window) -> bool:
-        """Offset a packet's times as those of the pictures, and return whether it lies in the window."""
+        """Offset a packet's times like those of the pictures; return whether it lies in the window."""
         assert packet.dts is not None
         tick = Fraction(packet.time_base)
         pts = packet.dts if packet.pts is None else packet.pts
@@ -279,7 +309,10 @@ class OtherStreams:
         return packet.pts >= 0 or is_exact or leads
 
     def _copy(self, packet: av.Packet[av.stream.Stream]) -> None:
-        """Mux one packet, unless its decoding time runs backwards, which no container accepts."""
+        """Mux, convert or encode one packet.
+
+        Packets whose decoding time runs backwards are left out with a remark, because muxers refuse them.
+        """
         assert packet.dts is not None
         index, kind = packet.stream.index, packet.stream.type
         end = None if self._window is None else self._window.end
@@ -307,6 +340,7 @@ class OtherStreams:
             self._mux(index, kind, [packet])
 
     def _mux(self, index: int, kind: str, packets: list[av.Packet[Any]]) -> None:
+        """Mux packets of a stream of the source, and record its number and type in `written`."""
         self._output.mux(packets)
         if packets:
             self.written[index] = kind
@@ -329,7 +363,7 @@ def _chapters_within(file: av.container.InputContainer, window: Window | None, s
 
 
 def _attached_picture(source: VideoFile, index: int) -> av.Packet[Any] | None:
-    """Return an attached picture, the first packet of its stream, from a file of its own, as seeking loses audio."""
+    """Return the packet of an attached picture, by a separate open file, as seeking back would lose audio."""
     with source.open() as file:
         try:
             packet = next(iter(file.demux(file.streams[index])), None)
@@ -339,10 +373,19 @@ def _attached_picture(source: VideoFile, index: int) -> av.Packet[Any] | None:
 
 
 class TextConverter:
-    """Converter of text subtitles into the format of another container; their text and times are kept.
+    """Converter of text subtitles to the format of another container; text and times are kept, styles may be lost.
 
-    It adds a stream to the output, whose header is not written yet. mp4 and mov show one text at a time, so cues that
-    overlap become one text while they do. `lost_lines` tells that more lines overlap than a text can hold.
+    mp4 and mov show one text at a time, so cues that overlap are joined to one text while they do. `lost_lines` is set
+    if more lines overlap than one text can hold.
+
+    Parameters
+    ----------
+    stream : av.stream.Stream
+        Stream of text subtitles of the source.
+    output : av.container.OutputContainer
+        Output, whose header is not written yet, to which a stream is added.
+    container : str
+        FFmpeg's name of the output's container, a key of `text_formats`.
     """
 
     def __init__(self, stream: av.stream.Stream, output: av.container.OutputContainer, container: str) -> None:
@@ -365,10 +408,10 @@ class TextConverter:
         """End of the last packet that was decoded, in ticks of the stream."""
 
     def cues(self, packet: av.Packet[Any]) -> list[av.Packet[Any]]:
-        """Return a packet of the source decoded, as a packet of lines of ASS at its time; none if it shows nothing.
+        """Decode a packet of the source to a packet of ASS lines at its time; empty if it shows nothing.
 
-        The decoder of closed captions (CEA-608), which are commands to a screen, gives what was shown when that
-        changes: such a text begins at the decoder's time, and ends at that of the packet that brought it out.
+        The decoder of closed captions (CEA-608), which are commands to a screen, returns the previous text when the
+        screen changes: that text begins at the decoder's time and ends at the time of the packet that completed it.
         """
         pts: Any = packet.dts if packet.pts is None else packet.pts
         packet.pts, self._end = pts, pts + (packet.duration or 0)
@@ -387,7 +430,7 @@ class TextConverter:
         return [cue]
 
     def last_cues(self) -> list[av.Packet[Any]]:
-        """Return what closed captions show at the end of their last packet, where a command empties the screen."""
+        """Return the closed captions still on screen after the last packet, by decoding an erase command."""
         if not self._is_late:
             return []
         packet: av.Packet[Any] = av.Packet(ERASE_CAPTIONS)
@@ -395,7 +438,7 @@ class TextConverter:
         return self.cues(packet)
 
     def take(self, packet: av.Packet[Any]) -> list[av.Packet[Any]]:
-        """Return the packets in the other format that are complete with a cue, one of `cues`."""
+        """Add a cue of `cues`; return the packets in the target format that are complete with it."""
         lines, start, tick = bytes(packet).split(b"\n"), packet.pts or 0, Fraction(packet.time_base)
         begin, end = (round(time * tick / self._tick) for time in (start, start + (packet.duration or 0)))
         if not self._shows_one:
@@ -406,11 +449,11 @@ class TextConverter:
         return complete
 
     def until(self, time: Fraction | None) -> list[av.Packet[Any]]:
-        """Return the packets that are complete when streams were read up to `time` seconds; None for all of them."""
+        """Return the packets that are complete once all streams are read up to `time`, seconds; None for all."""
         return self._shown(None if time is None else math.floor(time / self._tick), cut=False)
 
     def _shown(self, time: int | None, *, cut: bool) -> list[av.Packet[Any]]:
-        """Return the texts shown up to `time` that no later cue changes, with `cut` because one begins there."""
+        """Return the texts up to `time` that no later cue can change; with `cut`, end the current one at `time`."""
         packets: list[av.Packet[Any]] = []
         late = 0 if cut else math.ceil(MAX_INTERLEAVING / self._tick)  # a packet may come so late
         while self._begin is not None and (cues := [cue for cue in self._cues if cue[0] > self._begin]):
@@ -424,6 +467,7 @@ class TextConverter:
         return packets
 
     def _packets(self, lines: list[bytes], begin: int, end: int) -> list[av.Packet[Any]]:
+        """Encode lines as one packet from `begin` to `end`, ticks; drop lines from the first until it fits."""
         # an ASS line has nine fields, of which the last is the text; layers repeat it
         texts = list(dict.fromkeys(line.split(b",", 8)[-1] for line in lines))
         text = b",".join([*lines[0].split(b",", 8)[:-1], b"\\N".join(texts)])

@@ -39,7 +39,7 @@ REPEATED_HALVES = (3, 4, 6)
 """Length of a picture, in halves of a frame, of which a field is repeated, or which is shown two or three times."""
 
 REPEATING_CODECS = {"mpeg1video", "mpeg2video", "h264", "hevc", "vc1", "cavs"}
-"""Codecs that can say so in a picture's header; of others, FFmpeg does not know some durations and gives 1/25 s."""
+"""Codecs with repeated fields in a picture's header; for others, FFmpeg gives 1/25 s where it knows no duration."""
 
 WIDE_COLOURS = {8, 9, 10, 11, 12, 16, 17, 18, 22}
 """FFmpeg's numbers of transfers and primaries that look wrong where BT.709's are expected: HDR, BT.2020, cinema."""
@@ -48,11 +48,24 @@ decoders_of_hidden_alpha = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 
 
 class Pictures(Iterator[av.VideoFrame]):
-    """Pictures of a video stream in presentation order, from where its file is.
+    """Iterator over the pictures of a video stream in presentation order, from the current position of its file.
 
-    With `deinterlace`, each becomes two. With `keeps_alpha`, alpha that is stored beside the picture is decoded; else
-    there is a remark, which is added to `remarks`. Pictures with a palette become RGB, or RGBA if the first one has
-    transparent colours. What a `crop` hides is left out.
+    Pictures with a palette become RGB, or RGBA if the first one has transparent colours. `damage` counts faults so far.
+
+    Parameters
+    ----------
+    clock : VideoClock
+        Clock and file of the stream.
+    name : str
+        The file in messages.
+    deinterlace : bool
+        Make two pictures of each, one per field.
+    keeps_alpha : bool
+        Decode alpha that is stored beside the pictures (VP8, VP9); otherwise it is left out, with a remark.
+    crop : Crop or None
+        Margins to cut off, as the container asks for.
+    remarks : list of str
+        List of the caller to which remarks are added while reading.
     """
 
     def __init__(
@@ -94,18 +107,18 @@ class Pictures(Iterator[av.VideoFrame]):
         return next(self._presented) if picture is None else picture
 
     def peek(self) -> av.VideoFrame | None:
-        """Return the next picture, which stays the next one; None at the end."""
+        """Return the next picture without consuming it; None at the end."""
         self._next = next(self, None)
         return self._next
 
     def forget_earlier(self, next_picture: av.VideoFrame) -> None:
-        """Continue with a picture that was just taken, and forget damage and fields of those before it."""
+        """Make a picture that was just taken the next one again, and reset the counts to begin with it."""
         self._next = next_picture
         self.damage.corrupt = 0
         self._count, self._interlaced_count = 1, int(next_picture.interlaced_frame)
 
     def aspect_of(self, picture: av.VideoFrame) -> Fraction:
-        """Return the pixel aspect ratio of a picture; PyAV gives it none, so FFmpeg's scaler tells it as a width."""
+        """Return the pixel aspect ratio of a picture, which PyAV lacks: a filter scales by it, and is measured."""
         if len(self._aspects) > 1:
             width = self._graphs.passed(picture, ("scale", "16+1000*sar:16:neighbor:eval=frame")).width
             return min(self._aspects, key=lambda aspect: abs(16 + 1000 * aspect - width))
@@ -117,6 +130,7 @@ class Pictures(Iterator[av.VideoFrame]):
         return self._buffer.has_interchanged or self.damage != Damage(corrupt=self.damage.corrupt)
 
     def close(self) -> None:
+        """End decoding; the file stays open."""
         self._coded.close()
 
     def interlacing_remarks(self) -> list[str]:
@@ -131,6 +145,7 @@ class Pictures(Iterator[av.VideoFrame]):
         return [f"{self._name} flags {which} as interlaced; every frame was made into two all the same."]
 
     def _decode(self) -> Generator[av.VideoFrame, None, None]:
+        """Yield the decoded pictures in presentation order, past packets that cannot be decoded."""
         for packet in chain(self._file.packets(self.damage), [None]):
             pts = None if packet is None else packet.pts
             if packet is not None and self._says_alpha and packet.has_sidedata("matroska_block_additional"):
@@ -167,6 +182,7 @@ class Pictures(Iterator[av.VideoFrame]):
         self._end_of_raw += picture.duration
 
     def _without_palette(self, picture: av.VideoFrame) -> av.VideoFrame:
+        """Convert a picture with a palette to RGB or RGBA, the same format for the whole clip."""
         whole = self._reformatter.reformat(picture, format="rgba", interpolation=SCALER_FLAGS)
         is_opaque = whole.to_ndarray()[..., 3].min() == 255
         self._palette_format = self._palette_format or ("rgb24" if is_opaque else "rgba")
@@ -175,6 +191,7 @@ class Pictures(Iterator[av.VideoFrame]):
         return self._reformatter.reformat(whole, format=self._palette_format, interpolation=SCALER_FLAGS)
 
     def _counted(self, pictures: list[av.VideoFrame]) -> Iterator[av.VideoFrame]:
+        """Yield pictures, and count them, interlaced ones and corrupt ones."""
         for picture in pictures:
             self.damage.corrupt += picture.is_corrupt
             self._count += 1
@@ -186,10 +203,16 @@ class ReorderBuffer:
     """Buffer that keeps pictures in decoder output order and assigns their presentation times in increasing order.
 
     AVI, and MP4 without composition offsets, store decoding times only; the presentation times that FFmpeg derives from
-    them are wrong where pictures are reordered. The order in which a decoder outputs pictures is right. Pictures wait
-    only while the decoder still has to output one with an earlier time. If sorted times are closer than half the usual
-    `interval`, in ticks, they were not interchanged but damaged, and are left unchanged. Pictures of codecs that do not
-    reorder pass at once.
+    them are wrong where pictures are reordered, but the order in which a decoder outputs pictures is right. Pictures
+    wait only while the decoder still has to output one with an earlier time. If sorted times are closer than half the
+    usual interval, they were not interchanged but damaged, and are left unchanged.
+
+    Parameters
+    ----------
+    interval : float
+        Usual interval between pictures, ticks.
+    reorders : bool
+        Whether the codec reorders pictures; if not, they pass at once.
     """
 
     def __init__(self, interval: float, *, reorders: bool = True) -> None:
@@ -201,10 +224,12 @@ class ReorderBuffer:
         """Latest time that was given out."""
 
     def expect(self, pts: int | None) -> None:
+        """Record the time of a packet that was sent to the decoder, ticks."""
         if pts is not None:
             self._owed[pts] += 1
 
     def drop(self, pts: int | None) -> None:
+        """Forget the time of a packet, whose picture came or will never come."""
         if pts is not None:
             self._owed -= Counter([pts])  # which forgets what is no longer owed
 
@@ -264,14 +289,14 @@ def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction, nam
 
 
 class _Graphs:
-    """Graphs of filters that make one picture of one, by what they were made for."""
+    """Cache of FFmpeg's filter graphs that make one picture of one, by format of the picture and filters."""
 
     def __init__(self, time_base: Fraction) -> None:
         self._time_base = time_base
         self._graphs: dict[Any, av.filter.Graph] = {}
 
     def passed(self, picture: av.VideoFrame, *filters: tuple[str, str]) -> av.VideoFrame:
-        """Return what filters, given by their names and options, make of a picture."""
+        """Return a picture passed through filters, which are given by their names and options."""
         key = kind_of_picture(picture), filters
         if key not in self._graphs:
             self._graphs[key] = graph_of(picture, *filters, time_base=self._time_base)
@@ -302,9 +327,21 @@ def cropped(pictures: Iterable[av.VideoFrame], crop: Crop, time_base: Fraction, 
 class FormatUnifier:
     """Converter of every picture to size, pixel format and colour coding of the first one, with counts for remarks.
 
-    Pictures are scaled into the frame of the first, with black beside them where their shape is another. Transfer and
-    primaries are not converted. With `stops`, a change of size, pixel format or pixel aspect ratio is an error, and one
-    to or from the colours of HDR or cinema.
+    Pictures are scaled into the frame of the first, with black beside them where their shape is another. Transfer
+    function and primaries are not converted.
+
+    Parameters
+    ----------
+    name : str
+        The file in messages.
+    first : av.VideoFrame
+        First picture.
+    traits : VideoTraits
+        Pixel format and colour coding of the first picture.
+    stops : bool
+        Raise `InputError` at a change of size, pixel format, pixel aspect ratio, or to or from HDR or cinema colours.
+    aspect : Fraction
+        Pixel aspect ratio of the first picture.
     """
 
     def __init__(
@@ -319,6 +356,7 @@ class FormatUnifier:
 
     @property
     def stopped_by(self) -> str | None:
+        """Sentence about the first change that `stops` refuses; None without one."""
         if not self._change:
             return None
         return (
@@ -327,7 +365,11 @@ class FormatUnifier:
         )
 
     def unified(self, picture: av.VideoFrame, number: int, aspect: Fraction = Fraction(1)) -> av.VideoFrame:
-        """Scale and convert a picture, whose pixels have this aspect ratio; return it unchanged if it matches."""
+        """Return a picture in the first one's format; unchanged, not copied, if it has that already.
+
+        `number` counts frames from 0, for messages; `aspect` is the pixel aspect ratio. Raises `InputError` if the
+        picture cannot be converted, or if changes are refused.
+        """
         traits = self.traits
         before, now = self._described(picture, aspect)
         old, new = (traits.color_transfer, traits.color_primaries), (picture.color_trc, picture.color_primaries)
@@ -358,6 +400,7 @@ class FormatUnifier:
         return unified
 
     def _described(self, picture: av.VideoFrame, aspect: Fraction) -> tuple[str, str]:
+        """Return size and pixel format of the first picture and of this one; with pixel shapes if these differ."""
         before = f"{self._width}x{self._height} {self.traits.pixel_format}"
         now = f"{picture.width}x{picture.height} {picture.format.name}"
         if aspect == self._aspect:
@@ -388,6 +431,7 @@ class FormatUnifier:
         return alike
 
     def remarks(self) -> list[str]:
+        """Return the remarks on changes of size, format, coding and colours so far."""
         reshaped, recoded = (
             f"{counted(count, 'frame')} {'was' if count == 1 else 'were'}" for count in (self._reshaped, self._recoded)
         )
@@ -402,6 +446,7 @@ class FormatUnifier:
 
 
 def _colours(transfer: int, primary: int) -> str:
+    """Describe transfer function and primaries by their names."""
     names = tag_name(transfers, transfer), tag_name(primaries, primary)
     return ", ".join(
         f"{kind} {name or 'untagged'}" for kind, name in zip(("transfer", "primaries"), names, strict=True)

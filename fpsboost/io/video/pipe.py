@@ -43,7 +43,7 @@ T = TypeVar("T")
 INPUT_NAME, OUTPUT_NAME = "standard input", "standard output"
 
 POLL_INTERVAL = 0.1
-"""Seconds between two looks at whether to go on waiting for the program at the other end."""
+"""Interval, seconds, at which a thread that waits for the program at the other end checks for cancellation."""
 
 MAX_READ = 1 << 16
 """Bytes that are read at once; a pipe holds no more."""
@@ -64,13 +64,29 @@ formats: dict[str, str] = {
 """FFmpeg's pixel format by the name that the first line of a stream gives it."""
 
 chroma_locations = {"420jpeg": "center", "420mpeg2": "left", "420paldv": "topleft"}
-"""Where the chroma samples of a format sit, if its name says that."""
+"""Chroma sample locations, by the format names that imply one."""
 
 
 class PipeSource(ClosesOnExit):
-    """Frames of a YUV4MPEG2 stream, by default from standard input; opening waits for the first frame.
+    """Frames of a YUV4MPEG2 stream at a constant rate, which can be read once; opening waits for the first frame.
 
-    See `fpsboost.io.video.source.VideoSource` for `for_images` and `keeps_planes`.
+    Parameters
+    ----------
+    stream : BinaryIO, optional
+        File object to read from, which stays open afterwards; standard input by default.
+    for_images : bool
+        Convert frames to BGR and keep no reference to the decoder's pictures; see
+        `fpsboost.io.video.source.VideoSource`.
+    keeps_planes : bool
+        Keep Y'CbCr pictures as `fpsboost.image.YCbCrImage`; without effect with `for_images`.
+    limit : MemoryLimit, optional
+        Limit that the size of the pictures is checked against; by default the free memory.
+
+    Raises
+    ------
+    InputError
+        Standard input is closed or a terminal, the stream is empty or no YUV4MPEG2, has no whole frame, or is too
+        large. While iterating also: it is read a second time, or something other than a frame follows.
     """
 
     def __init__(
@@ -87,7 +103,7 @@ class PipeSource(ClosesOnExit):
         self._for_images = for_images
         self._end = 0
         try:
-            # what the stream is stands in its first line; to guess at more, FFmpeg would read and keep many frames
+            # the first line describes the stream; to probe for more, FFmpeg would read and keep many frames
             options = {"probesize": "32", "analyzeduration": "0"}
             self._container = av.open(self._file, "r", format="yuv4mpegpipe", options=options)
             video = self._container.streams.video[0]
@@ -120,26 +136,30 @@ class PipeSource(ClosesOnExit):
         self.remarks = [remark for remark, is_due in said.items() if is_due]
 
     def __iter__(self) -> Iterator[Frame]:
+        """Return an iterator over the frames; a second call raises `InputError`."""
         first, self._first = self._first, None
         if first is None:
             raise InputError(f"{INPUT_NAME} can be read only once; pipe it in again.")
         return self._frames(first)
 
     def cancel(self) -> None:
+        """Stop waiting for standard input, from another thread; no effect on a stream of the caller."""
         if self._waiting is not None:
             self._waiting.cancel()
 
     def close(self) -> None:
-        """Let go of the stream, which belongs to the process or the caller and stays open."""
+        """Close FFmpeg's demuxer; the stream belongs to the process or to the caller, and stays open."""
         self._container.close()
 
     def _decoded(self, video: av.VideoStream) -> Iterator[av.VideoFrame]:
+        """Yield decoded pictures, and keep in `_end` the stream position behind the last packet."""
         for packet in self._container.demux(video):
             if packet.pos is not None and packet.size:
                 self._end = packet.pos + packet.size
             yield from packet.decode()
 
     def _frames(self, picture: av.VideoFrame | None) -> Iterator[Frame]:
+        """Yield the frames, numbered from 0 at the rate of the header; remark on a last frame that is cut off."""
         number = 0
         while picture is not None:
             picture.pts, picture.time_base = number, self.info.time_base
@@ -160,9 +180,15 @@ class PipeSource(ClosesOnExit):
 
 
 class CountingReader:
-    """File object for FFmpeg that counts the bytes read, because its demuxer says nothing of a frame that is cut off.
+    """File object for FFmpeg that counts the bytes read, because its demuxer does not report a truncated frame.
 
-    An exception, also one of a signal, ends the stream for FFmpeg, which would go on otherwise; `check` raises it.
+    FFmpeg would swallow an exception raised while reading, including those of signals, and go on. Here it is kept, the
+    stream ends for FFmpeg, and `check` raises it.
+
+    Parameters
+    ----------
+    stream : file object
+        Anything with `read`, such as a binary file or a `Descriptor`; it is never closed here.
     """
 
     def __init__(self, stream: Any) -> None:
@@ -170,6 +196,7 @@ class CountingReader:
         self._error: BaseException | None = None
 
     def read(self, size: int) -> bytes:
+        """Return at most `size` bytes for FFmpeg; none at the end, and from the first exception on."""
         try:
             data: bytes = b"" if self._error else self._stream.read(size)
         except BaseException as error:
@@ -180,15 +207,31 @@ class CountingReader:
         return data
 
     def check(self) -> None:
+        """Raise the exception that ended reading, if there was one."""
         if self._error is not None:
             raise self._error
 
 
 class PipeSink:
-    """A YUV4MPEG2 stream, by default to standard output, written frame by frame as they come.
+    """Sink that writes a YUV4MPEG2 stream, frame by frame, to standard output or a file object.
 
-    What was written cannot be taken back, so unlike other sinks this one does not appear whole or not at all. Of the
-    encoding only the pixel format applies.
+    Written data cannot be taken back, so unlike other sinks this one gives no guarantee of a whole output. Encoding
+    options other than the pixel format are refused, as nothing is encoded.
+
+    Parameters
+    ----------
+    output : Output
+        Size, rate, colours and options of the frames to come.
+    stream : BinaryIO, optional
+        File object to write to, which stays open afterwards; standard output by default.
+
+    Raises
+    ------
+    OptionError
+        `output.encoding` has an option for an encoder, or a pixel format that YUV4MPEG2 lacks.
+    OutputError
+        Standard output is closed or a terminal. While writing also: writing fails, or a frame has another size; on
+        exit: there was no frame.
     """
 
     holds_last_frame = True
@@ -222,6 +265,7 @@ class PipeSink:
 
     @property
     def details(self) -> str:
+        """The header line of the stream, for verbose output; empty before the first frame."""
         return f"{OUTPUT_NAME}: {self._header}" if self._header else ""
 
     def __enter__(self) -> Self:
@@ -234,10 +278,16 @@ class PipeSink:
             raise OutputError(f"{OUTPUT_NAME} was not written because there were no frames.")
 
     def cancel(self) -> None:
+        """Stop waiting for the reader of standard output, from another thread; no effect on a caller's stream."""
         if self._waiting is not None:
             self._waiting.cancel()
 
     def write(self, frame: Frame) -> None:
+        """Write the next frame at once, after the header line if it is the first.
+
+        YUV4MPEG2 has a constant rate and no times: a frame whose time differs from its place by more than half an
+        interval is written all the same, with a remark. Raises `ReaderGoneError` if the reader has closed the pipe.
+        """
         check_frame_size(frame, self._info, OUTPUT_NAME)
         if not self._header:
             self._header = self._choose_header(frame.pixels)
@@ -251,7 +301,11 @@ class PipeSink:
         self._count += 1
 
     def _choose_header(self, image: Pixels) -> str:
-        """Return the first line: the source's pixel format or the nearest; images keep all their colour and depth."""
+        """Return the header line, and set the coding of the pictures, by the first image.
+
+        Video keeps its pixel format or gets the nearest one; images keep all their colour resolution and depth, as
+        4:4:4 or gray.
+        """
         traits = self._traits
         gray, deep = image.shape[2] < 3, image.dtype != np.uint8
         aspect = None
@@ -277,6 +331,7 @@ class PipeSink:
         return f"{words} C{name}{colour_range}"
 
     def _nearest(self, wanted: str) -> str:
+        """Return the pixel format of YUV4MPEG2 that loses least of another one, and remark on the loss."""
         nearest, loss = find_best_pix_fmt_of_list(list(formats.values()), wanted)
         if nearest is None:
             return "yuv444p16le"
@@ -285,6 +340,7 @@ class PipeSink:
         return nearest.name
 
     def _remark_on_traits(self, traits: VideoTraits, color_space: int) -> None:
+        """Remark on the colour matrix, HDR metadata, rotation and side data that the format cannot carry."""
         lost = {
             "colour matrix": color_space != assumed_color_space(self._info.height),
             **dict.fromkeys(traits.beyond_sdr, True),
@@ -298,6 +354,7 @@ class PipeSink:
             )
 
     def _remark_on(self, frame: Frame) -> None:
+        """Remark, once each, on alpha and on uneven frame times, which the format cannot carry."""
         due = self._start + self._count / self._timing.rate
         lost = {
             f"{OUTPUT_NAME} cannot hold an alpha channel, which was left out.": frame.image.shape[2] in (2, 4),
@@ -307,7 +364,10 @@ class PipeSink:
         self.remarks += [remark for remark, is_lost in lost.items() if is_lost and remark not in self.remarks]
 
     def _send(self, data: bytes) -> None:
-        """Write all of `data`, which may take several turns."""
+        """Write all of `data`, in several calls if need be.
+
+        Raises `ReaderGoneError` if the reader has closed the pipe, and `OutputError` for other failures.
+        """
         view = memoryview(data)
         try:
             while view:
@@ -321,25 +381,34 @@ class PipeSink:
 
 
 class Descriptor:
-    """A standard stream that can be told not to wait any longer for the program at its other end."""
+    """Unbuffered standard stream whose reads and writes another thread can cancel while they wait.
+
+    Parameters
+    ----------
+    number : int
+        File descriptor, which is never closed here.
+    """
 
     def __init__(self, number: int) -> None:
         self._number = number
         self._given_up = Event()
-        # a pipe that has room has it for this much, and takes it without waiting
+        # a pipe that select() reports as writable takes this much without blocking
         self._portion = 1 << 20 if stat.S_ISREG(os.fstat(number).st_mode) else getattr(select, "PIPE_BUF", 1 << 16)
 
     def cancel(self) -> None:
-        """Let the thread that waits in this stream go on, with an OSError."""
+        """End the call that waits for this stream in another thread, and all later ones, with an OSError."""
         self._given_up.set()
 
     def read(self, size: int) -> bytes:
+        """Return at most `size` bytes, as soon as there are any; none at the end of the stream."""
         return self._when_ready(True, lambda: os.read(self._number, min(size, MAX_READ)))
 
     def write(self, data: memoryview) -> int:
+        """Write the beginning of `data` as soon as the stream takes any; return the number of bytes written."""
         return self._when_ready(False, lambda: os.write(self._number, data[: self._portion]))
 
     def _when_ready(self, to_read: bool, transfer: Callable[[], T]) -> T:
+        """Wait until the descriptor is readable or writable, then return the result of the transfer."""
         ends = ([self._number], []) if to_read else ([], [self._number])
         while True:
             if self._given_up.is_set():
@@ -350,6 +419,7 @@ class Descriptor:
 
 
 def _descriptor(stream: TextIO | None, kind: type[FpsboostError], name: str, advice: str) -> Descriptor:
+    """Return the descriptor of a standard stream; raise an error of class `kind` if it is closed or a terminal."""
     if stream is None or stream.closed:
         raise kind(f"{name} is closed; {advice}, or name a file.")
     if stream.isatty():

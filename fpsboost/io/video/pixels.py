@@ -19,7 +19,7 @@ MATRICES = (1, 4, 5, 6, 7, 9)
 """AVColorSpace of the plain luma-chroma matrices, by which pictures can be converted."""
 
 NO_COLOUR_TAG = {"colorspace": (0, 2, 3), "color_primaries": (0, 2, 3), "color_trc": (0, 2, 3), "color_range": (0,)}
-"""FFmpeg's numbers of tags that say nothing, by the tag's name in PyAV: of unspecified colours and two reserved ones.
+"""FFmpeg's numbers of tags without information, by the tag's name in PyAV: unspecified and two reserved ones.
 
 ProRes has 0 for unspecified colours; as the matrix of RGB it is a tag.
 """
@@ -134,7 +134,7 @@ def color_space_of(picture: av.VideoFrame) -> int:
 
 
 def add_colour_tags(picture: av.VideoFrame, tags: Mapping[str, int]) -> None:
-    """Give a picture the colour tags of its container where its own say nothing, as players do."""
+    """Give a picture the colour tags of its container where its own are unspecified, as players do."""
     for name, tag in tags.items():
         is_matrix_of_rgb = name == "colorspace" and picture.format.is_rgb
         if getattr(picture, name) in NO_COLOUR_TAG[name] and not is_matrix_of_rgb:

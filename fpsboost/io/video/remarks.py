@@ -23,6 +23,7 @@ class Damage:
     untimed: int = 0  # frames
 
     def remarks(self, name: str, frames: int) -> list[str]:
+        """Return the remarks on all faults of a file, of which so many frames could be read."""
         losses = (
             (self.undecodable, "packet", "could not be decoded"),
             (self.unreadable, "place", "could not be read"),

@@ -1,4 +1,4 @@
-"""Side data: what a file says of its pictures beside their samples, with each of them or in its container's header."""
+"""Side data: metadata of pictures beside their samples, stored with each of them or in the container's header."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ words = {
     "STEREO3D": "stereo mode",
     "VIEW_ID": "second view of the spatial video",
 }
-"""What side data is, by its type; others are always carried over, or are notes of a codec."""
+"""Words for side data in remarks, by its type; other types are always carried over, or are notes of a codec."""
 
 _X264, _X265 = "dc45e9bde6d948b7962cd820d923eeef", "2ca2de09b51747dbbb55a4fe7fc2fc4e"
 _APPLE = "47564adc5c4c433f94efc5113cd143a8"
 encoder_notes = [bytes.fromhex(identifier) for identifier in (_X264, _X265, _APPLE)]
-"""Identifiers of user data that tells of the coding alone."""
+"""Identifiers of user data that describes the coding alone."""
 
 stereo_modes = {
     1: ("left_right", "right_left"),
@@ -117,7 +117,7 @@ def filtered(picture: av.VideoFrame, operations: Iterable[str]) -> av.VideoFrame
 
 
 def described(sides: Sequence[tuple[str, bytes]], width: int) -> dict[str, str]:
-    """Return in words, by type, what side data tells of pictures of this width that a new encoder does not."""
+    """Return in words, by type, the side data of pictures of this width that re-encoding loses."""
     kinds = dict(sides)
     said: dict[str, str] = {}
     for kind, data in sides:

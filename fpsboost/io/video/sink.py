@@ -44,10 +44,28 @@ from fpsboost.memory import return_free_memory
 
 
 class ChunkSink(StagedSink):
-    """Sink that encodes frames into chunks, which are kept if it is left early.
+    """Sink that encodes frames into chunks of a fixed number of frames, which are kept if it is left early.
 
     The encoder is opened anew for every chunk, so that a chunk follows from its frames and the options alone, and the
-    output is the same whichever runs have encoded which chunks.
+    output is the same whichever runs have encoded which chunks. A run that resumes gets all frames again, but encodes
+    only those behind the chunks that are complete.
+
+    Parameters
+    ----------
+    output : Output
+        Size, times and options of the frames to come, and what is known of their source.
+    unfinished : StagingDirectory
+        Hidden folder, opened and locked when the sink is entered.
+    folder : Path
+        Folder of the chunk files, in or at `unfinished`.
+    chunk_frames : int
+        Frames per chunk.
+
+    Raises
+    ------
+    OptionError, OutputError
+        Options contradict each other, or the container cannot hold the codec or a stream; known before any frame is
+        encoded.
     """
 
     holds_last_frame = True
@@ -77,9 +95,14 @@ class ChunkSink(StagedSink):
 
     @property
     def details(self) -> str:
+        """Encoder, pixel format and options, for verbose output; empty before the encoder is opened."""
         return "" if self._encoder is None else f"{self._output.path}: {self._encoder.details}"
 
     def __enter__(self) -> Self:
+        """Lock the hidden folder, and find the chunks of an earlier run; for video, open the encoder.
+
+        Sets `completed_frames`. Whatever fails, the folder is released.
+        """
         try:
             with self._explained():
                 # Created at once, so that a folder without write permission is detected before any work is done.
@@ -94,6 +117,11 @@ class ChunkSink(StagedSink):
         return self
 
     def write(self, frame: Frame) -> None:
+        """Encode the next frame, unless an earlier run has finished it.
+
+        Times are rounded to ticks of the output's time base and must increase by at least one. Raises `OutputError` if
+        they do not, if the frame has another size, or if encoding or writing fails.
+        """
         name = self._output.path
         check_frame_size(frame, self._output.info, name)
         with self._explained():
@@ -134,9 +162,11 @@ class ChunkSink(StagedSink):
 
     @property
     def _frames_finished(self) -> int:
+        """Number of frames in complete chunks."""
         return sum(chunk.frames for chunk in self._chunks)
 
     def _encode(self, encoder: VideoEncoder, frame: Frame, pts: int, duration: int) -> None:
+        """Encode a frame at `pts` for `duration`, both in ticks, and end the chunk if it is complete."""
         if self._writer is None:
             extradata = bytes(encoder.stream.codec_context.extradata or b"")
             self._writer = ChunkWriter(self._folder, self._first_chunk + len(self._chunks), extradata)
@@ -155,12 +185,14 @@ class ChunkSink(StagedSink):
             return_free_memory()  # of the encoder, which lived as long as its packets
 
     def _finish_chunk(self) -> None:
+        """Flush the encoder, and give the chunk file its final name; no effect between chunks."""
         if self._writer is not None and self._encoder is not None:
             self._keep(self._writer, self._encoder.finish())
             self._chunks.append(self._writer.finish(self._frames_in_chunk))
             self._writer, self._frames_in_chunk = None, 0
 
     def _keep(self, writer: ChunkWriter, packets: Iterable[av.Packet[Any]]) -> None:
+        """Append packets to the chunk, each with the duration of its frame."""
         for packet in packets:
             writer.add(packet, self._durations.pop(packet.pts, 0) if packet.pts is not None else 0)
 
@@ -193,8 +225,22 @@ class ChunkSink(StagedSink):
 class VideoSink(ChunkSink):
     """Sink that encodes frames into a video file, which gets its final name when it is complete.
 
-    Colour tags and pixel aspect ratio are the source's; of a file also audio, subtitles, titles and orientation. A
-    later run reuses complete chunks only.
+    Colour tags and pixel aspect ratio are the source's; from a video file also audio, subtitles, titles, chapters and
+    orientation are carried over.
+
+    Parameters
+    ----------
+    output : Output
+        Path of the file, size, times and options of the frames to come, and what is known of their source.
+    chunk_frames : int
+        Frames per chunk: what a run that is stopped loses at most.
+
+    Raises
+    ------
+    CompleteAlreadyError
+        The job is to be resumed, and its output exists without an unfinished part.
+    OptionError, OutputError
+        The path cannot be written, exists, is an input, or its container cannot hold the streams.
     """
 
     def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:
@@ -214,19 +260,24 @@ class VideoSink(ChunkSink):
         return [*super().remarks, *(self._assembly.remarks if self._assembly else [])]
 
     def join(self, chunks: Sequence[Chunk], traits: VideoTraits) -> None:
-        """Take chunks that were encoded elsewhere, all of the output's, instead of frames."""
+        """Take complete chunks of all frames, encoded elsewhere with the same options, instead of calls of `write`.
+
+        `traits` are those that they were encoded with.
+        """
         with self._explained():
             if self._encoder is None:
                 self._start(traits)
         self._chunks = list(chunks)
 
     def _start(self, traits: VideoTraits) -> av.VideoStream:
+        """Open the encoder, and write the header of the output file."""
         template = super()._start(traits)  # the file's header is written at once
         time_base = self._output.timing.time_base
         self._assembly = Assembly(self._unfinished.staged, template, time_base, self._fitting, traits)
         return template
 
     def _finish(self) -> None:
+        """Mux all chunks and the other streams, and rename the file; `OutputError` if there was no frame."""
         self._finish_chunk()
         if self._assembly is None or not self._chunks:
             raise OutputError(f"{self._name} was not written because there were no frames.")
@@ -240,7 +291,13 @@ class VideoSink(ChunkSink):
 
 
 class VideoPartSink(ChunkSink):
-    """Sink that encodes a part of a video, which begins with a chunk, into chunks in a folder of their own."""
+    """Sink that encodes a part of a video into chunks, which appear in a folder of their own when all are complete.
+
+    Parameters
+    ----------
+    output : Output
+        As for `VideoSink`, with `part`, which begins at the first frame of a chunk.
+    """
 
     def __init__(self, output: Output) -> None:
         self._part = PartFolder(output)

@@ -70,14 +70,36 @@ SELF_CONTAINED = {"h264", "hevc", "mpeg1video", "mpeg2video", "mpeg4", "vp8", "v
 
 
 class VideoSource(ClosesOnExit):
-    """Frames of one of a video file's streams; opening reads headers only.
+    """Frames of one video stream of a file, decoded by FFmpeg in presentation order.
 
-    For targets that hold pictures and nothing else (`for_images`), they are turned upright as the file's display matrix
-    says, and what is left behind is remarked; the first picture is decoded at once to know the size, and frames keep no
-    decoder's picture. Where the file has alpha, `keeps_alpha` yields BGRA. With `keeps_planes`, pictures of Y, Cb and
-    Cr stay as they are, as `YCbCrImage`; others, and all without it, become BGR.
+    Opening reads headers and the first packets, and decodes nothing, except with `for_images`. A source can be iterated
+    over once.
 
-    `file` has the time of the file's own clock from which all times count, and the rate of its coded pictures.
+    Parameters
+    ----------
+    path : str or os.PathLike
+        Video file; messages name it as it is given here.
+    for_images : bool
+        Set for targets that hold pictures alone. Pictures are turned upright by the display matrix of the file, streams
+        and side data that are lost are remarked, and frames keep no reference to the decoder's picture
+        (`Frame.original` is None). The first picture is decoded at once, to know the size.
+    keeps_alpha : bool
+        Yield BGRA where the file has alpha; otherwise alpha is left out, with a remark.
+    keeps_planes : bool
+        Keep Y'CbCr pictures as `fpsboost.image.YCbCrImage` instead of converting them to BGR; others become BGR anyway.
+        Without effect with `for_images`.
+    decoding : DecodeOptions, optional
+        Stream, trim, frame rate and other choices of the user; FFmpeg's best stream and its own times by default.
+    limit : MemoryLimit, optional
+        Limit that the size of the pictures is checked against; by default the free memory.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, holds no video, is too large for `limit`, or is encrypted in the part to be read. While
+        iterating also: it is read a second time, cannot be converted, or differs from its frame index.
+    OptionError
+        `decoding` names a stream that is no video, or a frame rate for a file that declares its own.
     """
 
     def __init__(
@@ -118,7 +140,7 @@ class VideoSource(ClosesOnExit):
             traits = self.traits
             if is_on_its_side(traits.display_matrix):
                 self.info = replace(self.info, width=self.info.height, height=self.info.width)
-            # what is said of mastering PNG keeps, and the sinks of others report
+            # PNG keeps the mastering metadata, and the sinks of other formats report its loss themselves
             sides = dict.fromkeys(word for word in traits.side_data.values() if word != MASTERING)
             lost = [*self.file.companions, *sides]
             if lost:
@@ -127,6 +149,10 @@ class VideoSource(ClosesOnExit):
                 self.remarks.append(lost_shape_remark(self._name, traits.sample_aspect_ratio))
 
     def _read_header(self) -> ClipInfo:
+        """Return size, rate and time base from headers and first packets, and set `_header`, `_clock` and `file`.
+
+        Adds remarks on a crop, ignored video streams, ordered chapters and an assumed frame rate.
+        """
         streams, stream = self._demuxer.container.streams, self._demuxer.stream
         context = stream.codec_context
         self._limit.check(self._name, context.width, context.height)
@@ -180,11 +206,12 @@ class VideoSource(ClosesOnExit):
 
     @property
     def stream_info(self) -> StreamInfo:
+        """Streams and traits that a sink may carry over; reading it decodes the first frame."""
         return StreamInfo(traits=self.traits, video=self.file, files=[self.path])
 
     @property
     def stopped_by(self) -> str | None:
-        """Sentence about colours or the first change of size, at which reading stops if so configured."""
+        """Reason to refuse the clip: Dolby Vision without a base layer, or a change of size or format; else None."""
         return self._refused or (None if self._unifier is None else self._unifier.stopped_by)
 
     @property
@@ -193,6 +220,11 @@ class VideoSource(ClosesOnExit):
         return self._opened().traits
 
     def _opened(self) -> FormatUnifier:
+        """Return the converter to the first picture's format; the first call decodes that picture, and keeps it.
+
+        The first call also corrects the size in `info`. Raises `InputError` if no picture can be decoded, or if it is
+        Dolby Vision without a base layer and `force_colours` is not given.
+        """
         if self._unifier is None:
             picture = self._pictures.peek()
             if picture is None:
@@ -215,17 +247,23 @@ class VideoSource(ClosesOnExit):
         return self._unifier
 
     def __iter__(self) -> Iterator[Frame]:
+        """Return an iterator over the frames; a second call raises `InputError`."""
         if self._started:
             raise InputError(f"{self._name} can be read only once; open it again.")
         self._started = True
         return self._frames()
 
     def close(self) -> None:
+        """Close the decoder and the file."""
         self._pictures.close()
         self._demuxer.close()
 
     def _frames(self) -> Iterator[Frame]:
-        """Yield the frames; only the last one's duration comes from the header."""
+        """Yield the frames in presentation order, with strictly increasing times in seconds.
+
+        A frame's duration is the picture's own; the last one's may come from the header. Remarks on interlacing,
+        changes of format and damage are added when the iteration ends, also when it is abandoned early.
+        """
         unifier = self._opened()
         coding = coding_of(unifier.traits) if self._keeps_planes else None
         clock, damage = self._clock, self._pictures.damage
@@ -256,6 +294,7 @@ class VideoSource(ClosesOnExit):
             self.remarks += clock.early_end_remarks(self._name, end, count, self.info.frame_count)
 
     def _timed(self, unifier: FormatUnifier) -> Iterator[tuple[av.VideoFrame, Fraction]]:
+        """Yield pictures in the first one's format with their times in seconds, which may not increase yet."""
         end: Fraction | None = None
         for number, decoded in enumerate(self._pictures, self._first):
             picture = unifier.unified(decoded, number, self._pictures.aspect_of(decoded))
@@ -264,6 +303,7 @@ class VideoSource(ClosesOnExit):
             yield picture, time
 
     def _convert(self, picture: av.VideoFrame) -> Image:
+        """Convert a picture to BGR or BGRA, upright for images; raise `InputError` if FFmpeg cannot."""
         try:
             keeps_alpha = self._keeps_alpha and has_alpha(picture.format.name)
             image = to_bgr(picture, self._reformatter, keeps_alpha=keeps_alpha)
@@ -275,12 +315,16 @@ class VideoSource(ClosesOnExit):
         return turned_upright(image, self.traits.display_matrix) if self._for_images else image
 
     def first_time(self) -> Fraction:
-        """Time of the clip's first frame, seconds; decodes it. Before the first frame is read."""
+        """Return the time of the clip's first frame, seconds; call it before iterating. Decodes that frame."""
         self._opened()
         return self._next_time() or Fraction(0)
 
     def skip_to(self, time: Fraction) -> None:
-        """Go to the key frame before a time, where the index is to be trusted; not where fields become frames."""
+        """Seek to the key frame at or before a time, seconds; call it before iterating.
+
+        Does nothing if the container has no trustworthy index or if fields become frames. Where no seek ends at an
+        intact picture at or before the time, the file is read from its beginning.
+        """
         self._opened()
         first = self._next_time()
         if first is None or time <= first or not self._is_indexed or self._decoding.deinterlace:
@@ -297,7 +341,12 @@ class VideoSource(ClosesOnExit):
         self._reopen()
 
     def frame_times(self) -> list[Fraction] | None:
-        """See `fpsboost.contracts.RandomAccess.frame_times`; reads all packets, and decodes the first frames."""
+        """Return the times of all frames, seconds; None if packets do not determine them. Call it before iterating.
+
+        Reads all packets, and decodes the first frames to compare their times. If the result is None and the header
+        gives neither count nor duration, packets are counted for `info.frame_count`. See
+        `fpsboost.contracts.RandomAccess.frame_times`.
+        """
         self._opened()
         if self.frame_index is None and self._unindexed is None:
             try:
@@ -313,9 +362,16 @@ class VideoSource(ClosesOnExit):
         return [ticks * self._clock.tick - self._clock.start for ticks in self.frame_index.ticks.tolist()]
 
     def take_index(self, index: FrameIndex) -> None:
+        """Use the frame index of another source of the same file, instead of reading all packets for one."""
         self.frame_index = index
 
     def begin_at(self, number: int) -> None:
+        """Begin the iteration at a frame, counted from 0; call it before iterating.
+
+        Seeks to a key frame if decoding from there gives exactly the pictures of the frame index; otherwise all frames
+        are decoded from the beginning and dropped, and a remark gives the reason. Raises `InputError` if there is no
+        such frame.
+        """
         times = self.frame_times()
         if times is not None and number >= len(times):
             raise InputError(f"{self._name} has {counted(len(times), 'frame')}, and none has the number {number}.")
@@ -340,6 +396,7 @@ class VideoSource(ClosesOnExit):
 
     @property
     def _is_indexed(self) -> bool:
+        """Whether the container has an index of key frames and a presentation time with every packet."""
         return self._demuxer.container.format.name.startswith(INDEXED)
 
     def _next_time(self) -> Fraction | None:
@@ -350,7 +407,7 @@ class VideoSource(ClosesOnExit):
         return self._clock.time_of(picture, None, self._pictures.damage)
 
     def _pictures_from_here(self) -> Pictures:
-        """Return the pictures from where the file is, with nothing counted yet."""
+        """Return the pictures from the current position in the file, with all counters at 0."""
         return Pictures(
             self._clock,
             self._name,
@@ -361,12 +418,16 @@ class VideoSource(ClosesOnExit):
         )
 
     def _reopen(self) -> None:
+        """Return to the beginning of the file, with a new decoder and all counters at 0."""
         self._pictures.close()
         self._demuxer.reopen()
         self._pictures = self._pictures_from_here()
 
     def _checked_index(self) -> FrameIndex:
-        """Return the index of the frames, of which the first ones have been compared with their pictures."""
+        """Return the frame index after comparing its first times with decoded pictures; then reopen the file.
+
+        Raises `UnindexedError` if the container has no index, fields become frames, or the times differ.
+        """
         if not self._is_indexed:
             raise UnindexedError("its container has no index of frames")
         if self._decoding.deinterlace:
@@ -380,7 +441,10 @@ class VideoSource(ClosesOnExit):
         return index
 
     def _compare_with_index(self, number: int, time: Fraction | None) -> None:
-        """Raise `InputError` if a frame, or that there is none, is not what `frame_times` has promised."""
+        """Raise `InputError` if a frame is not at the time that `frame_times` returned.
+
+        `time` is None for the end of the clip, which must come after the last frame of the index.
+        """
         if self.frame_index is None:
             return
         ticks = self.frame_index.ticks
@@ -392,7 +456,11 @@ class VideoSource(ClosesOnExit):
             )
 
     def _decode_up_to(self, number: int, point: EntryPoint, index: FrameIndex) -> bool:
-        """Decode from an entry point up to a frame, and no earlier ones; return whether they are those listed."""
+        """Decode from an entry point up to a frame, which stays the next picture; return whether this succeeded.
+
+        It fails if the container cannot seek there, or if a picture on the way is corrupt or not at its time in the
+        index.
+        """
         expected = index.ticks[point.number : number + 1].tolist()
         for time in (point.pts, point.dts):  # indexes of containers count either
             if time is None or not self._demuxer.seek(time):

@@ -63,7 +63,7 @@ IS_ORDERED, IS_HIDDEN, LANGUAGE = b"\x45\xdd", b"\x98", b"\x43\x7c"
 ORDER = "the order of editions"
 
 NO_LANGUAGES = (b"und", b"eng")
-"""Languages that say nothing: the unknown one, and the one that Matroska takes where none is given."""
+"""Languages without information: the unknown one, and Matroska's default where none is given."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ def _lower(tags: Mapping[str, str]) -> dict[str, str]:
 
 
 def unread_of_chapters(file: av.container.InputContainer) -> list[str]:
-    """Return in words what FFmpeg does not read of the chapters of a file, by a look into Matroska's element of them.
+    """Return in words the properties of chapters that FFmpeg does not read, found in Matroska's element for them.
 
     FFmpeg leaves out chapters inside others, and those that begin no later than one before, as where an edition begins.
     """

@@ -45,7 +45,7 @@ UPRIGHT = struct.pack("=9i", 1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 30)
 """Display matrix that changes nothing, as of EXIF."""
 
 ALWAYS_LOCATED = ("h264", "hevc", "amv", "h263", "mjpeg", "mpeg1video", "theora")
-"""Formats whose decoders always say where chroma samples are; of others FFmpeg takes an unknown one for the centre."""
+"""Codecs whose decoders always give the chroma location; for others, FFmpeg takes an unknown one for the centre."""
 
 Point = tuple[Fraction, Fraction]
 
@@ -103,16 +103,16 @@ class VideoTraits:
 
     @property
     def code_points(self) -> tuple[int, int]:
-        """Primaries and transfer function for images to say; unspecified for BT.709, for which they are taken anyway.
+        """Primaries and transfer function to tag images with; unspecified for BT.709, which needs no tag.
 
-        Without a word most viewers take images for sRGB, and show BT.709 nearly as a player does.
+        Most viewers take untagged images for sRGB, and show BT.709 nearly as a player does.
         """
         numbers = self.color_primaries, self.color_transfer
         return (UNSPECIFIED, UNSPECIFIED) if {*numbers} <= _plain else numbers
 
     @property
     def beyond_sdr(self) -> list[str]:
-        """What a target without any tags loses, in words; SDR is shown nearly right without."""
+        """Properties, in words, that a target without colour tags loses; plain SDR looks nearly right without tags."""
         said = {
             "colour primaries": self.color_primaries not in {*_plain, 5, 6},  # 5 and 6 are of BT.601
             "transfer function": self.color_transfer in (LINEAR, PQ, HLG),
@@ -163,7 +163,7 @@ def read_traits(
 
 
 def traits_of_png(path: Path) -> VideoTraits:
-    """Return what FFmpeg's decoder says of a PNG; nothing where it cannot decode it."""
+    """Return the traits of a PNG by FFmpeg's decoder; the defaults if it cannot decode the file."""
     with suppress(av.error.FFmpegError), path.open("rb") as file, av.open(file, "r") as container:
         stream = container.streams.video[0]
         return read_traits(next(container.decode(stream)), stream, VideoReformatter(), path.name)

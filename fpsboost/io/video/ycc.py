@@ -183,7 +183,7 @@ def as_picture(frame: Frame, coding: Coding, reformatter: VideoReformatter, *, k
             return original
         target = av.VideoFormat(pixel_format)
         has_rgb = original.format.is_rgb or target.is_rgb
-        # gray is full range whatever its tag says, so that its levels do not stay as they are in limited range
+        # gray is full range whatever its tag, so that its levels do not stay as they are in limited range
         keeps_levels = full_range or is_gray(original.format) == is_gray(target)
         if not has_rgb and keeps_levels and is_full_range(original) == full_range:
             return reformatted(original, reformatter, pixel_format, full_range)
