@@ -22,7 +22,7 @@ class DescribedSource(FrameSource, Protocol):
 
     @property
     def stream_info(self) -> StreamInfo:
-        """What a sink can keep besides the frames; may read the first frame."""
+        """Streams, tags and files that a sink can keep besides the frames; may read the first frame."""
 
 
 @runtime_checkable

@@ -51,7 +51,7 @@ def check_folder(path: Path, *, may_be_new: bool = True) -> None:
 
 
 def _check_takes_files(folder: Path, name: str) -> None:
-    """Raise `OutputError` unless a file can be made in a folder; what the permissions say is not enough to know."""
+    """Raise `OutputError` unless a file can be made in a folder; permissions alone do not prove it."""
     with (
         explained(OutputError, "write", name, "choose another folder, in which files can be made"),
         TemporaryFile(dir=folder, prefix=".fpsboost-"),  # without a name where the system has such files
@@ -105,8 +105,28 @@ def reason_to_refuse(folder: Path, old: Sequence[Path], *, alone: bool) -> str:
 class StagedFiles:
     """Files that are written in a hidden folder and get their names at the end, all of them or none.
 
-    With `overwrite`, all existing files that are named by one of `namings` are replaced, and others stay. `alone` makes
-    a new folder, or refuses one that holds any file without `overwrite`. `path` is the folder or pattern in messages.
+    Use `open`, `write` for each file, `publish` if all went well, and `close` in any case.
+
+    Parameters
+    ----------
+    path : str
+        Folder or pattern as the user has given it, for messages.
+    folder : Path
+        Final folder of the files.
+    namings : sequence of Numbering
+        Names that the files may have; with `overwrite`, all existing files of such names are replaced, and others stay.
+    overwrite : bool
+        Replace existing files.
+    alone : bool
+        Make a new folder, or take an empty one; one with any file only with `overwrite`. Otherwise the folder must
+        exist.
+
+    Raises
+    ------
+    ExistsError
+        There are files that only `overwrite` would replace.
+    OutputError
+        The folder cannot be made or written to.
     """
 
     def __init__(self, path: str, folder: Path, namings: Sequence[Numbering], *, overwrite: bool, alone: bool) -> None:
@@ -122,31 +142,38 @@ class StagedFiles:
 
     @property
     def remarks(self) -> list[str]:
+        """Sentences about the hidden folder, and that no file was written."""
         return [*self._staging.remarks, *self._remarks]
 
     def check(self) -> None:
+        """Raise `ExistsError` if there are files that only `overwrite` would replace."""
         if not self._overwrite and self._folder.is_dir():
             reason = reason_to_refuse(self._folder, self._find_old(), alone=self._alone)
             if reason:
                 raise ExistsError(reason)
 
     def _find_old(self) -> list[Path]:
+        """Return the existing files that `overwrite` replaces."""
         return [path for naming in self._namings for _, path in naming.find(any_padding=self._alone)]
 
     def open(self) -> Self:
-        """Take the hidden folder for this run."""
+        """Lock the hidden folder for this run, before any `write`; raise `InUseError` if another run has it."""
         with explained(OutputError, "write to", self._path, ADVICE):
             self._staging.open()
             self._staging.staged.mkdir()
         return self
 
     def write(self, name: str, data: bytes) -> None:
+        """Write a file by its final name, in any order; it appears when `publish` is called."""
         with explained(OutputError, "write", self._folder / name, ADVICE):
             write_safely(self._staging.staged / name, data)
         self._names.append(name)
 
     def publish(self) -> None:
-        """Give all files their names; if files have appeared there meanwhile, raise OutputError and change nothing."""
+        """Give all files their names; if one cannot be moved, none is.
+
+        Raises `ExistsError` if files have appeared there meanwhile. Without any file, there is only a remark.
+        """
         if not self._names:
             self._remarks.append(f"No frame was made, so that nothing was written to {self._path}.")
             return
@@ -165,4 +192,5 @@ class StagedFiles:
             sync(self._folder)
 
     def close(self) -> None:
+        """Release and remove the hidden folder, with files that were not published."""
         self._staging.close(keep=False)

@@ -37,21 +37,21 @@ ASSUMED_IMAGE_RATE = Fraction(24)
 """For images that become images: their times then only serve as an order."""
 
 PIPES = ("-", "pipe:")
-"""What stands for standard input or output."""
+"""Paths that stand for standard input or output."""
 
 
 @dataclass(frozen=True)
 class TargetRequirements:
-    """What a target asks of its source."""
+    """Properties of a target that determine how its source is read."""
 
     pictures_alone: bool = False
     """It holds pictures and nothing else: no sound, and no tag that turns them, so that videos come upright."""
     upright: bool = False
-    """It cannot say an image's EXIF orientation, so that images come upright."""
+    """It cannot store an image's EXIF orientation, so that images come upright."""
     alpha: bool = False
     """It can hold alpha."""
     needs_rate: bool = False
-    """Images must say how fast they play."""
+    """It has a frame rate, so that one must be given for images."""
     planes: bool = False
     """Pictures of Y, Cb and Cr may stay as they are."""
     layers: bool = False
@@ -71,8 +71,30 @@ def open_source(
 ) -> DescribedSource:
     """Open a clip for reading: a video file, an animation, a folder or pattern of images, or ``-`` for YUV4MPEG2.
 
-    `fill_gaps` and `in_place` are for numbered images; see `fpsboost.io.images.source.ImageReading`. Raises
-    `InputError` for what is missing, unreadable or too large, and `OptionError` for options that do not suit it.
+    Parameters
+    ----------
+    path : str
+        Path of the input; messages name it so.
+    requirements : TargetRequirements, optional
+        Properties of the target, such as whether it can hold alpha; by default neither alpha, planes nor layers.
+    decoding : DecodeOptions, optional
+        Options of the user for reading.
+    fill_gaps, in_place : bool
+        Options for numbered images; see `fpsboost.io.images.source.ImageReading`.
+    limit : MemoryLimit, optional
+        Limit that the size of the pictures is checked against; by default the free memory.
+
+    Returns
+    -------
+    DescribedSource
+        Open source, which the caller closes.
+
+    Raises
+    ------
+    InputError
+        The input is missing, unreadable or too large.
+    OptionError
+        Options do not suit the kind of the input, or images need a rate that is not given.
     """
     if not path:
         raise InputError("The name of the input is empty; name a video, a folder or a pattern of images.")
@@ -88,7 +110,7 @@ def open_source(
         if stands_for_images(path):
             _check_decoding(replace(decoding, input_fps=None), f"{path}, which holds images", "leave it out")
             if input_fps is None and requirements.needs_rate:
-                find_images(path)  # where there are none, that is what to say
+                find_images(path)  # raises its own error where there are no images
                 raise OptionError(
                     f"{path} holds images, which have no frame rate; say it with `input_fps`, for example 24."
                 )
@@ -140,6 +162,7 @@ def check_images(path: str, option: str) -> None:
 def _open_file(
     path: str, requirements: TargetRequirements, decoding: DecodeOptions, limit: MemoryLimit | None
 ) -> AnimationSource | VideoSource:
+    """Open a file by its content, as an animation or a video; raise `InputError` for single images and named pipes."""
     if not Path(path).exists():
         raise InputError(f"{path} does not exist; check the name.")
     if Path(path).is_fifo():
@@ -165,6 +188,7 @@ def _open_file(
 
 
 def _check_decoding(decoding: DecodeOptions, what: str, advice: str) -> None:
+    """Raise `OptionError` if options for video files are given for another kind of input."""
     if decoding.given:
         raise OptionError(f"{' and '.join(decoding.given)} is for video files and not for {what}; {advice}.")
 
@@ -221,7 +245,7 @@ class Target:
 
     @property
     def has_rate(self) -> bool:
-        """Whether the output says how fast its frames play."""
+        """Whether the output stores a frame rate."""
         return self.kind != "images"
 
     @property
@@ -262,6 +286,7 @@ class Target:
 
     @property
     def _described(self) -> str:
+        """The output in messages, for kinds that cannot be resumed or joined."""
         return "standard output" if self.kind == "pipe" else f"the animation {self.path}"
 
     def check_parts(self) -> None:
@@ -270,7 +295,11 @@ class Target:
             raise OptionError(f"`chunk` is for videos and images, not for {self._described}; leave it out.")
 
     def open(self, output: Output) -> FrameSink:
-        """Prepare the output for writing; it appears when the sink is left without an error."""
+        """Return the sink of an output or of its part, to be entered before frames are written.
+
+        Nothing is written yet, but what can be checked is. Raises `OptionError` if options do not suit the kind of
+        output, and `OutputError` if it exists or cannot be written.
+        """
         if output.job is not None and output.job.resume and self.kind in ("pipe", "animation"):
             raise OptionError(f"`resume` cannot go on with what went into {self._described}; leave it out.")
         if output.part is not None:

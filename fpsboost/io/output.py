@@ -21,16 +21,18 @@ from fpsboost.timing.schedule import OutputTiming
 
 @dataclass(frozen=True)
 class StreamInfo:
-    """What a clip has beside its frames, for the sink."""
+    """Everything that a clip has beside its frames, for the sink."""
 
     traits: VideoTraits | None = None
     """Colour coding, pixel shape, rotation and HDR metadata of video."""
     colours: VideoTraits = field(default_factory=VideoTraits)
-    """What images say of their colours, where the output is no images; of video see `traits`."""
+    """Colour tags of images or an animation, where the output is no images; defaults for video, which has `traits`."""
     video: VideoFile | None = None
+    """File whose other streams and tags can be carried over; None unless the source is a video file."""
     images: NumberedImages | None = None
+    """Files of the source, whose names and metadata the output can follow; None unless it is images."""
     plays: int = 0
-    """How often an animation is shown; 0 for ever again."""
+    """Number of times that an animation is shown; 0 for ever."""
     files: Sequence[Path] = ()
     """Files that are read, and never written to; empty for a pipe or arrays, which can be read only once."""
 
@@ -48,18 +50,22 @@ class OutputPart:
 
 @dataclass(frozen=True)
 class Output:
-    """An output, for the sink that writes it."""
+    """Output, as a sink needs it: its path, the frames to come, and everything known of their source."""
 
     path: str
     """A video file, an animation, a folder, a pattern of images, or ``-``."""
     info: ClipInfo
     """Size of the frames to come, and the name of their source."""
     timing: OutputTiming
+    """Frame rate and time base of the frames to come."""
     stream: StreamInfo = field(default_factory=StreamInfo)
+    """Streams, tags and files of the source."""
     encoding: Encoding = field(default_factory=Encoding)
+    """Options of the user for video."""
     expected_frames: int | None = None
     """Number of frames to come, for messages and for the digits of names of images."""
     overwrite: bool = False
+    """Replace existing files."""
     job: JobFingerprint | None = None
     """Properties that a later run must share with this one to resume it; without them no run can be resumed."""
     window: Window | None = None

@@ -43,10 +43,11 @@ else:
 
 LOCK, MANIFEST, COMPLETE = "lock", "manifest.json", "whole"
 LOCKED = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)
-"""Codes of the errors for a file that another process has locked; others say that the disk has no locks."""
+"""Codes of the errors for a file that another process has locked; others mean that the disk has no locks."""
 MAX_ATTEMPTS = 1000
 """Attempts to lock a folder that other runs remove meanwhile; a folder that keeps nothing would take any number."""
 MAX_FACT_LENGTH = 60
+"""Maximum length of an option's value that a message quotes, characters."""
 MAX_NAME_BYTES, SHORT_NAME_LENGTH = 230, 50
 """Bytes of a name beyond which it is cut to so many characters: file systems take 255, with prefix and suffix."""
 IN_EXISTING_FOLDER = "fpsboost"
@@ -66,9 +67,20 @@ def unfinished_places(output: Path) -> tuple[Path, Path]:
 
 
 class StagingDirectory:
-    """Hidden folder in which an output, called `name` in messages, is written; without a job nothing of it is kept.
+    """Hidden folder in which an output is written until it is complete, locked while a run writes there.
 
-    `staged` is the name, in the folder, of the file or folder that gets the output's name at the end.
+    Creating the object touches no file; `open` locks the folder, and `leave` or `close` must release it.
+
+    Parameters
+    ----------
+    folder : Path
+        Hidden folder, beside the output or in it; see `hidden_place`.
+    staged : str
+        Name, in the folder, of the file or folder that gets the output's name at the end.
+    name : str
+        The output in messages.
+    job : JobFingerprint or None
+        Inputs and options that a run which resumes must share; without a job nothing is kept for a later run.
     """
 
     def __init__(self, folder: Path, staged: str, name: str, job: JobFingerprint | None) -> None:
@@ -84,13 +96,14 @@ class StagingDirectory:
 
     @property
     def goes_on(self) -> bool:
-        """Whether this run would resume that output, if it is of the same job."""
+        """Whether `open` would keep an unfinished output, to resume it if it is of the same job."""
         return self._job is not None and self._job.resume and self.is_pending
 
     def open(self) -> None:
-        """Lock the folder for this run; keep its content if the job resumes it, otherwise remove it.
+        """Lock the folder for this run; keep its content if the job resumes it, otherwise remove it, with a remark.
 
-        Raises `OutputError` if another run writes there, or the job differs from the one that the folder belongs to.
+        Raises `InUseError` if another run writes there, and `OutputError` if the folder cannot be used, or belongs to a
+        job with other inputs or options.
         """
         try:
             self._acquire()
@@ -116,14 +129,24 @@ class StagingDirectory:
             raise
 
     def publish(self, path: Path) -> None:
-        """Give the staged output, complete and synced to disk, its final name."""
+        """Give the staged output, complete and synced to disk, its final name, replacing a file of that name."""
         write_safely(self.folder / COMPLETE, b"")
         rename_safely(self.staged, path)
 
     def leave(self, error: BaseException | None, frames: int, expected: int | None, *, stays: bool = False) -> None:
-        """Release the folder, and keep it if another run can resume from `frames` of the `expected`, or it `stays`.
+        """Release the folder, and remove it unless a later run can resume from it, or it `stays`.
 
-        The error says so. One in an input or option keeps nothing, since its correction makes another job.
+        It is kept if a run with a job stops after at least one finished frame; then a note is added to the error. An
+        error in an input or option keeps nothing, since its correction makes another job.
+
+        Parameters
+        ----------
+        error : BaseException or None
+            Exception that ends the run.
+        frames, expected : int
+            Number of finished frames, and of all, None if unknown.
+        stays : bool
+            Keep the folder in any case.
         """
         is_cut_short = error is not None and not isinstance(error, InputError | OptionError)
         keep = is_cut_short and frames > 0 and self._lock is not None and self._job is not None
@@ -133,7 +156,7 @@ class StagingDirectory:
             error.add_note(f"{frames}{of_all} frames are finished, and `resume` goes on from there.")
 
     def close(self, *, keep: bool) -> None:
-        """Release the folder, and remove it unless it is to be kept."""
+        """Release the folder, and remove it unless it is to be kept; no effect if this run does not hold it."""
         if self._lock is None:
             return
         if not keep:
@@ -145,6 +168,10 @@ class StagingDirectory:
             shutil.rmtree(self.folder, ignore_errors=True)  # Windows does not remove a file that is open
 
     def _acquire(self) -> None:
+        """Create and lock the folder, as often as other runs remove it meanwhile.
+
+        On disks without locks, it is taken with a remark. Raises `InUseError` if another run holds it.
+        """
         for _ in range(MAX_ATTEMPTS):
             if self._lock is not None:
                 return
@@ -187,17 +214,20 @@ class StagingDirectory:
             self.close(keep=self.is_pending)
 
     def _release(self) -> None:
+        """Close the lock file, which unlocks the folder."""
         if self._lock is not None:
             self._lock.close()
             self._lock = None
 
     def _read_manifest(self) -> dict[str, str] | None:
+        """Return the inputs and options of the earlier run; None if they cannot be read."""
         with suppress(OSError, ValueError):
             facts = json.loads((self.folder / MANIFEST).read_bytes())
             return facts if isinstance(facts, dict) else None
         return None
 
     def _check_same(self, before: Mapping[str, str], now: Mapping[str, str]) -> None:
+        """Raise `OutputError`, which names the first difference, unless both jobs are the same."""
         for key in [*now, *(key for key in before if key not in now)]:
             old, new = before.get(key, "nothing"), now.get(key, "nothing")
             if old == new:
@@ -210,10 +240,11 @@ class StagingDirectory:
 
 
 class StagedSink(ABC):
-    """Sink whose output appears as a whole when it is left without an error, or not at all.
+    """Base of sinks whose output appears as a whole when they are left without an error, or not at all.
 
-    Some resume an earlier run of the same job: `completed_frames` are those, from the first, that it has finished,
-    known when the sink is entered. They are written again in order; only their pixels are ignored.
+    Some resume an earlier run of the same job: `completed_frames`, known when the sink is entered, is the number of
+    frames, from the first, that it has finished. They are passed to `write` again in order, but their pixels are
+    ignored.
     """
 
     completed_frames = 0
@@ -223,6 +254,7 @@ class StagedSink(ABC):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Finish the output after a normal end, then release everything; a failure to finish is raised."""
         try:
             if kind is None:
                 with self._explained():
@@ -266,7 +298,10 @@ def complete_already(name: str) -> str:
 
 
 def write_safely(path: Path, data: bytes, mode: int = 0o666) -> None:
-    """Write a file atomically, even in case of a power cut; `mode` says who may read it, less what the umask takes."""
+    """Write a file atomically, even in case of a power cut, replacing one of that name.
+
+    `mode` is the permissions of the file, from which the umask is subtracted.
+    """
     part = path.with_name(path.name + ".part")
     with open(part, "wb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
         file.write(data)
@@ -319,9 +354,21 @@ INDEX_NAME = ".index.npz"
 
 
 class PartFolder(StagingDirectory):
-    """Folder in which a part of an output is written; what is `staged` is a folder for its files.
+    """Hidden folder in which a part of an output is written; `staged` is a folder in it for the part's files.
 
-    Raises `CompleteAlreadyError` if the part is there and the job is to be resumed.
+    Parameters
+    ----------
+    output : Output
+        Output with `part`.
+
+    Raises
+    ------
+    CompleteAlreadyError
+        The part is there and the job is to be resumed.
+    ExistsError
+        The part is there otherwise, and `output.overwrite` is not set.
+    OutputError
+        The folder in which the folder of all parts belongs does not exist.
     """
 
     def __init__(self, output: Output) -> None:
@@ -346,6 +393,7 @@ class PartFolder(StagingDirectory):
             raise
 
     def publish_part(self) -> None:
+        """Add the description of the part, and give its folder its final name, replacing an earlier one."""
         self._part.complete(self.staged)
         sync(self.staged)
         if self._part.folder.exists():
@@ -353,6 +401,7 @@ class PartFolder(StagingDirectory):
         self.publish(self._part.folder)
 
     def leave(self, error: BaseException | None, frames: int, expected: int | None, *, stays: bool = False) -> None:
+        """Release the hidden folder, and also remove the folder of all parts if it is empty."""
         super().leave(error, frames, expected, stays=stays)
         remove_if_empty(self._part.folder.parent)
 

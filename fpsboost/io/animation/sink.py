@@ -31,15 +31,27 @@ from fpsboost.io.video.pyav import missing_codecs
 from fpsboost.io.video.side_data import MASTERING
 from fpsboost.io.video.ycc import straight_16_bit
 
-OPAQUE = 128  # alpha from which on a pixel of a GIF is visible
+OPAQUE = 128  # minimum alpha of a visible pixel of a GIF
 
 WEBP_ALPHA, WEBP_REPLACES = 0x10, 0x02
+"""Flags of a WebP: in the header, that frames have alpha; at a frame, that it replaces the one before."""
 
 
 class AnimationWriter(ABC):
-    """Encoder and muxer of one type of animation to an empty file that can be read, too; frames are BGR or BGRA.
+    """Encoder and muxer of one type of animation, frame by frame; a subclass describes the type by class attributes.
 
-    It is shown `plays` times, or for ever if that is 0; a `tick` is in seconds.
+    Frames are BGR or BGRA, uint8, or uint16 where the type `is_deep`, all of one shape.
+
+    Parameters
+    ----------
+    file : BinaryIO
+        Empty file, open for reading and writing, which stays open; some types are corrected in it at the end.
+    plays : int
+        Number of times that the animation is shown; 0 for ever.
+    tick : Fraction
+        Seconds per tick of the delays.
+    code_points : tuple of int
+        Primaries and transfer function, by ITU-T H.273, for types that store them.
     """
 
     muxer = codec = ""
@@ -50,11 +62,13 @@ class AnimationWriter(ABC):
     longest: Fraction
     """Delays that the type can hold, seconds."""
     largest_side: int
+    """Maximum width and height, pixels."""
     most_plays: int
+    """Maximum number of plays that the type can store."""
     is_deep = False
     """Whether the type holds 16 bits per channel as well as 8."""
     has_tags = False
-    """Whether the type says primaries and transfer function."""
+    """Whether the type stores primaries and transfer function."""
 
     def __init__(self, file: BinaryIO, plays: int, tick: Fraction, code_points: tuple[int, int]) -> None:
         self._file, self._tick, self._code_points = file, tick, code_points
@@ -65,18 +79,19 @@ class AnimationWriter(ABC):
         self._ticks = 0
 
     def loops(self, plays: int) -> int:
+        """Return the value of FFmpeg's option for a number of plays, 0 for ever."""
         return plays
 
     @abstractmethod
     def picture(self, image: Image) -> av.VideoFrame:
-        """Return an image as the encoder takes it."""
+        """Convert an image to the encoder's pixel format."""
 
     @abstractmethod
     def encoder_options(self) -> dict[str, str]:
         """Return the encoder's options for frames of the first one's shape."""
 
     def add(self, image: Image, ticks: int) -> None:
-        """Write the next frame, shown for a number of ticks."""
+        """Encode the next frame, shown for a number of ticks; raise `OutputError` if its shape is another."""
         self._shape = self._shape or image.shape
         if image.shape != self._shape:
             raise OutputError(f"One frame is {view(image).describe()}, unlike the first; make all frames alike.")
@@ -94,9 +109,11 @@ class AnimationWriter(ABC):
         self._ticks += ticks
 
     def mux(self, packet: av.Packet[Any]) -> None:
+        """Write a packet, whose duration is set; a subclass may correct its bytes."""
         self._container.mux(packet)
 
     def finish(self) -> None:
+        """Flush the encoder and write the end of the animation; the file stays open."""
         if self._stream is not None:
             for packet in self._stream.encode(None):
                 self._container.mux(packet)
@@ -116,6 +133,7 @@ class GifWriter(AnimationWriter):
     _graph: av.filter.Graph | None = None
 
     def loops(self, plays: int) -> int:
+        """Return FFmpeg's number of repeats: 0 for ever, -1 for none."""
         return {0: 0, 1: -1}.get(plays, plays - 1)  # of FFmpeg: 0 for ever again, -1 for no repeat
 
     def encoder_options(self) -> dict[str, str]:
@@ -124,6 +142,7 @@ class GifWriter(AnimationWriter):
         return {"global_palette": "0", "gifflags": "offsetting" if self._shape[2] < 4 else "0"}
 
     def mux(self, packet: av.Packet[Any]) -> None:
+        """Write a packet; of a GIF with alpha, let each frame be cleared before the next."""
         if self._shape[2] == 4:  # cleared afterwards: the next frame may be transparent where this one is not
             data = bytearray(bytes(packet))
             control = data.index(b"\x21\xf9\x04") + 3
@@ -132,6 +151,7 @@ class GifWriter(AnimationWriter):
         super().mux(packet)
 
     def picture(self, image: Image) -> av.VideoFrame:
+        """Convert an image to 256 colours of its own, with dithering."""
         has_alpha, image = image.shape[2] == 4, _with_binary_alpha(image)
         picture = av.VideoFrame.from_ndarray(image, format="bgra")
         picture.pts, picture.time_base = self._ticks, self._tick
@@ -153,6 +173,7 @@ def _with_binary_alpha(image: Image) -> Image:
 
 
 def _palette_graph(picture: av.VideoFrame, has_alpha: bool) -> av.filter.Graph:
+    """Build a filter graph that gives every picture a palette of its own; `has_alpha` reserves a transparent entry."""
     graph = av.filter.Graph()
     entry = graph.add_buffer(
         width=picture.width, height=picture.height, format=picture.format, time_base=picture.time_base
@@ -201,6 +222,7 @@ class WebpWriter(AnimationWriter):
         return av.VideoFrame.from_ndarray(image if image.shape[2] == 4 else _with_binary_alpha(image), format="bgra")
 
     def finish(self) -> None:
+        """Write the end of the animation; with alpha, correct the flags of header and frames in the file."""
         super().finish()
         if self._shape[2:] != (4,):
             return
@@ -228,9 +250,20 @@ BROWSERS_SLOW_DOWN = Fraction(1, 100)  # browsers show frames of this length and
 
 
 class AnimationSink(StagedSink):
-    """An animation file, which appears under its name when it is complete.
+    """Sink that writes a GIF, APNG or WebP, which appears under its name when it is complete.
 
-    A frame is shown until the next one, rounded to the clock of the file; rounding does not accumulate.
+    A frame is shown until the next one, rounded to ticks of the file; rounding does not accumulate. Frames longer than
+    the type can store are repeated, shorter ones are lengthened, with a remark if others become late by that.
+
+    Parameters
+    ----------
+    output : Output
+        Path, size, rate and plays of the frames to come.
+
+    Raises
+    ------
+    OutputError
+        The path cannot be written, exists or is an input; the type cannot hold the size or rate; an encoder is missing.
     """
 
     holds_last_frame = True
@@ -258,6 +291,7 @@ class AnimationSink(StagedSink):
         self._last_ticks = (0, 0)  # of the last two frames
 
     def _check_fits(self, rate: Fraction) -> None:
+        """Raise `OutputError` if the type cannot hold the size or the rate, or FFmpeg lacks its encoder."""
         suffix, largest = self._path.suffix.lower(), self._type.largest_side
         width, height = self._info.width, self._info.height
         if max(width, height) > largest:
@@ -278,6 +312,7 @@ class AnimationSink(StagedSink):
 
     @property
     def remarks(self) -> list[str]:
+        """Sentences about losses so far: colour tags, depth, short frames, and frames that come late."""
         suffix, shortest = self._path.suffix.lower(), self._type.shortest
         before, last = self._last_ticks
         late = {
@@ -291,19 +326,24 @@ class AnimationSink(StagedSink):
         return [*self._losses, *(remark for remark, is_due in late.items() if is_due)]
 
     def __enter__(self) -> Self:
+        """Create the hidden file that is renamed at the end, and open its muxer."""
         with self._explained():
             self._file = self._temporary.open("x+b")
         self._writer = self._type(self._file, self._plays, self._tick, self._code_points)
         return self
 
     def write(self, frame: Frame) -> None:
-        """Encode one frame; times must increase."""
+        """Encode the next frame, shown from its time for its duration; times must increase.
+
+        Gray becomes colour, and depth that the type cannot hold is lost with a remark. Raises `OutputError` if the
+        frame has another size or shape than the first, or if writing fails.
+        """
         check_frame_size(frame, self._info, self._name)
         image = self._storable(frame.array)
         if self._begin is None:
             self._begin = frame.time
         end = (frame.time + frame.duration - self._begin) / self._tick
-        while True:  # a frame that is shown for longer than the file can say is repeated
+        while True:  # a frame that is longer than the type can store is repeated
             remaining = end - self._shown_until
             ticks = min(max(round(remaining), self._shortest), self._longest)
             with self._explained():
@@ -328,12 +368,14 @@ class AnimationSink(StagedSink):
         return image
 
     def _lose(self, what: str) -> None:
+        """Remark, once, on a property of the frames that the type cannot hold."""
         bits = "16 bits" if self._type.is_deep else "8 bits; write an .apng to keep it"
         remark = f"{self._name} lost {what}, because {self._path.suffix.lower()} holds {bits}."
         if remark not in self._losses:
             self._losses.append(remark)
 
     def _finish(self) -> None:
+        """Write the end, read the file back and give it its name; `OutputError` without frames or if it is damaged."""
         if self._begin is None:
             raise OutputError(f"{self._name} was not written because there were no frames.")
         self._writer.finish()
@@ -348,6 +390,7 @@ class AnimationSink(StagedSink):
         os.replace(self._temporary, self._path)
 
     def _leave(self, error: BaseException | None) -> None:
+        """Close and remove the hidden file; after `_finish` it has its name, and stays."""
         for clean_up in (self._file.close, self._temporary.unlink):
             with contextlib.suppress(OSError):
                 clean_up()

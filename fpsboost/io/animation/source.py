@@ -69,10 +69,24 @@ def opened(file: BinaryIO) -> PillowImage:
 
 
 class AnimationSource(ClosesOnExit):
-    """Frames of an animation, as players show them: `plays` times, or for ever if that is 0.
+    """Source of the frames of a GIF, APNG or animated WebP, composited as players show them.
 
-    Opening decodes the file once, because only that tells all delays. With `keeps_alpha`, frames are BGRA if there are
-    transparent parts; otherwise these are composited over white, with a remark.
+    Opening decodes the whole file once, because nothing else gives all delays. `plays` is the number of times that
+    players show it, 0 for ever.
+
+    Parameters
+    ----------
+    path : str
+        File to read; messages name it so.
+    keeps_alpha : bool
+        Yield BGRA if there are transparent parts; otherwise these are composited over white, with a remark.
+    limit : MemoryLimit, optional
+        Limit that the size of the pictures is checked against; by default the free memory.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is too large, or has no frame that can be decoded.
     """
 
     def __init__(self, path: str, *, keeps_alpha: bool = True, limit: MemoryLimit | None = None) -> None:
@@ -132,6 +146,7 @@ class AnimationSource(ClosesOnExit):
         self.remarks = [remark for remark, is_due in said.items() if is_due]
 
     def __iter__(self) -> Iterator[Frame]:
+        """Yield the frames, BGR or BGRA uint8, with the times and delays that opening has found."""
         time = Fraction(0)
         for image, delay in islice(self._decoded(), len(self._delays)):
             pixels = image
@@ -146,7 +161,8 @@ class AnimationSource(ClosesOnExit):
     def _decoded(self) -> Iterator[tuple[Image, Fraction]]:
         """Decode the composited frames from the first on, BGRA, with their delays in seconds.
 
-        GIF by FFmpeg, because Pillow fills with a colour what browsers clear after an opaque frame.
+        FFmpeg decodes GIF, because Pillow fills with a colour what browsers clear after an opaque frame; Pillow decodes
+        others.
         """
         self._file.seek(0)
         if self._format == "GIF":
@@ -168,4 +184,5 @@ class AnimationSource(ClosesOnExit):
                 yield image, (milliseconds / 1000).limit_denominator(MAX_DELAY_TERM)
 
     def close(self) -> None:
+        """Close the file."""
         self._file.close()

@@ -1,1 +1,1 @@
-"""Numbered images, read and written one at a time, with what they say beside their pixels."""
+"""Numbered images, read and written one at a time, with their metadata."""

@@ -44,21 +44,40 @@ _chromaticities = {
 }
 """CIE 1931 x and y of red, green, blue and white, by the number of primaries in ITU-T H.273."""
 _patches = np.array([[(255, 0, 0), (0, 255, 0), (0, 0, 255), (32, 32, 32), (128, 128, 128)]], np.uint8)
-"""Red, green, blue and two grays, whose CIELab tells an ICC profile's primaries and transfer function."""
+"""Red, green, blue and two grays, whose CIELab identifies an ICC profile's primaries and transfer function."""
 _patches_of_primaries = {
     BT709: ((138, 81, 70), (224, 177, 81), (75, 68, 144)),
     BT2020: ((152, 117, 107), (219, 128, 109), (65, 74, 130)),
     12: ((143, 94, 99), (221, 149, 103), (79, 70, 140)),
 }
-"""The first three of these in CIELab, as Pillow has it in 8 bits, by the number of primaries."""
+"""The first three of these in CIELab, in Pillow's 8-bit encoding, by the number of primaries."""
 _patches_of_transfers = {BT709: (50, 148), 4: (24, 138), 5: (7, 115), LINEAR: (107, 194), SRGB: (31, 137)}
 """Lightness of the two grays, likewise, by the number of the transfer function; 4 and 5 are gamma 2.2 and 2.8."""
 
 
 def encode_image(path: Path, image: Image, *, half: bool = True, metadata: ImageMetadata | None = None) -> bytes:
-    """Turn an image of a type that `ImageEncoder.check` lets pass into the content of a file; `path` says its type.
+    """Encode an image to the content of a file.
 
-    OpenEXR gets 16 bits a number with `half`, else 32. `OutputError` if the library refuses.
+    Parameters
+    ----------
+    path : Path
+        Name of the file, whose suffix determines the type.
+    image : NDArray
+        Image, (H, W, C), of a dtype and channels that `ImageEncoder.check` accepts.
+    half : bool
+        Write OpenEXR with 16 bits a number instead of 32.
+    metadata : ImageMetadata, optional
+        Metadata to store, as far as the type holds it.
+
+    Returns
+    -------
+    bytes
+        Content of the file.
+
+    Raises
+    ------
+    OutputError
+        The library of this type of file refuses the image.
     """
     extension, metadata = path.suffix.lower(), metadata or ImageMetadata()
     if extension == ".exr":
@@ -78,6 +97,7 @@ def encode_image(path: Path, image: Image, *, half: bool = True, metadata: Image
 
 
 def _encode_by_pillow(extension: str, image: Image, metadata: ImageMetadata) -> bytes:
+    """Encode an image as JPEG or WebP, by Pillow."""
     from PIL import Image as Pictures  # noqa: PLC0415  # only who writes such files waits for it
 
     height, width, channels = image.shape
@@ -90,6 +110,7 @@ def _encode_by_pillow(extension: str, image: Image, metadata: ImageMetadata) -> 
 
 
 def _encode_by_openimageio(extension: str, image: Image, metadata: ImageMetadata) -> bytes:
+    """Encode an image as TIFF, DPX, TGA, JPEG XL or HDR, by OpenImageIO, without times and names of files."""
     library = image_library()
     height, width, channels = image.shape
     if extension == ".hdr" and channels == 1:
@@ -101,7 +122,7 @@ def _encode_by_openimageio(extension: str, image: Image, metadata: ImageMetadata
         attributes["oiio:BitsPerSample"] = metadata.bits
     if is_tiff:
         attributes["compression"] = "none" if image.dtype == np.float32 else "lzw"
-        attributes |= {"DateTime": "", "Orientation": metadata.orientation}  # the library would say when it was written
+        attributes |= {"DateTime": "", "Orientation": metadata.orientation}  # else the library writes the current time
         if metadata.dots_per_inch is not None:
             across, down = metadata.dots_per_inch
             attributes |= {"ResolutionUnit": "in", "XResolution": across, "YResolution": down}
@@ -166,9 +187,10 @@ def _number_of(known: dict[int, Any], values: Any, tolerance: float) -> int:
 
 
 def _traits_of_profile(profile: bytes) -> VideoTraits:
-    """Return primaries and transfer function that an ICC profile says in its `cicp` tag, or has; else nothing.
+    """Return the primaries and transfer function of an ICC profile, by its `cicp` tag, or by measuring.
 
-    What it has is measured by converting a few colours to CIELab, because profiles give themselves any name.
+    It is measured by converting a few colours to CIELab, because the name of a profile is arbitrary. What no number
+    stands for is unspecified.
     """
     from PIL import Image, ImageCms  # noqa: PLC0415  # only who converts such images to a video waits for it
 
@@ -187,7 +209,7 @@ def _traits_of_profile(profile: bytes) -> VideoTraits:
 
 
 def metadata_of_video(traits: VideoTraits) -> ImageMetadata:
-    """Return what PNG says of a video's colours: cICP, mDCV and cLLI; an unknown part of mDCV is 0."""
+    """Return a video's colours as metadata of PNG: cICP, mDCV and cLLI; an unknown part of mDCV is 0."""
     display, light, chunks = traits.mastering_display, traits.light_level, dict[bytes, bytes]()
     if traits.code_points != (UNSPECIFIED, UNSPECIFIED):
         chunks[b"cICP"] = bytes((*traits.code_points, 0, 1))  # RGB of full range
@@ -204,9 +226,18 @@ def metadata_of_video(traits: VideoTraits) -> ImageMetadata:
 class ImageEncoder:
     """Encoder of frames into image files; `Frame.original` of a source of images is the path of its file.
 
-    `name` is that of the output in messages; `images` are those of the source, None for a video or an animation, of
-    whose traits the `colours` count; with `anew`, frames are numbered anew, so that motion vectors lead to other
-    numbers. Its `remarks` say what the files cannot hold.
+    `remarks` are sentences about what the files cannot hold, each once.
+
+    Parameters
+    ----------
+    name : str
+        The output in messages.
+    images : NumberedImages or None
+        Images of the source, whose metadata frames get; None for a video or an animation.
+    colours : VideoTraits
+        Colours of a video or an animation.
+    anew : bool
+        Whether frames are numbered anew, so that motion vectors lead to other numbers.
     """
 
     def __init__(self, name: str, images: NumberedImages | None, colours: VideoTraits, *, anew: bool) -> None:
@@ -221,7 +252,7 @@ class ImageEncoder:
             self._follow(images.files[0])
 
     def check(self, path: Path, image: Image) -> None:
-        """Check that a file can hold an image, else raise `OutputError`; remark on what it loses."""
+        """Raise `OutputError` unless a type of file can hold an image with its depth and alpha; remark on losses."""
         extension, kind = path.suffix.lower(), type_names[image.dtype]
         if image.dtype not in types_kept[extension]:
             other = ".tif or .exr" if image.dtype == np.float32 else ".png or .tif"
@@ -233,7 +264,12 @@ class ImageEncoder:
             self._remark([f"{name} has no gray: gray images were written as colour with three equal channels."])
 
     def content(self, path: Path, frame: Frame) -> bytes:
-        """Return the bytes to write: of an original into a file of its own type that file, else an encoded image."""
+        """Return the content of a file for a frame.
+
+        An original that stays of its type is returned as its file is, if that displays correctly; other frames are
+        encoded, with the metadata of the original before them. Raises `OutputError` if a library refuses the image, and
+        `InputError` if the file of the original cannot be read any more.
+        """
         if isinstance(frame.original, Path):
             source = frame.original
             data = content_of(source, "leave the input as it is until all is done")
@@ -250,21 +286,24 @@ class ImageEncoder:
         return encode_image(path, frame.array, half=self._half, metadata=self._metadata)
 
     def passes(self, source: Path, *, is_same: bool) -> bool:
-        """Return whether an original passes as its file, and remark, once, on colours that the others do not have."""
+        """Return whether an original can be copied as its file; `is_same` if the output has its type.
+
+        Remarks, once, if the colours of originals differ from those of encoded frames.
+        """
         self._follow(source)
         if self._metadata.other_colours:
             self._remark([f"{self._path} has RGB where its source has {self._metadata.other_colours}."])
         return is_same and self._metadata.can_pass
 
     def _follow(self, source: Path) -> None:
-        """Have the frames made from here on say what an original says."""
+        """Use the metadata of an original for the frames encoded from here on."""
         self._followed = source
         self._metadata = metadata_of(source)
         if extension_of(source.name) == ".exr":
             self._exr = read_exr_header(source)
 
     def _remark_on_layers(self, header: ExrHeader) -> None:
-        """Remark, once, what the frames between do not have of the originals."""
+        """Remark, once, on layers and attributes of the originals that encoded frames lack."""
         interpolated = {name for layer in self._layers for name in layer.channels}
         lost = [f"The originals {loss}." for loss in losses_like(header)]
         if any(not interpolated.issuperset(layer.channels) for layer in contents_of(header).layers):
@@ -276,4 +315,5 @@ class ImageEncoder:
         self._remark(lost)
 
     def _remark(self, remarks: list[str]) -> None:
+        """Add remarks that were not added before."""
         self.remarks += [remark for remark in remarks if remark not in self.remarks]

@@ -36,7 +36,7 @@ _per_file = ("channels", "chunkCount", "name")  # of a header: what the library 
 
 
 class Window(NamedTuple):
-    """A rectangle of pixels, both ends included."""
+    """Rectangle of pixels, both ends included, as OpenEXR's data and display windows."""
 
     left: int
     top: int
@@ -45,15 +45,24 @@ class Window(NamedTuple):
 
     @property
     def size(self) -> tuple[int, int]:
+        """Height and width, pixels."""
         return self.bottom - self.top + 1, self.right - self.left + 1
 
 
 @dataclass(frozen=True, eq=False)
 class ExrPart:
-    """One part of a file: an image with channels of its own, which may have pixels in another window than is shown.
+    """Part of a file: an image with channels of its own, whose data window may differ from its display window.
 
-    The name is empty in a file with one part; channels have their stored names, in the order of the alphabet;
-    attributes are all that describes pixels and image, as OpenEXR has it.
+    Parameters
+    ----------
+    name : str
+        Name of the part; empty in a file with one part.
+    channels : Mapping
+        Types of the channels, by their stored names, in alphabetical order.
+    data, display : Window
+        Windows of the pixels that are stored, and of those that are shown.
+    attributes : Mapping
+        All other attributes, as OpenEXR's library has them.
     """
 
     name: str
@@ -69,7 +78,7 @@ class ExrPart:
 
 @dataclass(frozen=True, eq=False)
 class ExrHeader:
-    """What a file says of itself."""
+    """Header of an OpenEXR file, of all of its parts."""
 
     parts: tuple[ExrPart, ...]
 
@@ -85,6 +94,7 @@ class ExrHeader:
 
     @property
     def display(self) -> Window:
+        """Display window, which is the same for all parts."""
         return self.parts[0].display
 
     @property
@@ -98,15 +108,15 @@ class ExrHeader:
 
     @property
     def describes_colours(self) -> bool:
-        """Whether it says something of its colours, or that its pixels are not square."""
+        """Whether it has attributes about colours, or pixels that are not square."""
         first = self.parts[0].attributes
         return any(name in first for name in _colour_attributes) or first.get("pixelAspectRatio", 1) != 1
 
 
 def read_exr_header(path: Path) -> ExrHeader:
-    """Read what a file says of itself, nothing decoded.
+    """Read the header of a file; no pixels are decoded.
 
-    `InputError` if it cannot be read, has deep pixels, subsampled channels, or parts of different sizes.
+    Raises `InputError` if it cannot be read, has deep pixels, subsampled channels, or parts of different sizes.
     """
     import OpenEXR  # noqa: PLC0415  # only who has such files waits for it
 
@@ -130,6 +140,7 @@ def read_exr_header(path: Path) -> ExrHeader:
 
 
 def _types_of(path: Path) -> list[dict[str, Precision]]:
+    """Return the types of the channels of each part, by OpenImageIO; raise `InputError` for deep pixels."""
     types = list[dict[str, Precision]]()
     with opened(path) as (file, _):
         while file.seek_subimage(len(types), 0):
@@ -143,6 +154,7 @@ def _types_of(path: Path) -> list[dict[str, Precision]]:
 
 
 def _part(name: str, header: Mapping[str, Any], types: Mapping[str, Precision]) -> ExrPart:
+    """Describe a part by its header; raise ValueError for an empty window."""
     data, display = (
         Window(*(int(number) for corner in header[window] for number in corner))
         for window in ("dataWindow", "displayWindow")
@@ -207,7 +219,7 @@ def encode_exr(channels: Mapping[str, NDArray[Any]], *, half: bool = True) -> by
 
 
 def encode_exr_like(header: ExrHeader, planes: Mapping[str, NDArray[Any]]) -> bytes:
-    """Turn planes by full names into the content of a file that says the same as another one, in the same parts.
+    """Encode planes, by full names, to the content of a file with the parts and attributes of another one.
 
     Parts, names, types, compression and its level, line order, tiles and all attributes that OpenEXR's library knows
     are those of the other file, except that it has data for the whole display window, no smaller copies of its images,
@@ -234,11 +246,13 @@ def encode_exr_like(header: ExrHeader, planes: Mapping[str, NDArray[Any]]) -> by
 
 
 def _typed(plane: NDArray[Any], kind: type[np.generic]) -> NDArray[Any]:
+    """Convert a plane to a type, contiguous; values beyond its range become infinity."""
     with np.errstate(over="ignore"):
         return np.ascontiguousarray(plane, kind)
 
 
 def _encoded(file: Any) -> bytes:
+    """Return the content of a file that OpenEXR's library writes, and close it."""
     stream = io.BytesIO()
     with file:
         file.write(stream)
@@ -246,6 +260,7 @@ def _encoded(file: Any) -> bytes:
 
 
 def _in_display_window(plane: NDArray[Any], data: Window, display: Window) -> NDArray[Any]:
+    """Move a plane from its data window to the display window, with zeros outside of the data."""
     if data == display:
         return plane
     shown = np.zeros(display.size, plane.dtype)

@@ -40,7 +40,7 @@ types_kept: dict[str, tuple[type[np.generic], ...]] = {
 IMAGE_SUFFIXES = tuple(types_kept)
 _types_with_alpha = (".png", ".tif", ".tiff", ".webp", ".exr", ".dpx", ".tga", ".jxl")
 
-WHITE_IS_0, PALETTE = 0, 3  # of the numbers that TIFF gives to its colours
+WHITE_IS_0, PALETTE = 0, 3  # values of TIFF's PhotometricInterpretation
 _types_read = {"uint8": "uint8", "uint16": "uint16", "float": "float", "half": "float"}
 _orders = {3: cv2.COLOR_RGB2BGR, 4: cv2.COLOR_RGBA2BGRA}
 
@@ -64,8 +64,24 @@ def content_of(path: Path, advice: str = "check that it exists and that you may 
 def read_image(path: Path, limit: MemoryLimit | None = None, *, upright: bool = False) -> Image:
     """Read one image as it is stored, (H, W, C) uint8, uint16 or float32.
 
-    With `upright` it is turned as its EXIF orientation says; a TIFF is turned anyway. `InputError` if it is damaged,
-    too large, or has another type of pixels.
+    Parameters
+    ----------
+    path : Path
+        File to read.
+    limit : MemoryLimit, optional
+        Limit that the size is checked against; by default the free memory.
+    upright : bool
+        Turn the image by its EXIF orientation; a TIFF is turned anyway.
+
+    Returns
+    -------
+    NDArray
+        Gray, BGR or BGRA; gray with alpha becomes BGRA.
+
+    Raises
+    ------
+    InputError
+        The file is damaged, too large, or has another type of pixels.
     """
     if extension_of(path.name) == ".exr":
         return read_picture(path, limit)

@@ -1,4 +1,4 @@
-"""Layers of OpenEXR files: which one is the picture, what each of the others is, and images read and written with them.
+"""Layers of OpenEXR files: which one is the picture, the kinds of the others, and images read and written with them.
 
 A layer is what stands before the last dot of a channel's name, in a file of several parts with the name of the part
 before it: ``ViewLayer.DiffCol.R`` is the channel R of the layer ``ViewLayer.DiffCol``. Channels without a dot that are
@@ -23,7 +23,7 @@ from fpsboost.layered import FrameImage, Layer, LayeredImage, LayerKind
 from fpsboost.memory import MemoryLimit
 
 ALL, BEAUTY = "all", "beauty"
-"""Which passes are made, unless some are named."""
+"""Words for all passes and for none beside the picture."""
 
 PICTURES = ("combined", "beauty", "rgba", "rgb", "composite")
 """Last words, in small letters, of the layer that is the picture where several have colours."""
@@ -42,7 +42,7 @@ KINDS_BY_WORD: Mapping[str, LayerKind] = {
     **{word: kind for kind, words in _words.items() for word in words.split()},
     **dict.fromkeys(VECTORS, "nearest"),
 }
-"""What a layer is by the last word of its name, in small letters and without spaces, underscores and digits at its end:
+"""Kind of a layer by the last word of its name, in small letters and without spaces, underscores and digits at its end:
 names of Blender, Arnold, V-Ray, Redshift, RenderMan and Mitsuba. Any other is linear."""
 
 CRYPTOMATTE = "crypto"  # beginning of the last word of Cryptomatte's layers
@@ -50,9 +50,16 @@ CRYPTOMATTE = "crypto"  # beginning of the last word of Cryptomatte's layers
 
 @dataclass(frozen=True)
 class LayerNames:
-    """A layer by its name, which is empty for colours without a layer's name.
+    """Layer of an OpenEXR file, without its pixels.
 
-    Channels are full names in the order of the file, and their types.
+    Parameters
+    ----------
+    name : str
+        Name of the layer; empty for colours without one.
+    kind : LayerKind
+        Kind of its values, which determines how they are interpolated.
+    channels : Mapping
+        Types of its channels by their full names, in the order of the file.
     """
 
     name: str
@@ -61,18 +68,28 @@ class LayerNames:
 
     @property
     def has_vectors(self) -> bool:
+        """Whether the layer holds motion vectors, by its name."""
         return _word_of(self.name) in VECTORS
 
     def channel(self, letter: str) -> str | None:
+        """Return the full name of the channel with a letter, such as R; None if there is none."""
         return next((name for name in self.channels if _letter_of(name) == letter), None)
 
 
 @dataclass(frozen=True)
 class ExrContents:
-    """What a file holds: full names of the picture's channels (B, G, R, A or Y, A, or none), and all other layers.
+    """Layers of a file, and which of them is the picture.
 
-    Pictures are the names of all layers that may be meant by the picture, the first of which is taken; views those of
-    the eyes of a stereo camera, if the file has several.
+    Parameters
+    ----------
+    picture : list of str
+        Full names of the picture's channels, in the order B, G, R, A or Y, A; empty if there is no picture.
+    pictures : list of str
+        Names of all layers that may be the picture, the first of which is taken.
+    layers : list of LayerNames
+        All other layers.
+    views : frozenset of str
+        Views of the eyes of a stereo camera, if the file has several.
     """
 
     picture: list[str]
@@ -82,7 +99,7 @@ class ExrContents:
 
 
 def contents_of(header: ExrHeader) -> ExrContents:
-    """Return what a file holds.
+    """Return the layers of a file, and which of them is the picture.
 
     The picture is the layer without a name, or the only one with colours, or that whose last word is one of `PICTURES`;
     of several parts without such a word, the first.
@@ -100,7 +117,7 @@ def contents_of(header: ExrHeader) -> ExrContents:
 
 
 def kind_of(name: str, precisions: Sequence[Precision]) -> LayerKind:
-    """Return what a layer is, by its name and by how precise each of its channels is."""
+    """Return the kind of a layer, by its name and the types of its channels."""
     word = _word_of(name)
     if "uint" in precisions or word.startswith(CRYPTOMATTE):
         return "nearest"
@@ -110,6 +127,7 @@ def kind_of(name: str, precisions: Sequence[Precision]) -> LayerKind:
 
 
 def _layers_of(header: ExrHeader) -> list[LayerNames]:
+    """Group the channels of a file to layers, by their names."""
     groups: dict[str, list[str]] = {}
     for name in header.channels:
         groups.setdefault(name.rpartition(".")[0], []).append(name)
@@ -142,6 +160,7 @@ def _find_picture(layers: Sequence[LayerNames], *, has_parts: bool) -> tuple[lis
 
 
 def _letter_of(channel: str) -> str:
+    """Return the part of a channel's name after its last dot."""
     return channel.rpartition(".")[2]
 
 
@@ -177,10 +196,20 @@ def read_picture(path: Path, limit: MemoryLimit | None = None) -> Image:
 
 @dataclass(frozen=True)
 class Passes:
-    """The layers of a sequence that are read beside its picture, and what every file must have like the first.
+    """Layers of a sequence that are read beside its picture, which every file must have like the first.
 
-    No file may have more if they `are_all`; `pictures` are as in `ExrContents`, `left_out` the channels of neither the
-    picture nor these layers.
+    Parameters
+    ----------
+    first : Path
+        First file of the sequence, for messages.
+    layers : tuple of LayerNames
+        Layers to read.
+    are_all : bool
+        Whether a file with further layers is an error.
+    pictures : tuple of str
+        Names of the layers that may be the picture; see `ExrContents`.
+    left_out : tuple of str
+        Channels that belong neither to the picture nor to these layers.
     """
 
     first: Path
@@ -221,6 +250,7 @@ class Passes:
         return LayeredImage(_picture_of({name: planes[name] for name in picture}), tuple(layers))
 
     def _check_alike(self, path: Path, header: ExrHeader) -> None:
+        """Raise `InputError` unless a file has these layers, with the same channels and types, as the first."""
         there = {layer.name: layer.channels for layer in contents_of(header).layers}
         advice = "render all frames with the same passes, or give `passes='beauty'`."
         for layer in self.layers:
@@ -246,7 +276,7 @@ def encode_like(header: ExrHeader, image: FrameImage) -> bytes:
 
 
 def losses_like(header: ExrHeader) -> list[str]:
-    """Say what a file made like another one does not have, each as the end of a sentence about the other one."""
+    """Return what a file encoded like another one lacks, each as the end of a sentence about the other one."""
     lost = []
     if any(part.data != part.display for part in header.parts):
         lost.append("have pixels elsewhere than in the display window, where those of the frames between are")
@@ -256,6 +286,7 @@ def losses_like(header: ExrHeader) -> list[str]:
 
 
 def _named(path: Path, contents: ExrContents, names: str) -> list[LayerNames]:
+    """Return the layers that a user has named; raise `InputError` for a name that no layer has."""
     if names in (ALL, BEAUTY):
         return contents.layers if names == ALL else []
     wanted = set[str]()

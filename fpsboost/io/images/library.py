@@ -1,4 +1,4 @@
-"""OpenImageIO, the library of images, and what Pillow says of a file beside it."""
+"""OpenImageIO, the library that reads images, and the properties of a file that Pillow reads beside it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def name_for_libraries(path: Path) -> Iterator[str]:
 
 @contextmanager
 def opened(path: Path) -> Iterator[tuple[Any, Any]]:
-    """Open an image while the block lasts, its alpha as it is stored; yield the file and what its header says."""
+    """Open an image while the block lasts, its alpha as it is stored; yield OpenImageIO's file and header."""
     library = image_library()
     hints = library.ImageSpec()
     hints.attribute("oiio:UnassociatedAlpha", 1)
@@ -50,7 +50,7 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
 
 
 def said_by_pillow(path: Path, spec: Any) -> tuple[str, dict[Any, Any]]:
-    """Return mode and information of a file, whose header `opened` has told; nothing where Pillow does not know it."""
+    """Return Pillow's mode and information of a file with a header of `opened`; empty if Pillow cannot read it."""
     from PIL import Image  # noqa: PLC0415
 
     if Image.MAX_IMAGE_PIXELS is not None and spec.width * spec.height > Image.MAX_IMAGE_PIXELS:  # it would warn

@@ -1,4 +1,4 @@
-"""What images carry beside their pixels: colour profile, resolution, EXIF and XMP, read and put into encoded images.
+"""Metadata of images: colour profile, resolution, EXIF and XMP, read and put into encoded images.
 
 Frames that pass keep their file to the byte; what is here is for the frames made between them, so that a viewer shows
 all of them in the same colours, size and orientation. OpenImageIO reads profile and resolution. EXIF and XMP go along
@@ -22,7 +22,7 @@ from fpsboost.io.images.library import opened, said_by_pillow
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 INCH = 0.0254  # metres
-MAX_SEGMENT, MAX_FILE = 65533, 2**31  # bytes: of a JPEG, of what can be said at once elsewhere
+MAX_SEGMENT, MAX_FILE = 65533, 2**31  # maximum size of EXIF or XMP, bytes: in a JPEG, elsewhere
 EXIF_MARK = b"Exif\0\0"
 _xmp_mark = b"http://ns.adobe.com/xap/1.0/\0"
 _colour_chunks = (b"cICP", b"sRGB", b"gAMA", b"cHRM", b"mDCV", b"cLLI")
@@ -36,14 +36,32 @@ _per_inch = {"in": 1.0, "inch": 1.0, "cm": 2.54}
 
 @dataclass(frozen=True)
 class ImageMetadata:
-    """What a file says beside its pixels; everything may be absent.
+    """Metadata of an image file; everything may be absent.
 
-    The resolution is across and down; EXIF has its own header, which is that of TIFF; the orientation is EXIF's number;
-    chunks are those of a PNG on its colours and its pixels' shape, bits those per value of a DPX.
-
-    Other colours are ``CMYK``, ``CIELab`` or ``YCbCr``, which become RGB; empty for gray, RGB and palettes. It can pass
-    where every viewer shows what `read_image` makes of it: upright, no colours for print. It has more where it holds
-    pages or frames beside the first.
+    Parameters
+    ----------
+    profile : bytes
+        ICC profile.
+    dots_per_inch : tuple of float, optional
+        Resolution across and down.
+    exif : bytes
+        EXIF data, from its TIFF header on.
+    xmp : bytes
+        XMP packet.
+    orientation : int
+        EXIF's number of the orientation; 1 for upright.
+    chunks : tuple
+        Names and contents of a PNG's chunks about colours and pixel shape.
+    bits : int
+        Bits per value of a DPX; 0 for other types.
+    has_exr_attributes : bool
+        Whether an OpenEXR file has attributes about its colours or pixel shape.
+    other_colours : str
+        ``CMYK``, ``CIELab`` or ``YCbCr``, which are converted to RGB; empty for gray, RGB and palettes.
+    can_pass : bool
+        Whether every viewer shows the file like the image of `read_image`: no turned TIFF, no colours for print.
+    has_more : bool
+        Whether the file holds pages or frames beside the first.
     """
 
     profile: bytes = b""
@@ -59,6 +77,7 @@ class ImageMetadata:
     has_more: bool = False
 
     def profile_for(self, channels: int) -> bytes:
+        """Return the ICC profile if it is of gray or RGB as the number of channels is; otherwise empty."""
         return self.profile if self.profile[16:20] == (b"GRAY" if channels <= 2 else b"RGB ") else b""
 
 
@@ -109,7 +128,7 @@ def png_chunks(path: Path) -> Iterator[tuple[bytes, bytes]]:
 
 
 def lost_metadata(extension: str, metadata: ImageMetadata, channels: int) -> list[str]:
-    """Name what cannot be put into a type of file."""
+    """Return the names of metadata that a type of file, such as ``.png``, cannot hold."""
     holds_words = extension in (".png", ".jpg", ".jpeg", ".webp")
     holds_most = holds_words or extension in (".tif", ".tiff")
     room = _room_in(extension) if holds_words else 0
@@ -125,7 +144,7 @@ def lost_metadata(extension: str, metadata: ImageMetadata, channels: int) -> lis
 
 
 def pillow_options(extension: str, metadata: ImageMetadata, channels: int) -> dict[str, Any]:
-    """Name the options by which Pillow puts metadata into a JPEG or a WebP."""
+    """Return the options by which Pillow puts metadata into a JPEG or a WebP, as far as they hold it."""
     options: dict[str, Any] = {"icc_profile": metadata.profile_for(channels)}
     room = _room_in(extension)
     if metadata.exif and len(metadata.exif) <= room:
@@ -138,6 +157,7 @@ def pillow_options(extension: str, metadata: ImageMetadata, channels: int) -> di
 
 
 def _room_in(extension: str) -> int:
+    """Return the maximum size of EXIF or XMP in a type of file, bytes."""
     return MAX_SEGMENT - len(_xmp_mark) if extension in (".jpg", ".jpeg") else MAX_FILE
 
 

@@ -1,4 +1,4 @@
-"""Which files of a folder are one sequence, and in which order.
+"""Sequences of numbered files: which files of a folder belong together, and in which order.
 
 A sequence is one naming, ``prefix + number + suffix``, whose numbers rise by a constant step: 1, or that of a renderer.
 """
@@ -29,7 +29,7 @@ def find_placeholder(name: str) -> re.Match[str] | None:
 
 @dataclass(frozen=True, slots=True)
 class Numbering:
-    """How the images of one sequence are named: prefix, number and suffix, the last with the file type.
+    """Naming of the images of one sequence: prefix, number and suffix, the last with the file type.
 
     Numbers are padded with zeros to `digits` and grow beyond it; 1 is no padding.
     """
@@ -55,6 +55,7 @@ class Numbering:
         return f"{self.prefix}{'#' * self.digits}{self.suffix}"
 
     def path(self, number: int) -> Path:
+        """Return the path of the image with a number."""
         return self.folder / f"{self.prefix}{number:0{self.digits}d}{self.suffix}"
 
     def number_in(self, name: str, *, any_padding: bool = False) -> int | None:
@@ -65,6 +66,7 @@ class Numbering:
         return int(match[1])
 
     def find(self, *, any_padding: bool = False) -> list[tuple[int, Path]]:
+        """Return the files of this naming in the folder, with their numbers, in order."""
         numbers = ((self.number_in(name, any_padding=any_padding), name) for name in list_files(self.folder))
         return sorted((number, self.folder / name) for number, name in numbers if number is not None)
 
@@ -87,7 +89,7 @@ class FileSequence:
         return sum((later - earlier) // step - 1 for earlier, later in pairwise(self.numbers))
 
     def check_complete(self, step: int, advice: str) -> None:
-        """Raise `InputError`, which names the first file that is missing and says what else to do, if one is."""
+        """Raise `InputError` if a file is missing; the message names the first one, and ends with `advice`."""
         missing = self.missing(step)
         if self.numbering is None or not missing:
             return
@@ -117,6 +119,7 @@ class NumberedImages:
 
     @property
     def planes(self) -> int:
+        """Number of channels of the layers that are read beside the picture."""
         return sum(len(layer.channels) for layer in self.layers)
 
     def numbers_for(self, factor: Fraction) -> tuple[int, int] | None:

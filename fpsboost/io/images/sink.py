@@ -37,9 +37,20 @@ VIDEO_DIGITS = 6  # where the source has no numbers: 999999 frames are more than
 
 @dataclass(frozen=True)
 class ImageNames:
-    """How the images of an output are named.
+    """Names of the images of an output.
 
-    Numbers rise from `first` by `step`; `is_anew` says that they are not those of the source.
+    Parameters
+    ----------
+    numbering : Numbering
+        Folder and naming.
+    first : int
+        Number of the first image.
+    step : int
+        Difference of the numbers of successive images.
+    is_anew : bool
+        Whether the numbers are not those of the source.
+    remarks : tuple of str
+        Sentences on numbers that differ from what a user may expect.
     """
 
     numbering: Numbering
@@ -49,11 +60,22 @@ class ImageNames:
     remarks: tuple[str, ...] = ()
 
     def path(self, place: int) -> Path:
+        """Return the path of an image by its place in the output, counted from 0."""
         return self.numbering.path(self.first + place * self.step)
 
 
 class NumberedSink(StagedSink):
-    """What a sink for all images and one for a part share: images grow in a hidden folder."""
+    """Base of the sinks for all images of an output and for a part: images are collected in a hidden folder.
+
+    Parameters
+    ----------
+    output : Output
+        Properties of the frames to come, and of their source.
+    names : ImageNames
+        Names of the images.
+    unfinished : StagingDirectory
+        Hidden folder, whose `staged` is the folder of the images.
+    """
 
     holds_last_frame = False
 
@@ -73,16 +95,23 @@ class NumberedSink(StagedSink):
 
     @property
     def kept_frames(self) -> int:
-        """How many of `completed_frames` are images of the input, which stay where they are."""
+        """Number of `completed_frames` that are images of the input, which stay where they are."""
         return sum(self.names.path(place).name in self._originals for place in range(self.completed_frames))
 
     def _count_finished(self) -> int:
+        """Return the number of images, from the first without a gap, that an earlier run has written."""
         there, count = {*os.listdir(self._staged), *self._originals}, 0
         while self.names.path(count).name in there:
             count += 1
         return count
 
     def write(self, frame: Frame) -> None:
+        """Encode the next frame and write its file, synced to disk, in the hidden folder.
+
+        An original whose file type stays the same is copied byte for byte, if its metadata permits that. Files of an
+        earlier run, and of the input in place, stay as they are. Raises `OutputError` if the type of file cannot hold
+        the image.
+        """
         path = self.names.path(self._frames)
         self._frames += 1
         if path.name in self._originals:  # in place: stays as it is
@@ -96,22 +125,38 @@ class NumberedSink(StagedSink):
         self._written.append(path.name)
 
     def _remove_torn(self) -> None:
+        """Remove files from the hidden folder that this run has not passed, such as half-written ones."""
         for extra in set(os.listdir(self._staged)) - set(self._written):
             (self._staged / extra).unlink()
 
 
 class ImageSink(NumberedSink):
-    """Write numbered images, all of them or none.
+    """Sink that writes numbered images, all of them or none.
 
-    They grow in a hidden folder beside their final place. A new folder gets its name by one renaming; into an existing
-    one the images are moved at the end, and moved back should that fail. A later run can go on with images that are
-    there when this one is stopped, and with moving them.
+    They are collected in a hidden folder beside their final place. A new folder gets its name by one renaming; into an
+    existing one the images are moved at the end, and moved back should that fail. A later run can go on with images
+    that are there when this one is stopped, and with moving them.
 
     The output's path is a folder, made if it is not there, or a pattern in an existing folder. In a folder the naming
     of an image source is continued; frames of a video become ``000001.png``. Where the factor divides the step of the
     source's numbers, the images keep those, with their padding, and the others get the numbers between. JPEG is written
-    with quality 95, everything else without loss: OpenEXR as half where the source is, else as float. With `overwrite`,
-    images of the same naming are replaced, later ones too, and anything else in the folder stays.
+    with quality 95, everything else without loss: OpenEXR as half where the source is, else as float.
+
+    Parameters
+    ----------
+    output : Output
+        Path, size and options of the frames to come, and the images of the source. With `overwrite`, images of the same
+        naming are replaced, later ones too, and anything else in the folder stays. With `in_place`, images are added to
+        those of the source.
+
+    Raises
+    ------
+    OptionError
+        The numbers of the source have no room for an output in place.
+    ExistsError, CompleteAlreadyError
+        There are images that only `overwrite` would replace; the second if the job is to be resumed but is complete.
+    OutputError
+        The folder or type of file cannot be written, or the output would replace an input.
     """
 
     def __init__(self, output: Output) -> None:
@@ -155,12 +200,14 @@ class ImageSink(NumberedSink):
             raise OutputError(f"{path} would replace the input {clash}; write to another folder or pattern.")
 
     def _find_old(self) -> list[Path]:
+        """Return the existing images of the output's naming."""
         # In a folder the digits are this program's choice, so frames of an earlier run may have fewer or more.
         if not self._numbering.folder.is_dir():
             return []
         return [path for _, path in self._numbering.find(any_padding=self._is_folder)]
 
     def _refuse_existing(self) -> None:
+        """Raise `OutputError` if there are files that this run must not replace, or a run left unmoved images."""
         folder = self._numbering.folder
         is_moving = self._unfinished.goes_on and self._moving.exists()
         if self._in_place:
@@ -181,6 +228,11 @@ class ImageSink(NumberedSink):
             raise ExistsError(reason)
 
     def __enter__(self) -> Self:
+        """Lock the hidden folder, and count the images that an earlier run has finished.
+
+        Raises `OutputError` if that folder holds frames which a stopped run had set aside, and this one does not resume
+        it.
+        """
         with self._explained():
             if not self._unfinished.goes_on and self._replaced.is_dir() and os.listdir(self._replaced):
                 raise OutputError(
@@ -199,7 +251,10 @@ class ImageSink(NumberedSink):
         return self
 
     def join(self, files: Sequence[Path]) -> None:
-        """Take image files that were written elsewhere, in order, instead of frames; they stay where they are."""
+        """Take image files that were written elsewhere, in order, instead of frames; they stay where they are.
+
+        Raises `OutputError` if a file has another name than this output would give it.
+        """
         with self._explained():
             for file in files:
                 name = self.names.path(self._frames).name
@@ -216,6 +271,7 @@ class ImageSink(NumberedSink):
                 self._written.append(name)
 
     def _finish(self) -> None:
+        """Give the images their names, replaced ones set aside until all are moved; nothing without frames."""
         if not self._written:
             return
         self._refuse_existing()  # once more: hours may have passed
@@ -249,7 +305,13 @@ class ImageSink(NumberedSink):
 
 
 class ImagePartSink(NumberedSink):
-    """Sink for a part: its images appear with their final names in a folder once they are complete."""
+    """Sink for a part of an output: its images, with their final names, appear in a folder when they are complete.
+
+    Parameters
+    ----------
+    output : Output
+        As for `ImageSink`, with `part`.
+    """
 
     def __init__(self, output: Output) -> None:
         assert output.part is not None
@@ -283,10 +345,12 @@ def _check_type(output: Output, names: ImageNames) -> None:
 
 
 def _is_folder(path: str) -> bool:
+    """Return whether an output's path is a folder and not a pattern."""
     return Path(path).is_dir() or not is_pattern(path)
 
 
 def _names_of(output: Output) -> ImageNames:
+    """Return the names of an output: the source's numbers with those between, if they have room, else new ones."""
     path, images, factor, count = output.path, output.stream.images, output.factor, output.expected_frames
     kept = None if images is None or factor is None else images.numbers_for(factor)
     first, step = kept or (1 if images is None else images.first_number, 1)
@@ -312,7 +376,7 @@ def _names_of(output: Output) -> ImageNames:
 
 
 def _names_in_place(output: Output) -> ImageNames:
-    """Return the source's own names if it has numbers for the frames between."""
+    """Return the source's own names for an output in place; raise an error if its numbers have no room."""
     path, images, factor = output.path, output.stream.images, output.factor
     if images is None or images.numbering is None or factor is None:
         raise OptionError(f"`in_place` needs images with numbers in their names, and {path} has none.")

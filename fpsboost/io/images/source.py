@@ -1,7 +1,7 @@
 """Numbered images read one at a time, from a folder or by a pattern.
 
 Images whose numbers rise by a step of 2 or more were rendered with that step. Frames made between them get the numbers
-that are missing, where the factor divides the step; otherwise all are numbered anew, one by one, and that is said.
+that are missing, where the factor divides the step; otherwise all are numbered anew, one by one, with a remark.
 """
 
 from __future__ import annotations
@@ -45,19 +45,29 @@ MAX_GAP = 1000
 """Frames that are made between two images at most, as with the largest factor; names that are dates end here."""
 
 MOVING = "moving.json"
-"""Says, in the hidden folder, which images are getting their names, and how many frames there are."""
+"""File in the hidden folder that lists the images to be moved to their names, and the number of frames."""
 
-SCENE_LINEAR = (".exr", ".hdr")  # types of files whose numbers are light
+SCENE_LINEAR = (".exr", ".hdr")  # types of files whose values are scene-linear
 
 
 @dataclass(frozen=True)
 class ImageReading:
-    """How numbered images are read.
+    """Options for reading numbered images.
 
-    `upright` turns them as EXIF says, for targets that cannot say it; frames then have no original. `fill_gaps` takes
-    numbers for the clock, so that images may be missing. `in_place`: frames that a stopped run has begun to put beside
-    the images do not count. `passes`: see `Passes.chosen`. `linear` says that colours of OpenEXR and HDR are scene-
-    linear, by images with layers, be it none.
+    Parameters
+    ----------
+    upright : bool
+        Turn images by their EXIF orientation, for targets that cannot store it; frames then have no original.
+    fill_gaps : bool
+        Take numbers for the clock, so that images may be missing.
+    in_place : bool
+        Ignore frames that a stopped run has begun to move among the images.
+    passes : str
+        Layers of OpenEXR to read beside the picture; see `fpsboost.io.images.layers.Passes.chosen`.
+    linear : bool
+        Read OpenEXR and HDR as `LayeredImage`, even without layers, which marks their colours as scene-linear.
+    view : {'none', 'srgb'}
+        View transform of OpenEXR and HDR: none, or the transfer function of sRGB.
     """
 
     upright: bool = False
@@ -69,10 +79,28 @@ class ImageReading:
 
 
 class ImageSource(ClosesOnExit):
-    """Read a folder or a pattern of images at a rate above 0, one at a time.
+    """Source of the images of a folder or a pattern, at a constant rate, read one at a time.
 
-    In a folder, which holds one sequence, files that are no images and hidden files are ignored. `InputError` for a
-    gap, or an unreadable image, or one that differs from the first in size, type or layers.
+    A folder must hold one sequence; other files and hidden files in it are ignored. Opening reads the first image.
+
+    Parameters
+    ----------
+    path : str
+        Folder, or pattern such as ``shot_####.png``.
+    rate : Fraction
+        Images, or with `fill_gaps` numbers, per second; above 0.
+    reading : ImageReading, optional
+        Options for reading; the defaults without it.
+    limit : MemoryLimit, optional
+        Limit that the size of the images is checked against; by default the free memory.
+
+    Raises
+    ------
+    InputError
+        There is no image, one is missing from the sequence, or the first cannot be read or is too large; while
+        iterating also: one cannot be read, or differs from the first in size, type or layers.
+    OptionError
+        `reading` has an option that does not suit the type of file.
     """
 
     def __init__(
@@ -118,7 +146,7 @@ class ImageSource(ClosesOnExit):
             layers=() if self._passes is None else self._passes.layers,
         )
         self._holds_more = metadata_of(first).has_more
-        self._colours, self._untaggable = (  # images that stay images keep what they say
+        self._colours, self._untaggable = (  # where images stay images, their metadata is copied instead
             colours_of(first, displayed=self._reading.view == "srgb")
             if self._reading.upright
             else (VideoTraits(), list[str]())
@@ -132,19 +160,22 @@ class ImageSource(ClosesOnExit):
         self.info = ClipInfo(path, height, width, rate, 1 / rate, len(sequence.files), self._duration(rate))
 
     def _duration(self, rate: Fraction) -> Fraction | None:
+        """Return the time from the first number to the end of the last, seconds; None if numbers are no clock."""
         return (self._places[-1] - self._places[0] + 1) / rate if self.images.fills_gaps else None
 
     @property
     def stream_info(self) -> StreamInfo:
+        """Files, metadata and colour tags that a sink may carry over."""
         return StreamInfo(images=self.images, files=self.images.files, colours=self._colours)
 
     @property
     def beginning(self) -> SourcePosition:
+        """Position, in the whole sequence, of the first image that is read."""
         return SourcePosition(self.images.skipped, self._begins)
 
     @property
     def remarks(self) -> list[str]:
-        """What is guessed and what is not read; what is wrong with images is an error."""
+        """Sentences about assumptions, and about pictures and channels that are not read."""
         name, step, first = self.info.name, self.images.step, self.images.files[0].name
         pictures, names = ((), ()) if self._passes is None else (self._passes.pictures, self._passes.left_out)
         listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
@@ -163,6 +194,7 @@ class ImageSource(ClosesOnExit):
         return [remark for remark, is_due in said.items() if is_due]
 
     def __iter__(self) -> Iterator[Frame]:
+        """Yield the images as frames, from the one given to `begin_at` on; each is read when it is due."""
         for number in range(self._first, len(self.images.files)):
             path = self.images.files[number]
             image = self._read(path)
@@ -174,17 +206,21 @@ class ImageSource(ClosesOnExit):
             yield Frame(image, self._time_of(number), 1 / self.info.rate, original)
 
     def frame_times(self) -> Sequence[Fraction]:
+        """Return the times of all frames, seconds, without reading any."""
         return [self._time_of(number) for number in range(len(self._places))]
 
     def begin_at(self, number: int) -> None:
+        """Begin iterating at an image, counted from 0; raise `InputError` if there is none."""
         if number >= len(self.images.files):
             raise InputError(f"{self.info.name} has {len(self.images.files)} images, and none has the number {number}.")
         self._first = number
 
     def _time_of(self, number: int) -> Fraction:
+        """Return the time of an image, counted from 0, seconds."""
         return (self._places[number] - self._places[0]) / self.info.rate
 
     def _read(self, path: Path) -> Image | LayeredImage:
+        """Read an image with the layers or the view transform that are asked for."""
         if self._passes is not None and self._passes.layers:
             return self._passes.read(path, self._limit)
         image = read_image(path, self._limit, upright=self._reading.upright)
@@ -195,7 +231,11 @@ class ImageSource(ClosesOnExit):
         return image
 
     def keep(self, first: int, last: int | None) -> None:
-        """See `fpsboost.preparation.Sliceable.keep`; places count numbers where gaps are filled."""
+        """Restrict the source to the images from `first` up to, not including, `last`; None for the end.
+
+        Images are counted from 0; with `fill_gaps`, their numbers are, from the first one. Raises `InputError` if none
+        is left. See `fpsboost.preparation.Sliceable.keep`.
+        """
         kept = [index for index, place in enumerate(self._places) if first <= place and (last is None or place < last)]
         if not kept:
             reason = "ends before `start`" if first > self._places[-1] else "has none between `start` and `end`"
@@ -212,6 +252,7 @@ class ImageSource(ClosesOnExit):
 
 
 def _check_gaps(path: str, sequence: FileSequence) -> None:
+    """Raise `OptionError` if images without numbers are to get gaps filled, `InputError` for too large a gap."""
     if not sequence.numbers:
         raise OptionError(f"`fill_gaps` goes by numbers, and the images of {path} have none; leave it out.")
     for (file, number), (next_file, following) in pairwise(zip(sequence.files, sequence.numbers, strict=True)):
@@ -233,7 +274,7 @@ def _without_moved(sequence: FileSequence) -> FileSequence:
 
 
 def is_pattern(path: str) -> bool:
-    """Say whether a path stands for numbered images, by its last component alone.
+    """Return whether a path stands for numbered images, by its last component alone.
 
     ``%04d`` and two or more ``#`` do, unless the name ends like a video or with a slash. A lone ``%d`` or ``#`` does
     where it ends like an image, so that ``take #2.mp4`` and ``100%done.mkv`` stay file names.
@@ -247,7 +288,7 @@ def is_pattern(path: str) -> bool:
 
 
 def find_images(path: str) -> FileSequence:
-    """Find the images that a folder or a pattern stands for, some of which may be missing."""
+    """Find the images of a folder or a pattern, some of which may be missing; raise `InputError` if there is none."""
     place = Path(path)
     if place.is_dir():
         names = [

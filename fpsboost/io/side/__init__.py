@@ -1,1 +1,1 @@
-"""What is written beside the frames of a conversion: maps of confidence, and motion."""
+"""Side outputs of a conversion: maps of confidence, and motion."""

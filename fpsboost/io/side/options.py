@@ -9,7 +9,7 @@ from fpsboost.options import Checked, PathName, option
 
 @dataclass(frozen=True)
 class SideOutputs(Checked):
-    """What is written beside the frames: maps of confidence, and motion.
+    """Side outputs, written beside the frames: maps of confidence, and motion.
 
     Each is a folder, created if it does not exist, or a pattern in an existing one. All of its files appear together
     with the output, or none. The frames are the same with and without them.

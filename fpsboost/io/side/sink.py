@@ -1,6 +1,4 @@
-"""Side outputs of a conversion: maps of confidence, and motion, written in step with another sink; see
-`fpsboost.io.side.options`.
-"""
+"""Side outputs of a conversion, written in step with another sink; see `fpsboost.io.side.options`."""
 
 from __future__ import annotations
 
@@ -33,7 +31,21 @@ PICTURE, EXR, FLO = ".png", ".exr", ".flo"
 
 
 class SideSink:
-    """Sink that passes frames on to another one, writes side outputs, and shows frames to a watcher."""
+    """Sink that passes frames on to another one, writes side outputs of them, and shows them to a watcher.
+
+    The side outputs get their names after the output has got its own; if anything fails before, none of them appears.
+
+    Parameters
+    ----------
+    sink : FrameSink
+        Sink of the frames, which this one enters and leaves.
+    confidence : ConfidenceWriter or None
+        Writer of maps of confidence; with it, the sink asks for the confidence of frames.
+    motion : MotionWriter or None
+        Writer of motion; with it, the sink asks for the motion between frames of the source.
+    watcher : FrameWatcher, optional
+        Watcher that sees every frame before the sink.
+    """
 
     def __init__(
         self,
@@ -49,17 +61,21 @@ class SideSink:
 
     @property
     def remarks(self) -> list[str]:
+        """Sentences of the sink and of the writers."""
         return [*self._sink.remarks, *(remark for writer in self._writers for remark in writer.remarks)]
 
     @property
     def details(self) -> str:
+        """Details of the sink; empty if it has none."""
         return self._sink.details if isinstance(self._sink, HasDetails) else ""
 
     def cancel(self) -> None:
+        """Let the sink stop waiting, if it can wait."""
         if isinstance(self._sink, Cancellable):
             self._sink.cancel()
 
     def write(self, frame: Frame) -> None:
+        """Write the side outputs of the next frame, show it to the watcher, and pass it on, in this order."""
         for writer in self._writers:
             writer.write(frame)
         if self._watcher is not None:
@@ -67,6 +83,7 @@ class SideSink:
         self._sink.write(frame)
 
     def __enter__(self) -> Self:
+        """Take the writers' hidden folders, then enter the sink; release the folders if that fails."""
         with ExitStack() as opened:
             for writer in self._writers:
                 opened.callback(writer.files.close)
@@ -78,6 +95,10 @@ class SideSink:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Finish the side outputs, leave the sink, and then give the side outputs their names.
+
+        After an exception, also one while finishing, the sink is left with it and the side outputs are removed.
+        """
         with ExitStack() as opened:
             for writer in self._writers:
                 opened.callback(writer.files.close)
@@ -129,7 +150,22 @@ def with_side_outputs(
 
 
 class SideWriter:
-    """Writer of files about the frames of a conversion; `endings` follow a frame's part of their names."""
+    """Base of writers of files about the frames of a conversion.
+
+    Parameters
+    ----------
+    names : FileNames
+        Folder and names of the files.
+    endings : sequence of str
+        Ends of the names, each with suffix: files with any of them are replaced with `overwrite`.
+    overwrite : bool
+        Replace existing files.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be written, or has files that only `overwrite` would replace.
+    """
 
     def __init__(self, names: FileNames, endings: Sequence[str], *, overwrite: bool) -> None:
         self._names, naming = names, names.numbering
@@ -142,15 +178,23 @@ class SideWriter:
         return self.files.remarks
 
     def write(self, frame: Frame) -> None:
-        """Write what there is about the next frame of the output."""
+        """Write the files about the next frame of the output, if there are any."""
         raise NotImplementedError
 
     def finish(self) -> None:
-        """Write what has waited for a next frame."""
+        """Write files that waited for the next frame; called once, after the last."""
 
 
 class ConfidenceWriter(SideWriter):
-    """Writer of a map of confidence for every frame that has one, named by the place of the frame in the output."""
+    """Writer of a map of confidence for every frame that has one, named by the frame's place in the output.
+
+    Parameters
+    ----------
+    names : FileNames
+        Folder and names of the files: PNG, with 255 for certain, or half OpenEXR, with 1.
+    overwrite : bool
+        Replace existing files.
+    """
 
     suffixes = (PICTURE, EXR)
 
@@ -159,6 +203,7 @@ class ConfidenceWriter(SideWriter):
         self._place = 0
 
     def write(self, frame: Frame) -> None:
+        """Write the map of the next frame; a frame without one is only counted."""
         place, self._place = self._place, self._place + 1
         if frame.confidence is None:
             return
@@ -172,8 +217,15 @@ class ConfidenceWriter(SideWriter):
 class MotionWriter(SideWriter):
     """Writer of the motion of source frames to the previous and to the next one, and of pictures of it.
 
-    Named by the place of the frame in the source. If frames are interpolated on one side of a frame alone (at both ends
-    of a clip and of a scene), its motion is extrapolated to the other side, because readers ask for both.
+    Files are named by the place of the frame in the source. If frames are interpolated on one side of a frame alone (at
+    both ends of a clip and of a scene), its motion is extrapolated to the other side, because readers ask for both.
+
+    Parameters
+    ----------
+    names : FileNames
+        Folder and names of the files: ``.flo``, or OpenEXR in Blender's convention.
+    overwrite : bool
+        Replace existing files.
     """
 
     suffixes = (FLO, EXR)
@@ -191,6 +243,7 @@ class MotionWriter(SideWriter):
         return [*self.files.remarks, *still]
 
     def write(self, frame: Frame) -> None:
+        """Write the motion of the first frame of the pair whose motion the frame carries, if it carries any."""
         motion = frame.motion
         if motion is None:
             return
@@ -203,11 +256,13 @@ class MotionWriter(SideWriter):
         self._is_still = self._is_still is not False and not motion.flow01.any() and not motion.flow10.any()
 
     def finish(self) -> None:
+        """Write the motion of the last frame of a scene, extrapolated to the frame after it."""
         if self._last is not None:
             self._write_vectors(self._last.number1, self._last.flow10, -self._last.flow10)
             self._last = None
 
     def _write_vectors(self, place: int, backward: NDArray[Any], forward: NDArray[Any]) -> None:
+        """Write the vectors of a source frame, pixels to the frames before and after it, and their pictures."""
         stem = self._names.stem(place)
         if self._names.suffix == EXR:
             x, y, z, w = *np.moveaxis(backward, -1, 0), *np.moveaxis(forward, -1, 0)
@@ -222,13 +277,16 @@ class MotionWriter(SideWriter):
 
 @dataclass(frozen=True)
 class FileNames:
-    """Names of the files of a side output: the path as the user gave it, their type, their names without it."""
+    """Names of the files of a side output."""
 
     path: str
+    """Folder or pattern, as the user has given it."""
     suffix: str
+    """Type of the files: ``.png``."""
     numbering: Numbering
+    """Folder and naming, whose suffix is without the type."""
     numbers: Sequence[int]
-    """Of the frames, in order."""
+    """Numbers of the frames, in order."""
 
     @classmethod
     def parse(
@@ -240,10 +298,10 @@ class FileNames:
         numbers: Sequence[int],
         taken: Sequence[Path],
     ) -> Self:
-        """Name files by a pattern with any of the suffixes, or like `naming` in a folder, for the first of them.
+        """Name files by a pattern with one of the suffixes, or in a folder like `naming`, with the first suffix.
 
-        Raises `OptionError` for a path that is neither, or whose folder is `taken`: frames are read from there, or
-        other files written to it.
+        `option` is the option in messages. Raises `OptionError` for a path that is neither, or whose folder is among
+        those `taken`, where frames are read or other files written.
         """
         extension = extension_of(path)
         if is_pattern(path):
@@ -267,4 +325,5 @@ class FileNames:
         return cls(path, suffix, replace(naming, suffix=naming.suffix.rpartition(".")[0]), numbers)
 
     def stem(self, place: int) -> str:
+        """Return the name of the file of a frame, by its place, without the type."""
         return self.numbering.path(self.numbers[place]).name
