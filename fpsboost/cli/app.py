@@ -130,7 +130,7 @@ fi
 group_of_join = Group("Options", sort_key=1)
 
 LAST_IMAGE = "the last image"
-"""Key of the remark on it among what was announced, which is said once for several inputs."""
+"""Key, among remarks already printed, of that on the last image, which is printed once for several inputs."""
 
 PIPE = "pipe:"
 """Replacement for an argument that is a lone dash, which the parser would take for an option without a name."""
@@ -321,7 +321,7 @@ def completion(shell: Annotated[Shell, Parameter(name="SHELL")], /) -> None:
 
 
 def print_short_help() -> None:
-    """Print the main options, the commands and a few examples, on standard output."""
+    """Print the main options, the commands and a few examples to standard output."""
     table = Table.grid(padding=(0, 2))
     for argument in app.assemble_argument_collection().filter_by(group=GROUPS[MAIN]):
         given = argument.parameter
@@ -332,9 +332,9 @@ def print_short_help() -> None:
 
 
 def check_dashes(tokens: Sequence[str]) -> None:
-    """Raise `OptionError` where a long option has one dash, which the parser takes for short ones: ``-fps`` for -f ps.
+    """Raise `OptionError` for a long option with one dash, which the parser takes for short ones: ``-fps`` for -f ps.
 
-    Or a longer dash, which programs that set text make of two.
+    The same for a longer dash, which word processors make of two.
     """
     for token, following in pairwise([*tokens, ""]):
         found = re.fullmatch("[-\N{HYPHEN}-\N{HORIZONTAL BAR}\N{MINUS SIGN}]([a-z][a-z-]+)(=.*)?", token)
@@ -358,11 +358,11 @@ def main() -> None:
 
 
 def execute(tokens: Sequence[str]) -> None:
-    """Run the command that some words of the command line ask for, or print its help."""
+    """Run the command given by the words of the command line, or print its help; errors pass to the caller."""
     check_dashes(tokens)
     if tokens[0] in app:
         tokens = ["--help" if token == "-h" else token for token in tokens]
-        if tokens[0] != "join":  # the others have no details to say but tracebacks
+        if tokens[0] != "join":  # the others have no details to print but tracebacks
             tokens = [token for token in tokens if token != "--verbose"]
     if "-h" in tokens:
         print_short_help()
@@ -371,7 +371,11 @@ def execute(tokens: Sequence[str]) -> None:
 
 
 def run_command(texts: LibraryTexts) -> None:
-    """Run the command line; exit with a code above 0 unless it succeeds."""
+    """Run the command line; exit with a code above 0 unless it succeeds.
+
+    Codes: 1 for a failure, 2 for wrong usage, 130 after a request to stop. `texts` are those of libraries, which are
+    printed at the end.
+    """
     errors = console()
     tokens = [PIPE if token == "-" else token for token in sys.argv[1:]] or ["-h"]
     quiet = bool({"--quiet", "-q"} & set(tokens))
@@ -379,7 +383,7 @@ def run_command(texts: LibraryTexts) -> None:
     verbose = "--verbose" in tokens
     try:
         with all_explained([token for token in tokens if token not in app]), standard_output_finished():
-            address_space()  # which may be too little, and libraries do not say so when they are loaded
+            address_space()  # raises an error if too little, which libraries do not report when they are loaded
             execute(tokens)
         if texts.sentence() and in_json:
             print_object(remarks=[texts.sentence()])
@@ -409,6 +413,7 @@ def run_command(texts: LibraryTexts) -> None:
 
 
 def _usage_sentence(error: CycloptsError, command: str) -> str:
+    """Return a parser's error as one sentence."""
     if isinstance(error, UnusedCliTokensError):
         return f"{command} does not take {' '.join(error.unused_tokens or ())}."
     if isinstance(error, UnknownOptionError) and command != "fpsboost":
@@ -424,15 +429,23 @@ def _usage_sentence(error: CycloptsError, command: str) -> str:
 
 @contextmanager
 def all_explained(names: Sequence[str], output: str | None = None) -> Iterator[None]:
-    """Turn an error that nobody has explained into a sentence with the name of a file, the first that exists of some.
+    """Convert unexpected exceptions in a block to `FpsboostError` with one sentence.
 
-    If nobody foresaw it, what was begun of an output is removed: the same job would come to the same error.
+    Errors of the system and of memory are explained. After any other exception, a fault of fpsboost, the unfinished
+    output is removed, since the same job would fail again.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Arguments of the command; the first that is an existing file is named in the sentence.
+    output : str, optional
+        Output whose unfinished part is removed after a fault; without it, nothing is.
     """
     try:
         yield
     except (FpsboostError, CycloptsError):
         raise
-    except ImportError as error:  # that of the kernels says itself what to do
+    except ImportError as error:  # the kernels' own error already gives advice
         others = f"{error.name} cannot be imported ({error}); fpsboost doctor says what is missing."
         raise FpsboostError(others if error.name else str(error)) from error
     except (OSError, MemoryError) as error:
@@ -451,7 +464,7 @@ def all_explained(names: Sequence[str], output: str | None = None) -> Iterator[N
 
 @contextmanager
 def standard_output_finished() -> Iterator[None]:
-    """Write all of standard output, or raise an error: Python would do so at its end, with an exit code of its own."""
+    """Flush standard output at the end of a block, as Python would do it later, with its own exit code."""
     try:
         yield
         if sys.stdout is not None:  # closed
@@ -492,14 +505,18 @@ def stopping_on(*numbers: int) -> Iterator[None]:
 
 
 class _Request:
-    """Request to stop, and the timer that repeats it."""
+    """Request to stop by a signal, and the timer that repeats it."""
 
     def __init__(self) -> None:
         self._timer: Timer | None = None
         self._is_repeated = False
 
     def receive(self, number: int, frame: FrameType | None) -> None:
-        """Raise `KeyboardInterrupt` unless it would be lost here, or is on its way and nobody asked again."""
+        """Raise `KeyboardInterrupt`, and start the timer that repeats the request.
+
+        It is not raised where it would be lost, during an import, nor while one that was raised before is being
+        handled, unless a user asks again.
+        """
         is_repeated, self._is_repeated = self._is_repeated, False
         self.end()
         self._timer = Timer(AGAIN_AFTER, self._repeat, [number])
@@ -510,11 +527,12 @@ class _Request:
             raise KeyboardInterrupt
 
     def end(self) -> None:
-        """Repeat the request no more."""
+        """Stop the timer."""
         if self._timer is not None:
             self._timer.cancel()
 
     def _repeat(self, number: int) -> None:
+        """Send the signal again, to the main thread."""
         self._is_repeated = True
         if sys.platform == "win32":
             signal.raise_signal(number)
@@ -530,5 +548,6 @@ def _is_on_its_way(error: BaseException | None) -> bool:
 
 
 def _report_unless_interrupted(unraisable: sys.UnraisableHookArgs) -> None:
+    """Report an exception that cannot be raised, except `KeyboardInterrupt`, whose request is repeated."""
     if unraisable.exc_type is not KeyboardInterrupt:
         sys.__unraisablehook__(unraisable)

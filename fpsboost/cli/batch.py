@@ -25,6 +25,7 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
     """Choose an output path in a folder, which need not exist, for each input.
 
     A video keeps its name, and its suffix if that can be written; images go into a folder of their folder's name.
+    Raises `OptionError` if the last argument is no folder, or two inputs would get the same output.
     """
     if folder in PIPES or any(path in PIPES for path in inputs):
         raise OptionError("A pipe is one clip; convert several inputs with names, into a folder.")
@@ -43,7 +44,7 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
 
 
 def last_image_remarks(frames_in: int, frames_out: int, multiple: Fraction) -> list[str]:
-    """Return why images are fewer than a factor lets expect; nothing if they are not."""
+    """Return the remark that explains why images are fewer than the factor suggests; empty if they are not."""
     if multiple == 1 or frames_out != (frames_in - 1) * multiple + 1:
         return []
     return [
@@ -81,7 +82,11 @@ def convert_each(inputs: Sequence[str], folder: str, convert: Convert, options: 
 def convert_all(
     inputs: Sequence[str], outputs: Sequence[str | None], convert: Convert, options: MessageOptions
 ) -> None:
-    """Convert every input to its output, or into its own folder where that is None; exit with code 1 if one fails."""
+    """Convert every input to its output, or into its own folder where that is None.
+
+    An input that fails is reported, and the next one follows; at the end the process exits with code 1 if any has
+    failed.
+    """
     messages = console()
     done, failed = 0, []
     try:

@@ -90,7 +90,7 @@ def compare(
             raise OptionError(f"--fail-under asks about {asked}, which cannot be run here; name another method first.")
     metrics = evaluation.choose_metrics(results.metrics)
     check_results(results)
-    for clip in more:  # the first one says so soon enough
+    for clip in more:  # the first one is opened below anyway
         next(hiding.intervals(clip))
     compared = []
     with tempfile.TemporaryDirectory(prefix="fpsboost-") as scratch:  # the report shows frames that a peer wrote there
@@ -128,7 +128,7 @@ def compare(
 def print_comparison(
     comparison: evaluation.Comparison, contestants: Mapping[str, evaluation.Contestant], console: Console
 ) -> None:
-    """Print what to take, the tables, the remarks and the rest of the verdict."""
+    """Print the advice first, then the tables, reasons and remarks of a comparison."""
     advice, *reasons = evaluation.judge(comparison).sentences
     console.print(sentence(advice), style="bold", soft_wrap=True)
     for table in tables(comparison):
@@ -138,7 +138,7 @@ def print_comparison(
 
 
 def write_results(compared: Sequence[evaluation.ComparedClip], results: ResultOptions, console: Console) -> None:
-    """Print what several clips come to, and write the files and the page that are asked for."""
+    """Print the means over several clips, and write the JSON, CSV and page that are asked for."""
     comparisons = [clip.comparison for clip in compared]
     if len(comparisons) > 1:
         advice, *reasons = evaluation.judge_all(comparisons)
@@ -179,7 +179,7 @@ def match_vectors(clip: str, vectors: fpsboost.VectorFolder) -> fpsboost.VectorF
 
 
 def check_results(results: ResultOptions) -> None:
-    """Raise an error if the page or a file cannot be written, or two of them are one, or one in the other."""
+    """Raise an error if a file or the page cannot be written, or if one lies in the place of another."""
     taken = list[Path]()
     for path in filter(None, (results.report, results.json, results.csv)):
         if path == results.report:
@@ -233,7 +233,13 @@ def remarks(comparison: evaluation.Comparison, contestants: Mapping[str, evaluat
 
 
 class Progressing(ExitStack):
-    """Progress display of a long run on a terminal: the current task, a bar and the time left."""
+    """Progress display of a long run on a terminal: the current task, a bar and the time left.
+
+    Parameters
+    ----------
+    quiet : bool
+        Show nothing.
+    """
 
     def __init__(self, *, quiet: bool) -> None:
         super().__init__()
@@ -251,9 +257,11 @@ class Progressing(ExitStack):
         self._task: TaskID | None = None
 
     def begin(self, name: str, frames: int | None) -> None:
+        """Show a new task of so many frames; None if their number is unknown."""
         self._task = self._progress.add_task(literal(name), total=frames)
 
     def advance(self) -> None:
+        """Count a frame of the current task."""
         if self._task is not None:
             self._progress.advance(self._task)
 
@@ -281,7 +289,10 @@ def split_methods(texts: Sequence[str]) -> list[str]:
 def choose(
     texts: Sequence[str], vectors: fpsboost.VectorFolder | None, cuts: CutOptions = CutOptions()
 ) -> tuple[dict[str, evaluation.Contestant], dict[str, str]]:
-    """Return the methods of ``--methods``, and those that cannot be run with the reason."""
+    """Return the contestants of ``--methods`` by name, and the reasons why others are skipped.
+
+    Raises `OptionError` for an unknown method or option.
+    """
     from fpsboost.method_table import (  # noqa: PLC0415
         may_use_vectors,
         split_method,
@@ -308,12 +319,13 @@ def choose(
 
 
 class Others(NamedTuple):
-    """Other tools given by ``--frames`` and ``--peer``."""
+    """Other tools of a comparison: folders of ``--frames`` and commands of ``--peer``, by name."""
 
     folders: dict[str, str]
     commands: dict[str, str]
 
     def words(self) -> tuple[str, ...]:
+        """Return the words of the command line that give these tools again."""
         return tuple(
             word
             for option, given in (("--frames", self.folders), ("--peer", self.commands))
@@ -324,7 +336,10 @@ class Others(NamedTuple):
     def contestants(
         self, intervals: Callable[[], Iterable[evaluation.Interval]], scratch: Path, begin: Callable[[str, None], None]
     ) -> Iterator[tuple[str, evaluation.Contestant]]:
-        """Match the folders to the clip of `intervals`, and run the commands, whose frames stay in `scratch`."""
+        """Yield the contestants by name: folders matched with the clip of `intervals`, and commands after running them.
+
+        Commands write their frames to folders in `scratch`, which must last as long as the contestants.
+        """
 
         for name, folder in self.folders.items():
             begin(name, None)

@@ -1,4 +1,4 @@
-"""Command ``fpsboost doctor``: says whether fpsboost works on this machine, and what to do where it does not."""
+"""Command ``fpsboost doctor``: checks whether fpsboost works on this machine, and gives advice where it does not."""
 
 from __future__ import annotations
 

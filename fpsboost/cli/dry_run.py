@@ -1,4 +1,4 @@
-"""Option --dry-run: what a conversion would make, keep and lose, and how long and large that would be, from a trial."""
+"""Option --dry-run: prints what a conversion would make, keep and lose, and its time and size, estimated by a trial."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ PLACES = (Fraction(1, 4), Fraction(1, 2), Fraction(3, 4))
 MIN_FRAMES = 1200  # number of frames of a clip below which one passage is tried, at its beginning
 
 PART = 16
-"""Fraction of a clip's frames that are tried: with what it takes to read them first, a tenth of the run."""
+"""Divisor of a clip's frames for those that are tried: with reading, the trial takes a tenth of the run."""
 
 SHORTEST, LONGEST = 3, 24
-"""Number of frames in a passage."""
+"""Minimum and maximum number of frames in a passage."""
 
 KEY_INTERVAL = 250
-"""Number of frames that usual encoders write after a picture that needs no other, which is the first of a passage."""
+"""Usual number of frames from one key frame to the next; in a passage, the first frame is one."""
 
 NAMES = {"audio": "sound", "subtitle": "subtitles", "cover": "cover picture", "data": "data", "attachment": "file"}
-"""What messages call the kinds of streams beside the pictures."""
+"""Names in messages of the kinds of streams beside the pictures."""
 
 
 def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
@@ -107,9 +107,9 @@ def _kept(ready: Preparation, remarks: Sequence[str]) -> list[str]:
 
 
 def _places(ready: Preparation, info: ClipInfo) -> tuple[list[Position], int]:
-    """Return where passages begin that are tried, and their length in frames: with reading, a tenth of the run.
+    """Return where the passages of the trial begin, and their length in frames, so that they take a tenth of the run.
 
-    Short clips are tried at their beginning, since reading other places may mean to decode all that is before them.
+    Short clips are tried at their beginning, since reading elsewhere may require decoding everything before.
     """
     count = info.frame_count or (MIN_FRAMES if info.duration is None else int(info.duration * info.rate))
     begin, _ = ready.job.decoding.trim.seconds(ready.clip.whole.info)
@@ -119,7 +119,7 @@ def _places(ready: Preparation, info: ClipInfo) -> tuple[list[Position], int]:
 
 
 def _size(trial: Preview, frames: int | None) -> str:
-    """Return how large some frames become, by the mean of those that were tried, and the first of each passage."""
+    """Return the estimated size of so many frames, by the mean size of later frames and of key frames in the trial."""
     trials = trial.trials[""]
     begun = sum(each.first for each in trials)
     later = (sum(each.size for each in trials) - begun) / sum(each.frames - (each.first > 0) for each in trials)

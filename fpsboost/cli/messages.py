@@ -1,7 +1,7 @@
 """Messages of the command line, with control characters of foreign texts escaped; progress; and the texts of libraries.
 
 Libraries such as libpng and OpenCV write to the standard error of the process from C, without the name of the file;
-their texts are said at the end of the run. What Python writes to standard error still goes there.
+their texts are printed at the end of the run. Python's own output to standard error still appears at once.
 """
 
 from __future__ import annotations
@@ -32,13 +32,14 @@ from fpsboost.timing.position import as_ranges, format_time
 from fpsboost.timing.rate import readable
 from fpsboost.version import __version__
 
-STANDARD_ERROR = 2
+STANDARD_ERROR = 2  # file descriptor
 WIDTHS = range(20, 2001)
 """Columns of a terminal in which text is laid out; with none, Rich shows nothing and Cyclopts never ends."""
 MAX_SHOWN = 3
-"""Lines of libraries that are said."""
+"""Maximum number of lines of libraries that are printed."""
 
 _prefix_of_opencv = re.compile(r"^\[ *\w+:\d+@[\d.]+\] (global )?")
+"""Log level, thread and time before a line of OpenCV: ``[ WARN:0@0.035] global ``."""
 
 CONTROL_CATEGORIES = {"Cc", "Cs", "Zl", "Zp"}
 """Unicode categories of characters that move the cursor, colour the screen, or cannot be encoded."""
@@ -48,7 +49,7 @@ BIDI_CONTROLS = frozenset("\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u206
 
 
 def keep_columns_readable() -> None:
-    """Have Rich lay out text in a readable width, whatever the terminal and the environment say."""
+    """Make Rich lay out text in a readable width, whatever width the terminal and the environment report."""
     width = Console().width
     if width not in WIDTHS:
         os.environ["COLUMNS"] = str(min(max(width, WIDTHS[0]), WIDTHS[-1]))
@@ -60,17 +61,25 @@ def console(*, quiet: bool = False) -> Console:
 
 
 def literal(text: str) -> str:
-    """Return a text escaped so that Rich prints it literally; file names and titles may contain terminal controls."""
+    """Return a text escaped so that Rich prints it as it is, with control characters such as ``\\x1b`` spelled out."""
     return escape(_escape_controls(text))
 
 
 def sentence(text: str) -> str:
-    """Return a sentence of the library with flags for the options that it names, escaped like `literal`."""
+    """Return a message of the library with flags in place of the options that it names, escaped like `literal`."""
     return literal(in_flags(text))
 
 
 def fact_table(facts: Mapping[str, str], title: str | None = None) -> Table:
-    """Return a table of names, dim, and their values, which are marked up and may be long; the title is on the left."""
+    """Return a table of names and values; long values are folded.
+
+    Parameters
+    ----------
+    facts : Mapping
+        Values by name, in Rich's markup: pass foreign text through `literal`.
+    title : str, optional
+        Title above the table, in Rich's markup.
+    """
     columns = Column(style="dim", no_wrap=True), Column(overflow="fold")
     table = Table(*columns, box=None, pad_edge=False, show_header=False, title=title, title_justify="left")
     for name, value in facts.items():
@@ -79,7 +88,7 @@ def fact_table(facts: Mapping[str, str], title: str | None = None) -> Table:
 
 
 def say_error(errors: Console, error: BaseException) -> None:
-    """Print an error and its notes on one line."""
+    """Print an error and its notes on one line, with flags in place of the options that they name."""
     sentences = " ".join(filter(None, (str(error), notes_of(error))))
     errors.print(f"[red]fpsboost:[/] {sentence(sentences)}")
 
@@ -90,13 +99,17 @@ def say_traceback() -> None:
 
 
 def _escape_controls(text: str, kept: Collection[str] = ()) -> str:
+    """Return a text with control characters as Python escapes, but for those that are `kept`."""
     escaped = {letter for letter in text if unicodedata.category(letter) in CONTROL_CATEGORIES} | BIDI_CONTROLS
     return "".join(ascii(letter)[1:-1] if letter in escaped and letter not in kept else letter for letter in text)
 
 
 @contextmanager
 def library_prints_apart() -> Iterator[None]:
-    """Have what libraries print from Python, as OpenEXR does, join what they write from C: a video may be printed."""
+    """Redirect Python's prints of libraries, such as OpenEXR's, to standard error within a block.
+
+    Standard output may carry a video.
+    """
     try:
         descriptor = os.dup(STANDARD_ERROR)
     except OSError:  # there is no standard error
@@ -107,7 +120,11 @@ def library_prints_apart() -> Iterator[None]:
 
 
 class LibraryTexts:
-    """Context manager that captures the texts of libraries instead of showing them on the terminal."""
+    """Context manager that captures what libraries write to standard error from C, by redirecting the file descriptor.
+
+    Python's `sys.stderr` is pointed at the original descriptor meanwhile, so that messages still appear. Without a
+    standard error, nothing is captured.
+    """
 
     def __init__(self) -> None:
         self._texts: IO[bytes] | None = None
@@ -129,6 +146,7 @@ class LibraryTexts:
         return self
 
     def __exit__(self, *exception: object) -> None:
+        """Restore the descriptor and `sys.stderr`, and drop the captured texts."""
         if self._texts is None:
             return
         os.dup2(self._terminal, STANDARD_ERROR)
@@ -141,7 +159,7 @@ class LibraryTexts:
         self._texts = None
 
     def lines(self) -> list[str]:
-        """Return each distinct line so far, without OpenCV's timestamp and source location."""
+        """Return each distinct line captured so far, without OpenCV's timestamp and source location."""
         if self._texts is None:
             return []
         self._texts.seek(0)
@@ -149,26 +167,29 @@ class LibraryTexts:
         return list(dict.fromkeys(_prefix_of_opencv.sub("", line).strip() for line in lines if line.strip()))
 
     def sentence(self) -> str:
-        """Return the first lines as one sentence; empty if there are none."""
+        """Return the first captured lines as one sentence; empty if there are none."""
         lines = self.lines()
         more = f"; and {len(lines) - MAX_SHOWN} more" if len(lines) > MAX_SHOWN else ""
         return f"A library that reads files says: {'; '.join(lines[:MAX_SHOWN])}{more}." if lines else ""
 
 
 class _Messages(TextIOWrapper):
-    """Standard error, of which a message is lost if it takes none: that is no failure of what was done."""
+    """Text stream that ignores errors of standard error, as a lost message is no failure of a conversion."""
 
     def write(self, text: str) -> int:
+        """Write a text, or drop it if the stream takes none; return its length."""
         with suppress(OSError):
             super().write(text)
         return len(text)
 
     def flush(self) -> None:
+        """Flush the stream, ignoring errors."""
         with suppress(OSError):
             super().flush()
 
 
 def _is_standard_error(stream: TextIO | None) -> bool:
+    """Return whether a stream writes to the descriptor of standard error."""
     if stream is None:
         return False
     try:
@@ -181,14 +202,16 @@ class FramesPerSecondColumn(ProgressColumn):
     """Progress column with the output frames per second so far."""
 
     def render(self, task: Task) -> Text:
+        """Return the speed of a task as text; empty before it is known."""
         speed = task.finished_speed or task.speed
         return Text("" if speed is None else f"{speed:.1f} frames/s", style="progress.data.speed")
 
 
 def collect_from_here_on() -> None:
-    """Have Python look for cycles among objects again, but not among what was imported, as that stays.
+    """Enable Python's garbage collector again, with all imported objects exempt from it.
 
-    OpenImageIO is to be torn down at the end of the process, as it prints what of it is left.
+    With OpenImageIO loaded nothing is exempt, because it must be torn down at the end of the process: it prints a list
+    of objects that are left.
     """
     if "OpenImageIO" not in sys.modules:
         gc.freeze()
@@ -196,7 +219,17 @@ def collect_from_here_on() -> None:
 
 
 class Reporter(ExitStack):
-    """Observer that shows a conversion: a bar on a terminal, nothing when piped, a summary at the end."""
+    """Observer that shows a conversion as text: a progress bar on a terminal, and a summary at the end.
+
+    Parameters
+    ----------
+    output : str
+        The output in messages.
+    quiet : bool
+        Print nothing.
+    verbose : bool
+        Also print properties of the clip, and all options in use.
+    """
 
     def __init__(self, output: str, *, quiet: bool, verbose: bool) -> None:
         super().__init__()
@@ -215,10 +248,12 @@ class Reporter(ExitStack):
         )
 
     def __enter__(self) -> Self:
+        """Start the progress bar."""
         self.enter_context(self._progress)
         return self
 
     def opened(self, info: fpsboost.ClipInfo, expected_frames: int | None) -> None:
+        """Print the properties of the clip, if verbose, and prepare the bar for `expected_frames`, None if unknown."""
         if self._verbose:
             count = "an unknown number of" if info.frame_count is None else info.frame_count
             self._say(f"{info.name}: {info.width}x{info.height}, {count} frames at {readable(info.rate)} fps")
@@ -227,23 +262,28 @@ class Reporter(ExitStack):
         )
 
     def ready(self) -> None:
+        """Start the time of the bar, and the garbage collector."""
         collect_from_here_on()
         if self._task is not None:
             self._progress.start_task(self._task)
 
     def wrote(self, summary: fpsboost.Summary) -> None:
+        """Advance the bar to the number of frames written."""
         if self._task is not None:
             self._progress.update(self._task, completed=summary.frames_out)
 
     def say_settings(self, method: str, interpolator: fpsboost.Interpolator) -> None:
-        """Print every option in use, if --verbose is given."""
+        """Print the method and every option in use, if verbose."""
         if self._verbose:
             self._say(f"fpsboost {__version__}, method {method}")
             for part in (interpolator.estimator, interpolator.synthesizer, interpolator.cuts or "no scene cuts"):
                 self._say(f"  {part}")
 
     def say_summary(self, summary: fpsboost.Summary, *, in_place: bool = False) -> None:
-        """Print what was made of how many frames, and every remark; `in_place`, also how many images were added."""
+        """Print the counts of frames, the speed, the least certain frame and every remark.
+
+        With `in_place`, also the number of images that were added.
+        """
         frames = f"{summary.frames_in} -> {summary.frames_out} frame{'s' if summary.frames_out != 1 else ''}"
         frames += f", {summary.frames_out - summary.frames_in} added" * in_place
         for count, what in ((summary.duplicates, "duplicate frame"), (summary.scene_cuts, "scene cut")):
@@ -276,11 +316,20 @@ class Reporter(ExitStack):
             self._say(f"Note: {remark}")
 
     def _say(self, text: str) -> None:
+        """Print a message of the library on one line."""
         self._console.print(sentence(text))
 
 
 class JsonReporter(ExitStack):
-    """Observer that prints a conversion as JSON for the program that has started it, one object a line."""
+    """Observer that prints a conversion as JSON objects, one a line, for the program that has started it.
+
+    Every object has the keys ``frame``, ``frames``, ``fps`` and ``stage``; see `print_object`.
+
+    Parameters
+    ----------
+    output : str
+        Path of the output, for the last object.
+    """
 
     def __init__(self, output: str) -> None:
         super().__init__()
@@ -288,24 +337,27 @@ class JsonReporter(ExitStack):
         self._expected: int | None = None
 
     def opened(self, info: fpsboost.ClipInfo, expected_frames: int | None) -> None:
+        """Print that source and target are open, with the expected number of frames."""
         self._expected = expected_frames
         self._print("opened")
 
     def ready(self) -> None:
+        """Print that the first frame comes next, and start the garbage collector."""
         collect_from_here_on()
         self._print("ready")
 
     def wrote(self, summary: fpsboost.Summary) -> None:
+        """Print the number of frames written and the speed."""
         self._frames = summary.frames_out
         self._print("converting", fps=_speed(summary))
 
     def say_settings(self, method: str, interpolator: fpsboost.Interpolator) -> None:
-        """Do nothing: the program knows what it has asked for."""
+        """Do nothing, as the starting program knows its options."""
 
     def say_summary(self, summary: fpsboost.Summary, *, in_place: bool = False) -> None:
-        """Print the counts and remarks; `frames_made` are those that were added `in_place`.
+        """Print the counts and remarks as the last object.
 
-        Nothing is least certain if nothing was made between two frames of a scene.
+        ``least_certain`` is null if nothing was interpolated between two frames of a scene.
         """
         self._frames, lowest = summary.frames_out, summary.lowest_match
         counts = {
@@ -328,11 +380,12 @@ class JsonReporter(ExitStack):
         self._print("done", fps=_speed(summary), done=True, output=self._output, **counts, remarks=remarks)
 
     def _print(self, stage: str, fps: float | None = None, **more: Any) -> None:
+        """Print an object with the state of the conversion and further values."""
         print_object(frame=self._frames, frames=self._expected, fps=fps, stage=stage, **more)
 
 
 def reporter_of(output: str, messages: MessageOptions, place: str = "") -> Reporter | JsonReporter:
-    """Return the observer that the options ask for; `place` precedes the output."""
+    """Return the observer that the options ask for; `place`, such as ``2/5 ``, precedes the output in texts."""
     if messages.progress == "json":
         return JsonReporter(output)
     return Reporter(place + output, quiet=messages.quiet, verbose=messages.verbose)
@@ -345,4 +398,5 @@ def print_object(**values: Any) -> None:
 
 
 def _speed(summary: fpsboost.Summary) -> float:
+    """Return the output frames per second of this run, without those of an earlier one."""
     return round((summary.frames_out - summary.completed_frames) / max(summary.seconds, 1e-9), 2)

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     PathName = str
 else:
     PathName = str | Path
+"""Text that a shell completes to a file name: the parser tries the types in order, and any argument is a text."""
 
 
 METHOD_KINDS = {
@@ -56,22 +57,25 @@ METHOD_KINDS = {
     "with --vectors": ("reproject-image", "reproject-scene"),
     "for comparison": ("dis", "farneback", "tvl1", "dis-warp", "tvl1-warp", "farneback-warp", "block"),
 }
-"""Methods by what they are for, as the help lists them: those of `fpsboost.method_table`,
-which takes a second to import."""
+"""Methods by purpose, as the help lists them: those of `fpsboost.method_table`, which takes a second to import."""
 
 METHODS = tuple(name for names in METHOD_KINDS.values() for name in names)
-"""Names that a shell proposes."""
+"""Names of all methods, which a shell completes."""
 
 METHOD_HELP = (
     "Methods: "
     + "; ".join(f"{kind}: {', '.join(names)}".removeprefix(": ") for kind, names in METHOD_KINDS.items())
     + ".\nOptions of a method follow its name: nlm:fusion=plain,patch-radius=4."
 )
+"""Text above the options of methods in the help of a conversion."""
 
 
 @dataclass(frozen=True)
 class RenderedOptions:
-    """What a renderer has written beside its images."""
+    """Files that a renderer has written beside its images.
+
+    Raises `OptionError` for options about vectors that are not given.
+    """
 
     vectors: str | None = option(None, "Motion vectors of a renderer, one file per frame.", metavar="DIR")
     depth: str | None = option(None, "Depth of a renderer, for reproject-scene.", metavar="DIR")
@@ -85,12 +89,13 @@ class RenderedOptions:
 
     @property
     def folder(self) -> fpsboost.VectorFolder | None:
+        """Folder of motion vectors for methods that use them; None if no vectors are given."""
         if self.vectors is None:
             return None
         return fpsboost.VectorFolder(self.vectors, self.depth, self.vector_convention)
 
     def of_clip(self, clip: str) -> RenderedOptions:
-        """Return what belongs to a clip, whose name replaces ``{in}``."""
+        """Return the options for one clip, whose name replaces ``{in}`` in the paths."""
         vectors, depth = (path and path.replace("{in}", clip) for path in (self.vectors, self.depth))
         return replace(self, vectors=vectors, depth=depth)
 
@@ -99,8 +104,8 @@ class RenderedOptions:
 class TuningOptions:
     """Some options of methods as flags: ``--patch-radius 4`` stands for ``--method nlm:patch-radius=4``.
 
-    They are named like the fields of estimators and synthesizers, and their texts are read and checked where those
-    behind the name of a method are. None leaves what the method has.
+    Fields are named like those of estimators and synthesizers. Values stay texts here, and are parsed and checked like
+    the options after the name of a method. None keeps the method's own value.
     """
 
     patch_radius: str | None = option(None, "nlm*: patch radius, pixels.", metavar="N")
@@ -113,14 +118,14 @@ class TuningOptions:
     )
 
     def behind(self, method: str) -> str:
-        """Return a method with the options that are given behind its name and its own."""
+        """Return the text of a method with its own options, followed by those given as flags."""
         given = ",".join(f"{flag.removeprefix('--')}={value}" for flag, value in given_in(self))
         return f"{method}{',' if ':' in method else ':'}{given}" if given else method
 
 
 @dataclass(frozen=True)
 class MethodOptions:
-    """Method by name, and what it gets beside the frames."""
+    """Method of interpolation by name, and options that apply to all methods."""
 
     method: str = option(
         "nlm",
@@ -135,6 +140,10 @@ class MethodOptions:
     rendered: RenderedOptions = RenderedOptions()
 
     def interpolator(self, tuning: TuningOptions = TuningOptions()) -> fpsboost.Interpolator:
+        """Return the interpolator of the method, with the flags of `tuning`.
+
+        Raises `OptionError` for an unknown method or option, and for a method that lacks its vectors.
+        """
         interpolator = fpsboost.find_method(tuning.behind(self.method), self.rendered.folder)
         interpolator = replace(interpolator, match_grain=self.match_grain, uncertain=self.uncertain, below=self.below)
         return interpolator if self.duplicates == "interpolate" else replace(interpolator, duplicates=None)
@@ -142,7 +151,7 @@ class MethodOptions:
 
 @dataclass(frozen=True)
 class CutOptions(Checked):
-    """Options for where scenes end, and for what is shown there."""
+    """Options for detecting where scenes end, and for the frames shown there."""
 
     at_cuts: AtCuts = option("repeat", f"At a cut: {one_of(AtCuts)}.")
     cut_threshold: Annotated[float, Range(0, 1)] | None = option(
@@ -152,6 +161,11 @@ class CutOptions(Checked):
     cuts: str | None = option(None, "Cut list: a time or frame per line, or PySceneDetect's.", metavar="FILE")
 
     def applied_to(self, interpolator: fpsboost.Interpolator) -> fpsboost.Interpolator:
+        """Return an interpolator with these options for cuts.
+
+        Reads the file of `cuts`. Raises `OptionError` if more than one of the threshold, the file and `no_cuts` is
+        given.
+        """
         from fpsboost.analysis.scene_cuts import read_cuts  # noqa: PLC0415
 
         names = [name for name, _ in given_in(self) if name != "--at-cuts"]
@@ -169,7 +183,7 @@ class CutOptions(Checked):
 
 @dataclass(frozen=True)
 class JoinOptions:
-    """Options for joining parts."""
+    """Options for joining the parts of a conversion."""
 
     input: str | None = option(None, "The input, if it was moved.", metavar="IN")
     overwrite: bool = option(False, "Replace an existing output.", short="y")
@@ -195,7 +209,7 @@ class MessageOptions:
 
 @dataclass(frozen=True)
 class HidingOptions:
-    """Which frames of a clip are shown, or hidden and made again."""
+    """Frames of a clip that a comparison shows to methods, and those that it hides and has interpolated."""
 
     range: str | None = option(None, "Frames A to B - 1, counted from 0; also A: or :B.", metavar="A:B")
     skip: int = option(1, "Hidden frames between two shown ones.")
@@ -204,7 +218,7 @@ class HidingOptions:
 
 @dataclass(frozen=True)
 class ContestOptions:
-    """Methods, frames of other tools, and vectors of a comparison."""
+    """Methods, frames of other tools, and motion vectors of a comparison."""
 
     methods: tuple[str, ...] = option(
         ("nlm,nlm-fast,dis,block,minterpolate,blend",),
@@ -236,7 +250,7 @@ class ContestOptions:
 
 @dataclass(frozen=True)
 class ResultOptions:
-    """Metrics and files of a comparison."""
+    """Metrics and output files of a comparison."""
 
     metrics: tuple[str, ...] = option(
         (),
@@ -255,7 +269,7 @@ class ResultOptions:
 
 @dataclass(frozen=True)
 class PlannedMethodOptions:
-    """The method whose frames are planned for."""
+    """Method whose interpolated frames `fpsboost plan` examines."""
 
     method: str = option("nlm", "Interpolation method.", short="m", choices=METHODS)
     rendered: RenderedOptions = RenderedOptions()
@@ -291,10 +305,11 @@ option_classes = (
     *(MessageOptions, HidingOptions, ContestOptions, ResultOptions),
     *(PlanOptions, PlannedMethodOptions, MergeOptions, JoinOptions, PreviewOptions),
 )
+"""Classes of options of all commands, by which messages of the library find the flags of its fields."""
 
 
 def check_named_once(inputs: Sequence[str]) -> None:
-    """Raise `OptionError` if one of several clips is named twice, in whatever way."""
+    """Raise `OptionError` if two of several paths lead to the same file or folder."""
     places = [os.path.realpath(path) for path in inputs]
     twice = next((path for path, place in zip(inputs, places, strict=True) if places.count(place) > 1), None)
     if twice is not None:
@@ -308,7 +323,7 @@ flag_names = {flag.field: flag.name for cls in option_classes for flag in flags_
 
 
 def in_flags(sentence: str) -> str:
-    """Return a sentence of the library with flags instead of the names of fields."""
+    """Return a message of the library with flags for the fields that it names: ``--crf 20`` for ```crf=20```."""
 
     def flag(found: re.Match[str]) -> str:
         field, value = found.groups()
@@ -318,8 +333,6 @@ def in_flags(sentence: str) -> str:
 
     return re.sub(r"`([a-z]\w*)(?:=([^`]*))?`", flag, sentence)
 
-
-"""A text that a shell completes to a file: the parser tries the types in order, and a text it always is."""
 
 PATH_METAVARS = ("DIR", "FILE", "IN")  # placeholders of options that are names of files and folders
 
@@ -348,7 +361,7 @@ _metavars = {
 
 
 def default_text(value: Any) -> str | None:
-    """Return a default as the help shows it; None for a switch, or where there is none."""
+    """Return a default as the help shows it; None for a switch, or if there is no default."""
     if isinstance(value, tuple):
         return ",".join(value) or None
     return None if value is None or value is False else str(value)
@@ -357,7 +370,18 @@ def default_text(value: Any) -> str | None:
 def with_flags(command: Callable[..., None]) -> Callable[..., None]:
     """Replace each parameter of a command whose type is a dataclass of options by flags for its fields.
 
-    The command is called with objects of these classes. A parameter's type is ``Annotated[Encoding, group]``.
+    The result has the signature that the parser reads, and calls the command with objects of these classes. Options
+    that contradict each other raise `OptionError` when the objects are made.
+
+    Parameters
+    ----------
+    command : Callable
+        Function whose parameters of options have types like ``Annotated[Encoding, group]``, with the group in the help.
+
+    Returns
+    -------
+    Callable
+        Function with the command's other parameters, and one for each flag.
     """
     hints, signature = get_type_hints(command, include_extras=True), inspect.signature(command)
     parameters, classes = list[inspect.Parameter](), dict[str, type]()
@@ -382,7 +406,10 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def parameter_of(flag: Flag, group: Group | None) -> inspect.Parameter:
-    """Return the parameter of a command that takes a flag's value, or its text if the library parses it."""
+    """Return the parameter of a command for a flag, in the option's own group of the help or else in `group`.
+
+    Values that the library parses are taken as texts; types of paths and choices let a shell complete them.
+    """
     kind, default, metavar = flag.kind, flag.default, flag.option.metavar
     if "PathLike" in str(kind):
         kind = str | None

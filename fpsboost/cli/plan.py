@@ -1,4 +1,4 @@
-"""Commands `fpsboost plan`: which regions are worth rendering; and `fpsboost merge`: regions put back."""
+"""Commands `fpsboost plan`, which finds regions worth rendering, and `fpsboost merge`, which puts them into frames."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def plan(
 
 
 def plan_table(plan: fpsboost.RerenderPlan, folder: str) -> Table:
-    """Return what was planned, one name and value per row."""
+    """Return a summary of a plan, one name and value per row, titled with its folder."""
     started = [frame for frame in plan.frames if frame.regions]
     regions = sum(len(frame.regions) for frame in started)
     whole = sum(frame.whole for frame in started)

@@ -78,7 +78,7 @@ def probe(
 
 
 def stream_table(streams: list[StreamFacts]) -> Table:
-    """Return a table with one row per stream, which says whether an .mp4 can hold it."""
+    """Return a table with one row per stream, with a column for whether an .mp4 can hold it."""
     names = ("stream", "kind", "codec", "", "language", "title", "in .mp4")
     columns = (Column(name, overflow="fold") for name in names)
     table = Table(*columns, box=None, pad_edge=False, header_style="dim")
