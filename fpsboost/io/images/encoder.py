@@ -149,8 +149,21 @@ def colours_of(
 ) -> tuple[VideoTraits, list[str]]:
     """Return the colour tags of a video made of images like this one, and remarks on colours that have no tag.
 
-    FFmpeg's decoder tells those of a PNG. Light (OpenEXR and HDR) is linear, unless it is `displayed`: encoded by the
-    curve of sRGB. What the image does not say is unspecified. Its `metadata` is read where it is not given.
+    FFmpeg's decoder reads those of a PNG. OpenEXR and HDR are tagged as linear.
+
+    Parameters
+    ----------
+    path : Path
+        One of the images.
+    metadata : ImageMetadata, optional
+        Its metadata; read from the file without it.
+    displayed : bool
+        Whether OpenEXR and HDR are converted by the transfer function of sRGB, and so tagged.
+
+    Returns
+    -------
+    tuple
+        Traits, in which all that the image does not declare is unspecified, and a list of sentences.
     """
     extension, chunks = extension_of(path.name), dict[bytes, bytes]()
     if extension in (".exr", ".hdr"):

@@ -1,6 +1,6 @@
 """OpenEXR files: planes of numbers with names, read in their own types, and written like another file.
 
-OpenImageIO says the type of each channel; OpenEXR's own library reads and writes the planes. OpenImageIO would take
+OpenImageIO gives the type of each channel; OpenEXR's own library reads and writes the planes. OpenImageIO would take
 0.5 s to read and 2 s to write a 1080p frame of 20 channels, half and float, where OpenEXR takes 0.2 s and 0.6 s; and of
 whole numbers beside other types, which its Python binding converts through 32-bit float, it loses all but 24 bits.
 """

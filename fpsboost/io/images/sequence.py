@@ -29,9 +29,18 @@ def find_placeholder(name: str) -> re.Match[str] | None:
 
 @dataclass(frozen=True, slots=True)
 class Numbering:
-    """Naming of the images of one sequence: prefix, number and suffix, the last with the file type.
+    """Naming of the images of one sequence.
 
-    Numbers are padded with zeros to `digits` and grow beyond it; 1 is no padding.
+    Parameters
+    ----------
+    folder : Path
+        Folder of the images.
+    prefix : str
+        Beginning of the names.
+    digits : int
+        Digits to which numbers are padded with zeros, and beyond which they grow; 1 for no padding.
+    suffix : str
+        End of the names, with the file type.
     """
 
     folder: Path
@@ -73,7 +82,17 @@ class Numbering:
 
 @dataclass(frozen=True)
 class FileSequence:
-    """The files of one sequence, at least one, in order; without numbering and numbers if names have none."""
+    """Files of one sequence.
+
+    Parameters
+    ----------
+    files : list of Path
+        Files in order, at least one.
+    numbering : Numbering, optional
+        Naming of the files; None if names have no numbers.
+    numbers : sequence of int
+        Their numbers, rising; empty if names have none.
+    """
 
     files: list[Path]
     numbering: Numbering | None = None
@@ -81,11 +100,11 @@ class FileSequence:
 
     @cached_property
     def step(self) -> int:
-        """By how much the numbers rise; where some are missing, the largest step that leads to all of them."""
+        """Difference of successive numbers; where some are missing, the largest step that leads to all of them."""
         return math.gcd(*(later - earlier for earlier, later in pairwise(self.numbers))) or 1
 
     def missing(self, step: int) -> int:
-        """Return how many files that a step leads to, from one file to the next, are not there."""
+        """Return the number of files that are missing between others at a step."""
         return sum((later - earlier) // step - 1 for earlier, later in pairwise(self.numbers))
 
     def check_complete(self, step: int, advice: str) -> None:
@@ -101,11 +120,26 @@ class FileSequence:
 
 @dataclass(frozen=True)
 class NumberedImages:
-    """Images that are read as a clip: at least one file, their numbering and numbers if names have any.
+    """Images that are read as a clip.
 
-    The numbers rise by `step`, 1 for a single image and with `fills_gaps`, where numbers are the clock, so that images
-    may be missing. `first_number` is that of the whole sequence, which has `skipped` files before these; `layers` are
-    those read beside the picture.
+    Parameters
+    ----------
+    files : list of Path
+        Files in order, at least one.
+    numbering : Numbering or None
+        Naming of the files; None if names have no numbers.
+    numbers : list of int
+        Their numbers; empty if names have none.
+    step : int
+        Difference of successive numbers; 1 for a single image, and with `fills_gaps`.
+    first_number : int
+        Number of the first image of the whole sequence.
+    skipped : int
+        Images of the whole sequence before these.
+    fills_gaps : bool
+        Whether numbers are the clock, so that images may be missing.
+    layers : tuple of LayerNames
+        Layers of OpenEXR files that are read beside the picture.
     """
 
     files: list[Path]

@@ -54,7 +54,7 @@ unreadable_playlists = {
     "key where it says, or name a copy that is not encrypted.",
     b"": "is a playlist, and the files that it names cannot be read; check that they are there.",
 }
-"""Why a playlist cannot be opened, and what to do, by the first of the marks that it contains."""
+"""Reason why a playlist cannot be opened, with advice, by the first of these marks that it contains."""
 
 TRANSPORT_PACKET = re.compile(rb"(?=\x47(..)(.)(?:.{184}|.{188}|.{200})\x47)", re.DOTALL)
 """A packet of 188, 192 or 204 bytes before another: its identifier, below flags, and how it is scrambled, above."""
@@ -140,6 +140,7 @@ class Demuxer:
             raise EncryptedError(encrypted_sentence(name))
 
     def _open(self) -> None:
+        """Open the file, choose its stream, and set the threads of the decoder; sets `container` and `stream`."""
         self.container = open_video(self._path, self._name, playlists=self._playlists)
         try:
             self.stream = choose_video(self.container, self._name, self._wanted)
@@ -378,7 +379,7 @@ def clock_may_jump(container: av.container.InputContainer) -> bool:
 def is_raw(container: av.container.InputContainer) -> bool:
     """Return whether a file is a raw stream, such as ``.264``, ``.m2v`` or ``.obu``, or images one after the other.
 
-    Nothing in it says when a picture is presented; times that FFmpeg gives its packets are guesses, and partly wrong.
+    It stores no presentation times; those that FFmpeg gives its packets are guesses, and partly wrong.
     """
     has_no_times = Flags.no_timestamps in Flags(container.format.flags) or container.format.name.endswith("_pipe")
     return has_no_times and container.format.name not in TIMED_BY_CODEC
@@ -484,4 +485,5 @@ class ContinuousClock:
         return len(self._moves) - 1
 
     def _is_continuous(self, index: int, time: Fraction) -> bool:
+        """Return whether a time, offset and in seconds, continues a stream without a jump."""
         return self._ends[index] - MAX_STEP_BACK <= time <= max(self._ends.values()) + MAX_GAP

@@ -238,7 +238,7 @@ def _is_rgb(pixel_format: str) -> bool:
 def undisturbed() -> Iterator[None]:
     """Keep SVT-AV1, which may be opened in the block, from printing and from taking real-time priority.
 
-    It prints past FFmpeg's log, unless an environment variable says otherwise when it is first opened. It gives its
+    It prints past FFmpeg's log, unless an environment variable forbids it when it is first opened. It gives its
     threads and the one that opens it real-time priority, if the user may do that, which keeps a machine from all other
     work: so all threads of the process get the priority of the current one.
     """
@@ -304,9 +304,36 @@ EXCLUDED_FORMATS = re.compile(r"^(pal8|mono|bayer)|f(16|32)(le|be)$|^rgb555|^bgr
 def choose_pixel_format(
     encoder: str, encoding: Encoding, container: str, source: str, size: tuple[int, int], name: str, *, of_images: bool
 ) -> tuple[str, list[str]]:
-    """Return the pixel format to encode, and remarks on what it loses of the `source`, which may be `of_images`.
+    """Return the pixel format to encode, and remarks on losses.
 
-    The size of the pictures is width and height.
+    Parameters
+    ----------
+    encoder : str
+        FFmpeg's encoder.
+    encoding : Encoding
+        Options of the user; a pixel format among them is taken or refused, not replaced.
+    container : str
+        FFmpeg's name of the output's container.
+    source : str
+        Pixel format of the source.
+    size : tuple of int
+        Width and height, pixels.
+    name : str
+        The output in messages.
+    of_images : bool
+        Whether the source is images, which become 4:2:0 unless lossless or deep.
+
+    Returns
+    -------
+    tuple
+        Name of the pixel format, and a list of sentences.
+
+    Raises
+    ------
+    OptionError
+        The pixel format asked for needs an even size.
+    OutputError
+        The encoder has no pixel format that FFmpeg can convert to.
     """
     codec = av.Codec(encoder, "w")
     offered = pixel_formats(codec)

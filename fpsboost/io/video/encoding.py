@@ -77,12 +77,17 @@ class Encoder:
     """Quality and speed options of an encoder, and the values that they accept."""
 
     name: str
+    """FFmpeg's name."""
     crf: int
+    """Default quality."""
     largest_crf: int
     preset: str
+    """Default preset."""
     presets: tuple[str, ...]
     preset_option: str
+    """FFmpeg's option for the preset."""
     fixed_options: tuple[tuple[str, str], ...] = ()
+    """Options that are always given."""
     needs_whole_chroma: bool = False
     """Whether subsampled chroma requires an even width or height."""
     lossless: tuple[tuple[str, str], ...] = ()
@@ -148,9 +153,30 @@ def find_encoder(name: str, kind: str) -> av.Codec | None:
 def choose_encoder(
     encoding: Encoding, container: str, name: str, pixel_format: str = "yuv420p", source_codec: str = "", *, pixels: int
 ) -> tuple[str, dict[str, str]]:
-    """Return FFmpeg's encoder and its options for the encoding that was asked for, and pictures of so many pixels.
+    """Return FFmpeg's encoder and its options for the encoding that was asked for.
 
-    If no codec was asked for, `default_codec` chooses it. Raises `OptionError` for what the container or encoder lacks.
+    Parameters
+    ----------
+    encoding : Encoding
+        Options of the user; without a codec, `default_codec` chooses it.
+    container : str
+        FFmpeg's name of the output's container.
+    name : str
+        The output in messages.
+    pixel_format, source_codec : str
+        Pixel format of the source, and FFmpeg's name of its codec.
+    pixels : int
+        Pixels per picture, which limit the number of threads.
+
+    Returns
+    -------
+    tuple
+        Name of the encoder, and its options, with those that make it repeatable.
+
+    Raises
+    ------
+    OptionError
+        FFmpeg lacks the encoder, the container does not hold its codec, or it does not know an option.
     """
     default = default_codec(container, encoding.pixel_format or pixel_format, source_codec)
     asked = encoding.codec or default
@@ -191,6 +217,7 @@ def encodes_alpha(encoding: Encoding, container: str) -> bool:
 
 
 def _options_of_known(known: Encoder, asked: str, encoding: Encoding) -> dict[str, str]:
+    """Return the options for an encoder of the table; raise `OptionError` for values that it does not accept."""
     crf = known.crf if encoding.crf is None else encoding.crf
     if not 0 <= crf <= known.largest_crf:
         raise OptionError(f"`crf` must be 0 to {known.largest_crf} for {asked}, not {crf}.")
@@ -234,6 +261,7 @@ def _options_of_other(codec: av.Codec, encoding: Encoding) -> dict[str, str]:
 
 
 def _check_lossless(asked: str, can: bool) -> None:
+    """Raise `OptionError` unless an encoder can encode losslessly."""
     if not can:
         able = [common for common, encoder in encoders.items() if encoder.lossless]
         raise OptionError(f"`lossless` is nothing that {asked} can do; use {', '.join(able)} or ffv1.")
@@ -265,6 +293,7 @@ _opened_with_alpha = {"libvpx": ["yuva420p"], "libvpx-vp9": ["yuva420p"], "libx2
 
 
 def _check_pixel_format(codec: av.Codec, asked: str | None) -> None:
+    """Raise `OptionError` unless an encoder accepts a pixel format, if one was asked for."""
     if asked is None:
         return
     taken = pixel_formats(codec)

@@ -34,11 +34,26 @@ _Misfit = tuple[str, list[str], str]
 
 @dataclass(frozen=True)
 class Fitting:
-    """Plan for storing the streams of a source, if there is one, in a file of this name and container.
+    """Plan for storing the streams of a source in a file; `fit_streams` fills in the last three fields.
 
-    The window is the part of the source that is written, None for all of it. FFmpeg's encoder is listed for each audio
-    stream that is re-encoded, and a remark for each stream that is left out because it fits in neither way. With
-    `any_codec`, a stream is copied whose codec is missing from the container's list; see `open_muxer`.
+    Parameters
+    ----------
+    name : str
+        Output file in messages.
+    container : str
+        FFmpeg's name of its container.
+    encoding : Encoding
+        Options of the user, among them the streams to keep.
+    source : VideoFile, optional
+        File of the streams; None if the source is none.
+    window : Window, optional
+        Part of the source that is written; None for all of it.
+    encoders : Mapping
+        FFmpeg's encoders for audio that is re-encoded, by the number of its stream.
+    left_out : Mapping
+        Remarks on streams that can neither be copied nor re-encoded, by their numbers.
+    any_codec : bool
+        Whether a stream is copied whose codec is missing from the container's list; see `open_muxer`.
     """
 
     name: str
@@ -52,9 +67,26 @@ class Fitting:
 
 
 def fit_streams(plan: Fitting, encoder: str) -> Fitting:
-    """Decide how audio and subtitles of a plan's source are stored in its container, beside an encoder's video.
+    """Decide how audio and subtitles of a plan's source are stored in its container, by trials with FFmpeg's muxers.
 
-    What fits in no way is left out beside others of its kind; alone, or if it was asked for, it raises `OutputError`.
+    Parameters
+    ----------
+    plan : Fitting
+        Plan without encoders.
+    encoder : str
+        FFmpeg's encoder of the video, which containers that are proposed instead must hold too.
+
+    Returns
+    -------
+    Fitting
+        Plan with encoders, and with remarks on streams that are left out beside others of their type.
+
+    Raises
+    ------
+    OptionError
+        Options contradict each other, or name a stream that the source lacks.
+    OutputError
+        A stream cannot be stored that is the only one of its type, or was asked for by number.
     """
     name, container, encoding, source = plan.name, plan.container, plan.encoding, plan.source
     if source is None:
@@ -131,12 +163,14 @@ def _check_streams(file: av.container.InputContainer, source: VideoFile, encodin
 
 
 def _any_of(ways: Sequence[str]) -> str:
+    """Join ways to go on with commas and a final or."""
     return ", or ".join([", ".join(ways[:-1]), ways[-1]]) if len(ways) > 1 else "".join(ways)
 
 
 def _not_held(
     stream: av.stream.Stream, encoder: str | None, others: Sequence[str], name: str, source: str, *, is_whole: bool
 ) -> _Misfit:
+    """Return the misfit of a stream that the container does not hold, with other containers and an encoder as ways."""
     what, option = ("sound", "`audio=False`") if stream.type == "audio" else ("subtitles", "`subtitles=False`")
     ways = [f"write {' or '.join(others)}"] if others else []
     if stream.type == "audio" and encoder is not None and can_encode(stream, encoder):
@@ -260,6 +294,7 @@ def keeps_data(container: str, stream: av.stream.Stream) -> bool:
 
 
 def _listed(container: str, stream: av.stream.Stream) -> bool:
+    """Return whether the codec of a stream is in the container's list."""
     context: Any = stream.codec_context
     return context is not None and holds(container, context.codec.name)
 

@@ -83,7 +83,7 @@ def reformatted(
 ) -> av.VideoFrame:
     """Convert a YCbCr picture to another pixel format, with the same matrix and range, and optionally another size.
 
-    `full_range` says whether black is 0 rather than 16 (in 8 bits), before and after; `size` is height and width.
+    With `full_range`, black is 0 rather than 16 (in 8 bits), before and after; `size` is height and width.
     """
     height, width = size or (None, None)
     limits = FULL_RANGE if full_range else LIMITED_RANGE

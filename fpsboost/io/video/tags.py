@@ -1,6 +1,6 @@
 """Carry over titles, languages, timecodes and other tags as far as another container can hold them.
 
-Of Matroska's chapters FFmpeg reads a time and a name; the file itself tells what else they have.
+Of Matroska's chapters FFmpeg reads a time and a name; their other properties are read from the file itself.
 """
 
 from __future__ import annotations
@@ -139,6 +139,7 @@ def _language_codes(language: str) -> list[str]:
 
 
 def _is_file_specific(key: str, value: str) -> bool:
+    """Return whether a tag describes the source file and not its content."""
     name = key.lower()
     return (
         name in FILE_SPECIFIC_TAGS
@@ -155,6 +156,7 @@ def _is_language_duplicate(key: str, tags: Mapping[str, str]) -> bool:
 
 
 def _lost_tags(tags: Mapping[str, str], container: str, movflags: str = "") -> list[str]:
+    """Return the names of tags that a container does not keep, by a trial."""
     kept, _ = _tags_read_back(tags, container, movflags)
     return [name for name in tags if kept and name.lower() not in kept]
 
@@ -179,6 +181,7 @@ def _tags_read_back(
 
 
 def _lower(tags: Mapping[str, str]) -> dict[str, str]:
+    """Return tags with their names in lower case."""
     return {key.lower(): value for key, value in tags.items()}
 
 

@@ -42,7 +42,7 @@ LINEAR, SRGB, PQ, HLG = 8, 13, 16, 18  # transfer functions
 _plain = {BT709, *NO_COLOUR_TAG["color_primaries"]}
 
 UPRIGHT = struct.pack("=9i", 1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 30)
-"""Display matrix that changes nothing, as of EXIF."""
+"""Display matrix without rotation or flip, as from EXIF."""
 
 ALWAYS_LOCATED = ("h264", "hevc", "amv", "h263", "mjpeg", "mpeg1video", "theora")
 """Codecs whose decoders always give the chroma location; for others, FFmpeg takes an unknown one for the centre."""
@@ -74,13 +74,42 @@ class LightLevel:
 class VideoTraits:
     """Colour coding, pixel shape, orientation and HDR metadata of a video's pictures, which a sink keeps.
 
-    Pictures are converted with the AVColorSpace `color_space`: as tagged, otherwise BT.709 from 720 rows on, BT.601
-    below. The tags are FFmpeg's numbers, 2 (range: 0) for unspecified. Full range has black at 0 rather than 16 (in 8
-    bits); a chroma location that is not tagged is FFmpeg's guess. The aspect ratio is the width of a pixel over its
-    height, and the display matrix is in 16.16 and 2.30 fixed point. Further side data is described by its type;
-    `stereo_mode` is Matroska's name of how a picture holds two views. Colours of `dolby_vision_only` are those of no
-    other format. `codec` is FFmpeg's name of the format that the pictures were coded in, empty if they were not. The
-    defaults are those of images that say nothing.
+    Tags are FFmpeg's numbers (ITU-T H.273), 2 for unspecified; the defaults are those of images without any tag.
+
+    Parameters
+    ----------
+    pixel_format : str
+        FFmpeg's name of the pixel format.
+    color_space : int
+        AVColorSpace by which pictures are converted: the tagged one, otherwise BT.709 from 720 rows on, BT.601 below.
+    tagged_color_space : int
+        AVColorSpace of the tag.
+    color_range : int
+        AVColorRange of the tag, 0 for unspecified.
+    color_primaries, color_transfer : int
+        Tags of primaries and transfer function.
+    full_range : bool
+        Whether black is at 0 rather than 16 (in 8 bits).
+    chroma_location : str
+        FFmpeg's name of the place of chroma samples.
+    tagged_chroma_location : bool
+        Whether that is a tag and not FFmpeg's guess.
+    sample_aspect_ratio : Fraction, optional
+        Width of a pixel over its height; None if unknown.
+    display_matrix : tuple of int, optional
+        Nine numbers in 16.16 and 2.30 fixed point; None for upright pictures.
+    mastering_display : MasteringDisplay, optional
+        Display on which the video was graded.
+    light_level : LightLevel, optional
+        Content light levels of the clip.
+    side_data : Mapping
+        Words for further side data, by its type.
+    stereo_mode : str
+        Matroska's name of how a picture holds two views; empty for one view.
+    dolby_vision_only : bool
+        Whether only decoders of Dolby Vision know the colours.
+    codec : str
+        FFmpeg's name of the format that the pictures were coded in; empty if they were not.
     """
 
     pixel_format: str = "gbrp"

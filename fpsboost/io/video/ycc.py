@@ -167,9 +167,23 @@ def bgr_of(image: YCbCrImage) -> Image:
 
 
 def as_picture(frame: Frame, coding: Coding, reformatter: VideoReformatter, *, keeps_original: bool) -> av.VideoFrame:
-    """Convert a frame into a picture of a coding, which may be gray or RGB, from the decoded picture if there is one.
+    """Convert a frame to a picture of a coding, for an encoder.
 
-    See `from_bgr`; `keeps_original` says whether the target's colour tags are those of the source.
+    Parameters
+    ----------
+    frame : Frame
+        Frame to convert, from its decoded picture if it has one.
+    coding : Coding
+        Pixel format, matrix, range and chroma location of the result, which may be gray or RGB.
+    reformatter : VideoReformatter
+        FFmpeg's scaler, which keeps its tables from frame to frame.
+    keeps_original : bool
+        Whether the target has the colour tags of the source, so that decoded pictures can be used.
+
+    Returns
+    -------
+    av.VideoFrame
+        Picture: the frame's decoded one itself where nothing has to be converted.
     """
     image, original = frame.pixels, frame.original
     pixel_format, full_range = coding.pixel_format, coding.full_range
