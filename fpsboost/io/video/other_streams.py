@@ -110,7 +110,7 @@ class OtherStreams:
         """Mux all packets that are due up to an output time, seconds; None for all that are left.
 
         Times must not decrease from call to call. Packets before the window are left out, and those out of order too,
-        with a remark. Raises `EncryptedError` for an encrypted packet in the window.
+        with a remark. Raises `EncryptedError` for an encrypted packet before the end of the window.
         """
         while True:
             packet, self._ahead = self._ahead or next(self._packets, None), None
