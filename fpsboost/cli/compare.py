@@ -72,10 +72,8 @@ def compare(
     from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
 
     console = Console(highlight=False, quiet=results.quiet)
-    inputs, hiding = (
-        [input, *more],
-        evaluation.Hiding(frames.skip, *evaluation.parse_range(frames.range or ":"), decoding, frames.duplicates),
-    )
+    inputs = [input, *more]
+    hiding = evaluation.Hiding(frames.skip, *evaluation.parse_range(frames.range or ":"), decoding, frames.duplicates)
     others = name_others(contest.frames_of, contest.peer)
     check_several(inputs, contest)
     rendered = {clip: contest.rendered.of_clip(clip) for clip in inputs}
