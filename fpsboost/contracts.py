@@ -157,7 +157,7 @@ class OutputRange:
     stop: int | None = None
     """Number of the first frame after the range; None if there is none."""
     skip: int = 0
-    """Number of frames, from the first, that the sink has already; see `fpsboost.io.staging.StagedSink`. They are
+    """Number of frames, from the first, that the sink has already; see `fpsboost.media.staging.StagedSink`. They are
     counted and passed on in order, but instead of an interpolated image they carry one of the source."""
     entry: Entry | None = None
     """Where reading begins, early enough for the first frame; None for the start of the clip."""

@@ -13,18 +13,18 @@ import cv2
 
 from fpsboost.contracts import FrameSource, OutputRange, SilentObserver, Summary
 from fpsboost.errors import InputError, OptionError, choose_one, explained
-from fpsboost.fingerprint import JobFingerprint, fingerprint_files, fingerprint_options
+from fpsboost.fingerprint import fingerprint_files, fingerprint_options
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import DescribedSource
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, TargetRequirements, open_source
 from fpsboost.io.side.sink import with_side_outputs
-from fpsboost.io.staging import StagedSink
 from fpsboost.io.video.capture import ArraySource, captured, rate_of
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.pyav import pyav_version
+from fpsboost.media.pyav import pyav_version
+from fpsboost.media.staging import JobFingerprint, StagedSink
 from fpsboost.method_table import find_method
 from fpsboost.options import PathName, Range, Rate, checked, flags_of, with_options
 from fpsboost.parts.plan import enter, plan_part, share_index

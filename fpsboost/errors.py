@@ -7,18 +7,41 @@ only the command line prints and chooses an exit code (2 for `OptionError`, 1 fo
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
-from difflib import get_close_matches
-from pathlib import Path
 
+from fpsboost.media.errors import (
+    CompleteAlreadyError,
+    EncryptedError,
+    ExistsError,
+    FpsboostError,
+    InputError,
+    InUseError,
+    OptionError,
+    OutputError,
+    choose_one,
+    explained,
+)
 
-class FpsboostError(Exception):
-    """Base class of the exceptions that fpsboost raises on purpose."""
-
-
-class OptionError(FpsboostError, ValueError):
-    """Error for an invalid value of an option or argument."""
+__all__ = [
+    "MAX_REASON",
+    "STANDARD_OUTPUT",
+    "ClusterError",
+    "CompleteAlreadyError",
+    "EncryptedError",
+    "ExistsError",
+    "FpsboostError",
+    "InUseError",
+    "InputError",
+    "OptionError",
+    "OutputError",
+    "ReaderGoneError",
+    "SceneCutWarning",
+    "choose_one",
+    "explain",
+    "explained",
+    "format_duration",
+    "notes_of",
+    "rounded",
+]
 
 
 class SceneCutWarning(UserWarning):
@@ -26,30 +49,6 @@ class SceneCutWarning(UserWarning):
 
     Issued only if a cut policy is given; ``warnings.simplefilter("error", SceneCutWarning)`` makes it an exception.
     """
-
-
-class InputError(FpsboostError):
-    """Error for a source that is missing, unreadable, damaged beyond use, or too short."""
-
-
-class EncryptedError(InputError):
-    """Error for a source that is encrypted, so that decoding it would give noise."""
-
-
-class OutputError(FpsboostError):
-    """Error for a target that exists already, cannot be written, or cannot hold the streams."""
-
-
-class ExistsError(OutputError):
-    """Error for a target that exists already, and is not to be replaced."""
-
-
-class CompleteAlreadyError(OutputError):
-    """Error for a run to be resumed whose target is complete already."""
-
-
-class InUseError(OutputError):
-    """Error for a target that another run writes at this moment."""
 
 
 class ReaderGoneError(OutputError):
@@ -86,29 +85,6 @@ def format_duration(seconds: float) -> str:
     if 0 < seconds < 10:
         return f"{seconds:.{max(0, 1 - math.floor(math.log10(seconds)))}f} s"
     return f"{seconds:.0f} s"
-
-
-def choose_one(value: str, choices: Collection[str]) -> str:
-    """Return the end of a message about a value that is none of many choices: the most similar one, or all.
-
-    Examples
-    --------
-    >>> choose_one("nml", ["nlm", "nlm-fast", "blend"])
-    "did you mean 'nlm'?"
-    >>> choose_one("magic", ["nlm", "blend"])
-    'choose one of nlm, blend.'
-    """
-    meant = get_close_matches(value.lower(), choices, 1)
-    return f"did you mean {meant[0]!r}?" if meant else f"choose one of {', '.join(choices)}."
-
-
-@contextmanager
-def explained(kind: type[FpsboostError], task: str, path: str | Path, advice: str) -> Iterator[None]:
-    """Turn an OSError raised in the block into a sentence: cannot `task` (such as ``read``) the path; `advice`."""
-    try:
-        yield
-    except OSError as error:
-        raise kind(f"Cannot {task} {path} ({error.strerror or error}); {advice}.") from error
 
 
 STANDARD_OUTPUT = "Standard output or a temporary file"  # what an error of the system is about that names no file

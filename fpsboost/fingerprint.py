@@ -5,20 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 IDENTIFYING_BYTES = 1 << 16  # bytes at the beginning and at the end of a file that identify it together with its size
-
-
-@dataclass(frozen=True)
-class JobFingerprint:
-    """Inputs and options of an output, by which a later run can tell whether it would write the same."""
-
-    facts: Mapping[str, str]
-    resume: bool = False
 
 
 @runtime_checkable

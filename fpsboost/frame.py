@@ -49,6 +49,7 @@ from numpy.typing import NDArray
 
 from fpsboost.image import Image, Pixels, view
 from fpsboost.layered import FrameImage
+from fpsboost.media.info import ClipInfo as ClipInfo  # noqa: PLC0414 (the public name)
 
 
 class PairMotion(NamedTuple):
@@ -95,25 +96,3 @@ class Frame:
     def array(self) -> Image:
         """The image, which must be an array; `InputError` if it is a `YCbCrImage`."""
         return view(self.image).array()
-
-
-@dataclass(frozen=True, slots=True)
-class ClipInfo:
-    """Properties of a clip that are known before its first frame is read."""
-
-    name: str
-    """The path or pattern as the user gave it."""
-    height: int
-    """Rows of pixels, as stored (a rotation tag is not applied)."""
-    width: int
-    """Columns of pixels, likewise."""
-    rate: Fraction
-    """Nominal frames per second."""
-    time_base: Fraction
-    """Seconds per tick: every frame time is a multiple of it."""
-    frame_count: int | None
-    """Number of frames that the source declares; None if it does not."""
-    duration: Fraction | None = None
-    """Duration in seconds that the source declares; None if it does not."""
-    mean_rate: Fraction | None = None
-    """Frames per second over all frames whose times are known beforehand, pauses included; None if none are."""

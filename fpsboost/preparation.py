@@ -30,10 +30,10 @@ from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.images.source import is_pattern
 from fpsboost.io.opening import PIPES, Target, check_images, open_source
 from fpsboost.io.output import Output, StreamInfo
-from fpsboost.io.video.clock import TIME_TOLERANCE, Window
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.encoding import VIDEO_SUFFIXES
+from fpsboost.media.clock import TIME_TOLERANCE, Window
+from fpsboost.media.encoding import VIDEO_SUFFIXES
 from fpsboost.memory import BYTES_PER_PIXEL, MemoryLimit
 from fpsboost.method_table import BYTES_PER_PIXEL_OF
 from fpsboost.options import Checked, PathName
@@ -387,8 +387,7 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
     info, stream = clip.source.info, clip.whole.stream_info
     if rate.replacement is not None:
         rate.replacement.check(clip.whole.info)
-    heard = clip.window.curve if clip.window is not None and clip.curve is not None else None
-    encoding, lost = _adapt_audio(job.encoding, stream, rate, heard, target.path)
+    encoding, lost = _adapt_audio(job.encoding, stream, rate, clip.clip_curve, target.path)
     schedule = rate.schedule(info, has_clock=target.has_clock, curve=clip.curve)
     multiple = schedule.rate(info.rate) / info.rate
     images = stream.images

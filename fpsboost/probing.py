@@ -25,17 +25,18 @@ from fpsboost.io.animation.source import is_animation
 from fpsboost.io.opening import Target, TargetRequirements, open_source
 from fpsboost.io.output import Output
 from fpsboost.io.video.decode_options import DecodeOptions, SizeChange
-from fpsboost.io.video.demuxer import VideoFile, is_cover_art
-from fpsboost.io.video.fitting import first_packets, fits, headers_in, is_text, keeps_data
-from fpsboost.io.video.tags import find_timecode
-from fpsboost.io.video.traits import VideoTraits, matrices, primaries, tag_name, transfers
+from fpsboost.media.demuxer import VideoFile, is_cover_art
+from fpsboost.media.fitting import first_packets, fits, headers_in, is_text, keeps_data
+from fpsboost.media.info import OutputTiming
+from fpsboost.media.tags import find_timecode
+from fpsboost.media.traits import VideoTraits, matrices, primaries, tag_name, transfers
 from fpsboost.method_table import methods
 from fpsboost.pair import Pair
 from fpsboost.preparation import Preparation
 from fpsboost.repair import find_damaged
 from fpsboost.streaming import beginning
 from fpsboost.timing.rate import OutputRate
-from fpsboost.timing.schedule import OutputTiming, count_frames
+from fpsboost.timing.schedule import count_frames
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from fpsboost.contracts import FrameSink
 from fpsboost.io import DescribedSource
 from fpsboost.io.opening import Target
 from fpsboost.io.output import Output
+from fpsboost.media.info import OutputTiming
 from fpsboost.timing.rate import OutputRate
-from fpsboost.timing.schedule import OutputTiming
 
 FAST = Encoding(preset="ultrafast")
 GROUPS = {"rate": OutputRate, "decoding": DecodeOptions, "run": RunOptions}

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from fpsboost.frame import Frame
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encoder import undisturbed
 from fpsboost.io.video.pipe import chroma_locations, formats
-from fpsboost.io.video.pixels import SMPTE170M, plane_arrays
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import from_bgr
+from fpsboost.media.encoder import undisturbed
+from fpsboost.media.pixels import SMPTE170M, plane_arrays
 
 QUARTER_TURN = (0, 65536, 0, -65536, 0, 0, 0, 0, 1 << 30)
 LOSSLESS = {"preset": "ultrafast", "crf": "0"}

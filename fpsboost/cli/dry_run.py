@@ -14,7 +14,7 @@ from fpsboost.cli.messages import fact_table, literal, sentence
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo
 from fpsboost.io.opening import PIPES
-from fpsboost.io.video.remarks import counted
+from fpsboost.media.remarks import counted
 from fpsboost.memory import readable_size
 from fpsboost.preparation import ConversionJob, Preparation, prepared, with_duration
 from fpsboost.preview.page import Preview, estimate_sentence, preview

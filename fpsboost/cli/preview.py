@@ -13,9 +13,9 @@ from fpsboost.cli.compare import split_methods
 from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import GROUPS, CutOptions, MethodOptions, PathName, PreviewOptions, in_flags, with_flags
 from fpsboost.errors import OptionError
-from fpsboost.io.new_output import check_writable
 from fpsboost.io.opening import PIPES, Target
 from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.media.files import check_writable
 from fpsboost.options import words_of_options
 from fpsboost.preparation import ConversionJob, clip_name, output_beside
 from fpsboost.run_options import RunOptions

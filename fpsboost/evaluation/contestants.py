@@ -24,8 +24,8 @@ from fpsboost.evaluation.hidden_frames import Hidden, Interval, Sample
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, view
 from fpsboost.interpolator import Interpolator, with_neighbours
-from fpsboost.io.video.pixels import graph_of
-from fpsboost.io.video.pyav import pulled
+from fpsboost.media.pixels import graph_of
+from fpsboost.media.pyav import pulled
 from fpsboost.method_table import methods, vector_methods
 from fpsboost.pair import Pair
 

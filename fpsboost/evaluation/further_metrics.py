@@ -27,9 +27,9 @@ from fpsboost.evaluation import steadiness
 from fpsboost.evaluation.hidden_frames import Hidden, Interval
 from fpsboost.evaluation.steadiness import FrameMeter
 from fpsboost.image import Image
-from fpsboost.io.video.pixels import assumed_color_space
-from fpsboost.io.video.pyav import pulled
 from fpsboost.io.video.ycc import from_bgr
+from fpsboost.media.pixels import assumed_color_space
+from fpsboost.media.pyav import pulled
 
 HIGHEST = 120.0
 """XPSNR of equal frames, dB, the same as their PSNR; infinity would have no mean."""

@@ -3,60 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Self
 
 from fpsboost.errors import ExistsError, OutputError, explained
-from fpsboost.io.staging import StagingDirectory, hidden_place, move_all, sync, write_safely
+from fpsboost.media.files import check_folder, move_all, sync, write_safely
+from fpsboost.media.staging import StagingDirectory, hidden_place
 
 if TYPE_CHECKING:
     from fpsboost.io.images.sequence import Numbering
 
 ADVICE = "check the free space and the permissions"
-
-
-def check_writable(path: Path, name: str, inputs: Collection[Path] = (), overwrite: bool | None = None) -> None:
-    """Raise `OutputError` unless a file, named `name` in messages, can be written and is none of the inputs.
-
-    `overwrite` is None for what never replaces anything.
-    """
-    if path.is_dir():
-        raise OutputError(f"{name} is a folder; name a file in it.")
-    if not path.parent.is_dir():
-        raise OutputError(f"{name} cannot be written because its folder does not exist; create it first.")
-    if os.path.lexists(path):
-        if path.exists() and not path.is_file():
-            raise OutputError(f"{name} is a device or a pipe; name a file, or - for standard output.")
-        if path.exists() and any(source.exists() and path.samefile(source) for source in inputs):
-            raise OutputError(f"{name} is the input itself; write to another name.")
-        if not overwrite:
-            other = "remove it first" if overwrite is None else "pass `overwrite=True`"
-            raise ExistsError(f"{name} exists already; choose another name or {other}.")
-    _check_takes_files(path.parent, name)
-
-
-def check_folder(path: Path, *, may_be_new: bool = True) -> None:
-    """Raise `OutputError` unless files can be written to a folder, which is made if it may be new."""
-    needed = path.parent if may_be_new else path
-    for place in (path, needed):
-        if os.path.lexists(place) and not place.is_dir():
-            what = "a file" if place.exists() else "a link that leads nowhere"
-            raise OutputError(f"{place} is {what}; name a folder, or a pattern in one.")
-    if not needed.is_dir():
-        raise OutputError(f"The folder {needed} does not exist; create it first.")
-    _check_takes_files(path if path.is_dir() else needed, str(path))
-
-
-def _check_takes_files(folder: Path, name: str) -> None:
-    """Raise `OutputError` unless a file can be made in a folder; permissions alone do not prove it."""
-    with (
-        explained(OutputError, "write", name, "choose another folder, in which files can be made"),
-        TemporaryFile(dir=folder, prefix=".fpsboost-"),  # without a name where the system has such files
-    ):
-        pass
 
 
 def write_whole(path: Path, data: bytes) -> None:

@@ -23,15 +23,15 @@ from fpsboost.io.images.source import ImageReading, ImageSource, find_images, is
 from fpsboost.io.output import Output
 from fpsboost.io.video.capture import CaptureSource
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.demuxer import check_is_no_playlist, open_video
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.encoding import VIDEO_SUFFIXES, containers, encodes_alpha
 from fpsboost.io.video.pipe import PipeSink, PipeSource
 from fpsboost.io.video.sink import VideoPartSink, VideoSink
 from fpsboost.io.video.source import VideoSource
+from fpsboost.media.demuxer import check_is_no_playlist, open_video
+from fpsboost.media.encoding import VIDEO_SUFFIXES, containers, encodes_alpha
+from fpsboost.media.info import OutputTiming
 from fpsboost.memory import MemoryLimit
 from fpsboost.options import PathName, checked
-from fpsboost.timing.schedule import OutputTiming
 
 ASSUMED_IMAGE_RATE = Fraction(24)
 """For images that become images: their times then only serve as an order."""

@@ -26,12 +26,12 @@ from fpsboost.fingerprint import fingerprint_options, identify_files
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import SAMPLE_BITS, view
 from fpsboost.interpolator import Interpolator
-from fpsboost.io.staging import write_safely
-from fpsboost.io.video.clock import Window
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.pyav import pyav_version
 from fpsboost.layered import FrameImage
+from fpsboost.media.clock import Window
+from fpsboost.media.files import write_safely
+from fpsboost.media.pyav import pyav_version
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, opened_clip, prepared
 from fpsboost.run_options import Part, RunOptions
 from fpsboost.timing.rate import OutputRate

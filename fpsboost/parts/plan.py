@@ -28,14 +28,13 @@ from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_sy
 from fpsboost.analysis.scene_cuts import counts_frames
 from fpsboost.contracts import Entry, OutputRange, RandomAccess, Summary
 from fpsboost.errors import OptionError, OutputError, explained
-from fpsboost.fingerprint import JobFingerprint
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.io import SeekableSource
-from fpsboost.io.output import OutputPart
-from fpsboost.io.staging import INDEX_NAME, part_files, remove_if_empty, write_safely
-from fpsboost.io.video.chunks import CHUNK_FRAMES
-from fpsboost.io.video.frame_index import EntryPoint, FrameIndex
+from fpsboost.media.chunks import CHUNK_FRAMES
+from fpsboost.media.files import write_safely
+from fpsboost.media.frame_index import EntryPoint, FrameIndex
+from fpsboost.media.staging import INDEX_NAME, JobFingerprint, OutputPart, part_files, remove_if_empty
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_difference, input_identity, stored
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, prepared, read_again
 from fpsboost.repair import CERTAIN_AFTER

@@ -8,6 +8,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from fpsboost.errors import InputError, OptionError, rounded
+from fpsboost.media.info import OutputTiming, is_implausible
 from fpsboost.options import Checked, PathName, Range, Rate, option
 from fpsboost.timing.position import Replacement, format_time
 from fpsboost.timing.retime import parse_curve, parse_speeds, read_curve
@@ -19,11 +20,9 @@ from fpsboost.timing.schedule import (
     ByFactor,
     ByRate,
     ExposureSchedule,
-    OutputTiming,
     RetimeSchedule,
     Schedule,
     Shutter,
-    is_implausible,
     parse_number,
     parse_rate,
     representable,

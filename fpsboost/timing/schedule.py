@@ -15,19 +15,13 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import TYPE_CHECKING, Annotated, NamedTuple, Protocol, Self, runtime_checkable
+from typing import Annotated, NamedTuple, Protocol, Self, runtime_checkable
 
 from fpsboost.errors import OptionError
+from fpsboost.media.info import ClipInfo
 from fpsboost.options import Checked, Range, check_type
 from fpsboost.timing.time_map import TimeMap
 
-if TYPE_CHECKING:  # --help does not wait for NumPy
-    from fpsboost.frame import ClipInfo
-
-MAX_DISPLAY_RATE = 300
-"""Frame rate above which no display shows frames, and no camera films without keeping its rate; frames per second."""
-MAX_RATE_RATIO = 10
-"""Ratio of the nominal to the mean rate above which nearly all frames would be made where nothing moves."""
 MAX_FACTOR = 1000
 """Largest number of output frames per source frame."""
 MAX_RATE = 100_000
@@ -255,11 +249,6 @@ def rising_time(schedule: Schedule, start: Fraction, time: Fraction, last: Fract
     return time if time > last else None  # the second of two frames with one nominal time keeps its own
 
 
-def is_implausible(rate: Fraction, mean_rate: Fraction) -> bool:
-    """Return whether a rate is higher than that of any display, and far higher than the mean rate of the frames."""
-    return rate > MAX_DISPLAY_RATE and rate > MAX_RATE_RATIO * mean_rate
-
-
 def count_frames(schedule: Schedule, info: ClipInfo, holds_last_frame: bool) -> int | None:
     """Return the number of output frames as far as the source's header is right; None if the header does not have it.
 
@@ -326,16 +315,6 @@ def parse_number(text: str, option: str) -> Fraction:
         raise OptionError(f"{option} {text!r} is not a number; write it like 2, 2.5, 5/2 or 60000/1001.") from None
     # programs print 15000/1001 as 14.985014985014985, and no container has such a time base
     return value if value.denominator < MAX_TICKS_PER_SECOND else value.limit_denominator(1_000_000)
-
-
-@dataclass(frozen=True)
-class OutputTiming:
-    """Rate and time base of an output, which encoders and containers are set to."""
-
-    rate: Fraction
-    """Nominal frames per second."""
-    time_base: Fraction
-    """Seconds per tick; frame times are multiples of it (or rounded to it where the container is coarser)."""
 
 
 DEFAULT_SAMPLES = 15

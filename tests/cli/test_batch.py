@@ -14,7 +14,7 @@ from video_truth import packets_of, pictures_of, write_clip
 
 from fpsboost.cli.batch import plan_outputs
 from fpsboost.errors import OptionError
-from fpsboost.io import staging
+from fpsboost.media import staging
 from fpsboost.preparation import output_beside
 from fpsboost.timing.rate import OutputRate
 

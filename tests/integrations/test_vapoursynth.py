@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from video_truth import scene
 
 from fpsboost import Encoding, Interpolator, OutputRate, convert, methods, stream
-from fpsboost.io.video.pixels import plane_arrays
 from fpsboost.io.video.ycc import from_bgr
+from fpsboost.media.pixels import plane_arrays
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.pair import Pair
 from fpsboost.synthesis.blend import Blend

@@ -15,10 +15,10 @@ from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageSource
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, Target, TargetRequirements, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encoding import VIDEO_SUFFIXES
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
-from fpsboost.timing.schedule import OutputTiming
+from fpsboost.media.encoding import VIDEO_SUFFIXES
+from fpsboost.media.info import OutputTiming
 
 
 @pytest.mark.parametrize(

@@ -21,26 +21,27 @@ import fpsboost
 from fpsboost.contracts import ClosesOnExit, OutputRange, SilentObserver, Summary
 from fpsboost.conversion import convert
 from fpsboost.errors import CompleteAlreadyError, OutputError
-from fpsboost.fingerprint import JobFingerprint, fingerprint_options
+from fpsboost.fingerprint import fingerprint_options
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageSource
 from fpsboost.io.side.flow import encode_flow
-from fpsboost.io.staging import StagingDirectory
-from fpsboost.io.video import chunks
-from fpsboost.io.video.chunks import ChunkWriter, find_chunks, timed_packets
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.sink import ChunkSink, VideoSink
 from fpsboost.io.video.source import VideoSource
+from fpsboost.media import chunks
+from fpsboost.media.chunks import ChunkWriter, find_chunks, timed_packets
+from fpsboost.media.info import OutputTiming
+from fpsboost.media.staging import JobFingerprint, StagingDirectory
 from fpsboost.method_table import find_method, methods
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.render.folder import VectorFolder
 from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.rate import OutputRate
-from fpsboost.timing.schedule import ByFactor, OutputTiming
+from fpsboost.timing.schedule import ByFactor
 
 FRAMES = 25
 CHUNK = 10
@@ -268,7 +269,7 @@ def test_cuts_and_duplicates_are_counted_the_same(tmp_path):
 
 def test_all_may_be_there(tmp_path, clip, whole, monkeypatch):
     """A run that is stopped while its file is put together goes on with that alone."""
-    monkeypatch.setattr("fpsboost.io.video.chunks.Assembly.finish", lambda *_: 1 / 0)
+    monkeypatch.setattr("fpsboost.media.chunks.Assembly.finish", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError) as caught:
         run(clip, tmp_path / "out.mp4")
     assert caught.value.__notes__ == ["50 frames are finished, and `resume` goes on from there."]

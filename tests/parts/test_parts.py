@@ -316,7 +316,7 @@ def test_nothing_is_left_of_a_part_that_fails(tmp_path, clip, snapshot):
 
 def test_a_part_that_cannot_be_read_back_is_not_published(tmp_path, clip, monkeypatch):
     """A chunk that is damaged on its way to the disk ends in a sentence."""
-    monkeypatch.setattr("fpsboost.io.video.chunks.sync", lambda path: path.write_bytes(path.read_bytes()[:-40]))
+    monkeypatch.setattr("fpsboost.media.chunks.sync", lambda path: path.write_bytes(path.read_bytes()[:-40]))
     with pytest.raises(OutputError, match="cannot be read back"):
         convert_in_parts(1, clip, tmp_path / "out.mp4", method="nearest")
     assert not parts_of(tmp_path / "out.mp4")

@@ -27,7 +27,7 @@ from starlette.testclient import TestClient
 from video_truth import add_pictures, mux_in_order, scene, tone, write_clip
 
 from fpsboost.errors import OptionError, OutputError
-from fpsboost.io.staging import MANIFEST, hidden_place
+from fpsboost.media.staging import MANIFEST, hidden_place
 from fpsboost.ui import choices, jobs
 from fpsboost.ui.choices import LABELS, first_choices, on_page
 from fpsboost.ui.files import MAX_ENTRIES, Files

@@ -21,7 +21,7 @@ from fpsboost.image import Image
 from fpsboost.io.images.encoder import colours_of
 from fpsboost.io.images.metadata import PNG_SIGNATURE, ImageMetadata, png_chunks
 from fpsboost.io.output import StreamInfo
-from fpsboost.io.video.pyav import as_fraction
+from fpsboost.media.pyav import as_fraction
 from fpsboost.memory import MemoryLimit
 
 if TYPE_CHECKING:

@@ -28,8 +28,8 @@ from fpsboost.io.images.layers import contents_of, encode_like, losses_like
 from fpsboost.io.images.library import image_library
 from fpsboost.io.images.metadata import ImageMetadata, into_png, lost_metadata, metadata_of, pillow_options
 from fpsboost.io.images.sequence import NumberedImages
-from fpsboost.io.video.pixels import BT709, BT2020, UNSPECIFIED
-from fpsboost.io.video.traits import LINEAR, SRGB, VideoTraits, primaries, traits_of_png, transfers
+from fpsboost.media.pixels import BT709, BT2020, UNSPECIFIED
+from fpsboost.media.traits import LINEAR, SRGB, VideoTraits, primaries, traits_of_png, transfers
 
 _short_names = {".jpeg": ".jpg", ".tiff": ".tif"}
 _pillow_types: dict[str, tuple[str, dict[str, Any]]] = {

@@ -18,18 +18,16 @@ from fpsboost.io.images.encoder import ImageEncoder
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
 from fpsboost.io.images.sequence import NumberedImages, Numbering
 from fpsboost.io.images.source import MOVING, is_pattern
-from fpsboost.io.new_output import ADVICE, check_folder, reason_to_refuse
+from fpsboost.io.new_output import ADVICE, reason_to_refuse
 from fpsboost.io.output import Output
-from fpsboost.io.staging import (
+from fpsboost.media.files import check_folder, move_all, sync, write_safely
+from fpsboost.media.staging import (
     IN_EXISTING_FOLDER,
     PartFolder,
     StagedSink,
     StagingDirectory,
     complete_already,
     hidden_place,
-    move_all,
-    sync,
-    write_safely,
 )
 
 VIDEO_DIGITS = 6  # where the source has no numbers: 999999 frames are more than four hours at 60 per second
@@ -317,7 +315,8 @@ class ImagePartSink(NumberedSink):
         assert output.part is not None
         names = _names_of(output)
         _check_type(output, names)
-        self._folder, self._frame_count = PartFolder(output), output.part.frames
+        self._folder = PartFolder(output.part, output.job, overwrite=output.overwrite)
+        self._frame_count = output.part.frames
         names = replace(names, first=names.first + output.part.first * names.step)
         super().__init__(output, names, self._folder)
 

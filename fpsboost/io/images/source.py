@@ -34,11 +34,11 @@ from fpsboost.io.images.sequence import (
     order_names,
 )
 from fpsboost.io.output import StreamInfo
-from fpsboost.io.staging import hidden_place
 from fpsboost.io.video.decode_options import View
-from fpsboost.io.video.encoding import VIDEO_SUFFIXES
-from fpsboost.io.video.traits import VideoTraits
 from fpsboost.layered import LayeredImage
+from fpsboost.media.encoding import VIDEO_SUFFIXES
+from fpsboost.media.staging import hidden_place
+from fpsboost.media.traits import VideoTraits
 from fpsboost.memory import MemoryLimit
 
 MAX_GAP = 1000

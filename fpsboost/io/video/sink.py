@@ -22,12 +22,11 @@ from fpsboost.colour import Coding
 from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.frame import Frame
 from fpsboost.image import Pixels
-from fpsboost.io.new_output import check_writable
 from fpsboost.io.output import Output, check_frame_size
-from fpsboost.io.staging import PartFolder, StagedSink, StagingDirectory, complete_already, hidden_place
-from fpsboost.io.video.chunks import CHUNK_FRAMES, Assembly, Chunk, ChunkWriter, find_chunks
-from fpsboost.io.video.encoder import VideoEncoder
-from fpsboost.io.video.encoding import (
+from fpsboost.io.video.ycc import as_picture
+from fpsboost.media.chunks import CHUNK_FRAMES, Assembly, Chunk, ChunkWriter, find_chunks
+from fpsboost.media.encoder import VideoEncoder
+from fpsboost.media.encoding import (
     EXACT_TIME_BASE_CONTAINERS,
     MATROSKA_TICK,
     VIDEO_SUFFIXES,
@@ -35,11 +34,12 @@ from fpsboost.io.video.encoding import (
     containers,
     depth_of,
 )
-from fpsboost.io.video.fitting import Fitting, fit_streams
-from fpsboost.io.video.pixels import BT709, BT2020, has_alpha
-from fpsboost.io.video.side_data import MASTERING
-from fpsboost.io.video.traits import VideoTraits, primaries, transfers
-from fpsboost.io.video.ycc import as_picture
+from fpsboost.media.files import check_writable
+from fpsboost.media.fitting import Fitting, fit_streams
+from fpsboost.media.pixels import BT709, BT2020, has_alpha
+from fpsboost.media.side_data import MASTERING
+from fpsboost.media.staging import PartFolder, StagedSink, StagingDirectory, complete_already, hidden_place
+from fpsboost.media.traits import VideoTraits, primaries, transfers
 from fpsboost.memory import return_free_memory
 
 
@@ -300,7 +300,8 @@ class VideoPartSink(ChunkSink):
     """
 
     def __init__(self, output: Output) -> None:
-        self._part = PartFolder(output)
+        assert output.part is not None
+        self._part = PartFolder(output.part, output.job, overwrite=output.overwrite)
         super().__init__(output, self._part, self._part.staged, CHUNK_FRAMES)
 
     def _finish(self) -> None:

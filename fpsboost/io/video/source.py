@@ -22,7 +22,9 @@ from fpsboost.errors import EncryptedError, InputError, OptionError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
 from fpsboost.io.output import StreamInfo
-from fpsboost.io.video.clock import (
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.ycc import coding_of, in_planes, is_on_its_side, to_bgr, turned_upright
+from fpsboost.media.clock import (
     VideoClock,
     assumed_rate_remark,
     in_rising_order,
@@ -30,8 +32,7 @@ from fpsboost.io.video.clock import (
     nominal_rate,
     survey,
 )
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.demuxer import (
+from fpsboost.media.demuxer import (
     Demuxer,
     VideoFile,
     is_fragmented,
@@ -40,11 +41,11 @@ from fpsboost.io.video.demuxer import (
     open_video,
     read_packets,
 )
-from fpsboost.io.video.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
-from fpsboost.io.video.pictures import MAX_REORDERED, FormatUnifier, Pictures
-from fpsboost.io.video.pixels import has_alpha
-from fpsboost.io.video.pyav import as_fraction
-from fpsboost.io.video.remarks import (
+from fpsboost.media.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
+from fpsboost.media.pictures import MAX_REORDERED, FormatUnifier, Pictures
+from fpsboost.media.pixels import has_alpha
+from fpsboost.media.pyav import as_fraction
+from fpsboost.media.remarks import (
     Damage,
     counted,
     dolby_vision_sentence,
@@ -53,10 +54,9 @@ from fpsboost.io.video.remarks import (
     lost_companions_remark,
     lost_shape_remark,
 )
-from fpsboost.io.video.side_data import MASTERING, read_header
-from fpsboost.io.video.tags import ORDER, unread_of_chapters
-from fpsboost.io.video.traits import VideoTraits, read_traits
-from fpsboost.io.video.ycc import coding_of, in_planes, is_on_its_side, to_bgr, turned_upright
+from fpsboost.media.side_data import MASTERING, read_header
+from fpsboost.media.tags import ORDER, unread_of_chapters
+from fpsboost.media.traits import VideoTraits, read_traits
 from fpsboost.memory import MemoryLimit
 from fpsboost.threads import available_cores
 

@@ -17,7 +17,7 @@ from av.video.reformatter import VideoReformatter
 from fpsboost.colour import Coding, bgr_to_ycc
 from fpsboost.frame import Frame
 from fpsboost.image import Image, YCbCrImage, view
-from fpsboost.io.video.pixels import (
+from fpsboost.media.pixels import (
     FULL_RANGE,
     LIMITED_RANGE,
     SCALER_FLAGS,
@@ -32,7 +32,7 @@ from fpsboost.io.video.pixels import (
     sample_type,
     with_chroma_location,
 )
-from fpsboost.io.video.traits import VideoTraits
+from fpsboost.media.traits import VideoTraits
 
 PLANAR_FORMATS = frozenset(
     [f"yuv{chroma}p{depth}" for chroma in (420, 422, 444) for depth in ("", "9le", "10le", "12le", "14le", "16le")]

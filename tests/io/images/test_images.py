@@ -22,7 +22,7 @@ from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageReading, ImageSource, is_pattern
 from fpsboost.io.output import Output, StreamInfo
 from fpsboost.layered import LayeredImage
-from fpsboost.timing.schedule import OutputTiming
+from fpsboost.media.info import OutputTiming
 
 RATE = Fraction(24000, 1001)
 HEIGHT, WIDTH = 12, 18

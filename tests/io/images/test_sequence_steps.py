@@ -299,7 +299,7 @@ def test_a_run_in_place_that_was_killed(tmp_path, monkeypatch, moved):
     source = fill(tmp_path / "in", range(1, 12, 2))
     with monkeypatch.context() as context:  # nothing is tidied up behind it
         stop_moving(context, moved, StoppedError())
-        context.setattr("fpsboost.io.staging.shutil.rmtree", lambda *arguments, **options: None)
+        context.setattr("fpsboost.media.staging.shutil.rmtree", lambda *arguments, **options: None)
         context.setattr("pathlib.Path.unlink", lambda path, **options: None)
         with pytest.raises(StoppedError):
             run(source, in_place=True)

@@ -15,9 +15,9 @@ import fpsboost
 from fpsboost.io.images.files import read_image
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.pixels import SMPTE170M
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import from_bgr, to_bgr
+from fpsboost.media.pixels import SMPTE170M
 from fpsboost.probing import probe
 from fpsboost.timing.position import Trim, parse_position
 

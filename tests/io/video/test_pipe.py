@@ -27,7 +27,7 @@ from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pipe import PipeSink, PipeSource, formats
 from fpsboost.io.video.source import VideoSource
-from fpsboost.timing.schedule import OutputTiming
+from fpsboost.media.info import OutputTiming
 
 NAMES = tuple(formats)
 ODD = (47, 63)

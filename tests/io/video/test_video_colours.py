@@ -19,10 +19,10 @@ from fpsboost import convert
 from fpsboost.contracts import Summary
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.encoder import with_hdr
-from fpsboost.io.video.pixels import SCALER_FLAGS, chroma_location_of, plane_arrays
 from fpsboost.io.video.source import VideoSource
-from fpsboost.io.video.traits import LightLevel, MasteringDisplay, VideoTraits, parse_mastering_display
+from fpsboost.media.encoder import with_hdr
+from fpsboost.media.pixels import SCALER_FLAGS, chroma_location_of, plane_arrays
+from fpsboost.media.traits import LightLevel, MasteringDisplay, VideoTraits, parse_mastering_display
 
 SIZE = 48, 64
 BT709, BT601, BT2020, PQ, HLG = 1, 6, 9, 16, 18

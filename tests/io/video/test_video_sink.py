@@ -18,8 +18,8 @@ from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding, parse_bitrate, parse_encoder_options
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
+from fpsboost.media.info import OutputTiming
 from fpsboost.timing.rate import OutputRate
-from fpsboost.timing.schedule import OutputTiming
 
 LOSSLESS = Encoding(crf=0, preset="ultrafast")
 B_FRAMES = Encoding(preset="veryfast")

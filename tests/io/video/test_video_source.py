@@ -23,9 +23,9 @@ from video_truth import (
 )
 
 from fpsboost.errors import InputError
-from fpsboost.io.video.pixels import chroma_location_of
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import from_bgr, to_bgr, turned_upright
+from fpsboost.media.pixels import chroma_location_of
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".mov"])

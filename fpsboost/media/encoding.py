@@ -13,10 +13,10 @@ import cv2
 from av.codec.codec import UnknownCodecError
 from av.codec.context import OptionFlags
 
-from fpsboost.errors import OptionError, choose_one
-from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.pixels import has_alpha
-from fpsboost.io.video.pyav import trial_file
+from fpsboost.media.encode_settings import EncodeSettings
+from fpsboost.media.errors import OptionError, choose_one
+from fpsboost.media.pixels import has_alpha
+from fpsboost.media.pyav import trial_file
 
 containers = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska", ".webm": "webm"}
 """FFmpeg's name of the container by suffix."""
@@ -151,13 +151,19 @@ def find_encoder(name: str, kind: str) -> av.Codec | None:
 
 
 def choose_encoder(
-    encoding: Encoding, container: str, name: str, pixel_format: str = "yuv420p", source_codec: str = "", *, pixels: int
+    encoding: EncodeSettings,
+    container: str,
+    name: str,
+    pixel_format: str = "yuv420p",
+    source_codec: str = "",
+    *,
+    pixels: int,
 ) -> tuple[str, dict[str, str]]:
     """Return FFmpeg's encoder and its options for the encoding that was asked for.
 
     Parameters
     ----------
-    encoding : Encoding
+    encoding : EncodeSettings
         Options of the user; without a codec, `default_codec` chooses it.
     container : str
         FFmpeg's name of the output's container.
@@ -202,7 +208,7 @@ def choose_encoder(
     return encoder, _merged_options(options, (*repeatable_options(encoder, given, pixels), *encoding.encoder_options))
 
 
-def encodes_alpha(encoding: Encoding, container: str) -> bool:
+def encodes_alpha(encoding: EncodeSettings, container: str) -> bool:
     """Return whether the encoder, pixel format and container that were asked for can hold alpha; False if unknown."""
     asked = encoding.codec or default_codec(container, encoding.pixel_format or "yuv420p")
     encoder = encoders[asked.lower()].name if asked.lower() in encoders else asked
@@ -216,7 +222,7 @@ def encodes_alpha(encoding: Encoding, container: str) -> bool:
     return any(has_alpha(name) for name in offered)
 
 
-def _options_of_known(known: Encoder, asked: str, encoding: Encoding) -> dict[str, str]:
+def _options_of_known(known: Encoder, asked: str, encoding: EncodeSettings) -> dict[str, str]:
     """Return the options for an encoder of the table; raise `OptionError` for values that it does not accept."""
     crf = known.crf if encoding.crf is None else encoding.crf
     if not 0 <= crf <= known.largest_crf:
@@ -235,7 +241,7 @@ def _options_of_known(known: Encoder, asked: str, encoding: Encoding) -> dict[st
     return options if says_another_aim else {**options, "crf": str(crf)}
 
 
-def _options_of_other(codec: av.Codec, encoding: Encoding) -> dict[str, str]:
+def _options_of_other(codec: av.Codec, encoding: EncodeSettings) -> dict[str, str]:
     """Return the options for an encoder outside the table; raise `OptionError` if it does not know one."""
     known = private_options(codec)
     options = {}

@@ -18,10 +18,10 @@ from typing import Any
 import av
 from av.format import Flags
 
-from fpsboost.errors import EncryptedError, InputError, OptionError
-from fpsboost.io.video.pixels import NO_COLOUR_TAG
-from fpsboost.io.video.pyav import open_input
-from fpsboost.io.video.remarks import Damage, encrypted_sentence
+from fpsboost.media.errors import EncryptedError, InputError, OptionError
+from fpsboost.media.pixels import NO_COLOUR_TAG
+from fpsboost.media.pyav import open_input
+from fpsboost.media.remarks import Damage, encrypted_sentence
 
 STILL_CODECS = ("png", "mjpeg", "bmp", "gif", "tiff", "webp")
 
@@ -103,7 +103,7 @@ class Demuxer:
     Attributes that reading updates, in seconds on the file's own clock: `furthest` is the end of all packets of video,
     audio and subtitles so far, `last_start` the presentation time of the last video packet. Reading ends at an
     encrypted video packet; `clear` is then the duration of the pictures before it, otherwise None. `colour_tags` are
-    the container's, by their names in PyAV; see `fpsboost.io.video.pixels.add_colour_tags`.
+    the container's, by their names in PyAV; see `fpsboost.media.pixels.add_colour_tags`.
 
     Parameters
     ----------

@@ -14,8 +14,8 @@ from fractions import Fraction
 
 import av
 
-from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS
-from fpsboost.io.video.pyav import open_input, trial_file
+from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS
+from fpsboost.media.pyav import open_input, trial_file
 
 FILE_SPECIFIC_TAGS = {
     *("major_brand", "minor_version", "compatible_brands", "encoder", "timecode", "duration"),

@@ -13,8 +13,8 @@ import av
 import numpy as np
 from av.video.reformatter import VideoReformatter
 
-from fpsboost.errors import InputError
-from fpsboost.io.video.pixels import (
+from fpsboost.media.errors import InputError
+from fpsboost.media.pixels import (
     BT709,
     LIMITED_RANGE,
     NO_COLOUR_TAG,
@@ -23,8 +23,8 @@ from fpsboost.io.video.pixels import (
     color_space_of,
     is_full_range,
 )
-from fpsboost.io.video.pyav import as_fraction
-from fpsboost.io.video.side_data import MASTERING, described, is_ordinary, side_data_of, stereo_mode_of
+from fpsboost.media.pyav import as_fraction
+from fpsboost.media.side_data import MASTERING, described, is_ordinary, side_data_of, stereo_mode_of
 
 matrices = {0: "rgb", 1: "bt709", 4: "fcc", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020nc", 10: "bt2020c"}
 primaries = {

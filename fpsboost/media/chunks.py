@@ -22,12 +22,12 @@ from zipfile import BadZipFile, ZipFile, ZipInfo
 import av
 from av.packet import PacketSideData, PktSideDataT
 
-from fpsboost.errors import OutputError
-from fpsboost.io.staging import rename_safely, sync
-from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS
-from fpsboost.io.video.fitting import Fitting, check_readable, open_muxer
-from fpsboost.io.video.other_streams import OtherStreams
-from fpsboost.io.video.traits import VideoTraits
+from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS
+from fpsboost.media.errors import OutputError
+from fpsboost.media.files import rename_safely, sync
+from fpsboost.media.fitting import Fitting, check_readable, open_muxer
+from fpsboost.media.other_streams import OtherStreams
+from fpsboost.media.traits import VideoTraits
 
 CHUNK_FRAMES = 240
 """Frames per chunk: near the default maximum keyframe interval of x264 and x265, so chunks do not enlarge the file."""

@@ -11,9 +11,9 @@ from typing import Any, cast
 import av.filter
 from av.video.reformatter import VideoReformatter
 
-from fpsboost.errors import InputError
-from fpsboost.io.video.clock import VideoClock
-from fpsboost.io.video.pixels import (
+from fpsboost.media.clock import VideoClock
+from fpsboost.media.errors import InputError
+from fpsboost.media.pixels import (
     SCALER_FLAGS,
     add_colour_tags,
     chroma_location_of,
@@ -24,10 +24,10 @@ from fpsboost.io.video.pixels import (
     is_full_range,
     kind_of_picture,
 )
-from fpsboost.io.video.pyav import as_fraction, pulled
-from fpsboost.io.video.remarks import Damage, counted, interlaced_remark, lost_alpha_remark
-from fpsboost.io.video.side_data import Crop
-from fpsboost.io.video.traits import VideoTraits, primaries, tag_name, transfers
+from fpsboost.media.pyav import as_fraction, pulled
+from fpsboost.media.remarks import Damage, counted, interlaced_remark, lost_alpha_remark
+from fpsboost.media.side_data import Crop
+from fpsboost.media.traits import VideoTraits, primaries, tag_name, transfers
 
 MAX_REORDERED = 16
 """Maximum reordering of H.264 and HEVC, pictures; a packet that is later than this produced no picture."""

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import av.filter
 
-from fpsboost.io.video.pixels import graph_of
-from fpsboost.io.video.pyav import trial_file
+from fpsboost.media.pixels import graph_of
+from fpsboost.media.pyav import trial_file
 
 ICC_PROFILE = 15  # FFmpeg's number of the type
 unnamed_types = {ICC_PROFILE: "ICC_PROFILE", 28: "LCEVC", 29: "VIEW_ID", 30: "THREE_D_REFERENCE_DISPLAYS", 31: "EXIF"}

@@ -14,12 +14,12 @@ import pytest
 from fpsboost.frame import ClipInfo
 from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.encoder import VideoEncoder
-from fpsboost.io.video.encoding import ENCODER_THREADS, choose_encoder, repeatable_parameters
 from fpsboost.io.video.sink import traits_of_image
-from fpsboost.io.video.traits import VideoTraits
 from fpsboost.io.video.ycc import from_bgr
-from fpsboost.timing.schedule import OutputTiming
+from fpsboost.media.encoder import VideoEncoder
+from fpsboost.media.encoding import ENCODER_THREADS, choose_encoder, repeatable_parameters
+from fpsboost.media.info import OutputTiming
+from fpsboost.media.traits import VideoTraits
 
 RATE = Fraction(25)
 PIXELS = 96 * 128
@@ -112,7 +112,7 @@ def test_cores_do_not_matter():
 
 POLICIES = """if True:
     import os, sys
-    from fpsboost.io.video.encoder import VideoEncoder
+    from fpsboost.media.encoder import VideoEncoder
 
     opened, seen = VideoEncoder._open_encoder, set()
 

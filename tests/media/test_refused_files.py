@@ -16,10 +16,10 @@ from video_truth import add_pictures, copy_packets, pictures_of, read, write_cli
 from fpsboost import convert
 from fpsboost.errors import InputError
 from fpsboost.io.opening import open_source
-from fpsboost.io.video import clock, demuxer
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
+from fpsboost.media import clock, demuxer
 from fpsboost.timing.position import Position, Trim
 
 KEYS = {
@@ -79,7 +79,7 @@ def test_what_is_clear_of_an_encrypted_file_is_converted_on_request(tmp_path, mo
 def test_encrypted_sound_is_refused_and_can_be_left_out(tmp_path, monkeypatch):
     """Where the pictures are clear."""
     clip = write_clip(tmp_path / "in.mkv", sound="aac")
-    monkeypatch.setattr("fpsboost.io.video.other_streams.is_encrypted", lambda packet: packet.stream.type == "audio")
+    monkeypatch.setattr("fpsboost.media.other_streams.is_encrypted", lambda packet: packet.stream.type == "audio")
     with pytest.raises(InputError, match=r"in\.mkv has encrypted audio \(DRM\) in stream 1; take `audio=False`\."):
         convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST)
 
@@ -154,7 +154,7 @@ def test_an_encrypted_playlist_is_read_with_its_key(tmp_path):
             VideoSource(clip, decoding=decoding)
 
 
-TESTS = Path(__file__).parents[2]
+TESTS = Path(__file__).parents[1]
 SEED = 20260
 COPIES = 10
 

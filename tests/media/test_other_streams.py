@@ -14,7 +14,7 @@ from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, to
 from fpsboost.conversion import convert
 from fpsboost.errors import OutputError
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.tags import timecode_at
+from fpsboost.media.tags import timecode_at
 from fpsboost.probing import probe
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Trim, parse_position

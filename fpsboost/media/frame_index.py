@@ -15,9 +15,9 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.io.video.demuxer import is_encrypted, read_packets
-from fpsboost.io.video.pyav import open_input
-from fpsboost.io.video.remarks import Damage
+from fpsboost.media.demuxer import is_encrypted, read_packets
+from fpsboost.media.pyav import open_input
+from fpsboost.media.remarks import Damage
 
 INDEXED = ("matroska", "mov")  # containers that store a presentation time with every packet, and an index of key frames
 

@@ -23,12 +23,12 @@ from video_truth import (
 
 from fpsboost import convert
 from fpsboost.cli.options import in_flags
-from fpsboost.io.video.clock import in_rising_order, measured_cadence, nominal_rate
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.pictures import ReorderBuffer
-from fpsboost.io.video.remarks import Damage
 from fpsboost.io.video.source import VideoSource
+from fpsboost.media.clock import in_rising_order, measured_cadence, nominal_rate
+from fpsboost.media.pictures import ReorderBuffer
+from fpsboost.media.remarks import Damage
 from fpsboost.probing import probe
 
 MILLISECOND = Fraction(1, 1000)

@@ -7,21 +7,19 @@ others afterwards, becomes a folder of its own.
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import json
 import os
 import shutil
-import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, suppress
+from dataclasses import dataclass
 from io import BufferedRandom
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING
 
-from fpsboost.errors import (
+from fpsboost.media.errors import (
     CompleteAlreadyError,
     ExistsError,
     InputError,
@@ -30,20 +28,9 @@ from fpsboost.errors import (
     OutputError,
     explained,
 )
-
-if TYPE_CHECKING:
-    from fpsboost.fingerprint import JobFingerprint
-    from fpsboost.io.output import Output
-
-if sys.platform == "win32":
-    import msvcrt
-else:
-    import fcntl
-
+from fpsboost.media.files import LOCKED, lock_file, rename_safely, sync, write_safely
 
 LOCK, MANIFEST, COMPLETE = "lock", "manifest.json", "whole"
-LOCKED = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)
-"""Codes of the errors for a file that another process has locked; others mean that the disk has no locks."""
 MAX_ATTEMPTS = 1000
 """Attempts to lock a folder that other runs remove meanwhile; a folder that keeps nothing would take any number."""
 MAX_FACT_LENGTH = 60
@@ -64,6 +51,25 @@ def hidden_place(folder: Path, name: str) -> Path:
 def unfinished_places(output: Path) -> tuple[Path, Path]:
     """Return where a stopped run leaves its part of an output: beside it, or in a folder that was there before."""
     return hidden_place(output.parent, output.name), hidden_place(output, IN_EXISTING_FOLDER)
+
+
+@dataclass(frozen=True)
+class JobFingerprint:
+    """Inputs and options of an output, by which a later run can tell whether it would write the same."""
+
+    facts: Mapping[str, str]
+    resume: bool = False
+
+
+@dataclass(frozen=True)
+class OutputPart:
+    """Part of an output: `frames` frames (None if unknown), from number `first` on, in a folder of its own."""
+
+    folder: Path
+    first: int
+    frames: int | None
+    complete: Callable[[Path], None]
+    """Called with the folder of the finished files before it gets its final name, to add what describes them."""
 
 
 class StagingDirectory:
@@ -297,57 +303,6 @@ def complete_already(name: str) -> str:
     return f"{name} exists already and no run of it is unfinished, so it was left as it is."
 
 
-def write_safely(path: Path, data: bytes, mode: int = 0o666) -> None:
-    """Write a file atomically, even in case of a power cut, replacing one of that name.
-
-    `mode` is the permissions of the file, from which the umask is subtracted.
-    """
-    part = path.with_name(path.name + ".part")
-    with open(part, "wb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    rename_safely(part, path)
-
-
-def rename_safely(here: Path, there: Path) -> None:
-    """Rename a file whose content is synced to disk, and sync its name."""
-    os.replace(here, there)
-    sync(there.parent)
-
-
-def move_all(moves: Sequence[tuple[Path, Path]], move: Callable[[Path, Path], None] | None = None) -> None:
-    """Move files from the first paths to the second, by `os.replace` or `move`; if one cannot be moved, none is."""
-    try:
-        for here, there in moves:
-            (move or os.replace)(here, there)
-    except BaseException:
-        for here, there in reversed(moves):
-            with suppress(OSError):
-                if there.exists() and not here.exists():
-                    os.replace(there, here)
-        raise
-
-
-def sync(path: Path) -> None:
-    """Wait until a file, or the names in a folder, are written to disk."""
-    if path.is_dir() and os.name == "nt":  # Windows writes names at once and opens no folders
-        return
-    number = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
-    try:
-        os.fsync(number)
-    finally:
-        os.close(number)
-
-
-def lock_file(file: BufferedRandom) -> None:
-    """Lock a file until it is closed; raise OSError, with one of the codes in `LOCKED` if another process holds it."""
-    if sys.platform == "win32":
-        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-    else:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-
-
 REPLACED = "replaced"
 INDEX_NAME = ".index.npz"
 """File in the folder of all parts with the list of the input's frames."""
@@ -358,25 +313,28 @@ class PartFolder(StagingDirectory):
 
     Parameters
     ----------
-    output : Output
-        Output with `part`.
+    part : OutputPart
+        The part.
+    job : JobFingerprint or None
+        Inputs and options that a run which resumes must share.
+    overwrite : bool
+        Replace the part if it is there.
 
     Raises
     ------
     CompleteAlreadyError
         The part is there and the job is to be resumed.
     ExistsError
-        The part is there otherwise, and `output.overwrite` is not set.
+        The part is there otherwise, and `overwrite` is not set.
     OutputError
         The folder in which the folder of all parts belongs does not exist.
     """
 
-    def __init__(self, output: Output) -> None:
-        assert output.part is not None
-        self._part, folder = output.part, output.part.folder
-        super().__init__(hidden_place(folder.parent, folder.name), "output", str(folder), output.job)
-        if folder.exists() and not output.overwrite:
-            if output.job is not None and output.job.resume:
+    def __init__(self, part: OutputPart, job: JobFingerprint | None, *, overwrite: bool) -> None:
+        self._part, folder = part, part.folder
+        super().__init__(hidden_place(folder.parent, folder.name), "output", str(folder), job)
+        if folder.exists() and not overwrite:
+            if job is not None and job.resume:
                 raise CompleteAlreadyError(complete_already(self.name))
             raise ExistsError(f"{self.name} exists already; give `resume` to keep it, or `overwrite=True`.")
         if not folder.parent.parent.is_dir():

@@ -21,13 +21,13 @@ import av
 from av.codec.codec import Capabilities, PixFmtLoss, find_best_pix_fmt_of_list
 from av.video.frame import PictureType
 
-from fpsboost.errors import OptionError, OutputError
-from fpsboost.io.output import Output
-from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, depth_of, encoders, encodes_alpha, pixel_formats
-from fpsboost.io.video.pixels import FULL_RANGE, LIMITED_RANGE, RGB, has_alpha, is_gray
-from fpsboost.io.video.side_data import filtered, stereo_modes
-from fpsboost.io.video.traits import LightLevel, MasteringDisplay, VideoTraits
+from fpsboost.media.encode_settings import EncodeSettings
+from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS, depth_of, encoders, encodes_alpha, pixel_formats
+from fpsboost.media.errors import OptionError, OutputError
+from fpsboost.media.output import Output
+from fpsboost.media.pixels import FULL_RANGE, LIMITED_RANGE, RGB, has_alpha, is_gray
+from fpsboost.media.side_data import filtered, stereo_modes
+from fpsboost.media.traits import LightLevel, MasteringDisplay, VideoTraits
 
 MIN_CUTREE_WIDTH = 64
 """Minimum width for x265's "cutree", pixels; in narrower pictures it writes out of bounds (seen up to 48)."""
@@ -302,7 +302,14 @@ EXCLUDED_FORMATS = re.compile(r"^(pal8|mono|bayer)|f(16|32)(le|be)$|^rgb555|^bgr
 
 
 def choose_pixel_format(
-    encoder: str, encoding: Encoding, container: str, source: str, size: tuple[int, int], name: str, *, of_images: bool
+    encoder: str,
+    encoding: EncodeSettings,
+    container: str,
+    source: str,
+    size: tuple[int, int],
+    name: str,
+    *,
+    of_images: bool,
 ) -> tuple[str, list[str]]:
     """Return the pixel format to encode, and remarks on losses.
 
@@ -310,7 +317,7 @@ def choose_pixel_format(
     ----------
     encoder : str
         FFmpeg's encoder.
-    encoding : Encoding
+    encoding : EncodeSettings
         Options of the user; a pixel format among them is taken or refused, not replaced.
     container : str
         FFmpeg's name of the output's container.

@@ -17,9 +17,9 @@ from fpsboost.conversion import convert
 from fpsboost.errors import InputError
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.pixels import plane_arrays
-from fpsboost.io.video.side_data import described, is_ordinary, side_data_of
 from fpsboost.io.video.source import VideoSource
+from fpsboost.media.pixels import plane_arrays
+from fpsboost.media.side_data import described, is_ordinary, side_data_of
 from fpsboost.probing import probe
 
 CAPTIONS = bytes.fromhex("b500314741393403c1fffc942cff")

@@ -16,15 +16,15 @@ import av
 from av.codec.codec import Capabilities
 from av.subtitles.subtitle import SubtitleSet
 
-from fpsboost.errors import EncryptedError
-from fpsboost.io.video.clock import Window
-from fpsboost.io.video.demuxer import VideoFile, is_cover_art, is_encrypted, read_packets
-from fpsboost.io.video.encoded_sound import EncodedSound
-from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, containers
-from fpsboost.io.video.fitting import Fitting, add_copied, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
-from fpsboost.io.video.pyav import open_input, printable
-from fpsboost.io.video.remarks import Damage, counted, encrypted_stream_sentence, not_held_remark
-from fpsboost.io.video.tags import copy_labels, find_timecode, lost_labels, tags_for, timecode_at, unread_of_chapters
+from fpsboost.media.clock import Window
+from fpsboost.media.demuxer import VideoFile, is_cover_art, is_encrypted, read_packets
+from fpsboost.media.encoded_sound import EncodedSound
+from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, containers
+from fpsboost.media.errors import EncryptedError
+from fpsboost.media.fitting import Fitting, add_copied, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
+from fpsboost.media.pyav import open_input, printable
+from fpsboost.media.remarks import Damage, counted, encrypted_stream_sentence, not_held_remark
+from fpsboost.media.tags import copy_labels, find_timecode, lost_labels, tags_for, timecode_at, unread_of_chapters
 
 MAX_INTERLEAVING = 10  # maximum time by which packets of different streams in one file may be out of order, seconds
 MAX_PRIMING = Fraction(1, 10)  # hidden sound before the beginning that decoders need to have decoded, at most, seconds
@@ -48,7 +48,7 @@ class OtherStreams:
     Parameters
     ----------
     fitting : Fitting
-        Result of `fpsboost.io.video.fitting.fit_streams`: which streams are copied, encoded or left out, and the part
+        Result of `fpsboost.media.fitting.fit_streams`: which streams are copied, encoded or left out, and the part
         of the source that is written.
     source : VideoFile
         File to copy from.
@@ -193,7 +193,7 @@ class OtherStreams:
         self._sounds[stream.index] = sound
         self._add_target(stream, sound.stream)
         stretched = "" if self._curve is None else "fitted to the speeds of its pictures and "
-        if self._curve is not None and self._curve.is_steady and (speed := self._curve.segments[0].speed):
+        if self._curve is not None and self._curve.is_steady and (speed := self._curve.segments[0].slope0):
             stretched = f"stretched to {1 / speed} times its length and "
         self._remark(
             f"holds stream {stream.index} ({codec_of(stream)} sound) of its source {stretched}encoded anew as "

@@ -13,8 +13,8 @@ from video_truth import QUARTER_TURN, scene, write_clip
 from fpsboost.conversion import convert
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.encoding import default_codec
 from fpsboost.io.video.source import VideoSource
+from fpsboost.media.encoding import default_codec
 
 DISPLAY = "G(13250,34500)B(7500,3000)R(34000,16000)WP(15635,16450)L(10000000,50)"
 

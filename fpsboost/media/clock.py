@@ -12,15 +12,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import av
 
-from fpsboost.io.video.demuxer import Demuxer, clock_may_jump, is_encrypted, is_fragmented, is_raw, read_packets
-from fpsboost.io.video.pyav import as_fraction
-from fpsboost.io.video.remarks import Damage, counted
-from fpsboost.timing.schedule import MAX_DISPLAY_RATE, is_implausible
-from fpsboost.timing.time_map import TimeMap
+from fpsboost.media.demuxer import Demuxer, clock_may_jump, is_encrypted, is_fragmented, is_raw, read_packets
+from fpsboost.media.info import MAX_DISPLAY_RATE, is_implausible
+from fpsboost.media.pyav import as_fraction
+from fpsboost.media.remarks import Damage, counted
 
 T = TypeVar("T")
 
@@ -201,6 +200,50 @@ def survey(container: av.container.InputContainer, video: int) -> tuple[list[int
     if keeps_delays or (start < 0 and (container.format.name == "ogg" or not clock_may_jump(container))):
         start = Fraction(0)
     return listed or sorted(set(times)), start, clear
+
+
+class Passage(Protocol):
+    """Part of a time map at one speed: two output times, and two source times from the beginning of a window, seconds.
+
+    The speed, `slope0`, is in seconds of the source per second of the output.
+    """
+
+    @property
+    def begin(self) -> Fraction: ...
+
+    @property
+    def end(self) -> Fraction: ...
+
+    @property
+    def source0(self) -> Fraction: ...
+
+    @property
+    def source1(self) -> Fraction: ...
+
+    @property
+    def slope0(self) -> Fraction: ...
+
+
+class TimeMap(Protocol):
+    """Contract: map of output times to source times, both in seconds from the beginning of a window."""
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether the source plays at one speed, that of the first passage, to its end."""
+
+    @property
+    def segments(self) -> Sequence[Passage]:
+        """All passages, in the order of the output."""
+
+    @property
+    def sounding(self) -> Sequence[Passage]:
+        """Passages whose sound is heard, each at one speed."""
+
+    def time_of(self, source: Fraction) -> Fraction:
+        """Return the output time at which the source first reaches a time."""
+
+    def end_of(self, begin: Fraction, end: Fraction) -> Fraction:
+        """Return the output time at which a part of the source, `begin` to `end`, was shown."""
 
 
 @dataclass

@@ -210,7 +210,7 @@ def test_a_file_that_cannot_be_read_back_is_not_published(tmp_path, monkeypatch,
             return
         path.write_bytes(b"free".join(data.rsplit(b"trak", 1)) if lost == "sound" else data[:100])
 
-    monkeypatch.setattr("fpsboost.io.video.chunks.sync", spoil)
+    monkeypatch.setattr("fpsboost.media.chunks.sync", spoil)
     clip = write_clip(tmp_path / "in.mp4", sound="aac")
     what = "sound" if lost == "sound" else "video and sound"
     with pytest.raises(OutputError, match=rf"out\.mp4 was not written because its {what} cannot be read from it; try"):

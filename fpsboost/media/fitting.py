@@ -15,13 +15,13 @@ from typing import Any, cast
 import av
 from av.codec.codec import Properties
 
-from fpsboost.errors import OptionError, OutputError
-from fpsboost.io.video.clock import Window
-from fpsboost.io.video.demuxer import VideoFile
-from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.encoded_sound import can_encode, choose_sound_encoder, defaults, named_layout, sound_encoders
-from fpsboost.io.video.encoding import containers, holds
-from fpsboost.io.video.pyav import open_input, trial_file
+from fpsboost.media.clock import Window
+from fpsboost.media.demuxer import VideoFile
+from fpsboost.media.encode_settings import EncodeSettings
+from fpsboost.media.encoded_sound import can_encode, choose_sound_encoder, defaults, named_layout, sound_encoders
+from fpsboost.media.encoding import containers, holds
+from fpsboost.media.errors import OptionError, OutputError
+from fpsboost.media.pyav import open_input, trial_file
 
 MAX_PROBED_PACKETS = 200  # maximum number of packets that are read to find the first packet of each stream
 INCOMPLETE_LIST_CONTAINERS = ("matroska",)  # containers that hold more codecs than their list names
@@ -42,7 +42,7 @@ class Fitting:
         Output file in messages.
     container : str
         FFmpeg's name of its container.
-    encoding : Encoding
+    encoding : EncodeSettings
         Options of the user, among them the streams to keep.
     source : VideoFile, optional
         File of the streams; None if the source is none.
@@ -58,7 +58,7 @@ class Fitting:
 
     name: str
     container: str
-    encoding: Encoding
+    encoding: EncodeSettings
     source: VideoFile | None = None
     window: Window | None = None
     encoders: Mapping[int, str] = field(default_factory=dict)
@@ -151,7 +151,7 @@ def fit_streams(plan: Fitting, encoder: str) -> Fitting:
     return replace(plan, encoders=encoders, left_out=left_out, any_codec=any_codec)
 
 
-def _check_streams(file: av.container.InputContainer, source: VideoFile, encoding: Encoding) -> None:
+def _check_streams(file: av.container.InputContainer, source: VideoFile, encoding: EncodeSettings) -> None:
     """Raise `OptionError` if a stream is wanted that is neither sound nor subtitles nor the video."""
     offered = {stream.index: stream for stream in file.streams if stream.type in ("audio", "subtitle")}
     for number in set(encoding.streams or ()) - offered.keys() - {source.stream_index}:
@@ -181,7 +181,7 @@ def _not_held(
     return cause, ways, f"leave the {what} out with {option}"
 
 
-def is_wanted(stream: av.stream.Stream, encoding: Encoding) -> bool:
+def is_wanted(stream: av.stream.Stream, encoding: EncodeSettings) -> bool:
     """Return whether a stream is audio or subtitles that are to be kept."""
     is_chosen = encoding.streams is None or stream.index in encoding.streams
     return is_chosen and {"audio": encoding.audio, "subtitle": encoding.subtitles}.get(stream.type, False)

@@ -1,0 +1,52 @@
+"""Plain data from a clip to a writer: what a clip has beside its pictures, and what is to be written of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fpsboost.media.clock import Window
+from fpsboost.media.demuxer import VideoFile
+from fpsboost.media.encode_settings import EncodeSettings
+from fpsboost.media.info import ClipInfo, OutputTiming
+from fpsboost.media.staging import JobFingerprint, OutputPart
+from fpsboost.media.traits import VideoTraits
+
+
+@dataclass(frozen=True)
+class StreamInfo:
+    """What a clip has beside its pictures, for the writer."""
+
+    traits: VideoTraits | None = None
+    """Colour coding, pixel shape, rotation and HDR metadata of video; None of images, whose first one decides."""
+    video: VideoFile | None = None
+    """File whose other streams and tags can be carried over; None unless the source is a video file."""
+    files: Sequence[Path] = ()
+    """Files that are read, and never written to; empty for a pipe or arrays, which can be read only once."""
+
+
+@dataclass(frozen=True)
+class Output:
+    """Output, as a writer needs it: its path, the pictures to come, and what is known of their source."""
+
+    path: str
+    """File to write; messages name it so."""
+    info: ClipInfo
+    """Size of the pictures to come, and the name of their source."""
+    timing: OutputTiming
+    """Frame rate and time base of the pictures to come."""
+    stream: StreamInfo = field(default_factory=StreamInfo)
+    """Streams, tags and files of the source."""
+    encoding: EncodeSettings = field(default_factory=EncodeSettings)
+    """Options for video, and for the streams that are carried over."""
+    expected_frames: int | None = None
+    """Number of pictures to come, for messages."""
+    overwrite: bool = False
+    """Replace existing files."""
+    job: JobFingerprint | None = None
+    """Properties that a later run must share with this one to resume it; without them no run can be resumed."""
+    window: Window | None = None
+    """Part of the source that is written; None for all of it."""
+    part: OutputPart | None = None
+    """The part that is written; None for all of it."""
