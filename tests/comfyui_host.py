@@ -93,8 +93,6 @@ def load_folder(folder: Path) -> dict[str, type]:
     """Import a folder of custom nodes, and return its nodes by name."""
     name = str(folder).replace(".", "_x_")
     spec = importlib.util.spec_from_file_location(name, folder / "__init__.py")
-    assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     spec.loader.exec_module(module)

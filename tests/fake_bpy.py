@@ -89,7 +89,7 @@ def make_context(scene: Any, program: Path | None) -> Any:
         window=None,
         screen=SimpleNamespace(areas=[area]),
         window_manager=window_manager,
-        preferences=SimpleNamespace(addons={"blender_extension": addon}),
+        preferences=SimpleNamespace(addons={"blender": addon}),
     )
 
 

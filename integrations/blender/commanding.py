@@ -8,7 +8,7 @@ import bpy
 
 from .preparing import writes_vectors
 from .properties import folders_of, program_of, render_size, rendered_frames
-from .round_trip.commands import Run, convert_command, merge_command, plan_command, remarks_in
+from .round_trip.commands import Run, convert_command, merge_command, plan_command
 from .round_trip.errors import RoundTripError
 from .round_trip.folders import check_renders, remove_unfinished, replace_folder
 from .round_trip.regions import check_size, read_plan, unrendered
@@ -98,7 +98,7 @@ class Commanding:
                 raise
             self.report({"INFO"}, f"{self.bl_label}: stopped, nothing was replaced.")
             return {"CANCELLED"}
-        for remark in remarks_in(self._run.lines):
+        for remark in self._run.remarks:
             self.report({"WARNING"}, remark)
         self.report({"INFO"}, self.finished(context))
         return {"FINISHED"}

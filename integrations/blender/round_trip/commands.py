@@ -23,10 +23,11 @@ MAX_KEPT_LINES = 50
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of a command."""
+    """Progress of a command; with the last one come its remarks on what was lost or guessed, sentences."""
 
     frames: int
     expected_frames: int | None
+    remarks: tuple[str, ...] = ()
 
     @property
     def fraction(self) -> float:
@@ -77,13 +78,14 @@ def parse_progress(line: str) -> Progress | None:
     Examples
     --------
     >>> parse_progress('{"frame": 3, "frames": 9}')
-    Progress(frames=3, expected_frames=9)
+    Progress(frames=3, expected_frames=9, remarks=())
     >>> parse_progress("Note: alpha is dropped.")
     """
     try:
         values = json.loads(line)
         expected = values.get("frames")
-        return Progress(int(values["frame"]), None if expected is None else int(expected))
+        remarks = tuple(values.get("remarks", ()))
+        return Progress(int(values["frame"]), None if expected is None else int(expected), remarks)
     except (ValueError, TypeError, KeyError, AttributeError):
         return None
 
@@ -98,11 +100,6 @@ def explain_failure(lines: Sequence[str], exit_code: int) -> str:
     if unknown:
         return f"The fpsboost that was found is too old, it does not know {unknown[1]}; install a newer one."
     return said[-1]
-
-
-def remarks_in(lines: Sequence[str]) -> list[str]:
-    """Return the program's remarks on what was lost or guessed, sentences."""
-    return [line.removeprefix("Note:").strip() for line in lines if line.startswith("Note:")]
 
 
 class Run:
@@ -146,6 +143,12 @@ class Run:
     def is_running(self) -> bool:
         """Whether the program still runs, or its last words are still to be read."""
         return self._process.poll() is None or self._reader.is_alive()
+
+    @property
+    def remarks(self) -> list[str]:
+        """The program's remarks on what was lost or guessed, sentences: in its lines, or with its last progress."""
+        notes = [line.removeprefix("Note:").strip() for line in self.lines if line.startswith("Note:")]
+        return [*notes, *(self.progress.remarks if self.progress else ())]
 
     def stop(self) -> None:
         """Ask the program to stop; it leaves no half-written output behind."""
