@@ -4,13 +4,10 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from fpsboost import DecodeOptions, Encoding, Interpolator, RunOptions, convert, methods
-from fpsboost.contracts import FrameSink
+from fpsboost import DecodeOptions, Encoding, FrameSink, Interpolator, OutputRate, RunOptions, Target, convert, methods
 from fpsboost.io import DescribedSource
-from fpsboost.io.opening import Target
 from fpsboost.io.output import Output
 from fpsboost.media.info import OutputTiming
-from fpsboost.timing.rate import OutputRate
 
 FAST = Encoding(preset="ultrafast")
 GROUPS = {"rate": OutputRate, "decoding": DecodeOptions, "run": RunOptions}

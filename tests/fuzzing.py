@@ -17,15 +17,11 @@ import numpy as np
 from exr_truth import write_exr
 from video_truth import scene, stream_of, write_clip
 
-from fpsboost import conversion, threads
+from fpsboost import DecodeOptions, OutputRate, VectorFolder, conversion, find_method, threads
 from fpsboost.errors import FpsboostError, notes_of
 from fpsboost.io.images.exr import read_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.io.side.flow import encode_flow
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.method_table import find_method
-from fpsboost.render.folder import VectorFolder
-from fpsboost.timing.rate import OutputRate
 
 SECONDS_PER_COPY = 30
 SIZE = (32, 48)

@@ -13,9 +13,7 @@ from animation_truth import write_animation
 from command_line import assert_refused
 from video_truth import scene, write_clip
 
-from fpsboost import memory
-from fpsboost.conversion import convert
-from fpsboost.errors import InputError, OptionError
+from fpsboost import InputError, OptionError, RunOptions, convert, memory
 from fpsboost.io.animation.source import AnimationSource
 from fpsboost.io.images.exr import encode_exr, read_exr
 from fpsboost.io.images.files import read_image
@@ -30,7 +28,6 @@ from fpsboost.memory import (
     available_memory,
     parse_memory,
 )
-from fpsboost.run_options import RunOptions
 
 HUGE = 60000
 SMALL = MemoryLimit(AT_LEAST + BYTES_PER_PIXEL * 64 * 48)  # just enough for 64x48

@@ -10,8 +10,7 @@ from animation_truth import disc, write_animation
 from held_frames import CADENCES, encode, held, pan
 from video_truth import QUARTER_TURN, png, spoil_packets, write_clip
 
-from fpsboost.conversion import convert
-from fpsboost.errors import InputError, OptionError
+from fpsboost import InputError, OptionError, convert
 from fpsboost.probing import Probe, probe
 
 

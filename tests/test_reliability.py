@@ -16,10 +16,9 @@ from command_line import Result, environment
 from video_truth import pictures_of, write_clip
 
 import fpsboost
+from fpsboost import FpsboostError, InputError, OutputError, RunOptions
 from fpsboost.contracts import SilentObserver, Summary
-from fpsboost.errors import FpsboostError, InputError, OutputError
 from fpsboost.io.opening import open_source
-from fpsboost.run_options import RunOptions
 
 CHEAP = ("--method", "nearest", "--no-cuts")
 on_unix = pytest.mark.skipif(os.name == "nt", reason="Windows has no such signals, pipes and limits")

@@ -7,8 +7,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage  # which scikit-image needs
 
 Array = NDArray[Any]
+
+BEYOND = 48
+"""Pixels around a frame for which `blended` and `heaviest` have coefficients of splines."""
 
 
 def offsets_from_the_centre(radius: int) -> list[int]:
@@ -236,26 +240,8 @@ def bspline(distance: Any) -> Any:
 
 
 def spline_coefficients(plane: Array, beyond: int) -> Array:
-    """The coefficients whose spline meets every sample, from the equations themselves; edges repeat `beyond` pixels.
-
-    Returns those of the padded plane.
-    """
-    padded = np.pad(plane.astype(float), beyond, "edge")
-    for axis in (0, 1):
-        size = padded.shape[axis]
-        equations = bspline(np.subtract.outer(np.arange(size), np.arange(size)))
-        padded = np.moveaxis(np.linalg.solve(equations, np.moveaxis(padded, axis, 0)), 0, axis)
-    return padded
-
-
-def spline_at(coefficients: Array, beyond: int, y: float, x: float) -> float:
-    """The spline at a place, from the sixteen coefficients around it."""
-    top, left = math.floor(y) + beyond, math.floor(x) + beyond
-    return sum(
-        float(coefficients[j, i]) * bspline(y + beyond - j) * bspline(x + beyond - i)
-        for j in range(top - 1, top + 3)
-        for i in range(left - 1, left + 3)
-    )
+    """The coefficients whose spline meets every sample, of the plane padded by its edges, `beyond` pixels wide."""
+    return ndimage.spline_filter(np.pad(plane.astype(float), beyond, "edge"), mode="mirror")
 
 
 def seen_by_both(place: float, motion: float, t: float, length: int) -> float:
@@ -412,34 +398,22 @@ def blended(
     `compared` have a say in the weights. ``candidates[row, column]`` are lists of ``[weight, dx, dy, ax, ay]``, tried
     one by one, until one weighs less than `negligible` of the least weight of a square.
     """
-    height, width = planes0[0].shape
-    beyond = 48
-    splines = [[spline_coefficients(plane, beyond) for plane in planes] for planes in (planes0, planes1)]
-    steps = [
-        tuple(-(-size // length) for size, length in zip((height, width), plane.shape, strict=True))
-        for plane in planes0
-    ]
+    splines = [[spline_coefficients(plane, BEYOND) for plane in planes] for planes in (planes0, planes1)]
+    size = planes0[0].shape
+    steps = [tuple(-(-a // b) for a, b in zip(size, plane.shape, strict=True)) for plane in planes0]
     sums, all_weights = ([np.zeros(plane.shape) for plane in planes0] for _ in range(2))
-    similarities = np.zeros((height, width))
+    similarities = np.zeros(size)
     shape, before = faded_window(spacing), (32 - spacing) // 2
     for row, column in np.ndindex(*candidates.shape):
         corner = np.array([spacing * column - before, spacing * row - before])
         totals = [np.zeros((32 // down, 32 // across)) for down, across in steps]
         weights, alike_sum, best = (np.zeros((16, 16)) for _ in range(3))
-        for prior, *numbers in candidates[row, column]:
+        for prior, *motion in candidates[row, column]:
             if prior == 0:
                 continue
             if prior < negligible * weights.min():
                 break
-            motion, acceleration = np.array(numbers[:2]), np.array(numbers[2:])
-            start = corner - t * motion + t * (1 - t) / 2 * acceleration
-            starts, distance, mixed = (start, start + motion), np.zeros((16, 16)), []
-            for plane0, plane1, step in zip(*splines, steps, strict=True):
-                both, apart = _along((plane0, plane1), starts, (height, width), beyond, t, step)
-                distance += apart if compared is None or len(mixed) < compared else 0
-                mixed.append(both)
-            equal = np.exp(-scale * distance)
-            alike = _means_around(equal)
+            _, mixed, alike = _compared(splines, corner, motion, t, scale, size, steps, compared)
             weight = prior * np.exp(-sharpness * (1 - alike))
             totals = [
                 total + _of_samples(weight, step) * both for total, both, step in zip(totals, mixed, steps, strict=True)
@@ -474,29 +448,39 @@ def heaviest(
 
     Weights are those of `blended`, times how much the pixel's square counts in its window.
     """
-    height, width = planes0[0].shape
-    beyond = 48
-    splines = [[spline_coefficients(plane, beyond) for plane in planes] for planes in (planes0, planes1)]
-    weights, places = np.zeros((height, width)), np.zeros((4, height, width))
+    splines = [[spline_coefficients(plane, BEYOND) for plane in planes] for planes in (planes0, planes1)]
+    height, width = size = planes0[0].shape
+    weights, places = np.zeros(size), np.zeros((4, *size))
     shape, before = faded_window(spacing), (32 - spacing) // 2
     for row, column in np.ndindex(*candidates.shape):
         corner = np.array([spacing * column - before, spacing * row - before])
-        for prior, *numbers in candidates[row, column]:
-            motion, acceleration = np.array(numbers[:2]), np.array(numbers[2:])
-            away = t * (1 - t) / 2 * acceleration - t * motion
-            starts = corner + away, corner + away + motion
-            distance = sum(
-                _along((plane0, plane1), starts, (height, width), beyond, t, (1, 1))[1]
-                for plane0, plane1 in zip(*splines, strict=True)
-            )
-            alike = _means_around(np.exp(-scale * distance))
+        for prior, *motion in candidates[row, column]:
+            starts, _, alike = _compared(splines, corner, motion, t, scale, size, [(1, 1)] * len(planes0))
             weight = _of_samples(prior * np.exp(-sharpness * (1 - alike)) * shape, (1, 1))
             for j, i in np.ndindex(32, 32):
                 x, y = corner[0] + i, corner[1] + j
                 if 0 <= x < width and 0 <= y < height and weight[j, i] > weights[y, x]:
                     weights[y, x] = weight[j, i]
-                    places[:, y, x] = x + away[0], y + away[1], x + away[0] + motion[0], y + away[1] + motion[1]
+                    places[:, y, x] = np.concatenate([np.add(start, (i, j)) for start in starts])
     return weights, places
+
+
+def _compared(
+    splines: list[list[Array]],
+    corner: Array,
+    motion: list[float],
+    t: float,
+    scale: float,
+    frame: tuple[int, ...],
+    steps: list[tuple[int, ...]],
+    compared: int | None = None,
+) -> tuple[tuple[Array, Array], tuple[Array, ...], Array]:
+    """A window along ``[dx, dy, ax, ay]``: its corners in both frames, its planes mixed, and patch similarity."""
+    start = corner - t * np.array(motion[:2]) + t * (1 - t) / 2 * np.array(motion[2:])
+    starts = start, start + motion[:2]
+    planes = [_along(both, starts, frame, t, step) for *both, step in zip(*splines, steps, strict=True)]
+    mixed, apart = zip(*planes, strict=True)
+    return starts, mixed, _means_around(np.exp(-scale * sum(apart[:compared])))
 
 
 def _means_around(squares: Array) -> Array:
@@ -541,12 +525,7 @@ def faded_window(spacing: int) -> Array:
 
 
 def _along(
-    coefficients: tuple[Array, Array],
-    starts: tuple[Array, Array],
-    frame: tuple[int, int],
-    beyond: int,
-    t: float,
-    step: tuple[int, int],
+    coefficients: list[Array], starts: tuple[Array, Array], frame: tuple[int, ...], t: float, step: tuple[int, ...]
 ) -> tuple[Array, Array]:
     """A window of a plane of both frames from their corners ``(x, y)``: mixed, and how far apart each square is."""
     (height, width), (down, across) = frame, step
@@ -556,7 +535,7 @@ def _along(
         inside.append(np.outer((rows >= 0) & (rows <= height - 1), (columns >= 0) & (columns <= width - 1)))
         # a corner further out than this sees nothing but the repeated edge
         place = min(max(y, -38), height + 2) / down, min(max(x, -38), width + 2) / across
-        windows.append(spline_window(plane, beyond, *place, (32 // down, 32 // across)))
+        windows.append(spline_window(plane, BEYOND, *place, (32 // down, 32 // across)))
     share = np.where(inside[0] == inside[1], t, inside[1])
     apart = ((windows[1] - windows[0]) ** 2).reshape(16, 2 // down, 16, 2 // across).mean(axis=(1, 3))
     return (1 - share) * windows[0] + share * windows[1], apart
@@ -681,12 +660,6 @@ def split_codes(planes: list[Array], levels: tuple[float, float, float, float], 
     cb, cr = (plane[np.ix_(y, x)].astype(float) for plane in planes[1:])
     chroma = ((cb + cr) / 2 - neutral) / chroma_span + 0.5
     return [luma, (luma / 2 * scale).clip(0, 255), (chroma * scale).clip(0, 255)]
-
-
-def local_mean(values: Array, size: int) -> Array:
-    """The mean of the box of this side around each place, mirrored beyond the edges but for the edge itself."""
-    padded = np.pad(values.astype(float), size // 2, "reflect")
-    return np.lib.stride_tricks.sliding_window_view(padded, (size, size)).mean(axis=(2, 3))
 
 
 def finished(sums: Array, weights: Array, white: float, lowest: float, highest: float, straight_alpha: bool) -> Array:

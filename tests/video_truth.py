@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.frame import Frame
-from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost import DecodeOptions, Frame
 from fpsboost.io.video.pipe import chroma_locations, formats
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import from_bgr

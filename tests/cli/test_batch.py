@@ -12,11 +12,10 @@ import pytest
 from command_line import SUMMARY, assert_refused, environment
 from video_truth import packets_of, pictures_of, write_clip
 
+from fpsboost import OptionError, OutputRate
 from fpsboost.cli.batch import plan_outputs
-from fpsboost.errors import OptionError
 from fpsboost.media import staging
 from fpsboost.preparation import output_beside
-from fpsboost.timing.rate import OutputRate
 
 CHEAP = ("--method", "nearest", "--no-cuts", "--preset", "ultrafast")
 

@@ -3,11 +3,9 @@
 import pytest
 from truth import SCENES, needs_scenes
 
+from fpsboost import OptionError, VectorFolder, find_method, methods
 from fpsboost.cli.compare import choose, name_others, split_methods
-from fpsboost.errors import OptionError
 from fpsboost.evaluation.contestants import Minterpolate, method_names
-from fpsboost.method_table import find_method, methods
-from fpsboost.render.folder import VectorFolder
 
 # said only under pytest
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")

@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 from video_truth import packets_of, write_clip
 
+from fpsboost import ConversionJob, Encoding, OutputRate, Part, RunOptions, convert_job, find_method, join
 from fpsboost.cluster import convert
 from fpsboost.contracts import SilentObserver, Summary
-from fpsboost.conversion import convert_job
 from fpsboost.errors import (
     ClusterError,
     CompleteAlreadyError,
@@ -27,13 +27,7 @@ from fpsboost.errors import (
     OutputError,
     notes_of,
 )
-from fpsboost.io.video.encode_options import Encoding
-from fpsboost.method_table import find_method
-from fpsboost.parts.join import join
 from fpsboost.parts.plan import PlannedPart
-from fpsboost.preparation import ConversionJob
-from fpsboost.run_options import Part, RunOptions
-from fpsboost.timing.rate import OutputRate
 
 distributed = pytest.importorskip("distributed")
 

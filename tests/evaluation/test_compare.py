@@ -15,9 +15,7 @@ from truth import noise
 from vector_truth import save_object
 from video_truth import write_clip
 
-from fpsboost.analysis.scene_cuts import CutDetector
-from fpsboost.conversion import convert
-from fpsboost.errors import OptionError
+from fpsboost import CutDetector, FrameCache, OptionError, VectorFolder, convert, find_method
 from fpsboost.evaluation.compare import compare
 from fpsboost.evaluation.contestants import InterpolatedFrame, InterpolatorContestant, Minterpolate, interpolate_sample
 from fpsboost.evaluation.export import DATA_VERSION, as_json, write_csv, write_json
@@ -25,9 +23,6 @@ from fpsboost.evaluation.further_metrics import metrics
 from fpsboost.evaluation.hidden_frames import Hiding, read_samples
 from fpsboost.evaluation.regions import AREAS, COMPLEMENTS, find_regions
 from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult, Scores
-from fpsboost.frame_cache import FrameCache
-from fpsboost.method_table import find_method
-from fpsboost.render.folder import VectorFolder
 
 STEP = 2  # pixels that everything moves from frame to frame
 

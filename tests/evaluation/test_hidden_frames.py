@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from truth import waves
 from video_truth import write_clip
 
-from fpsboost.errors import InputError, OptionError
+from fpsboost import DecodeOptions, InputError, OptionError
 from fpsboost.evaluation.hidden_frames import Hiding, parse_range
-from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.timing.position import Trim, parse_position
 
 

@@ -9,12 +9,11 @@ import pytest
 from skimage.metrics import structural_similarity
 from truth import SCENES, needs_scenes, noise
 
+from fpsboost import InputError, find_method
 from fpsboost.colour import composite_on_black
-from fpsboost.errors import InputError
 from fpsboost.evaluation.contestants import InterpolatorContestant
 from fpsboost.evaluation.hidden_frames import Hiding
 from fpsboost.evaluation.results import Scores, absolute_error, mean, means, score
-from fpsboost.method_table import find_method
 
 
 def test_equal_images_have_the_best_scores():

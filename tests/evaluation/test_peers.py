@@ -7,11 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
-from fpsboost.errors import InputError
+from fpsboost import DecodeOptions, InputError
 from fpsboost.evaluation.contestants import interpolate_sample
 from fpsboost.evaluation.hidden_frames import Hiding, read_samples
 from fpsboost.evaluation.peers import find_frames, read_like, run_peer
-from fpsboost.io.video.decode_options import DecodeOptions
 
 HEIGHT, WIDTH = 20, 24
 

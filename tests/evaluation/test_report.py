@@ -18,9 +18,9 @@ import pytest
 from comparison_truth import HEIGHT, NAMES, WIDTH, Nobody, scored
 from vector_truth import save_translation
 
+from fpsboost import DecodeOptions, OutputError
 from fpsboost.cli.options import ContestOptions
 from fpsboost.colour import as_shown
-from fpsboost.errors import OutputError
 from fpsboost.evaluation.compare import compare
 from fpsboost.evaluation.contestants import InterpolatedFrame, method_names
 from fpsboost.evaluation.hidden_frames import Hiding, read_samples
@@ -38,7 +38,6 @@ from fpsboost.evaluation.report.styles import (
 )
 from fpsboost.evaluation.results import ComparedClip, MethodResult
 from fpsboost.evaluation.verdict import judge_all
-from fpsboost.io.video.decode_options import DecodeOptions
 
 
 @pytest.fixture(scope="module")

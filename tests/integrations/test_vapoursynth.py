@@ -19,11 +19,10 @@ import pytest
 from numpy.typing import NDArray
 from video_truth import scene
 
-from fpsboost import Encoding, Interpolator, OutputRate, convert, methods, stream
+from fpsboost import Encoding, Interpolator, OutputRate, Pair, convert, methods, stream
 from fpsboost.io.video.ycc import from_bgr
 from fpsboost.media.pixels import plane_arrays
 from fpsboost.motion.field import ZeroMotion
-from fpsboost.pair import Pair
 from fpsboost.synthesis.blend import Blend
 
 vs = pytest.importorskip("vapoursynth", reason="VapourSynth needs Python 3.12 or newer, and fpsboost[vapoursynth]")

@@ -1,28 +1,21 @@
 """Calls of compiled kernels: their records, and what they refuse."""
 
 import ctypes
-import importlib
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
+from recorded_calls import KERNELS
 
 from fpsboost.kernels import binding
 from fpsboost.kernels.node_support import count_landings
 
-KERNELS = Path(binding.__file__).parent
 NATIVE = binding.LIBRARY.parent
 SOURCES = "\n".join(path.read_text("utf-8") for path in sorted(NATIVE.glob("*.[ch]*")))
 RECORDS = dict(re.findall(r"^struct (\w+) \{(.*?)^\};", re.sub(r"//.*", "", SOURCES), re.DOTALL | re.MULTILINE))
 """Fields of every record in C++, as they are written there."""
 
 ENTRIES = re.findall(r"^KERNEL\((\w+), (\w+), (\w+)\)", SOURCES, re.MULTILINE)
-FUNCTIONS = {
-    name: getattr(importlib.import_module(f"fpsboost.kernels.{path.stem}"), name).__wrapped__
-    for path in KERNELS.glob("[a-z]*.py")
-    for name in re.findall(r"^@compiled\ndef (\w+)", path.read_text("utf-8"), re.MULTILINE)
-}
 
 
 def fields_in_cpp(name: str) -> list[tuple]:
@@ -48,13 +41,13 @@ def fields_in_python(structure: type) -> list[tuple]:
 
 def test_every_kernel_is_described_in_python():
     """And everything that is described is there."""
-    assert sorted(name for _, name, _ in ENTRIES) == sorted(FUNCTIONS)
+    assert sorted(name for _, name, _ in ENTRIES) == sorted(KERNELS)
 
 
 @pytest.mark.parametrize(("name", "record"), [entry[1:] for entry in ENTRIES])
 def test_records_have_the_same_fields_in_python_and_in_cpp(name, record):
     """In one order, with one name and kind each; every field is a multiple of 8 bytes, so that none is padded."""
-    structure, _ = binding.arguments_of(FUNCTIONS[name])
+    structure, _ = binding.arguments_of(KERNELS[name])
     assert fields_in_python(structure) == fields_in_cpp(record)
     assert ctypes.sizeof(structure) % 8 == 0
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from truth import noise
-from twins import bspline, spline_at, spline_coefficients
+from twins import spline_coefficients, spline_window
 
 from fpsboost.kernels.spline import MARGIN, Source, filter_weights, find_coefficients, mix_along
 
@@ -51,7 +51,7 @@ def test_the_filter_is_as_precise_as_the_samples(bits):
     checkered = (np.indices((16, 16)).sum(0) % 2).astype(np.float32)[np.newaxis]
     precision = 2.0 ** -(bits + 3)
     coefficients = coefficients_of(checkered, precision=precision)[0].astype(float)
-    again = [[spline_at(coefficients, MARGIN, y, x) for x in range(16)] for y in range(16)]
+    again = spline_window(coefficients, MARGIN, 0, 0, (16, 16))
     assert np.abs(again - checkered[0]).max() < precision
 
 
@@ -82,7 +82,5 @@ def test_frames_are_mixed_along_a_motion_of_every_pixel(seed):
 def _sampled(source: Source, place: tuple[int, int]) -> np.ndarray:
     (i, j), (dx, dy) = place, source.motion[place].astype(float)
     height, width = source.motion.shape[:2]
-    y, x = np.clip(i + dy, -1, height) + MARGIN, np.clip(j + dx, -1, width) + MARGIN
-    rows, columns = np.arange(int(y) - 1, int(y) + 3), np.arange(int(x) - 1, int(x) + 3)
-    weights = np.outer([bspline(y - row) for row in rows], [bspline(x - column) for column in columns])
-    return np.array([(weights * plane[np.ix_(rows, columns)]).sum() for plane in source.coefficients])
+    end = np.clip(i + dy, -1, height), np.clip(j + dx, -1, width)
+    return np.array([spline_window(plane, MARGIN, *end, (1, 1))[0, 0] for plane in source.coefficients])

@@ -15,15 +15,9 @@ from numpy.typing import NDArray
 from test_pipeline import FakeSink, FakeSource
 from truth import frozen
 
+from fpsboost import CutDetector, Frame, FrameCache, Interpolator, OutputRange, Summary, methods, run_conversion
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_synchronised
-from fpsboost.analysis.scene_cuts import CutDetector
-from fpsboost.contracts import OutputRange, Summary
-from fpsboost.frame import Frame
-from fpsboost.frame_cache import FrameCache
-from fpsboost.interpolator import Interpolator
-from fpsboost.method_table import methods
 from fpsboost.parts.plan import find_entry
-from fpsboost.streaming import run_conversion
 from fpsboost.timing.schedule import ByFactor, ByRate, ExposureSchedule, Schedule, Shutter
 
 RATE = Fraction(25)

@@ -18,19 +18,12 @@ from numpy.typing import NDArray
 from vector_truth import save_vectors
 from video_truth import packets_of, scene, write_clip
 
+from fpsboost import DecodeOptions, Encoding, OutputRate, Position, Trim, VectorFolder, convert, find_method, join
 from fpsboost.contracts import SilentObserver, Summary
-from fpsboost.conversion import convert
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.sink import VideoSink
-from fpsboost.method_table import find_method
-from fpsboost.parts.join import join
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest
-from fpsboost.render.folder import VectorFolder
 from fpsboost.run_options import Part, RunOptions, parse_part
-from fpsboost.timing.position import Position, Trim
-from fpsboost.timing.rate import OutputRate
 
 FAST = Encoding(preset="ultrafast")
 CHUNK_FRAMES = 60  # instead of 240, for speed

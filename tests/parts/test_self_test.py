@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from fpsboost.colour import Coding
-from fpsboost.image import YCbCrImage
+from fpsboost import Coding, YCbCrImage
 from fpsboost.layered import FrameImage, Layer, LayeredImage
 from fpsboost.method_table import configure, methods
 from fpsboost.parts.manifest import self_test

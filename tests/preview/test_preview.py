@@ -14,9 +14,7 @@ from browser import violations
 from numpy.typing import NDArray
 from video_truth import scene, write_clip
 
-from fpsboost.conversion import convert
-from fpsboost.method_table import methods
-from fpsboost.preparation import ConversionJob
+from fpsboost import ConversionJob, OutputRate, Position, RunOptions, convert, methods
 from fpsboost.preview.page import (
     LABEL_HEIGHT,
     estimate_sentence,
@@ -25,9 +23,6 @@ from fpsboost.preview.page import (
     write_video,
 )
 from fpsboost.preview.places import find_passages
-from fpsboost.run_options import RunOptions
-from fpsboost.timing.position import Position
-from fpsboost.timing.rate import OutputRate
 
 RATE, HEIGHT, WIDTH = 12, 48, 64
 BLEND = {"blend": methods["blend"]}

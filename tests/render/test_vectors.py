@@ -11,11 +11,9 @@ from exr_truth import write_exr
 from truth import noise
 from vector_truth import constant, save_depth, save_flows, save_translation, save_vectors
 
-from fpsboost.errors import InputError, OptionError
-from fpsboost.frame_cache import FrameCache
+from fpsboost import FrameCache, InputError, OptionError, VectorFolder
 from fpsboost.io.side.flow import encode_flow, read_flow
 from fpsboost.motion.rendered import RenderedMotion
-from fpsboost.render.folder import VectorFolder
 
 SIZE = HEIGHT, WIDTH = 12, 18
 

@@ -16,13 +16,8 @@ from hypothesis import strategies as st
 from test_pipeline import BLEND, LOSSLESS, FakeSink, FakeSource, make_frames, times_of
 from video_truth import scene, write_clip
 
-from fpsboost.contracts import Summary
-from fpsboost.conversion import convert
-from fpsboost.errors import OptionError
-from fpsboost.frame import ClipInfo, Frame
+from fpsboost import ClipInfo, Frame, OptionError, OutputRate, Summary, convert, run_conversion
 from fpsboost.io.video.source import VideoSource
-from fpsboost.streaming import run_conversion
-from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import MAX_FILLED, ByFactor, ByRate, Step, count_frames
 
 MILLISECOND = Fraction(1, 1000)

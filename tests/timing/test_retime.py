@@ -15,12 +15,7 @@ from hypothesis import strategies as st
 from test_pipeline import BLEND, FAST, FakeSink, FakeSource, regular
 from video_truth import packets_of, pictures_of, scene, write_clip
 
-from fpsboost.contracts import OutputRange
-from fpsboost.conversion import convert, stream
-from fpsboost.errors import OptionError
-from fpsboost.parts.join import join
-from fpsboost.run_options import Part, RunOptions
-from fpsboost.streaming import run_conversion
+from fpsboost import OptionError, OutputRange, Part, RunOptions, convert, join, run_conversion, stream
 from fpsboost.timing.rate import OutputRate, exposed
 from fpsboost.timing.retime import parse_curve, parse_speeds
 from fpsboost.timing.schedule import count_frames

@@ -12,16 +12,19 @@ from test_pipeline import BLEND, FAST, FakeSink, FakeSource
 from truth import SCENES, as_type, needs_scenes, waves
 from video_truth import packets_of, pictures_of, write_clip
 
-from fpsboost.contracts import OutputRange
-from fpsboost.conversion import convert
-from fpsboost.errors import OptionError
-from fpsboost.frame import Frame
-from fpsboost.method_table import find_method, methods
-from fpsboost.render.folder import VectorFolder
-from fpsboost.run_options import RunOptions
-from fpsboost.streaming import run_conversion
+from fpsboost import (
+    Frame,
+    OptionError,
+    OutputRange,
+    OutputRate,
+    RunOptions,
+    VectorFolder,
+    convert,
+    find_method,
+    methods,
+    run_conversion,
+)
 from fpsboost.synthesis.exposure import Exposure
-from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import ByFactor, ByRate, ExposureSchedule, Shutter
 
 SIZE = 48, 96
