@@ -26,8 +26,6 @@ ROOT = Path(__file__).parents[2]
 ORBIT = ROOT / "samples" / "orbit.mp4"
 CHEAP = ("--method", "nearest")
 
-pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")  # said only under pytest
-
 
 @pytest.fixture
 def clip(tmp_path) -> Path:

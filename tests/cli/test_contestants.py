@@ -7,9 +7,6 @@ from fpsboost import OptionError, VectorFolder, find_method, methods
 from fpsboost.cli.compare import choose, name_others, split_methods
 from fpsboost.evaluation.contestants import Minterpolate, method_names
 
-# said only under pytest
-pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
-
 
 @pytest.mark.parametrize(
     ("texts", "found"),

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import assert_refused
 from video_truth import packets_of, write_clip
 
 from fpsboost import ConversionJob, Encoding, OutputRate, Part, RunOptions, convert_job, find_method, join
@@ -361,15 +362,12 @@ def test_workers_of_this_machine_on_the_command_line(fpsboost_, images, output):
 def test_what_the_command_line_refuses(fpsboost_, images, output, monkeypatch, arguments, code, sentence):
     """A scheduler that is not there, encryption without certificates, and no address."""
     monkeypatch.setattr(dask_engine, "CONNECT_SECONDS", 0.2)
-    result = fpsboost_(images.job.input, f"{output}/", *arguments)
-    assert result.code == code
-    assert sentence in result.err
+    assert_refused(fpsboost_(images.job.input, f"{output}/", *arguments), code, sentence)
 
 
 def test_dask_that_is_not_installed(fpsboost_, images, output, monkeypatch):
     """The sentence says what to install."""
     monkeypatch.setitem(sys.modules, "fpsboost.cluster.dask_engine", None)
     monkeypatch.delattr("fpsboost.cluster.dask_engine")
-    result = fpsboost_(images.job.input, f"{output}/", "--cluster", "local")
-    assert result.code == 2
-    assert "--cluster needs Dask; install it with: pip install 'fpsboost[cluster]'." in result.err
+    sentence = "--cluster needs Dask; install it with: pip install 'fpsboost[cluster]'."
+    assert_refused(fpsboost_(images.job.input, f"{output}/", "--cluster", "local"), 2, sentence)

@@ -15,6 +15,7 @@ from typing import ClassVar
 import cv2
 import numpy as np
 import pytest
+from command_line import assert_refused
 from comparison_truth import HEIGHT, NAMES, WIDTH, Nobody, scored
 from vector_truth import save_translation
 
@@ -65,7 +66,6 @@ def test_page_holds_every_method(text, comparison):
     for index, method in enumerate(comparison.methods):
         scores = comparison.means(method)
         row = re.search(rf'<tr data-method="{index}">.*?</tr>', text, re.DOTALL)
-        assert row is not None
         assert method.name in row[0]
         assert f">{scores.psnr:.2f}<" in row[0]
         assert f">{scores.ssim:.4f}<" in row[0]
@@ -242,8 +242,7 @@ def test_command_compares_several_clips(comparison, fpsboost_, tmp_path):
 def test_several_clips_are_checked_before_any_work(comparison, fpsboost_, tmp_path):
     """The one that is wrong is named, at once; options about one clip are refused, and a clip that is named twice."""
     missing = fpsboost_("compare", comparison.clip, "missing", "-m", "blend")
-    assert (missing.code, missing.out, missing.err.count("\n")) == (1, "", 1)
-    assert missing.err.startswith("fpsboost: missing ")
+    assert_refused(missing, 1, "fpsboost: missing ")
     for option, said in (("--vectors", "write {in} for it, as in {in}/vectors"), ("--frames", "one by one")):
         refused = fpsboost_("compare", comparison.clip, "other", option, "x=y")
         assert (refused.code, refused.err.endswith(f"{said}.\n")) == (2, True)

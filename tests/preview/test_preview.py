@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from browser import violations
+from command_line import assert_refused
 from numpy.typing import NDArray
 from video_truth import scene, write_clip
 
@@ -224,9 +225,7 @@ def test_bad_input_is_said_in_one_sentence(short, fpsboost_, tmp_path, arguments
     """The sentences are those of a conversion, and no page is left."""
     (tmp_path / "there.html").write_text("mine")
     write_video_of(tmp_path / "one.mp4", [scene(0)])
-    result = fpsboost_("preview", *(str(short) if word == "CLIP" else word for word in arguments))
-    assert result.code == code
-    assert message in " ".join(result.err.split())
+    assert_refused(fpsboost_("preview", *(short if word == "CLIP" else word for word in arguments)), code, message)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["one.mp4", "there.html"]
     assert (tmp_path / "there.html").read_text() == "mine"
 

@@ -17,8 +17,6 @@ from fpsboost.io.images.encoder import encode_image
 from fpsboost.render.convention import StoredVectors, VectorConvention, conventions
 from fpsboost.render.folder import RenderedPair, VectorFolder, find_vector_channels, fit_convention, fit_vectors
 
-pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")  # said only under pytest
-
 SIZE = 48, 64
 MEANINGS = [StoredVectors(*each) for each in product(("forward", "backward"), (1, -1), (1, -1))]
 

@@ -127,64 +127,61 @@ def test_what_has_no_depth_is_infinitely_far(tmp_path):
     assert read[0, :4].tolist() == [np.inf, np.inf, np.float32(1e10), 3]
 
 
-def test_folders_without_vectors_are_named(tmp_path):
-    """Missing, empty, a file, and a pattern that fits nothing."""
-    (tmp_path / "empty").mkdir()
-    (tmp_path / "file").write_text("")
-    for name, message in {
-        "none": "none is not a folder with motion vectors",
-        "file": "file is not a folder with motion vectors",
-        "empty": "empty holds no motion vectors",
-        "v_##.exr": "No image is named like .*v_##.exr",
-        "none/v_##.exr": "none/v_##.exr .No such file",
-        "v_##.flo": "is not a folder",
-    }.items():
-        with pytest.raises(InputError, match=message):
-            VectorFolder(tmp_path / name)
-    save_translation(tmp_path / "v", 2, SIZE, 1, 0)
-    with pytest.raises(InputError, match="none is not a folder with depth"):
-        VectorFolder(tmp_path / "v", tmp_path / "none")
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folders of vectors and of depth, sound and faulty ones."""
+    files = tmp_path_factory.mktemp("files")
+    for name in ("sound", "gap"):
+        save_translation(files / name, 4, SIZE, 1, 0)
+    (files / "gap" / "v_0002.exr").unlink()
+    for name, size in {"depth": SIZE, "small depth": (5, 6)}.items():
+        save_depth(files / name / "1.exr", np.ones(size, np.float32))
+    for name in ("lone", "unnamed", "mixed"):
+        save_flows(files / name, "0001", random_flow(1), random_flow(2))
+    (files / "lone" / "0002_forward.flo").write_bytes(encode_flow(random_flow(3)))
+    (files / "unnamed" / "0002.flo").touch()
+    save_vectors(files / "mixed" / "0001.exr", random_flow(1), random_flow(2))
+    save_flows(files / "unlike", "1", random_flow(1), random_flow(2)[:-1])
+    for name in ("colours", "empty"):
+        (files / name).mkdir()
+    depth_file(files / "colours" / "1.exr", "R", "G", "B")
+    (files / "file").touch()
+    return files
 
 
-def test_frames_without_vectors_are_named(tmp_path):
-    """A gap, a frame beyond the last, and depth that ends early."""
-    save_translation(tmp_path / "v", 4, SIZE, 1, 0)
-    save_depth(tmp_path / "d" / "1.exr", np.ones(SIZE, np.float32))
-    for number in (4, -1):
-        with pytest.raises(InputError, match=rf"v has no vectors for output frame {number}; .*4 are there"):
-            VectorFolder(tmp_path / "v").at(number)
-    with pytest.raises(InputError, match=r"d has no depth for output frame 1; .*1 are there"):
-        VectorFolder(tmp_path / "v", tmp_path / "d").at(1)
-    (tmp_path / "v" / "v_0002.exr").unlink()
-    with pytest.raises(InputError, match=r"v_0002\.exr is missing"):
-        VectorFolder(tmp_path / "v").at(0)
+@pytest.mark.parametrize(
+    ("vectors", "depth", "frame", "message"),
+    [
+        ("none", None, 0, "none is not a folder with motion vectors"),
+        ("file", None, 0, "file is not a folder with motion vectors"),
+        ("empty", None, 0, "empty holds no motion vectors"),
+        ("v_##.exr", None, 0, r"No image is named like .*v_##\.exr"),
+        ("none/v_##.exr", None, 0, r"none/v_##\.exr .No such file"),
+        ("v_##.flo", None, 0, "is not a folder"),
+        ("sound", "none", 0, "none is not a folder with depth"),
+        ("sound", None, 4, "sound has no vectors for output frame 4; .*4 are there"),
+        ("sound", None, -1, "sound has no vectors for output frame -1; .*4 are there"),
+        ("sound", "depth", 1, "depth has no depth for output frame 1; .*1 are there"),
+        ("gap", None, 0, r"v_0002\.exr is missing"),
+        ("lone", None, 0, r"0002_forward\.flo has no partner 0002_backward\.flo"),
+        ("unnamed", None, 0, r"0002\.flo is neither"),
+        ("mixed", None, 0, r"both \.exr and \.flo"),
+        ("unlike", None, 0, r"1_backward\.flo and 1_forward\.flo differ in size"),
+        ("sound", "small depth", 0, r"1\.exr has 6x5 pixels, and the vectors have 18x12"),
+        ("colours", None, 0, r"1\.exr has no motion vectors among its channels \(B, G, R\).*X, Y, Z and W"),
+        ("sound", "colours", 0, r"1\.exr has no depth among its channels \(B, G, R\)"),
+    ],
+)
+def test_what_cannot_be_read_is_named(files, vectors, depth, frame, message):
+    """Files that are missing, of mixed kinds, of unlike sizes, or without the channels; each is one sentence."""
+    with pytest.raises(InputError, match=message):
+        VectorFolder(files / vectors, depth and files / depth).at(frame)
 
 
-def test_flow_without_partner_and_mixed_kinds_are_named(tmp_path):
-    """Both directions of each frame, and one kind of file."""
-    save_flows(tmp_path, "0001", random_flow(1), random_flow(2))
-    (tmp_path / "0002_forward.flo").write_bytes(encode_flow(random_flow(3)))
-    with pytest.raises(InputError, match=r"0002_forward\.flo has no partner 0002_backward\.flo"):
-        VectorFolder(tmp_path)
-    (tmp_path / "0002_forward.flo").rename(tmp_path / "0002.flo")
-    with pytest.raises(InputError, match=r"0002\.flo is neither"):
-        VectorFolder(tmp_path)
-    save_vectors(tmp_path / "0001.exr", random_flow(1), random_flow(2))
-    with pytest.raises(InputError, match=r"both \.exr and \.flo"):
-        VectorFolder(tmp_path)
-
-
-def test_unlike_sizes_are_named(tmp_path):
-    """The two directions, depth, and the frames themselves."""
-    save_flows(tmp_path / "f", "1", random_flow(1), random_flow(2)[:-1])
-    with pytest.raises(InputError, match=r"1_backward\.flo and 1_forward\.flo differ in size"):
-        VectorFolder(tmp_path / "f").at(0)
-    save_translation(tmp_path / "v", 2, SIZE, 1, 0)
-    save_depth(tmp_path / "d" / "1.exr", np.ones((5, 6), np.float32))
-    with pytest.raises(InputError, match=r"1\.exr has 6x5 pixels, and the vectors have 18x12"):
-        VectorFolder(tmp_path / "v", tmp_path / "d").at(0)
-    with pytest.raises(InputError, match=r"v has vectors for 18x12 pixels, and the frames have 6x5"):
-        RenderedMotion(VectorFolder(tmp_path / "v")).estimate(placed(0, (5, 6)), placed(1, (5, 6)))
+def test_vectors_have_the_size_of_the_frames(files):
+    """Others are refused when frames are known."""
+    with pytest.raises(InputError, match="sound has vectors for 18x12 pixels, and the frames have 6x5"):
+        RenderedMotion(VectorFolder(files / "sound")).estimate(placed(0, (5, 6)), placed(1, (5, 6)))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
@@ -198,16 +195,6 @@ def test_vectors_that_are_no_numbers_are_counted(tmp_path, value):
         VectorFolder(tmp_path / "e").at(0)
     with pytest.raises(InputError, match=r"1_forward\.flo has 2 motion vectors that are unknown"):
         VectorFolder(tmp_path / "f").at(0)
-
-
-def test_files_without_the_channels_are_named(tmp_path):
-    """The message says which there are and which are wanted."""
-    depth_file(tmp_path / "1.exr", "R", "G", "B")
-    with pytest.raises(InputError, match=r"1\.exr has no motion vectors among its channels \(B, G, R\).*X, Y, Z and W"):
-        VectorFolder(tmp_path).at(0)
-    save_translation(tmp_path / "v", 1, SIZE, 1, 0)
-    with pytest.raises(InputError, match=r"1\.exr has no depth among its channels \(B, G, R\)"):
-        VectorFolder(tmp_path / "v", tmp_path).at(0)
 
 
 @pytest.mark.parametrize("span", [1, 2, 5])
