@@ -3,11 +3,12 @@
 import importlib
 import threading
 import weakref
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from itertools import pairwise
+from pkgutil import resolve_name
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -29,37 +30,22 @@ PER_FRAME = (
 """What the default method asks of each frame of one level, under the names that it knows."""
 
 
-class Counted:
-    """A function that counts its calls."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._function = function
-        self.calls = 0
-
-    def __call__(self, *arguments: Any) -> Any:
-        self.calls += 1
-        return self._function(*arguments)
-
-
 @pytest.fixture
-def counters(monkeypatch) -> dict[str, Counted]:
-    """Counters in place of the functions of `PER_FRAME`."""
-    counters = {}
-    for name in PER_FRAME:
-        module, _, function = name.rpartition(".")
-        counters[name] = Counted(getattr(importlib.import_module(module), function))
-        monkeypatch.setattr(name, counters[name])
+def counters(monkeypatch) -> dict[str, Mock]:
+    """Functions that count their calls in place of those of `PER_FRAME`."""
+    counters = {name: Mock(wraps=resolve_name(name)) for name in PER_FRAME}
+    for name, counter in counters.items():
+        monkeypatch.setattr(name, counter)
     return counters
 
 
 def test_a_function_is_called_once():
     """On the pixels, when it is first asked for; after that the very same result comes back, None and 0 too."""
     for result in (np.zeros(3), None, 0):
-        counter = Counted(lambda pixels, result=result: result)
-        image = FrameCache(noise(3, 4))
-        assert counter.calls == 0
+        counter, image = Mock(return_value=result), FrameCache(noise(3, 4))
+        assert not counter.called
         assert all(image.cached(counter) is result for _ in range(3))
-        assert counter.calls == 1
+        counter.assert_called_once()
 
 
 @pytest.mark.parametrize(("factor", "calls"), [(Fraction(3), 5), (Fraction(5, 2), 5), (Fraction(1), 0)], ids=str)
@@ -68,7 +54,7 @@ def test_a_conversion_prepares_every_frame_once(tmp_path, save_images, counters,
     save_images(tmp_path / "in", count=5)
     summary = convert(str(tmp_path / "in"), str(tmp_path / "out"), factor=factor)
     assert summary.scene_cuts == 0
-    assert {name: counter.calls for name, counter in counters.items()} == dict.fromkeys(PER_FRAME, calls)
+    assert {name: counter.call_count for name, counter in counters.items()} == dict.fromkeys(PER_FRAME, calls)
 
 
 def test_a_conversion_forgets_what_is_behind_it(tmp_path, save_images, monkeypatch):

@@ -9,28 +9,19 @@ import shutil
 import signal
 import subprocess
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fpsboost import diagnosis
-from fpsboost.cli.app import app
 from fpsboost.cli.options import METHODS
 from fpsboost.diagnosis import Finding, diagnose
 from fpsboost.method_table import methods, vector_methods
 from fpsboost.parts.manifest import self_test
 
 SHELLS = ("bash", "zsh", "fish")
-
-
-def run(tokens: list[str]) -> int | str | None:
-    """Run a command in this process, and return its exit code."""
-    try:
-        app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
-    except SystemExit as stopped:
-        return stopped.code
-    return 0
 
 
 @pytest.fixture(scope="module")
@@ -158,18 +149,13 @@ def test_an_error_is_a_finding(monkeypatch):
     assert [each.name for each in advised[1:]] == ["nlm", "nlm-fast"]
 
 
-def test_doctor_prints_and_exits(monkeypatch, capsys):
+def test_doctor_prints_and_exits(monkeypatch, fpsboost_):
     """A table, and 0 where everything works; else 1 and a sentence; the same as JSON."""
     good, bad = Finding("codecs", "FFmpeg", "8"), Finding("kernels", "level", "none", "Do this.")
     monkeypatch.setattr(diagnosis, "diagnose", lambda: iter([good]))
-    assert run(["doctor"]) == 0
-    assert "Everything works." in capsys.readouterr().out
+    works = fpsboost_("doctor")
+    assert (works.code, "Everything works." in works.out) == (0, True)
     monkeypatch.setattr(diagnosis, "diagnose", lambda: iter([good, bad]))
-    assert run(["doctor"]) == 1
-    out, err = capsys.readouterr()
-    assert "fails" in out
-    assert err.endswith("fpsboost: Do this.\n")
-    assert run(["doctor", "--json"]) == 1
-    data = json.loads(capsys.readouterr().out)
-    assert data["works"] is False
-    assert data["findings"][1] == {"part": "kernels", "name": "level", "value": "none", "advice": "Do this."}
+    table, data = fpsboost_("doctor"), fpsboost_("doctor", "--json")
+    assert (table.code, "fails" in table.out, table.err) == (1, True, "fpsboost: Do this.\n")
+    assert (data.code, json.loads(data.out)) == (1, {"works": False, "findings": [asdict(good), asdict(bad)]})

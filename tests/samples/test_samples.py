@@ -4,7 +4,6 @@ The round trip of rendering: half of the frames by Mitsuba, the rest interpolate
 And the constructed clips: that all can be made, and each frame by itself as it is among others.
 """
 
-import importlib
 import importlib.util
 import json
 import math
@@ -12,7 +11,6 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import cv2
@@ -25,22 +23,16 @@ from fpsboost.cli.app import app
 from fpsboost.synthesis import fusion_table
 
 SAMPLES = Path(__file__).parents[2] / "samples"
+
+sys.path.insert(0, str(SAMPLES))
+import construct_clips  # noqa: E402
+from constructed import raster  # noqa: E402
+from stage import geometry  # noqa: E402
+from stage.scenes import scenes  # noqa: E402
+
 NAMES = ["reflective", "texture", "glass"]
 WIDTH, HEIGHT, FRAMES = 384, 216, 25
 MIDDLE = 12
-
-
-@pytest.fixture
-def geometry(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """The formulas that the scenes are rendered with."""
-    monkeypatch.syspath_prepend(str(SAMPLES))
-    return importlib.import_module("stage.geometry")
-
-
-@pytest.fixture
-def stage(geometry: ModuleType) -> ModuleType:
-    """The scenes."""
-    return importlib.import_module("stage.scenes")
 
 
 def read_exr(name: str, kind: str, number: int) -> dict[str, NDArray[Any]]:
@@ -96,9 +88,9 @@ def test_every_frame_has_colour_depth_and_vectors(name):
 
 @needs_scenes
 @pytest.mark.parametrize(("name", "number"), [("reflective", 0), ("texture", MIDDLE), ("glass", FRAMES - 1)])
-def test_files_hold_what_the_formulas_say(geometry, stage, name, number):
+def test_files_hold_what_the_formulas_say(name, number):
     """Depth is a half float, vectors are rounded to 1/64 of a pixel, and both are those of the scene."""
-    scene, around = stage.scenes[name](), (number - 1, number, number + 1)
+    scene, around = scenes[name](), (number - 1, number, number + 1)
     depth, vectors = geometry.find_vectors(
         [scene.camera(i) for i in around], [scene.bodies(i) for i in around], (WIDTH, HEIGHT)
     )
@@ -125,7 +117,7 @@ def test_vectors_explain_the_matt_scene(step, there, back):
     assert psnr_where(seen, other, this) < 24
 
 
-def test_vectors_of_a_shift(geometry):
+def test_vectors_of_a_shift():
     """A cube that goes right and up has vectors to the left and down: they are old place minus new, with y up."""
     camera = geometry.Camera(np.array([0.0, 0, 5]), np.zeros(3), 90)
     box = geometry.make_box(1, 1, 1)
@@ -138,7 +130,7 @@ def test_vectors_of_a_shift(geometry):
     np.testing.assert_allclose(vectors[0, 0], 0, atol=1e-9)
 
 
-def test_depth_runs_along_the_viewing_axis(geometry):
+def test_depth_runs_along_the_viewing_axis():
     """A wall that the camera faces is equally deep everywhere; on a floor, depth follows from the camera's height."""
     box = geometry.make_box(50, 0.5, 50)
     camera = geometry.Camera(np.array([0.0, 2, 0]), np.array([0.0, 2, -1]), 60)
@@ -152,20 +144,18 @@ def test_depth_runs_along_the_viewing_axis(geometry):
 
 
 @needs_scenes
-def test_the_reports_figures_have_numbers_and_verdicts(stage: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_reports_figures_have_numbers_and_verdicts(monkeypatch):
     """Of a frame of glass: errors by patch and by luminance, shares of failed searches, and verdicts on a page."""
-    program = importlib.import_module("report_figures")
-    monkeypatch.setattr(program, "OTHERS", {"scene-assisted": "reproject-scene"})
-    frame = program.measure(program.read_clip(SCENES, "glass", 1, frames=3), 1, [5])
+    import report_figures  # noqa: PLC0415 (which needs Matplotlib)
+
+    monkeypatch.setattr(report_figures, "OTHERS", {"scene-assisted": "reproject-scene"})
+    frame = report_figures.measure(report_figures.read_clip(SCENES, "glass", 1, frames=3), 1, [5])
     assert frame.patches["box"] == [frame.mse["iterative"]]
     assert 0 < frame.failed["iterative, both"] < frame.failed["iterative"] < 1
     of_glass = {"glass": [frame]}
-    assert json.loads(program.as_json(of_glass))["glass"][0]["luminance"] == frame.luminance
-    page = program.page_of([program.failures(of_glass), program.luminance(of_glass)])
+    assert json.loads(report_figures.as_json(of_glass))["glass"][0]["luminance"] == frame.luminance
+    page = report_figures.page_of([report_figures.failures(of_glass), report_figures.luminance(of_glass)])
     assert len(re.findall(r"<h2>[^<]+ <span class='verdict (?:agrees|partly|differs)'", page)) == 2
-
-
-SCRIPT = Path(__file__).parents[2] / "samples" / "round_trip.py"
 
 
 @pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="Mitsuba is not installed")
@@ -173,7 +163,7 @@ SCRIPT = Path(__file__).parents[2] / "samples" / "round_trip.py"
 def test_the_round_trip_makes_frames_better(tmp_path):
     """At a small size on the glass cube: within the budget, and with a smaller error of the frames between."""
     size = ["--size", "96x54", "--frames", "5", "--samples", "4", "--budget", "25%"]
-    command = [sys.executable, SCRIPT, tmp_path / "out", "--scene", "glass", *size]
+    command = [sys.executable, SAMPLES / "round_trip.py", tmp_path / "out", "--scene", "glass", *size]
     told = subprocess.run(command, capture_output=True, text=True, check=False)
     found = re.search(r"error ([\d.]+) -> ([\d.]+), ([\d.]+)% of the pixels", told.stdout)
     assert found, told.stdout + told.stderr
@@ -188,49 +178,34 @@ TABLE = (SAMPLES / "README.md").read_text(encoding="utf-8").split("## Constructe
 CLIPS = [line.split("`")[1] for line in TABLE.splitlines() if line.startswith("| `")]
 
 
-@pytest.fixture
-def program(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """The program that constructs the clips."""
-    monkeypatch.syspath_prepend(str(SAMPLES))
-    return importlib.import_module("construct_clips")
-
-
-@pytest.fixture
-def raster(program: ModuleType) -> ModuleType:
-    """Its places and matrices."""
-    return importlib.import_module("constructed.raster")
-
-
 @pytest.mark.parametrize("name", CLIPS)
-def test_a_frame_hangs_on_its_number_alone(program: ModuleType, name: str) -> None:
+def test_a_frame_depends_on_its_number_alone(name):
     """Drawn after others or by itself, a frame is the same to the byte, and time does not stand still."""
-    first, second = program.construct(name, SIZE, range(2))
-    (alone,) = program.construct(name, SIZE, [1])
+    first, second = construct_clips.construct(name, SIZE, range(2))
+    (alone,) = construct_clips.construct(name, SIZE, [1])
     assert first.shape == (27, 48, 3)
     assert first.dtype == np.uint8
     np.testing.assert_array_equal(alone, second)
     assert not np.array_equal(first, second)
 
 
-def test_the_program_writes_what_is_asked_for(
-    program: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_program_writes_what_is_asked_for(monkeypatch, tmp_path):
     """A folder for each clip, numbered frames in it, nothing else."""
     arguments = [str(tmp_path), "--only", "fire", "--only", "titles", "--frames", "3", "--size", "48x27"]
     monkeypatch.setattr(sys, "argv", ["construct_clips.py", *arguments])
-    program.main()
+    construct_clips.main()
     written = sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.png"))
     assert written == [f"{name}/000{k}.png" for name in ("fire", "titles") for k in range(3)]
-    (alone,) = program.construct("titles", SIZE, [2])
+    (alone,) = construct_clips.construct("titles", SIZE, [2])
     np.testing.assert_array_equal(cv2.imread(str(tmp_path / "titles" / "0002.png")), alone)
 
 
-def test_every_clip_is_in_the_table(program: ModuleType) -> None:
+def test_every_clip_is_in_the_table():
     """samples/README.md names each clip, and none besides."""
-    assert list(program.clips) == CLIPS
+    assert list(construct_clips.clips) == CLIPS
 
 
-def test_samples_show_the_place_that_the_matrix_takes_there(raster: ModuleType) -> None:
+def test_samples_show_the_place_that_the_matrix_takes_there():
     """A texture whose colours are places comes out as the places that the inverse matrix says."""
     view = raster.Raster(96, 54)
     x, y = raster.find_places((600, 400), view.density)
@@ -246,12 +221,12 @@ def test_samples_show_the_place_that_the_matrix_takes_there(raster: ModuleType) 
     np.testing.assert_allclose(seen[..., 1], y - 1.5, atol=0.1)
 
 
-def test_the_table_of_weights_is_what_the_fit_makes(program: ModuleType, tmp_path: Path) -> None:
+def test_the_table_of_weights_is_what_the_fit_makes(tmp_path):
     """A short fit to small scenes improves on plain weights, its gradient is right, and the table improves on them."""
     fit = importlib.import_module("fit_fusion")
     for name in ("titles", "tiles", "growing"):
         (tmp_path / name).mkdir()
-        for number, picture in enumerate(program.construct(name, (192, 128), range(5), seed=7)):
+        for number, picture in enumerate(construct_clips.construct(name, (192, 128), range(5), seed=7)):
             cv2.imwrite(str(tmp_path / name / f"{number:04d}.png"), picture)
     frames = [frame for clip in sorted(tmp_path.iterdir()) for frame in fit.draw_clip(clip, 40, 1)]
     objective = fit.Objective(frames)

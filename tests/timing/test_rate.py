@@ -5,7 +5,6 @@ from collections.abc import Iterable
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import av
@@ -14,10 +13,9 @@ from conversion_options import grouped
 from hypothesis import given
 from hypothesis import strategies as st
 from test_pipeline import BLEND, LOSSLESS, FakeSink, FakeSource, make_frames, times_of
-from video_truth import scene, write_clip
+from video_truth import copy_packets, read, write_clip
 
 from fpsboost import ClipInfo, Frame, OptionError, OutputRate, Summary, convert, run_conversion
-from fpsboost.io.video.source import VideoSource
 from fpsboost.timing.schedule import MAX_FILLED, ByFactor, ByRate, Step, count_frames
 
 MILLISECOND = Fraction(1, 1000)
@@ -243,26 +241,14 @@ def test_slow_motion_of_a_file(tmp_path):
         assert [(p.pts, p.duration) for p in file.demux(subtitles=0) if p.size] == [(200, 600)]
 
 
-def with_times(path: Path, times: list[int]) -> Path:
-    """A Matroska clip whose frames have these times, in milliseconds and in any order."""
-    with av.open(str(path), "w") as output:
-        video = output.add_stream("ffv1", rate=25, width=64, height=48)
-        video.pix_fmt = "yuv420p"
-        packets = []
-        for number in range(len(times)):
-            frame = av.VideoFrame.from_ndarray(scene(number), format="bgr24").reformat(format="yuv420p")
-            frame.pts, frame.time_base = number, Fraction(1, 25)
-            packets += video.encode(frame)
-        for packet, time in zip([*packets, *video.encode(None)], times, strict=True):
-            packet.time_base, packet.dts, packet.pts = MILLISECOND, packet.dts * 40, time
-            output.mux(packet)
-    return path
-
-
 def test_one_time_far_ahead_loses_nothing(tmp_path):
     """A single damaged time is put back between its neighbours, and the frames after it are not too late."""
-    times = [40 * k for k in range(12)]
-    path = with_times(tmp_path / "in.mkv", [*times[:5], 9_000_000, *times[6:]])
-    with VideoSource(path) as source:
-        assert [frame.time for frame in source] == [Fraction(time, 1000) for time in times]
-        assert any("gives 1 frame a time far ahead of the next" in remark for remark in source.remarks)
+    clip = write_clip(tmp_path / "in.mkv", times=range(12), codec="ffv1")
+    copy_packets(
+        clip,
+        tmp_path / "damaged.mkv",
+        lambda number, packet: setattr(packet, "pts", (packet.pts, 9_000_000)[number == 5]),
+    )
+    frames, remarks = read(tmp_path / "damaged.mkv")
+    assert [frame.time for frame in frames] == [Fraction(k, 25) for k in range(12)]
+    assert any("gives 1 frame a time far ahead of the next" in remark for remark in remarks)
