@@ -244,11 +244,11 @@ def test_slow_motion_of_a_file(tmp_path):
 def test_one_time_far_ahead_loses_nothing(tmp_path):
     """A single damaged time is put back between its neighbours, and the frames after it are not too late."""
     clip = write_clip(tmp_path / "in.mkv", times=range(12), codec="ffv1")
-    copy_packets(
-        clip,
-        tmp_path / "damaged.mkv",
-        lambda number, packet: setattr(packet, "pts", (packet.pts, 9_000_000)[number == 5]),
-    )
+
+    def damage(number: int, packet: Any) -> None:
+        packet.pts = 9_000_000 if number == 5 else packet.pts
+
+    copy_packets(clip, tmp_path / "damaged.mkv", damage)
     frames, remarks = read(tmp_path / "damaged.mkv")
     assert [frame.time for frame in frames] == [Fraction(k, 25) for k in range(12)]
     assert any("gives 1 frame a time far ahead of the next" in remark for remark in remarks)

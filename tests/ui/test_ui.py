@@ -130,11 +130,13 @@ def test_token_is_needed(session):
     assert (TOKEN in client.get("/").text, client.get(with_key("/result/1", TOKEN)).status_code) == (False, 400)
 
 
-def test_no_other_name_leads_here(client):
+@pytest.mark.parametrize(
+    "host", ["example.com", f"example.com:{PORT}", "127.0.0.1", "127.0.0.1:1", f"0.0.0.0:{PORT}", ""]
+)
+def test_no_other_name_leads_here(client, host):
     """Requests under another name than this machine's own are refused, even with the token."""
-    for host in ("example.com", f"example.com:{PORT}", "127.0.0.1", "127.0.0.1:1", f"0.0.0.0:{PORT}", ""):
-        got = client.get("/", headers={"host": host})
-        assert (got.status_code, f'<a href="{ADDRESS}/">' in got.text, TOKEN in got.text) == (403, True, False)
+    got = client.get("/", headers={"host": host})
+    assert (got.status_code, f'<a href="{ADDRESS}/">' in got.text, TOKEN in got.text) == (403, True, False)
 
 
 @pytest.mark.parametrize(
@@ -159,11 +161,11 @@ def test_page_is_kept_by_nobody_and_runs_its_own_script_alone(client):
         assert {name: answer.headers[name] for name in SAFE} == SAFE
 
 
-def test_body_has_a_limit(client):
-    """A request that is too large is refused, also one that does not say its size."""
-    for body in (b"x" * (MAX_BODY + 1), iter([b"x" * MAX_BODY, b"x"])):
-        answer = client.post("/folder", content=body)
-        assert answer.json() == {"notice": f"The page has sent more than {MAX_BODY} bytes; reload it."}
+@pytest.mark.parametrize("body", [b"x" * (MAX_BODY + 1), iter([b"x" * MAX_BODY, b"x"])], ids=["known", "unknown"])
+def test_body_has_a_limit(client, body):
+    """A request that is too large is refused, also one whose header gives no size."""
+    notice = f"The page has sent more than {MAX_BODY} bytes; reload it."
+    assert client.post("/folder", content=body).json() == {"notice": notice}
 
 
 # ---------------------------------------------------------------- what it may read and write
@@ -209,8 +211,9 @@ def test_only_what_was_picked_is_read(client, films):
     """A clip that was not picked is neither probed nor shown nor converted."""
     choices = asdict(first_choices(str(films / "clip.mp4")))
     asked = {"/probe": {"path": choices["input"]}, "/look": {"choices": choices, "time": 0}}
-    for path, data in (asked | {"/check": choices, "/add": choices}).items():
-        assert notice(client, path, data) == f"{films / 'clip.mp4'} was not picked on this page; pick it first."
+    asked |= {"/check": choices, "/add": choices}
+    said = {notice(client, path, data) for path, data in asked.items()}
+    assert said == {f"{films / 'clip.mp4'} was not picked on this page; pick it first."}
 
 
 def test_links_inside_a_folder_of_images(client, films, save_images):
@@ -265,10 +268,10 @@ def test_input_that_became_a_link_is_not_converted(session, client, films):
     assert "lies outside of" in until(session.queue, "failed")["message"]
 
 
-def test_output_is_a_name_in_its_folder(client, films):
+@pytest.mark.parametrize("name", ["../out.mp4", "a/b.mp4", "..", "../", ".", "", "a\\b.mp4", "/out.mp4", "a\0.mp4"])
+def test_output_is_a_name_in_its_folder(client, films, name):
     """The name of an output leads nowhere else."""
-    for name in ("../out.mp4", "a/b.mp4", "..", "../", ".", "", "a\\b.mp4", "/out.mp4", "a\0.mp4"):
-        assert notice(client, "/check", form(client, films, name=name)).startswith(f"{name!r} is not a file name")
+    assert notice(client, "/check", form(client, films, name=name)).startswith(f"{name!r} is not a file name")
 
 
 def test_output_is_no_link(client, films):
@@ -390,11 +393,11 @@ def test_names_need_not_be_unicode(client, films):
     assert check(client, choices)["frames"] == 20
 
 
-def test_times_are_checked(client, films):
+@pytest.mark.parametrize("time", [-1, float("nan"), 1e30, True, "1"])
+def test_times_are_checked(client, films, time):
     """A place in a clip is a number of seconds."""
-    for time in (-1, float("nan"), 1e30, True, "1"):
-        answer = client.post("/look", content=json.dumps({"choices": form(client, films), "time": time}))
-        assert answer.json() == {"notice": "The page has sent no valid time; reload it."}
+    answer = client.post("/look", content=json.dumps({"choices": form(client, films), "time": time}))
+    assert answer.json() == {"notice": "The page has sent no valid time; reload it."}
 
 
 # ---------------------------------------------------------------- what it says and shows
@@ -460,6 +463,7 @@ def posted(address, path, data):
 
 
 def posted_whole(address, path, data):
+    """The answer of a request."""
     with posted(address, path, data) as connection:
         return json.loads(connection.getresponse().read())
 
@@ -726,10 +730,12 @@ def test_conversion_of_a_server_that_was_killed(tmp_path):
         (place / MANIFEST).write_text("{}")
 
 
-def test_animation_begins_anew():
+@pytest.mark.parametrize(
+    ("output", "frame", "resumes"), [("out.gif", 5, False), ("out.mp4", 5, True), ("out.mp4", 0, False)]
+)
+def test_animation_begins_anew(output, frame, resumes):
     """A kind of output that cannot be resumed is not asked to be."""
-    for output, frame, resumes in [("out.gif", 5, False), ("out.mp4", 5, True), ("out.mp4", 0, False)]:
-        assert ("--resume" in jobs.Job(1, ["fpsboost", "in", output], output, frame=frame).arguments) == resumes
+    assert ("--resume" in jobs.Job(1, ["fpsboost", "in", output], output, frame=frame).arguments) == resumes
 
 
 @pytest.mark.parametrize(
@@ -780,7 +786,6 @@ def run_server(films, port, meanwhile):
     script += "fpsboost.__main__.main()"
     words = [sys.executable, "-c", script, "ui", str(films), "--no-browser", "--port", port]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as ui:
-        assert ui.stdout is not None
         address = ui.stdout.readline().removeprefix("The page: ").strip()
         host, port = address.removeprefix("http://").partition("/")[0].split(":")
         assert (host, ui.stdout.readline()[:6]) == ("127.0.0.1", "Ctrl-C")
