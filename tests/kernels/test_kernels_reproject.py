@@ -19,7 +19,7 @@ from fpsboost.synthesis.reproject import Reproject
 def flows(draw):
     """Flows in eighths of pixels, so that float32 is exact and ties and half pixels are common."""
     height, width = draw(st.integers(1, 9)), draw(st.integers(1, 9))
-    largest = draw(st.sampled_from([0, 4, 12, 40, 160]))  # eighths: up to far beyond the frame
+    largest = draw(st.sampled_from([0, 4, 12, 40, 160, 8_000_000]))  # eighths: up to far beyond the frame
     random = np.random.default_rng(draw(st.integers(0, 2**32)))
     flow = random.integers(-largest, largest + 1, (height, width, 2)) / 8
     if draw(st.booleans()):
@@ -74,17 +74,6 @@ def test_brute_force_search_finds_the_nearest_for_any_real_motion():
                     np.hypot(*miss(flow, 0.4, divmod(int(which[y, x]), 23), (y, x))) for which in (source, expected)
                 )
                 assert here == pytest.approx(there, rel=1e-5, abs=1e-5)
-
-
-@pytest.mark.parametrize("search", ["iterative", "brute-force"])
-def test_vast_motion_stays_inside_the_frame(search):
-    """Vectors a million pixels long lead to some source of the frame, and to none that lands."""
-    flow = np.full((6, 8, 2), 1e6, np.float32)
-    flow[::2] *= -1
-    source, found = Reproject(search=search).find_sources(flow, 0.5)
-    assert not found.any()
-    assert source.min() >= 0
-    assert source.max() < 48
 
 
 @pytest.mark.parametrize("search", ["iterative", "brute-force"])

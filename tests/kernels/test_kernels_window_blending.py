@@ -145,31 +145,28 @@ def assert_planes_blend(luma, further, t, candidates, spacing, compared=None, at
     np.testing.assert_allclose(confidence, expected_confidence, atol=atol)
 
 
-@pytest.mark.parametrize(
-    ("size", "t", "largest", "spacing"), [((24, 36), 0.5, 3, 16), ((19, 33), 0.3, 9, 16), ((23, 33), 0.3, 3, 20)]
-)
-def test_layers_are_mixed_by_the_weights_of_others(size, t, largest, spacing):
-    """Planes of full size that are sampled along have no say in the weights."""
-    candidates = random_candidates(np.random.default_rng(5), size, 2, largest, spacing)
-    layers = [10 * layer for layer in two_frames(size, 2, seed=3)]
-    assert_planes_blend(two_frames(size, 1), layers, t, candidates, spacing, compared=1)
+CHROMA, LAYERS = None, 1  # how many planes have a part in the weights: all, or the first alone
 
 
 @pytest.mark.parametrize(
-    ("size", "down", "t", "largest", "spacing"),
+    ("size", "step", "compared", "t", "largest", "spacing"),
     [
-        ((24, 36), 2, 0.5, 3, 16),
-        ((19, 33), 1, 0.3, 9, 16),
-        ((2, 2), 2, 0.75, 5, 16),
-        ((25, 33), 2, 0.3, 9, 20),
-        ((2, 50), 1, 0.75, 5, 24),
-        ((29, 39), 2, 0.5, 3, 28),
+        ((24, 36), (1, 1), LAYERS, 0.5, 3, 16),
+        ((19, 33), (1, 1), LAYERS, 0.3, 9, 16),
+        ((23, 33), (1, 1), LAYERS, 0.3, 3, 20),
+        ((24, 36), (2, 2), CHROMA, 0.5, 3, 16),
+        ((19, 33), (1, 2), CHROMA, 0.3, 9, 16),
+        ((2, 2), (2, 2), CHROMA, 0.75, 5, 16),
+        ((25, 33), (2, 2), CHROMA, 0.3, 9, 20),
+        ((2, 50), (1, 2), CHROMA, 0.75, 5, 24),
+        ((29, 39), (2, 2), CHROMA, 0.5, 3, 28),
     ],
 )
-def test_planes_of_half_the_size_equal_their_slow_twin(size, down, t, largest, spacing):
-    """Chroma has a say in the weights, and is mixed by those of luma; sizes are even and odd."""
-    candidates = random_candidates(np.random.default_rng(down), size, 2, largest, spacing)
-    assert_planes_blend(two_frames(size, 1), two_frames(size, 2, 3, (down, 2)), t, candidates, spacing)
+def test_further_planes_equal_their_slow_twin(size, step, compared, t, largest, spacing):
+    """Chroma of half the size has a part in the weights, layers of full size have none; both are mixed by them."""
+    candidates = random_candidates(np.random.default_rng(sum(step)), size, 2, largest, spacing)
+    further = [(1 if compared is CHROMA else 10) * plane for plane in two_frames(size, 2, 3, step)]
+    assert_planes_blend(two_frames(size, 1), further, t, candidates, spacing, compared)
 
 
 @settings(max_examples=3)
