@@ -4,12 +4,13 @@ import os
 import threading
 import weakref
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 from queue import Empty, Queue
-from typing import Any, Self
+from typing import Any
 
 import av
 import cv2
@@ -18,16 +19,19 @@ import pytest
 from truth import CutsWhere, accelerating, prepared
 from video_truth import packets_of, pictures_of, samples_of, write_clip
 
-from fpsboost.contracts import Summary
-from fpsboost.conversion import convert
-from fpsboost.errors import InputError
-from fpsboost.frame import ClipInfo, Frame
-from fpsboost.interpolator import Interpolator
-from fpsboost.io.video.encode_options import Encoding
-from fpsboost.method_table import methods
+from fpsboost import (
+    ClipInfo,
+    Encoding,
+    Frame,
+    InputError,
+    Interpolator,
+    RunOptions,
+    Summary,
+    convert,
+    methods,
+    run_conversion,
+)
 from fpsboost.motion.field import ZeroMotion
-from fpsboost.run_options import RunOptions
-from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.schedule import ByFactor, ByRate, Schedule, count_frames
 
@@ -54,7 +58,7 @@ def regular(count: int, rate: Fraction = Fraction(25), start: Fraction = Fractio
     return make_frames([start + k / rate for k in range(count)], start + count / rate)
 
 
-class FakeSource:
+class FakeSource(AbstractContextManager):
     """Frames from memory."""
 
     def __init__(self, frames: Iterable[Frame], rate: Fraction = Fraction(25), frame_count: int | None = None) -> None:
@@ -68,13 +72,10 @@ class FakeSource:
 
     def close(self) -> None: ...
 
-    def __enter__(self) -> Self:
-        return self
-
     def __exit__(self, *_: object) -> None: ...
 
 
-class FakeSink:
+class FakeSink(AbstractContextManager):
     """Keeps what it gets; raises `error` in place of frame `fail_at`."""
 
     def __init__(
@@ -89,9 +90,6 @@ class FakeSink:
         if len(self.frames) == self._fail_at and self._error:
             raise self._error
         self.frames.append(frame)
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None: ...
 
@@ -249,17 +247,18 @@ class OnPurposeError(Exception):
     pass
 
 
+@dataclass
 class FailingSynthesizer:
-    """Raises at the `fail_at`-th image of the clip."""
+    """Raises an error after so many images of the clip."""
 
-    def __init__(self, fail_at: int, error: BaseException) -> None:
-        self._left, self._error = fail_at, error
+    left: int
+    error: BaseException
 
     def synthesize(self, frame_pair: Any, times: Any) -> Iterator[Any]:
         for image in Blend().synthesize(frame_pair, times):
-            if self._left == 0:
-                raise self._error
-            self._left -= 1
+            if self.left == 0:
+                raise self.error
+            self.left -= 1
             yield image
 
 

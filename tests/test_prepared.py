@@ -14,10 +14,8 @@ import numpy as np
 import pytest
 from truth import noise
 
-from fpsboost.conversion import convert
+from fpsboost import RunOptions, convert, methods
 from fpsboost.frame_cache import FrameCache, Results
-from fpsboost.method_table import methods
-from fpsboost.run_options import RunOptions
 
 PER_FRAME = (
     "fpsboost.motion.components.small_copy",

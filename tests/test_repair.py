@@ -15,19 +15,25 @@ from test_pipeline import BLEND, FAST, FakeSink, FakeSource
 from truth import frozen
 from video_truth import bytes_of, pictures_of, write_clip
 
-from fpsboost import Encoding, OutputRate, Replacement, convert
+from fpsboost import (
+    ByFactor,
+    Encoding,
+    Frame,
+    FrameCache,
+    InputError,
+    OptionError,
+    OutputRange,
+    OutputRate,
+    Replacement,
+    YCbCrImage,
+    convert,
+    methods,
+    run_conversion,
+)
 from fpsboost.analysis.duplicates import SourceFrame
-from fpsboost.contracts import OutputRange
-from fpsboost.errors import InputError, OptionError
-from fpsboost.frame import Frame
-from fpsboost.frame_cache import FrameCache
-from fpsboost.image import YCbCrImage
-from fpsboost.method_table import methods
 from fpsboost.parts.plan import REPLACED_BEFORE, find_entry
 from fpsboost.probing import probe
 from fpsboost.repair import find_damaged
-from fpsboost.streaming import run_conversion
-from fpsboost.timing.schedule import ByFactor
 
 RATE = Fraction(25)
 SAME = ByFactor(Fraction(1))

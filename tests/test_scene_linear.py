@@ -9,17 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from truth import waves
 
+from fpsboost import DecodeOptions, Encoding, OptionError, convert, methods, stream
 from fpsboost.colour import compared_colours
-from fpsboost.conversion import convert, stream
-from fpsboost.errors import OptionError
 from fpsboost.evaluation.contestants import InterpolatorContestant
 from fpsboost.evaluation.hidden_frames import Hiding
 from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.exr import read_exr
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
-from fpsboost.method_table import methods
 
 SIZE = 48, 80
 

@@ -9,13 +9,9 @@ import pytest
 from truth import affine
 from video_truth import pictures_of, samples_of, write_clip
 
-from fpsboost import Encoding, InputError, convert, methods
+from fpsboost import Coding, Encoding, Frame, FrameCache, InputError, convert, methods, with_neighbours
 from fpsboost.analysis.duplicates import DuplicateDetector, brightness
-from fpsboost.colour import Coding
-from fpsboost.frame import Frame
-from fpsboost.frame_cache import FrameCache
 from fpsboost.image import YCbCrImage, check_pair, view
-from fpsboost.interpolator import with_neighbours
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import PLANAR_FORMATS, bgr_of, from_bgr, in_planes, picture_of
 from fpsboost.motion.components import contrast_components, contrast_planes, gray, small_copy

@@ -146,8 +146,7 @@ def test_inputs_are_never_replaced(fpsboost_, tmp_path, snapshot):
     """The folder of the inputs as the target: nothing happens to them, even with --overwrite."""
     before = snapshot(tmp_path)
     result = fpsboost_("a.mp4", "b.mp4", ".", "--overwrite", *CHEAP)
-    assert result.code == 1
-    assert "2 of 2 inputs failed" in result.lines[-1]
+    assert (result.code, result.lines[-1][:30]) == (1, "fpsboost: 2 of 2 inputs failed")
     assert snapshot(tmp_path) == before
 
 
@@ -207,7 +206,6 @@ def test_a_signal_stops_all(tmp_path):
     write_clip(tmp_path / "b.mp4", times=range(0, 200000, 1000))
     command = [sys.executable, "-m", "fpsboost", "a.mp4", "b.mp4", "out", "--fps", "1000", "--verbose", *CHEAP]
     with subprocess.Popen(command, cwd=tmp_path, env=environment(), stderr=subprocess.PIPE) as process:
-        assert process.stderr is not None
         assert any(line.startswith(b"b.mp4: 64x48") for line in process.stderr)  # the lines until it is open
         process.send_signal(signal.SIGTERM)
         rest = process.stderr.read().decode()

@@ -33,9 +33,9 @@ def clip(tmp_path) -> Path:
     return write_clip(tmp_path / "in.mp4", times=range(6))
 
 
-def run_code(folder: Path, code: str) -> subprocess.CompletedProcess[bytes]:
-    """Run code in a process of its own, with its output piped."""
-    command = [sys.executable, "-c", code]
+def run_python(folder: Path, *arguments: str) -> subprocess.CompletedProcess[bytes]:
+    """Run Python in a process of its own, with its output piped."""
+    command = [sys.executable, *arguments]
     return subprocess.run(command, cwd=folder, env=environment(), capture_output=True, timeout=100, check=False)
 
 
@@ -48,8 +48,7 @@ RUN = """
 
 def test_piped_run_is_plain_text(clip, tmp_path):
     """A whole process that nobody watches: exit code 0, a file, no bar, no colour, no control characters, one line."""
-    command = [sys.executable, "-m", "fpsboost", "in.mp4", "out.mp4", *CHEAP]
-    done = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, timeout=100, check=False)
+    done = run_python(tmp_path, "-m", "fpsboost", "in.mp4", "out.mp4", *CHEAP)
     assert (done.returncode, done.stdout) == (0, b"")
     assert re.fullmatch(SUMMARY.format(r"out\.mp4", 6, 12) + "\r?\n", done.stderr.decode())
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mp4", "out.mp4"]
@@ -117,7 +116,7 @@ def test_it_can_be_stopped_while_modules_are_imported(clip, tmp_path, number, mo
                     sys.meta_path.remove(self)
                     os.kill(os.getpid(), {int(number)})
         sys.meta_path.insert(0, Stopping()){RUN}"""
-    result = run_code(tmp_path, code)
+    result = run_python(tmp_path, "-c", code)
     said = result.stderr.splitlines()
     assert (result.returncode, result.stdout, said) == (130, b"", [b"Stopped; nothing was written."])
     assert [path.name for path in tmp_path.iterdir()] == ["in.mp4"]
@@ -360,27 +359,12 @@ main()
 def test_a_stopped_run_says_what_it_leaves(tmp_path, number, output):
     """Ctrl-C and a request to end, in the middle: exit code 130, no output, and one line that says what can go on."""
     write_clip(tmp_path / "in.mp4", times=range(8))
-    # a job in the background of a shell has Ctrl-C switched off, and hands that on to its children
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        process = subprocess.Popen(
-            [sys.executable, "-c", WAITING, "in.mp4", output, "--factor", "40", "--duplicates", "keep", *CHEAP],
-            cwd=tmp_path,
-            env=environment(),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-        )
-    finally:
-        signal.signal(signal.SIGINT, before)
-    with process:
-        try:
-            assert process.stderr is not None
-            assert process.stderr.readline() == b"270 frames are on their way\n"
-            process.send_signal(number)
-            out, err = process.communicate(timeout=60)
-        finally:
-            process.kill()
+    command = [sys.executable, "-c", WAITING, "in.mp4", output, "--factor", "40", "--duplicates", "keep", *CHEAP]
+    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    with subprocess.Popen(command, cwd=tmp_path, env=environment(), **pipes) as process:
+        assert process.stderr.readline() == b"270 frames are on their way\n"
+        process.send_signal(number)
+        out, err = process.communicate(timeout=60)
     assert (process.returncode, out) == (130, b"")
     finished = rb"240 of 320" if output.startswith("out") else rb"2[0-9]{2} of 281"
     assert re.fullmatch(rb"Stopped; " + finished + rb" frames are finished, and --resume goes on from there\.\n", err)
@@ -445,7 +429,7 @@ def test_kernels_that_cannot_be_used_are_one_sentence(clip, tmp_path, snapshot, 
         {fault}
         sys.argv = ["fpsboost", *{command}]
         main()"""
-    done = run_code(tmp_path, code)
+    done = run_python(tmp_path, "-c", code)
     out = "" if command == ("doctor",) else done.stdout.decode()  # which lists what works, too
     assert_refused(Result(done.returncode, out, done.stderr.decode()), 1, FAULTS[fault])
     assert snapshot(tmp_path) == before
@@ -581,4 +565,4 @@ def test_what_needs_no_work_is_light(tmp_path, arguments):
     heavy = "{'cv2', 'fpsboost.kernels.binding', 'av', 'numpy', 'matplotlib', 'jinja2'}"
     run = f"import sys; from fpsboost.cli import app; app.app({arguments}, result_action='return_value')"
     code = f"{run}\nprint({heavy} & set(sys.modules), file=sys.stderr)"
-    assert run_code(tmp_path, code).stderr.strip() == b"set()"
+    assert run_python(tmp_path, "-c", code).stderr.strip() == b"set()"

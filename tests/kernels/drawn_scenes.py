@@ -13,13 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from fpsboost.colour import Coding
-from fpsboost.frame_cache import FrameCache
+from fpsboost import Coding, FrameCache, InterpolatedImage, Layer, LayeredImage, find_method
 from fpsboost.image import YCbCrImage, view
-from fpsboost.layered import Layer, LayeredImage
-from fpsboost.method_table import find_method
 from fpsboost.motion.rendered import FrameVectors
-from fpsboost.synthesis import InterpolatedImage
 
 Size = tuple[int, int]
 
