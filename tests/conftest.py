@@ -6,6 +6,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,19 @@ def snapshot() -> Callable[[Path], Snapshot]:
         return {path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else None for path in paths}
 
     return take
+
+
+@pytest.fixture
+def unchanged(snapshot: Callable[[Path], Snapshot]) -> Callable[[Path], AbstractContextManager[None]]:
+    """A function that opens a block which leaves everything below a folder as it was, bytes and names."""
+
+    @contextmanager
+    def unchanged_block(folder: Path) -> Iterator[None]:
+        before = snapshot(folder)
+        yield
+        assert snapshot(folder) == before
+
+    return unchanged_block
 
 
 @pytest.fixture

@@ -16,36 +16,34 @@ def rows(text: str) -> dict[str, str]:
     return dict(re.findall(r"^(from|makes|keeps|takes|size|tried) +(.*?) *$", joined, re.MULTILINE))
 
 
-def test_a_video(fpsboost_, tmp_path, snapshot):
+def test_a_video(fpsboost_, tmp_path, unchanged):
     """Frames, rate and encoder, the streams that are kept or not, and figures of a trial; nothing is written."""
     write_clip(tmp_path / "in.mov", times=range(80), sound="pcm_s16le")
-    before = snapshot(tmp_path)
-    result = fpsboost_("in.mov", "out.mp4", "--fps", "30", "--audio-codec", "aac", *CHEAP, "--dry-run")
-    said = rows(result.out)
-    assert (result.code, result.err) == (0, "")
-    assert said["from"] == "64x48 at 25 fps, 80 frames"
-    assert said["makes"].startswith("out.mp4, 96 frames at 30 fps, 0:03.200, libx264, yuv420p")
-    assert said["keeps"] == "pcm_s16le sound (fra)"
-    assert re.fullmatch(r"about [\d.]+ s for 96 frames\.", said["takes"])
-    assert re.fullmatch(r"about [\d.]+ kB, other streams not counted", said["size"])
-    assert said["tried"] == "6 frames, for time and size"
-    assert "encoded anew as aac" in result.out
-    repaired = fpsboost_("in.mov", "out.mp4", "--no-audio", "--replace", "70", *CHEAP, "--dry-run")
-    assert rows(repaired.out)["tried"] == "5 frames, for time and size"  # the clip does not end with them
-    assert "behind it" not in repaired.out
-    assert snapshot(tmp_path) == before
+    with unchanged(tmp_path):
+        result = fpsboost_("in.mov", "out.mp4", "--fps", "30", "--audio-codec", "aac", *CHEAP, "--dry-run")
+        said = rows(result.out)
+        assert (result.code, result.err) == (0, "")
+        assert said["from"] == "64x48 at 25 fps, 80 frames"
+        assert said["makes"].startswith("out.mp4, 96 frames at 30 fps, 0:03.200, libx264, yuv420p")
+        assert said["keeps"] == "pcm_s16le sound (fra)"
+        assert re.fullmatch(r"about [\d.]+ s for 96 frames\.", said["takes"])
+        assert re.fullmatch(r"about [\d.]+ kB, other streams not counted", said["size"])
+        assert said["tried"] == "6 frames, for time and size"
+        assert "encoded anew as aac" in result.out
+        repaired = fpsboost_("in.mov", "out.mp4", "--no-audio", "--replace", "70", *CHEAP, "--dry-run")
+        assert rows(repaired.out)["tried"] == "5 frames, for time and size"  # the clip does not end with them
+        assert "behind it" not in repaired.out
 
 
-def test_images(fpsboost_, tmp_path, save_images, snapshot):
+def test_images(fpsboost_, tmp_path, save_images, unchanged):
     """Of two folders, each is tried; the last image is explained."""
     for name in ("a", "b"):
         save_images(tmp_path / name)
-    before = snapshot(tmp_path)
-    result = fpsboost_("a", "b", "out", "--method", "blend", "--dry-run")
-    assert (result.code, result.err) == (0, "")
-    assert result.out.count(LAST) == result.out.count("Nothing was written.") == 2
-    assert rows(result.out)["makes"] == "out/b/, 9 frames"
-    assert snapshot(tmp_path) == before
+    with unchanged(tmp_path):
+        result = fpsboost_("a", "b", "out", "--method", "blend", "--dry-run")
+        assert (result.code, result.err) == (0, "")
+        assert result.out.count(LAST) == result.out.count("Nothing was written.") == 2
+        assert rows(result.out)["makes"] == "out/b/, 9 frames"
 
 
 def test_what_is_refused_is_refused_at_once(fpsboost_, tmp_path):

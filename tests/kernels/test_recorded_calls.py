@@ -36,7 +36,7 @@ def test_scenes_of_any_size_are_converted_alike_at_every_level():
     program = Path(__file__).with_name("drawn_scenes.py")
     few, *many = (
         subprocess.check_output(
-            [sys.executable, program, "11" if level == "baseline" else "44"],
+            [sys.executable, program, "11" if level == "baseline" else "22"],
             env={**os.environ, "FPSBOOST_CPU": level},
             text=True,
         )
