@@ -309,9 +309,7 @@ def draw_repair() -> Path:
     damaged[200:240] = 128
     frames[number] = damaged
     caches = prepared(frames)
-    found = find_damaged(
-        SourceFrame(Frame(frame, Fraction(0)), cache) for frame, cache in zip(frames, caches, strict=True)
-    )
+    found = find_damaged(SourceFrame(Frame(frame, Fraction(0))) for frame in frames)
     assert [each for each, (_, is_damaged) in enumerate(found) if is_damaged] == [number]
     method = methods["nlm"]
     before, pair, after = (method.pair(*two) for two in pairwise([*caches[1:3], *caches[4:6]]))

@@ -18,7 +18,7 @@ from fpsboost.analysis.duplicates import SourceFrame, group_duplicates
 from fpsboost.contracts import FrameSource, HasDetails
 from fpsboost.errors import FpsboostError, OutputError
 from fpsboost.frame import Frame
-from fpsboost.frame_cache import FrameCache, SourcePosition
+from fpsboost.frame_cache import SourcePosition
 from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.io import SeekableSource
 from fpsboost.io.animation.source import is_animation
@@ -181,7 +181,7 @@ class Findings:
             self.seen(frame, frame.time - self.times[0])
             self.origin = beginning(frames)
             place = SourcePosition(self.origin.number + len(self.times) - 1, self.in_clip(frame.time))
-            yield SourceFrame(frame, FrameCache(frame.image, source_position=place))
+            yield SourceFrame(frame, place)
 
     def pairs(self, frames: FrameSource, interpolator: Interpolator) -> Iterator[Pair]:
         """Yield the pairs between which a conversion would make frames."""
@@ -190,7 +190,7 @@ class Findings:
         for group in zip(shown) if detector is None else group_duplicates(shown, detector):
             self.pictures.append([each.frame.time for each in group])
             if last is not None:
-                yield interpolator.pair(last.image, group[0].image)
+                yield interpolator.pair(last, group[0])
             last = group[0]
 
 

@@ -52,7 +52,7 @@ def _standing_out(frames: Iterable[SourceFrame]) -> Iterator[Marked]:
 
 def _match(frame0: SourceFrame, frame1: SourceFrame) -> NDArray[Any]:
     """Return how well the thumbnails of two frames match, the worse direction at each pixel."""
-    return np.asarray(np.minimum(*CutDetector().match_maps(frame0.image, frame1.image)))
+    return np.asarray(np.minimum(*CutDetector().match_maps(frame0, frame1)))
 
 
 def _bands(matched: NDArray[Any]) -> NDArray[Any]:

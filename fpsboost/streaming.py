@@ -36,7 +36,7 @@ from fpsboost.contracts import (
 )
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, PairMotion
-from fpsboost.frame_cache import FrameCache, SourcePosition
+from fpsboost.frame_cache import SourcePosition
 from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.options import Range, checked
 from fpsboost.pair import Pair
@@ -309,7 +309,7 @@ class _LoopState:
             last = time
             place = self.schedule.output_position(number, self.start, time)
             position = SourcePosition(self.beginning.number + number, self.beginning.seconds + frame.time - self.start)
-            yield SourceFrame(replace(frame, time=time), FrameCache(frame.image, place, position))
+            yield SourceFrame(replace(frame, time=time), position, place)
 
     def groups(self, frames: Iterator[SourceFrame], detector: DuplicateDetector | None) -> Iterable[FrameGroup]:
         """Return the frames in groups of which one picture is left: of damaged frames, or else of duplicates."""
@@ -362,7 +362,7 @@ class _LoopState:
             outputs += [_Output(source, step, self.output_number(step, source)) for step in steps]
             self.index += 1
         end = following[0].frame.time
-        pair = self.interpolator.pair(group[0].image, following[0].image, end - group[0].frame.time)
+        pair = self.interpolator.pair(group[0], following[0], end - group[0].frame.time)
         places = self.place(group[0]), self.place(following[0])
         return _Interval(group, outputs, first_output, end, pair, places, self.interpolator.replacement is None)
 

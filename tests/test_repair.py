@@ -134,7 +134,7 @@ DAMAGE = {
 
 def detected(images: list[np.ndarray]) -> list[int]:
     """Return the numbers of the images that are taken for damaged."""
-    shown = (SourceFrame(Frame(image, Fraction(0)), FrameCache(image)) for image in images)
+    shown = (SourceFrame(Frame(image, Fraction(0))) for image in images)
     return [number for number, (_, is_damaged) in enumerate(find_damaged(shown)) if is_damaged]
 
 

@@ -149,19 +149,31 @@ def brightness(frame: FrameCache) -> Components:
     return frame.cached(gray) if frame.pixels.dtype == np.uint8 else view(frame.pixels).float_luma()
 
 
-class SourceFrame(NamedTuple):
-    """Frame of the source, and the cache of what was computed of its image."""
+class SourceFrame(FrameCache):
+    """Frame of the source, with the results computed from its image, which both pairs of the frame share.
 
-    frame: Frame
-    """The frame, at its presentation time."""
-    image: FrameCache
-    """Cache of its image, which both pairs of the frame share."""
+    Parameters
+    ----------
+    frame : Frame
+        The frame, at its presentation time.
+    source_position, output_position : optional
+        See `FrameCache`.
+    """
+
+    def __init__(
+        self,
+        frame: Frame,
+        source_position: SourcePosition | None = None,
+        output_position: Fraction | None = None,
+    ) -> None:
+        super().__init__(frame.image, output_position, source_position)
+        self.frame = frame
 
     @property
     def position(self) -> SourcePosition:
         """Position of the frame in its clip."""
-        assert self.image.source_position is not None, "known of every frame of a clip"
-        return self.image.source_position
+        assert self.source_position is not None, "known of every frame of a clip"
+        return self.source_position
 
 
 FrameGroup = tuple[SourceFrame, ...]
@@ -209,7 +221,7 @@ def find_synchronised(
     apart = 2 * detector.noise + ROUNDING
     begins_before = False
     for before, frame in pairwise(frames):
-        difference = detector.difference(before.image, frame.image)
+        difference = detector.difference(before, frame)
         begins = difference > apart
         if begins and (begins_before or difference > detector.difference_limit):
             yield frame, difference
@@ -266,7 +278,7 @@ def _find_run(
             return count, True, detector.repeats_still(noise, step), 0.0
         following = waiting[count - 1]
         lasts = following.frame.time - first.frame.time
-        difference = detector.difference(first.image, following.image)
+        difference = detector.difference(first, following)
         if differences and detector.is_held(noise, step, difference):
             return count, lasts > detector.longest, True, difference
         differences.append(difference)
@@ -285,7 +297,7 @@ def _rest_of_still(
 ) -> Generator[PictureRun, None, float]:
     """Yield the frames that still show the same picture as `first`, one by one; return the difference after them."""
     while _read_ahead(1, waiting, arriving):
-        difference = detector.difference(first.image, waiting[0].image)
+        difference = detector.difference(first, waiting[0])
         if difference > detector.noise:
             return difference
         yield PictureRun((waiting.popleft(),), True, int(repeats))

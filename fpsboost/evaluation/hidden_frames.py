@@ -212,7 +212,7 @@ class Hiding(Checked):
             time = rising_time(clock, start, frame.time, last)
             if time is not None:
                 last = time
-                yield SourceFrame(replace(frame, time=time), _prepared(frame.image, position))
+                yield SourceFrame(replace(frame, time=time), position)
 
     def _truths(self, frames: Iterator[SourceFrame]) -> Iterator[_Truth]:
         """Yield the frames with their repeats, grouped or kept."""

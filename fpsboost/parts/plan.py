@@ -29,7 +29,7 @@ from fpsboost.analysis.scene_cuts import counts_frames
 from fpsboost.contracts import Entry, OutputRange, RandomAccess, Summary
 from fpsboost.errors import OptionError, OutputError, explained
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.frame_cache import FrameCache, SourcePosition
+from fpsboost.frame_cache import SourcePosition
 from fpsboost.io import SeekableSource
 from fpsboost.media.chunks import CHUNK_FRAMES
 from fpsboost.media.files import write_safely
@@ -186,7 +186,7 @@ def _presented(
         if time is not None:
             before = time
             place = SourcePosition(number, frame.time)
-            yield SourceFrame(replace(frame, time=time), FrameCache(frame.image, source_position=place))
+            yield SourceFrame(replace(frame, time=time), place)
 
 
 @dataclass(frozen=True)

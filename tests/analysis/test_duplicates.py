@@ -22,7 +22,6 @@ from truth import affine, as_type, equal_luma, frozen, noise, prepared
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_pictures, group_duplicates
 from fpsboost.contracts import Summary
 from fpsboost.frame import Frame
-from fpsboost.frame_cache import FrameCache
 from fpsboost.io.opening import open_source
 from fpsboost.method_table import methods
 from fpsboost.motion.rendered import RenderedMotion
@@ -41,7 +40,7 @@ def run(frames: list[Frame], schedule: Schedule = DOUBLE, method: Any = methods[
 
 def lengths(frames: Sequence[Frame]) -> list[int]:
     """How many frames each held picture consists of."""
-    shown = (SourceFrame(frame, FrameCache(frame.image)) for frame in frames)
+    shown = map(SourceFrame, frames)
     return [len(each) for each in group_duplicates(shown, DuplicateDetector())]
 
 
@@ -161,7 +160,7 @@ def test_colour_alone_tells_frames_apart(form):
     detector, plain = DuplicateDetector(), np.ones((HEIGHT, WIDTH))
     for blue, red in ((-0.25, 0.25), (-0.2, -0.2)):
         images = prepared(*(form(equal_luma(sign * blue * plain, sign * red * plain)) for sign in (-1, 1)))
-        frames = [SourceFrame(Frame(image.pixels, k / RATE), image) for k, image in enumerate(images * 3)]
+        frames = [SourceFrame(Frame(image.pixels, k / RATE)) for k, image in enumerate(images * 3)]
         assert [len(each) for each in group_duplicates(frames, detector)] == [1] * 6
         assert detector.difference(*images) > detector.noise
         assert detector.difference(images[0], images[0]) == 0
@@ -227,7 +226,7 @@ def test_encoded_duplicates_are_found(tmp_path, cadence, crf):
 
 def repeats(frames: Sequence[Frame]) -> list[tuple[int, bool, int]]:
     """Of each picture: how many frames are told together, whether it is a still, and how many repeat another."""
-    shown = (SourceFrame(frame, FrameCache(frame.image)) for frame in frames)
+    shown = map(SourceFrame, frames)
     return [(len(each.frames), each.is_still, each.repeats) for each in find_pictures(shown, DuplicateDetector())]
 
 

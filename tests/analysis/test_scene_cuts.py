@@ -143,11 +143,9 @@ def test_the_rendered_scenes_hold_no_cut(scene_name):
 
 def found_cuts(frames):
     """The pairs of a clip of 24 frames per second that a conversion takes for cuts."""
-    shown = (
-        SourceFrame(Frame(image, Fraction(k, 24), Fraction(1, 24)), FrameCache(image)) for k, image in enumerate(frames)
-    )
+    shown = (SourceFrame(Frame(image, Fraction(k, 24), Fraction(1, 24))) for k, image in enumerate(frames))
     held = list(group_duplicates(shown, DuplicateDetector()))
-    pairs = [methods["nlm"].pair(first[0].image, second[0].image) for first, second in pairwise(held)]
+    pairs = [methods["nlm"].pair(first[0], second[0]) for first, second in pairwise(held)]
     ends = np.cumsum([len(each) for each in held]) - 1
     triples = with_neighbours(pairs)
     return {int(end) for end, (before, pair, after) in zip(ends, triples, strict=False) if pair.is_cut(before, after)}

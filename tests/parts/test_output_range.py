@@ -126,7 +126,7 @@ def test_ranges_are_parts_of_the_whole(schedule, clip, data):
 def test_grouping_is_certain_at_most_moves(kind, expected):
     """In ordinary motion nearly everywhere, and in animation at each new picture; never within a still."""
     images = [picture(0, 3 * (index // kind)) for index in range(40)]
-    shown = [SourceFrame(Frame(image, index / RATE), FrameCache(image)) for index, image in enumerate(images)]
+    shown = [SourceFrame(Frame(image, index / RATE)) for index, image in enumerate(images)]
     found = [frame for frame, _ in find_synchronised(shown, DuplicateDetector())]
     assert len(found) >= expected * 38
     assert not list(find_synchronised([shown[0]] * 9, DuplicateDetector()))
