@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
+from typing import Any, Protocol, Self, runtime_checkable
 
 import cv2
 import numpy as np
@@ -27,19 +27,6 @@ Image = NDArray[Any]
 
 Plane = NDArray[Any]
 """(height, width)."""
-
-
-class SplinePlanes(NamedTuple):
-    """Planes of which splines are made."""
-
-    full: NDArray[Any]
-    """(C, H, W), contiguous."""
-    half: NDArray[Any]
-    """(C, h, w): subsampled chroma; (0, 1, 1) if there is none."""
-    unit: np.float32
-    """Factor that makes white 1."""
-    bits: int
-    """Bits per sample."""
 
 
 @runtime_checkable
@@ -200,16 +187,28 @@ class ImageView:
         """Return the image with other `channels`, all of its own type; alpha stays."""
         return np.dstack([*channels, self.array()[..., len(channels) :]])
 
-    def spline_planes(self) -> SplinePlanes:
-        """Return the planes of which splines are made, with straight alpha premultiplied."""
+    def spline_planes(self) -> tuple[NDArray[Any], NDArray[Any], np.float32, int]:
+        """Return the planes of which splines are made, with straight alpha premultiplied.
+
+        Returns
+        -------
+        full : (C, H, W), contiguous
+            Planes at full resolution.
+        half : (C, h, w)
+            Subsampled chroma; (0, 1, 1) if there is none.
+        unit : float32
+            Factor that makes white 1.
+        bits : int
+            Bits per sample.
+        """
         nothing = np.empty((0, 1, 1), self.dtype)
         if self.dtype == np.float32:  # NaN and infinity would spread to their surroundings
-            return SplinePlanes(normalised(self.array()).transpose(2, 0, 1).copy(), nothing, np.float32(1), 16)
+            return normalised(self.array()).transpose(2, 0, 1).copy(), nothing, np.float32(1), 16
         planes, unit = self.array().transpose(2, 0, 1).copy(), 1 / self.white
         if has_alpha(self):
             planes, unit = planes * unit, np.float32(1)
             planes[:-1] *= planes[-1]
-        return SplinePlanes(planes, nothing, unit, 8 if self.dtype == np.uint8 else 16)
+        return planes, nothing, unit, 8 if self.dtype == np.uint8 else 16
 
     def _float_gray(self) -> Plane:
         colours = colour_components(self.array())
@@ -351,12 +350,12 @@ class YCbCrImage(ImageView):
         y, cb, cr = channels
         return replace(self, planes=(y, cb, cr))
 
-    def spline_planes(self) -> SplinePlanes:
+    def spline_planes(self) -> tuple[NDArray[Any], NDArray[Any], np.float32, int]:
         unit = np.float32(1 / self.white)  # also for chroma, whose weight is then about that in a sum over B, G and R
         full, half = self.planes[: self._full_planes], self.planes[self._full_planes :]
         together = full[0][np.newaxis] if len(full) == 1 else np.stack(full)
         chroma = np.stack(half) if half else np.empty((0, 1, 1), self.dtype)
-        return SplinePlanes(together, chroma, unit, self.coding.bits)
+        return together, chroma, unit, self.coding.bits
 
 
 Pixels = Image | YCbCrImage

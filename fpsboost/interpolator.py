@@ -21,7 +21,7 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, TakesPlanes, check_pair, view
 from fpsboost.layered import FrameImage
 from fpsboost.motion import MotionEstimator
-from fpsboost.motion.field import MotionField, Neighbour, ZeroMotion
+from fpsboost.motion.field import MotionField, ZeroMotion
 from fpsboost.motion.rendered import RenderedVectors, UsesVectors
 from fpsboost.options import LEAST_CONFIDENCE, AtCuts, Checked, Range, Uncertain, checked
 from fpsboost.pair import Layered, Pair, as_bgr
@@ -332,10 +332,12 @@ class Interpolator(Checked):
     def frame_pair(self, pair: Pair, before: Pair | None, after: Pair | None) -> FramePair:
         """Return what the synthesizer takes of two frames that motion connects, and of the pairs before and after."""
         # the next pair's motion first: the thread that makes its frames waits for it
-        following = _neighbour(after, pair, after.image1 if after else None) if self.curved else None
+        following = _neighbour(after) if self.curved and after is not None else None
         fields = pair.fields
-        neighbours = (_neighbour(before, pair, before.image0 if before else None), following) if self.curved else ()
-        return FramePair(*pair.compensated, *fields, *neighbours)
+        preceding = _neighbour(before) if self.curved and before is not None else None
+        return FramePair(
+            *pair.compensated, *fields, preceding, following, pair.duration, light_changes=pair.illumination is not None
+        )
 
     def _finish(
         self,
@@ -443,9 +445,7 @@ def _extrapolate(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[M
     )
 
 
-def _neighbour(neighbour: Pair | None, pair: Pair, beyond: FrameCache | None) -> Neighbour | None:
-    """Return what is known of a neighbouring pair, `beyond` being the frame that it does not share."""
-    if neighbour is None:
-        return None
-    same_light = neighbour.illumination is None and pair.illumination is None
-    return Neighbour(*neighbour.fields, float(neighbour.duration / pair.duration), beyond if same_light else None)
+def _neighbour(pair: Pair) -> FramePair:
+    """Return what a synthesizer takes of the pair before or after: its frames are as they are, not in equal light."""
+    light_changes = pair.illumination is not None
+    return FramePair(pair.image0, pair.image1, *pair.fields, duration=pair.duration, light_changes=light_changes)

@@ -6,7 +6,6 @@ the sink unchanged, with the decoder's own frame; but duplicate frames are repla
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -21,6 +20,7 @@ import numpy as np
 from fpsboost.analysis.duplicates import DuplicateDetector, FrameGroup, SourceFrame, group_duplicates
 from fpsboost.contracts import (
     Cancellable,
+    Entry,
     FrameSink,
     FrameSource,
     HasBeginning,
@@ -238,6 +238,8 @@ class _Interval:
     scene_cut: bool = False
     match: LowestMatch | None = None
     """How well the two frames match, with the output frame halfway between; None if nothing is interpolated."""
+    done: int = 0
+    """Number of outputs that have been made and passed on."""
 
     def resolve(self, neighbours: Neighbours) -> None:
         """Find out which frames are interpolated and between what; the same whichever task does it."""
@@ -268,16 +270,8 @@ class _LoopState:
     needs_motion: bool
     outputs: OutputRange
     stretch: Fraction
-    start: Fraction = Fraction(0)
-    number: int = 0
-    """Number of the next source frame to be read."""
-    index: int = 0
-    """Number of the next source frame to become part of an interval."""
-    outputs_before: int = 0
-    """Number of output frames so far."""
     exposed: int | None = None
-    """`Step.frame_number` of the last of them."""
-    step: float = math.inf
+    """`Step.frame_number` of the last output frame so far."""
     last: FrameGroup | None = None
     """Previous group of frames."""
     end: Fraction = Fraction(0)
@@ -288,10 +282,11 @@ class _LoopState:
         self.curve = None if retimed is None else retimed.curve
         is_blurred = retimed is not None and retimed.shutter is not None
         self.has_exposures = is_blurred or isinstance(self.schedule, ExposureSchedule)
-        entry = self.outputs.entry
-        if entry is not None:
-            self.start, self.step, self.outputs_before = entry.start, entry.step, entry.outputs_before
-            self.number = self.index = entry.number
+        entry = self.outputs.entry or Entry(number=0, start=Fraction(0), outputs_before=0)
+        # the number of output frames so far, and those of the source frames to be read, and to become part of an
+        # interval, next
+        self.outputs_before, self.number, self.index = entry.outputs_before, entry.number, entry.number
+        self.start, self.step = entry.start, entry.step
 
     def presented(self, frames: Iterator[Frame]) -> Iterator[SourceFrame]:
         """Yield the source's frames with their positions, at the schedule's presentation times, and count them."""
@@ -392,13 +387,8 @@ class _LoopState:
         return source.position.number - self.beginning.number
 
 
-class _Part(NamedTuple):
-    """Outputs of a part of an interval, made by one task."""
-
-    interval: _Interval
-    begin: int
-    """Place of the first of them in the interval."""
-    outputs: list[_Output]
+Made = tuple[_Interval, list[_Output]]
+"""Interval, and those of its outputs that one task has made."""
 
 
 def _output_frames(
@@ -406,17 +396,18 @@ def _output_frames(
     clip: _LoopState,
     detector: DuplicateDetector | None,
     holds_last_frame: bool,
-    in_order: Callable[[Iterable[Callable[[], _Part]]], Iterator[_Part]],
+    in_order: Callable[[Iterable[Callable[[], Made]]], Iterator[Made]],
 ) -> Iterator[_Output]:
     """Yield the output frames without durations, or the samples of each; note when the clip ends."""
     source, summary = clip.presented(frames), clip.summary
     scenes = 0
-    for interval, begin, outputs in in_order(_tasks(clip, clip.groups(source, detector))):
+    for interval, outputs in in_order(_tasks(clip, clip.groups(source, detector))):
         clip.count_outputs(interval, outputs)
-        if begin == 0:
+        if interval.done == 0:
             scenes += interval.scene_cut
             clip.count_interval(interval)
-        if begin + len(outputs) == len(interval.outputs):
+        interval.done += len(outputs)
+        if interval.done == len(interval.outputs):
             if interval.pair.search_radius is not None:
                 summary.search_radii.add(interval.pair.search_radius)
             interval.pair.release_caches()
@@ -458,7 +449,7 @@ def _exposed(outputs: Iterator[_Output]) -> Iterator[Frame]:
             yield frame
 
 
-def _tasks(clip: _LoopState, groups: Iterable[FrameGroup]) -> Iterator[Callable[[], _Part]]:
+def _tasks(clip: _LoopState, groups: Iterable[FrameGroup]) -> Iterator[Callable[[], Made]]:
     """Yield the tasks in order, one per part of an interval, so that many frames between two take no extra memory."""
     for before, interval, after in with_neighbours(clip.intervals(groups)):
         if clip.outputs.is_past(interval.first_output - 2):  # two frames tell when the last one and its exposure end
@@ -470,7 +461,7 @@ def _tasks(clip: _LoopState, groups: Iterable[FrameGroup]) -> Iterator[Callable[
             yield partial(_make, clip, interval, neighbours, begin)
 
 
-def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: int) -> _Part:
+def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: int) -> Made:
     """Make the output frames of a part of an interval; those that are not needed carry any image."""
     interval.resolve(neighbours)
     outputs, pair = interval.outputs[begin : begin + FRAMES_PER_TASK], interval.pair
@@ -493,7 +484,7 @@ def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: 
         _add_motion(finished, interval, neighbours)
     if begin == 0 and clip.counts(interval) and not interval.scene_cut:
         interval.match = clip.measure_match(interval)
-    return _Part(interval, begin, finished)
+    return interval, finished
 
 
 def _add_motion(outputs: list[_Output], interval: _Interval, neighbours: Neighbours) -> None:

@@ -21,16 +21,6 @@ CONFIDENCE_POWER = 8
 hardly change the weights, but are visible."""
 
 
-class SampledImage(NamedTuple):
-    """Image as `blend_hypotheses` reads it; its coefficients have at least SPARE columns beyond the right margin."""
-
-    full: Samples
-    """Planes at full resolution."""
-    further: Samples
-    """Planes that are sampled along, if any: subsampled chroma, with one sample for two columns of pixels, whose
-    differences weigh like those of the full planes; or layers of full resolution, which have no say in the weights."""
-
-
 class ValueRange(NamedTuple):
     """Values of an image."""
 
@@ -73,8 +63,8 @@ def blend_nodes(
 
 
 def blend_hypotheses(
-    frame0: SampledImage,
-    frame1: SampledImage,
+    full: tuple[Samples, Samples],
+    further: tuple[Samples, Samples],
     subsampling: tuple[int, int],
     t: np.float32,
     candidates: Candidates,
@@ -85,14 +75,18 @@ def blend_hypotheses(
 ) -> None:
     """Write the in-between frame; without `surroundings`, by plain weights.
 
-    `subsampling` tells how many rows and columns of pixels there are per sample of the further planes: (1, 1) for
-    layers, (1 or 2, 2) for chroma.
+    - `full`: planes of both frames at full resolution; coefficients have SPARE columns or more beyond the right margin
+    - `further`: planes of both frames that are sampled along, if any: subsampled chroma, with one sample for two
+      columns of pixels, whose differences weigh like those of the full planes; or layers of full resolution, which
+      have no say in the weights
+    - `subsampling`: rows and columns of pixels per sample of the further planes: (1, 1) for layers, (1 or 2, 2) for
+      chroma
     """
     (channels, _, width), has_confidence = blended.image.shape, blended.confidence.shape[1] > 0
-    full = make_layer(frame0.full, frame1.full, (1, 1), channels + 1 + has_confidence, width)
+    full_layer = make_layer(*full, (1, 1), channels + 1 + has_confidence, width)
     further_channels, _, further_width = blended.further.shape
-    further = make_layer(frame0.further, frame1.further, subsampling, further_channels + 1, further_width)
-    blend_nodes(full, further, t, candidates, weighting, surroundings, value_range, blended)
+    further_layer = make_layer(*further, subsampling, further_channels + 1, further_width)
+    blend_nodes(full_layer, further_layer, t, candidates, weighting, surroundings, value_range, blended)
 
 
 @cache

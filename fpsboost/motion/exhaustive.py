@@ -35,7 +35,7 @@ from fpsboost.kernels.planes import LANES, PlanePair
 from fpsboost.kernels.shortest import ShortestMotion, find_shortest
 from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.motion.components import contrast_components, padded_planes, small_copy
-from fpsboost.motion.field import MotionField, forward_backward_error, point_places
+from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import PatchWindow, search_by_passes, search_fused
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis
@@ -221,11 +221,11 @@ def expected_motion(image0: FrameCache, image1: FrameCache) -> float:
     largest = 0.0
     for planes, there, back in (((planes0, planes1), 0, 1), ((planes1, planes0), 1, 0)):
         compared = _compare(*planes, size, regular[there], NEIGHBOURHOOD_RADIUS)
-        certain = _point_errors(regular[there], regular[back], size) <= CONSISTENCY_TOLERANCE
+        certain = regular[there].errors_at_points(STEP, regular[back]) <= CONSISTENCY_TOLERANCE
         certain &= compared.own >= MIN_SIMILARITY
         longest = _largest_neighbour_motion(np.where(certain, compared.shortest, 0))
         gain = _compare(*planes, size, detailed[there], 0).own - compared.best
-        round_trips = _point_errors(detailed[there], detailed[back], size)
+        round_trips = detailed[there].errors_at_points(STEP, detailed[back])
         things = _largest_object_motion(detailed[there], round_trips, gain, compared.best < EXPLAINED_SIMILARITY)
         largest = max(largest, longest, things)
     return scale * largest
@@ -244,11 +244,6 @@ def _compare(
     pair = PlanePair(planes0, planes1, EDGE_PADDING, size[0], size[1], UNIT)
     find_shortest(pair, STEP, PATCH_RADIUS, around, np.float32(SIMILARITY_TOLERANCE), points, found)
     return found
-
-
-def _point_errors(there: MotionField, back: MotionField, size: tuple[int, ...]) -> NDArray[Any]:
-    """Return the forward-backward errors at points `STEP` apart, (rows, columns) float32, pixels."""
-    return forward_backward_error(there.at_points(STEP)[0], *point_places(size, STEP), back)
 
 
 def _largest_neighbour_motion(lengths: NDArray[Any]) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +81,14 @@ class MotionField:
             resample_points(each, self.shape, self.spacing, spacing) for each in (self.vectors, self.similarities)
         )
         return vectors, similarities
+
+    def errors_at_points(self, spacing: int, back: MotionField) -> NDArray[Any]:
+        """Return the forward-backward errors of the vectors of `at_points`, (rows, columns) float32, pixels.
+
+        `back` is the motion of the other frame.
+        """
+        vectors, _ = self.at_points(spacing)
+        return forward_backward_error(vectors, *point_places(self.shape, spacing), back)
 
     def _at_pixels(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return the value of each point for all pixels that share it."""
@@ -190,19 +198,6 @@ TWO_SIDED_WEIGHT = 1.5
 """Weight of the acceleration if it is estimated from both neighbouring pairs. A Catmull-Rom spline has 1, which is
 exact for slowly changing motion; the ideal interpolation of motion that may change from pair to pair, a sinc, has 4 if
 truncated after two frames on each side."""
-
-
-class Neighbour(NamedTuple):
-    """Motion of the pair before or after, from which the curvature of trajectories is estimated."""
-
-    field01: MotionField
-    """Motion from the first to the second frame of that pair."""
-    field10: MotionField
-    """Motion from its second frame back to the first one."""
-    ratio: float
-    """Duration of the neighbouring pair divided by that of the pair in between."""
-    image: FrameCache | None = None
-    """Its frame that the pair in between does not have; None if that frame has another illumination."""
 
 
 def accelerations_at_points(

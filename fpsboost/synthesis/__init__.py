@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels
 from fpsboost.layered import FrameImage
-from fpsboost.motion.field import MotionField, Neighbour
+from fpsboost.motion.field import MotionField
 
 
 @dataclass(frozen=True)
@@ -30,16 +31,36 @@ class FramePair:
         Two frames of one size and type.
     field01, field10 : MotionField
         Motion in both directions.
-    before, after : Neighbour, optional
-        Motion of the pairs that share its first and its last frame; without them, trajectories are linear.
+    before, after : FramePair, optional
+        The pairs that share its first and its last frame, without pairs of their own around them; without these,
+        trajectories are linear.
+    duration : Fraction or float
+        Time between the frames, in a unit that all three pairs share.
+    light_changes : bool
+        Whether the light changes from frame 0 to frame 1, so that frames beyond the pair do not look like both.
     """
 
     image0: FrameCache
     image1: FrameCache
     field01: MotionField
     field10: MotionField
-    before: Neighbour | None = None
-    after: Neighbour | None = None
+    before: FramePair | None = None
+    after: FramePair | None = None
+    duration: Fraction | float = 1
+    light_changes: bool = False
+
+    @property
+    def beyond(self) -> tuple[FrameCache | None, FrameCache | None]:
+        """The frames before and after the two; None for one that is not known, or that appears in another light."""
+        before, after = self.before, self.after
+        return (
+            None if before is None or before.light_changes or self.light_changes else before.image0,
+            None if after is None or after.light_changes or self.light_changes else after.image1,
+        )
+
+    def relative_duration(self, neighbour: FramePair | None) -> float:
+        """Return the duration of a pair beside this one divided by that of this one; 1 without one."""
+        return 1.0 if neighbour is None else float(neighbour.duration / self.duration)
 
 
 class InterpolatedImage(NamedTuple):

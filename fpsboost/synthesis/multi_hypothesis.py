@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha, normalised, premultiplied
 from fpsboost.errors import OptionError
+from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, Pixels, as_image, colour_unseen, rounding_offset, view
 from fpsboost.kernels.candidates import (
     VALUES_PER_MOTION,
@@ -37,7 +38,6 @@ from fpsboost.kernels.fusion_features import Surroundings
 from fpsboost.kernels.multi_hypothesis import (
     CONFIDENCE_POWER,
     Blended,
-    SampledImage,
     ValueRange,
     blend_hypotheses,
     window_shape,
@@ -52,9 +52,7 @@ from fpsboost.motion.field import (
     TWO_SIDED_WEIGHT,
     MotionField,
     accelerations_at_points,
-    forward_backward_error,
     motion_gradients,
-    point_places,
 )
 from fpsboost.motion.rendered import RenderedVectors
 from fpsboost.options import Checked, Range
@@ -83,15 +81,16 @@ CONSISTENCY_TOLERANCE = 16
 """Forward-backward error at which the vote of a motion is halved, pixels."""
 
 
-class _CandidatesAtTime(NamedTuple):
-    """Candidates at a time, and the context of the pair at that time."""
+class _Moment(NamedTuple):
+    """Time between the frames of a pair, and what an in-between frame is made of there."""
 
+    pair: FramePair
+    t: float
+    """Time of the in-between frame, in (0, 1)."""
     candidates: Candidates
     """Candidate motions of every node."""
     surroundings: Surroundings | None
     """Context that the learnt weights read; None for plain weights."""
-    t: float
-    """Time of the in-between frame, in (0, 1)."""
 
 
 class _Surfaces(NamedTuple):
@@ -207,35 +206,33 @@ class MultiHypothesis(Checked):
             yield from (view(output.image).array() for output in self.fuse(frame_pair, times))
             return
         no_confidence = np.empty((0, 0), np.float32)
-        for listed in self._at_times(frame_pair, times):
-            yield self._fused(frame_pair, listed, no_confidence)
+        for moment in self._moments(frame_pair, times):
+            yield self._fused(moment, no_confidence)
 
     def fuse(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[InterpolatedImage]:
         """Generate the images of `synthesize` with the confidence of every pixel."""
-        for listed in self._at_times(frame_pair, times):
+        for moment in self._moments(frame_pair, times):
             confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
-            output = InterpolatedImage(self._fused(frame_pair, listed, confidence), confidence)
-            yield output if self.vectors is None else self._with_surfaces(output, frame_pair, listed, self.vectors)
+            image = self._fused(moment, confidence)
+            if self.vectors is None:
+                yield InterpolatedImage(image, confidence)
+            else:
+                yield self._with_surfaces(image, self._find_surfaces(confidence, moment, self.vectors), moment)
 
-    def _with_surfaces(
-        self, output: InterpolatedImage, frame_pair: FramePair, listed: _CandidatesAtTime, vectors: RenderedVectors
-    ) -> InterpolatedImage:
+    def _with_surfaces(self, image: Pixels, surfaces: _Surfaces, moment: _Moment) -> InterpolatedImage:
         """Mix the image with the one along the renderer's motion, each weighted by the agreement of the frames."""
-        image0, image1 = frame_pair.image0, frame_pair.image1
-        surfaces = self._find_surfaces(output.confidence, frame_pair, listed.t, vectors)
-        colours = premultiplied(view(output.image).array())
-        along = (surfaces.mixed * view(image0.pixels).white).clip(*_value_range(frame_pair))
+        image0, image1 = moment.pair.image0, moment.pair.image1
+        colours = premultiplied(view(image).array())
+        along = (surfaces.mixed * view(image0.pixels).white).clip(*_value_range(image0, image1))
         colours += surfaces.share[..., np.newaxis] * (along.transpose(1, 2, 0) - colours)
-        self._limit_highlights(colours, frame_pair, listed, surfaces)
-        return InterpolatedImage(as_image(colours, image0.array, image1.array, listed.t), surfaces.confidence)
+        self._limit_highlights(colours, moment, surfaces)
+        return InterpolatedImage(as_image(colours, image0.array, image1.array, moment.t), surfaces.confidence)
 
-    def _find_surfaces(
-        self, confidence: NDArray[Any], frame_pair: FramePair, t: float, vectors: RenderedVectors
-    ) -> _Surfaces:
+    def _find_surfaces(self, confidence: NDArray[Any], moment: _Moment, vectors: RenderedVectors) -> _Surfaces:
         """Follow the renderer's motion, and weigh it against the mixture of the candidates with its confidence."""
-        image0, image1 = frame_pair.image0, frame_pair.image1
-        motion = find_surface_motion(image0, image1, t, vectors)
-        mixed, squared = motion.mix(*(image.cached(_samples).full.coefficients for image in (image0, image1)))
+        image0, image1 = moment.pair.image0, moment.pair.image1
+        motion = find_surface_motion(image0, image1, moment.t, vectors)
+        mixed, squared = motion.mix(*(samples.coefficients for samples in _full_samples(moment.pair)))
         agreement = motion.similarity(squared, 0.5 / self.bandwidth**2 * view(image0.pixels).gray_weight)
         similarity = confidence ** np.float32(1 / CONFIDENCE_POWER)
         weight = np.where(agreement > 0, np.exp(np.float32(self.sharpness) * (agreement - similarity)), np.float32(0))
@@ -247,40 +244,33 @@ class MultiHypothesis(Checked):
         self, frame_pair: FramePair, layered: tuple[LayeredImage, LayeredImage], times: Sequence[float]
     ) -> Iterator[LayeredImage]:
         """Generate images with all layers; see `fpsboost.synthesis.layers.MixesLayers`."""
-        for listed in self._at_times(frame_pair, times):
+        for moment in self._moments(frame_pair, times):
             surfaces = None
             if self.vectors is not None:
                 confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
-                self._fused(frame_pair, listed, confidence)
-                surfaces = self._find_surfaces(confidence, frame_pair, listed.t, self.vectors)
-            mix = partial(self._mix_planes, frame_pair, listed, surfaces)
-            yield mix_layers(layered, mix, partial(self._find_sources, frame_pair, listed, surfaces))
+                self._fused(moment, confidence)
+                surfaces = self._find_surfaces(confidence, moment, self.vectors)
+            mix = partial(self._mix_planes, moment, surfaces)
+            yield mix_layers(layered, mix, partial(self._find_sources, moment, surfaces))
 
-    def _mix_planes(
-        self,
-        frame_pair: FramePair,
-        listed: _CandidatesAtTime,
-        surfaces: _Surfaces | None,
-        planes0: Planes,
-        planes1: Planes,
-    ) -> Mixed:
+    def _mix_planes(self, moment: _Moment, surfaces: _Surfaces | None, planes0: Planes, planes1: Planes) -> Mixed:
         """Mix planes of both frames with the weights that the pictures have."""
-        picture0, picture1 = _full_samples(frame_pair)
-        samples = [_samples(np.dstack(planes)).full for planes in (planes0, planes1)]
+        image, full = moment.pair.image0.pixels, _full_samples(moment.pair)
+        samples = [_samples(np.dstack(planes))[0] for planes in (planes0, planes1)]
         height, width = planes0[0].shape
         no_confidence, numbers = np.empty((0, 0), np.float32), np.finfo(np.float32)
         mixed = []
         for sampled0, sampled1 in (samples, [_values_as_coefficients(each) for each in samples]):
-            _, pixels, _ = view(frame_pair.image0.pixels).blank()
+            _, pixels, _ = view(image).blank()
             output = np.empty((len(planes0), height, width), np.float32)
             blend_hypotheses(
-                SampledImage(picture0, sampled0),
-                SampledImage(picture1, sampled1),
+                full,
+                (sampled0, sampled1),
                 (1, 1),
-                np.float32(listed.t),
-                listed.candidates,
-                self._weighting(frame_pair.image0.pixels),
-                listed.surroundings,
+                np.float32(moment.t),
+                moment.candidates,
+                self._weighting(image),
+                moment.surroundings,
                 ValueRange(np.float32(1), np.float32(0), numbers.min, numbers.max, False),
                 Blended(pixels, output, no_confidence),
             )
@@ -290,17 +280,17 @@ class MultiHypothesis(Checked):
             mixed.append(output)
         return Mixed(*mixed)
 
-    def _find_sources(self, frame_pair: FramePair, listed: _CandidatesAtTime, surfaces: _Surfaces | None) -> Sources:
+    def _find_sources(self, moment: _Moment, surfaces: _Surfaces | None) -> Sources:
         """Find the frame that each pixel is taken from, along the motion with the largest weight."""
-        t = listed.t
-        height, width = frame_pair.image0.pixels.shape[:2]
+        pair, image, t = moment.pair, moment.pair.image0.pixels, moment.t
+        height, width = image.shape[:2]
         places = np.empty((4, height, width), np.float32)
         places[::2], places[1::2] = np.arange(width), np.arange(height)[:, np.newaxis]
         find_dominant_motion(
-            *_full_samples(frame_pair),
+            *_full_samples(pair),
             np.float32(t),
-            listed.candidates,
-            self._weighting(frame_pair.image0.pixels),
+            moment.candidates,
+            self._weighting(image),
             np.zeros((height, width), np.float32),
             places,
         )
@@ -310,7 +300,7 @@ class MultiHypothesis(Checked):
                 for axis in (0, 1):
                     here = np.arange(width) if axis == 0 else np.arange(height)[:, np.newaxis]
                     places[first + axis] = np.where(follows, here + motion[..., axis], places[first + axis])
-        return find_sources(places, (frame_pair.field01.flow, frame_pair.field10.flow), t)
+        return find_sources(places, (pair.field01.flow, pair.field10.flow), t)
 
     def _weighting(self, image: Pixels) -> Weighting:
         """Return the parameters by which the kernel weighs candidates in images of this type."""
@@ -323,48 +313,48 @@ class MultiHypothesis(Checked):
             *fusion_coefficients(),
         )
 
-    def _at_times(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[_CandidatesAtTime]:
-        """Yield the candidates at each time, with the context for learnt weights."""
+    def _moments(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[_Moment]:
+        """Yield each time with its candidates, and with the context for learnt weights."""
         votes_of_both = self._collect_votes(frame_pair)
         known = find_surroundings(frame_pair, self.step) if self.fusion == "learnt" else None
         for t in times:
             candidates = self._candidates(votes_of_both, frame_pair.image0.pixels.shape[:2], t)
-            yield _CandidatesAtTime(candidates, None if known is None else at_time(known, t, candidates), t)
+            yield _Moment(frame_pair, t, candidates, None if known is None else at_time(known, t, candidates))
 
-    def _fused(self, frame_pair: FramePair, listed: _CandidatesAtTime, confidence: NDArray[Any]) -> Pixels:
+    def _fused(self, moment: _Moment, confidence: NDArray[Any]) -> Pixels:
         """Return the mixture of the candidates; its confidence is written into `confidence`, unless that is empty."""
-        image0, image1 = frame_pair.image0.pixels, frame_pair.image1.pixels
-        sampled0, sampled1 = (image.cached(_samples) for image in (frame_pair.image0, frame_pair.image1))
+        frame0, frame1 = moment.pair.image0, moment.pair.image1
+        image0, image1 = frame0.pixels, frame1.pixels
+        (full0, chroma0), (full1, chroma1) = frame0.cached(_samples), frame1.cached(_samples)
         output, pixels, chroma = view(image0).blank()
         straight_alpha = has_alpha(image0) and image0.dtype != np.float32
         blend_hypotheses(
-            sampled0,
-            sampled1,
+            (full0, full1),
+            (chroma0, chroma1),
             view(image0).subsampling,
-            np.float32(listed.t),
-            listed.candidates,
+            np.float32(moment.t),
+            moment.candidates,
             self._weighting(image0),
-            listed.surroundings,
-            ValueRange(view(image0).white, rounding_offset(image0), *_value_range(frame_pair), straight_alpha),
+            moment.surroundings,
+            ValueRange(view(image0).white, rounding_offset(image0), *_value_range(frame0, frame1), straight_alpha),
             Blended(pixels, chroma, confidence),
         )
         if straight_alpha:
-            colour_unseen(view(output).array(), view(image0).array(), view(image1).array(), listed.t)
+            colour_unseen(view(output).array(), view(image0).array(), view(image1).array(), moment.t)
         if self.vectors is None:
-            self._limit_highlights(output, frame_pair, listed, None)
+            self._limit_highlights(output, moment, None)
         return output
 
-    def _limit_highlights(
-        self, output: Pixels, frame_pair: FramePair, listed: _CandidatesAtTime, surfaces: _Surfaces | None
-    ) -> None:
+    def _limit_highlights(self, output: Pixels, moment: _Moment, surfaces: _Surfaces | None) -> None:
         """Clamp float frames around values above white to the range of their sources, in place.
 
         A spline rings there, more visibly than elsewhere.
         """
-        if frame_pair.image0.pixels.dtype != np.float32 or _value_range(frame_pair)[1] <= 1:
+        images = moment.pair.image0, moment.pair.image1
+        if output.dtype != np.float32 or _value_range(*images)[1] <= 1:
             return
-        sources = self._find_sources(frame_pair, listed, surfaces)
-        planes = (np.moveaxis(normalised(image.array), 2, 0) for image in (frame_pair.image0, frame_pair.image1))
+        sources = self._find_sources(moment, surfaces)
+        planes = (np.moveaxis(normalised(image.array), 2, 0) for image in images)
         for values, *both in zip(np.moveaxis(view(output).array(), 2, 0), *planes, strict=True):
             values.clip(*sources.clamp_range(*both), out=values)
 
@@ -396,44 +386,38 @@ class MultiHypothesis(Checked):
         share = np.float32(TWO_SIDED_WEIGHT if before and after else ONE_SIDED_WEIGHT)
         away0 = (before.field10, before.field01) if before else None
         away1 = (after.field01, after.field10) if after else None
-        changes0 = accelerations_at_points((field01, field10), away0, before.ratio if before else 1, self.step)
-        changes1 = accelerations_at_points((field10, field01), away1, after.ratio if after else 1, self.step)
-        for changes in (changes0, changes1):
-            changes[..., 1:] *= share
-        certain01, certain10 = self._consistency(field01, field10), self._consistency(field10, field01)
-        return self._votes(field01, certain01, changes0), self._votes(field10, certain10, changes1)
+        ratio0, ratio1 = frame_pair.relative_duration(before), frame_pair.relative_duration(after)
+        return (
+            self._votes(field01, field10, accelerations_at_points((field01, field10), away0, ratio0, self.step), share),
+            self._votes(field10, field01, accelerations_at_points((field10, field01), away1, ratio1, self.step), share),
+        )
 
-    def _votes(self, field: MotionField, consistency: NDArray[Any], changes: NDArray[Any]) -> Votes:
-        """Return the votes of a frame's points with their weights.
+    def _votes(self, field: MotionField, back: MotionField, changes: NDArray[Any], share: np.float32) -> Votes:
+        """Return the votes of a frame's points with their weights, and with a share of their accelerations.
 
         A weight is proportional to the similarity of the patches, if it is known, and decreases with the
-        forward-backward error: pixels occluded in the other frame are matched by chance only, at another position.
+        forward-backward error, to the half at `CONSISTENCY_TOLERANCE`: pixels occluded in the other frame are matched
+        by chance only, at another position.
         """
+        changes[..., 1:] *= share
         vectors, similarities = field.at_points(self.step)
-        return Votes(vectors, motion_gradients(vectors, self.step), changes, similarities * consistency)
-
-    def _consistency(self, field: MotionField, other: MotionField) -> NDArray[Any]:
-        """Return the consistency of the motion at each point, (rows, columns), 0 to 1.
-
-        It is 1 if the motion leads back to the point, and 0.5 at an error of `CONSISTENCY_TOLERANCE`.
-        """
-        vectors, _ = field.at_points(self.step)
-        error = forward_backward_error(vectors, *point_places(field.shape, self.step), other)
-        return 1 / (1 + (error / np.float32(CONSISTENCY_TOLERANCE)) ** 2)
+        error = field.errors_at_points(self.step, back)
+        trust = similarities * (1 / (1 + (error / np.float32(CONSISTENCY_TOLERANCE)) ** 2))
+        return Votes(vectors, motion_gradients(vectors, self.step), changes, trust)
 
 
 def _full_samples(frame_pair: FramePair) -> tuple[Samples, Samples]:
     """Return the planes at full resolution of both frames, with their spline coefficients."""
-    return frame_pair.image0.cached(_samples).full, frame_pair.image1.cached(_samples).full
+    return frame_pair.image0.cached(_samples)[0], frame_pair.image1.cached(_samples)[0]
 
 
-def _samples(image: Pixels) -> SampledImage:
+def _samples(image: Pixels) -> tuple[Samples, Samples]:
     """Return the planes of an image with their spline coefficients.
 
     These are the planes at full resolution, and subsampled chroma at half resolution.
     """
     full, half, unit, bits = view(image).spline_planes()
-    return SampledImage(_with_coefficients(full, unit, bits), _with_coefficients(half, unit, bits))
+    return _with_coefficients(full, unit, bits), _with_coefficients(half, unit, bits)
 
 
 def _with_coefficients(planes: NDArray[Any], unit: np.float32, bits: int) -> Samples:
@@ -461,11 +445,9 @@ def _extremes(image: Image) -> tuple[np.float32, np.float32]:
     return numbers.min(), numbers.max()
 
 
-def _value_range(frame_pair: FramePair) -> tuple[np.float32, np.float32]:
+def _value_range(image0: FrameCache, image1: FrameCache) -> tuple[np.float32, np.float32]:
     """Return the range of a generated frame: the spline overshoots, but a float frame stays within that of both."""
-    if frame_pair.image0.pixels.dtype != np.float32:
-        return view(frame_pair.image0.pixels).value_range
-    (lowest0, highest0), (lowest1, highest1) = (
-        image.cached(_extremes) for image in (frame_pair.image0, frame_pair.image1)
-    )
+    if image0.pixels.dtype != np.float32:
+        return view(image0.pixels).value_range
+    (lowest0, highest0), (lowest1, highest1) = image0.cached(_extremes), image1.cached(_extremes)
     return min(lowest0, lowest1), max(highest0, highest1)

@@ -19,7 +19,7 @@ from fpsboost.kernels.node_support import count_landings, measure_support
 from fpsboost.kernels.spline import MARGIN
 from fpsboost.kernels.window_samples import SQUARES_PER_ROW
 from fpsboost.motion.components import gray
-from fpsboost.motion.field import MotionField, forward_backward_error, point_places
+from fpsboost.motion.field import MotionField, point_places
 from fpsboost.synthesis import FramePair
 
 FLAT = 0.02
@@ -50,18 +50,17 @@ def flatness(image: FrameCache, step: int) -> NDArray[Any]:
 
 def describe_points(image: FrameCache, field: MotionField, back: MotionField, step: int) -> NDArray[Any]:
     """Return the features of the points of a frame, (rows, columns, 5) float32; see `Surroundings.points`."""
-    vectors, similarities = field.at_points(step)
-    error = forward_backward_error(vectors, *point_places(field.shape, step), back)
-    return np.dstack([vectors, similarities, 1 / (1 + error), image.derived(flatness, step)])
+    consistency = 1 / (1 + field.errors_at_points(step, back))
+    return np.dstack([*field.at_points(step), consistency, image.derived(flatness, step)])
 
 
 def find_surroundings(frame_pair: FramePair, step: int) -> Surroundings:
     """Return the context of a pair as far as it does not depend on the time; see `at_time`."""
-    image0, image1, before, after = frame_pair.image0, frame_pair.image1, frame_pair.before, frame_pair.after
-    images = before and before.image, image0, image1, after and after.image
+    image0, image1, (before, after) = frame_pair.image0, frame_pair.image1, frame_pair.beyond
+    images = before, image0, image1, after
     first, second, third, fourth = (NOTHING if image is None else image.derived(half_luma) for image in images)
-    zero, one = np.float32(0), np.float32(1)
-    times = np.float32(-before.ratio if before else -1), zero, one, np.float32(1 + after.ratio if after else 2)
+    begin, end = (frame_pair.relative_duration(each) for each in (frame_pair.before, frame_pair.after))
+    times = np.float32(-begin), np.float32(0), np.float32(1), np.float32(1 + end)
     points0 = describe_points(image0, frame_pair.field01, frame_pair.field10, step)
     points1 = describe_points(image1, frame_pair.field10, frame_pair.field01, step)
     nothing = np.empty((0, 0, 0), np.float32)

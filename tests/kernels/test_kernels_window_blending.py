@@ -14,7 +14,7 @@ import fpsboost.native
 from fpsboost.kernels import spline, window_samples
 from fpsboost.kernels.candidates import VALUES_PER_MOTION, Candidates
 from fpsboost.kernels.dominant_motion import compare_candidates, find_dominant_motion
-from fpsboost.kernels.multi_hypothesis import Blended, SampledImage, ValueRange, blend_hypotheses, window_shape
+from fpsboost.kernels.multi_hypothesis import Blended, ValueRange, blend_hypotheses, window_shape
 from fpsboost.kernels.pixel_weights import Weighting
 from fpsboost.kernels.spline import MARGIN
 from fpsboost.kernels.window_samples import BLOCK, SPARE, WINDOW, Samples, make_layer
@@ -66,8 +66,8 @@ def blend(image0, image1, t, candidates, *, chroma=None, spacing=16, values=UNLI
     further0, further1 = (nothing, nothing) if chroma is None else (samples(each) for each in chroma)
     further = np.full((0, 0, 0) if chroma is None else np.moveaxis(chroma[0], 2, 0).shape, np.nan, np.float32)
     blend_hypotheses(
-        SampledImage(samples(image0), further0),
-        SampledImage(samples(image1), further1),
+        (samples(image0), samples(image1)),
+        (further0, further1),
         (1, 1)
         if chroma is None
         else tuple(-(-a // b) for a, b in zip(image0.shape[:2], chroma[0].shape[:2], strict=True)),
