@@ -20,7 +20,7 @@ from fpsboost.evaluation.contestants import MINTERPOLATE, Contestant, interpolat
 from fpsboost.evaluation.export import COLUMNS, area_rows, further_rows, mean_rows, overall_rows, without_nan
 from fpsboost.evaluation.further_metrics import metrics
 from fpsboost.evaluation.hidden_frames import read_samples
-from fpsboost.evaluation.report.charts import Chart, Dot, Series, draw_dots, draw_lines
+from fpsboost.evaluation.report.charts import Chart, Dot, draw_dots, draw_lines
 from fpsboost.evaluation.report.pictures import (
     MAX_DRAWN_ERROR,
     MAX_EXACT_PIXELS,
@@ -142,9 +142,9 @@ def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
         "further_metrics": [metrics[name] for name in comparison.metrics],
         "further": further_rows(comparison),
         "meanings": [metrics[name].meaning for name in comparison.metrics],
-        "plots": frame_plots(comparison, at),
-        "timing": time_plots(comparison, at),
-        "quality": quality_plots(comparison, at),
+        "plots": frame_plots(comparison),
+        "timing": time_plots(comparison),
+        "quality": quality_plots(comparison),
         "values": frame_values(comparison),
         "shared_out": shared_out(comparison),
         "tabled": len(comparison.hidden) <= TABLED_FRAMES,
@@ -222,7 +222,7 @@ def describe_hidden(comparison: Comparison) -> str:
     return f"Between every two frames shown, {each} hidden: {count} {frames} of {size}, {rest}."
 
 
-def frame_plots(comparison: Comparison, at: str = "") -> list[Plot]:
+def frame_plots(comparison: Comparison) -> list[Plot]:
     """Return the quality of every frame, in three figures to choose from, and more with further metrics.
 
     The first is the one that verdicts go by.
@@ -238,25 +238,22 @@ def frame_plots(comparison: Comparison, at: str = "") -> list[Plot]:
         label += " (higher is better)" if metric.high_is_good else ""
         choices.append((name, metric.title, metric.unit, label, {"from_zero": not metric.high_is_good}))
     return [
-        Plot(key, title, unit, _frame_charts(comparison, key, label, at, **how))
-        for key, title, unit, label, how in choices
+        Plot(key, title, unit, _frame_charts(comparison, key, label, **how)) for key, title, unit, label, how in choices
     ]
 
 
-def time_plots(comparison: Comparison, at: str = "") -> list[Plot]:
+def time_plots(comparison: Comparison) -> list[Plot]:
     """Return the time of every frame by each clock that is known."""
     return [
-        Plot(key, title, "s", _frame_charts(comparison, key, f"{title}, s a frame", at, may_be_logarithmic=True))
+        Plot(key, title, "s", _frame_charts(comparison, key, f"{title}, s a frame", may_be_logarithmic=True))
         for key, title in comparison.known_times.items()
     ]
 
 
-def _frame_charts(comparison: Comparison, key: str, label: str, at: str, **how: bool) -> list[Chart]:
+def _frame_charts(comparison: Comparison, key: str, label: str, **how: bool) -> list[Chart]:
     """Return charts of a value of every frame, by its name in the data."""
-    values = frame_values(comparison)
-    styles = styles_of([method.name for method in comparison.methods])
-    series = [Series(index, each[key], styles[index]) for index, each in enumerate(values["methods"])]
-    return draw_lines(key + at, label, comparison.hidden, series, [*comparison.cuts, *comparison.doubtful], **how)
+    series = [each[key] for each in frame_values(comparison)["methods"]]
+    return draw_lines(label, comparison.hidden, series, [*comparison.cuts, *comparison.doubtful], **how)
 
 
 def shared_out(comparison: Comparison) -> list[str]:
@@ -269,19 +266,16 @@ def shared_out(comparison: Comparison) -> list[str]:
     ]
 
 
-def quality_plots(comparison: Comparison, at: str = "") -> list[Plot]:
+def quality_plots(comparison: Comparison) -> list[Plot]:
     """Return quality against time, one dot per method, by each clock that is known."""
-    styles = styles_of([method.name for method in comparison.methods])
     plots = []
     for key, title in comparison.known_times.items():
         dots = [
-            Dot(index, method.name, seconds, comparison.means(method).psnr, styles[index])
+            Dot(index, method.name, seconds, comparison.means(method).psnr)
             for index, method in enumerate(comparison.methods)
             if math.isfinite(seconds := comparison.mean_seconds(method)[key])
         ]
-        charts = draw_dots(
-            f"quality-{key}{at}", "PSNR, dB (higher is better)", f"{title}, s a frame (farther left is faster)", dots
-        )
+        charts = draw_dots("PSNR, dB (higher is better)", f"{title}, s a frame (farther left is faster)", dots)
         plots.append(Plot(key, title, "", charts))
     return plots
 

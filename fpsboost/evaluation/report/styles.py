@@ -12,16 +12,15 @@ from __future__ import annotations
 import re
 import zlib
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from fpsboost.evaluation.contestants import method_names
 
-MARKERS = ("o", "s", "^", "D", "v", "p", "h", "*", "X")
-"""Matplotlib's markers; the page has the same shapes under the same numbers."""
+MARKS = 9
+"""Number of shapes of marks, which the page defines as ``#mark-0`` and so on."""
 
-SOLID: Any = "solid"
-DASHED: Any = (0, (5, 2))
-DASH_DOTTED: Any = (0, (5, 1.6, 1, 1.6))
+SOLID, DASHED, DASH_DOTTED = "none", "8 3.2", "8 2.6 1.6 2.6"
+"""Values of ``stroke-dasharray`` in SVG."""
 
 NAMED = {
     "nlm": ("#1e3f97", "#75cdff"),
@@ -66,9 +65,9 @@ class Style(NamedTuple):
     on_dark: str
     """Colour on a dark background, ``#rrggbb``."""
     mark: int
-    """Index of the marker in `MARKERS`."""
-    line: Any
-    """Matplotlib's line style."""
+    """Number of the mark, below `MARKS`."""
+    line: str
+    """``stroke-dasharray`` of the line."""
 
 
 def styles_of(names: Sequence[str]) -> list[Style]:
@@ -80,8 +79,8 @@ def styles_of(names: Sequence[str]) -> list[Style]:
         base, options, _ = name.partition(":")
         line = DASH_DOTTED if base not in ours else DASHED if options else SOLID
         place = [*NAMED].index(name) if name in NAMED else _checksum(name) // COLOURS
-        free = [mark for mark in range(len(MARKERS)) if mark not in taken] or list(range(len(MARKERS)))
-        mark = place % len(MARKERS)
+        free = [mark for mark in range(MARKS) if mark not in taken] or list(range(MARKS))
+        mark = place % MARKS
         if mark not in free:
             mark = free[place % len(free)]
         taken.append(mark)
