@@ -28,7 +28,7 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.fusion_features import FEATURES
 from fpsboost.kernels.multi_hypothesis import window_shape
 from fpsboost.kernels.pixel_weights import describe_node
-from fpsboost.kernels.window_samples import SQUARES_PER_ROW, WINDOW, make_layer
+from fpsboost.kernels.window_samples import SQUARES_PER_ROW, WINDOW, make_plane_group
 from fpsboost.method_table import configure, methods
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.fusion_table import TABLE, mirrored
@@ -112,7 +112,7 @@ def draw_squares(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[A
                 square = (y[i] - 8 * row + 4) * SQUARES_PER_ROW + x[i] - 8 * column + 4
                 out.shape[i, slot] = share[square]
                 wanted.setdefault((row, column), []).append((i, slot, square))
-    layer = make_layer(*_full_samples(pair), (1, 1), 0, 0)
+    layer = make_plane_group(*_full_samples(pair), (1, 1), 0, 0)
     weighting, half = synthesizer._weighting(pair.image0.pixels), np.float32(0.5)
     room, squares_per_window = listed.candidates.weights.shape[2], SQUARES_PER_ROW**2
     features, gains = (np.zeros((room, *size, squares_per_window), np.float32) for size in ((FEATURES,), ()))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fpsboost.colour import normalised
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels, view
-from fpsboost.kernels.overlay import STANDS_OUT, Frames, mark_overlay
+from fpsboost.kernels.overlay import STATIC_CONTRAST, Frames, mark_overlay
 from fpsboost.motion.components import CHROMA_WEIGHT, gray, half_chroma
 from fpsboost.motion.field import MotionField
 
@@ -64,13 +64,13 @@ def find_overlay(
     marks = stands_out = _mark([_luma(image) for image in images], surroundings, white, 1)
     for planes in zip(*(image.cached(half_chroma) for image in images), strict=True):
         of_chroma = _mark(planes, surroundings / 2, white / CHROMA_WEIGHT, 2)
-        if of_chroma.max() == STANDS_OUT:  # although its luma is that of the background
+        if of_chroma.max() == STATIC_CONTRAST:  # although its luma is that of the background
             stands_out = np.maximum(
                 stands_out, cv2.resize(of_chroma, marks.shape[::-1], interpolation=cv2.INTER_NEAREST)
             )
-    if stands_out.max() < STANDS_OUT:  # the usual case
+    if stands_out.max() < STATIC_CONTRAST:  # the usual case
         return None
-    found = (stands_out == STANDS_OUT) & (marks > 0)
+    found = (stands_out == STATIC_CONTRAST) & (marks > 0)
     together = found & (cv2.boxFilter(found.astype(np.uint8), cv2.CV_16U, (3, 3), normalize=False) >= MIN_NEIGHBOURS)
     near = cv2.dilate(together.astype(np.uint8), np.ones((2 * DILATION_RADIUS + 1, 2 * DILATION_RADIUS + 1), np.uint8))
     overlay: NDArray[Any] = (near > 0) & (marks > 0)

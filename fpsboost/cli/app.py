@@ -32,8 +32,8 @@ from fpsboost.cli.messages import (
     LibraryTexts,
     console,
     keep_columns_readable,
-    library_prints_apart,
     literal,
+    native_stderr_captured,
     print_object,
     reporter_of,
     say_error,
@@ -207,7 +207,7 @@ def convert(
         called = "standard output" if output == PIPE else target
         unfinished = None if run_options.resume or output in (None, PIPE) else target
         with (
-            library_prints_apart(),
+            native_stderr_captured(),
             all_explained([input], unfinished),
             reporter_of(called, messages, place) as reporter,
             one_opencv_thread(),
@@ -286,7 +286,7 @@ def join(
     """
     from fpsboost.parts.join import join as join_parts  # noqa: PLC0415
 
-    with library_prints_apart(), reporter_of(output, messages) as reporter:
+    with native_stderr_captured(), reporter_of(output, messages) as reporter:
         summary = join_parts(output, [part, *more], input=options.input, overwrite=options.overwrite, observer=reporter)
     reporter.say_summary(summary)
 

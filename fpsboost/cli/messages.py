@@ -105,7 +105,7 @@ def _escape_controls(text: str, kept: Collection[str] = ()) -> str:
 
 
 @contextmanager
-def library_prints_apart() -> Iterator[None]:
+def native_stderr_captured() -> Iterator[None]:
     """Redirect Python's prints of libraries, such as OpenEXR's, to standard error within a block.
 
     Standard output may carry a video.

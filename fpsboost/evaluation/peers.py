@@ -144,7 +144,8 @@ def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Pa
     if not least <= len(images) <= count * factor:
         raise InputError(
             f"The peer {name} made {len(images)} images of {count}, not {least} to {count * factor}; its command must "
-            f"write all frames, the shown ones too, as images into {{out}}{last_line and f' (it said: {last_line})'}."
+            "write all frames, the shown ones too, as images into {out}"
+            f"{last_line and f' (it printed: {last_line})'}."
         )
     files = {number: images[place] for number, place in places}
     return PeerFrames(files, command, seconds / len(files), cpu_seconds / len(files))
@@ -206,7 +207,7 @@ def _run(name: str, words: Sequence[str], folder: Path) -> str:
         last_line = next((line for line in reversed(lines) if line), "")
     if process.returncode:
         how = f"exit code {process.returncode}" if process.returncode > 0 else f"signal {-process.returncode}"
-        raise InputError(f"The peer {name} failed with {how}: {last_line or 'it said nothing'}")
+        raise InputError(f"The peer {name} failed with {how}: {last_line or 'it printed nothing'}")
     return last_line
 
 

@@ -57,9 +57,9 @@ class Candidates(NamedTuple):
 
     listed: Annotated[Array, "int32 (rows, columns)"]
     """Number of candidates."""
-    motions: Annotated[Array, "float32 (rows, columns, room, 8)"]
+    motions: Annotated[Array, "float32 (rows, columns, capacity, 8)"]
     """The VALUES_PER_MOTION of each candidate."""
-    weights: Annotated[Array, "float32 (rows, columns, room)"]
+    weights: Annotated[Array, "float32 (rows, columns, capacity)"]
     """At least 0, with a sum of 1; 0 beyond the listed candidates."""
     spacing: int
 

@@ -11,12 +11,12 @@ import numpy as np
 from fpsboost.kernels.binding import Array, compiled
 from fpsboost.kernels.candidates import Candidates
 from fpsboost.kernels.pixel_weights import Weighting
-from fpsboost.kernels.window_samples import Layer, Samples, make_layer
+from fpsboost.kernels.window_samples import PlaneGroup, Samples, make_plane_group
 
 
 @compiled
 def compare_candidates(
-    layer: Layer,
+    layer: PlaneGroup,
     t: np.float32,
     candidates: Candidates,
     weighting: Weighting,
@@ -41,5 +41,5 @@ def find_dominant_motion(
     - `places`: column and row in frame 0, and in frame 1, (4, height, width) float32; not written where no candidate
       has any weight
     """
-    layer = make_layer(samples0, samples1, (1, 1), band_planes=0, width=0)
+    layer = make_plane_group(samples0, samples1, (1, 1), band_planes=0, width=0)
     compare_candidates(layer, t, candidates, weighting, weights, places)

@@ -18,7 +18,7 @@ Luma = Annotated[Array, "float32 (rows, columns)"]
 Points = Annotated[Array, "float32 (rows, columns, 5)"]
 
 
-class Surroundings(NamedTuple):
+class PairContext(NamedTuple):
     """What is known of a pair besides the samples of its frames."""
 
     luma: tuple[Luma, Luma, Luma, Luma]
@@ -33,5 +33,5 @@ class Surroundings(NamedTuple):
     """Pixels between points."""
     landings: Annotated[Array, "float32 (2, rows, columns)"]
     """How many points of either frame land around each point of the in-between frame."""
-    support: Annotated[Array, "float32 (rows, columns, room)"]
+    support: Annotated[Array, "float32 (rows, columns, capacity)"]
     """Support of each candidate by those of the neighbouring nodes, 0 to 1."""

@@ -12,9 +12,9 @@ import numpy as np
 
 from fpsboost.kernels.binding import Array, compiled
 from fpsboost.kernels.candidates import Candidates
-from fpsboost.kernels.fusion_features import Surroundings
+from fpsboost.kernels.fusion_features import PairContext
 from fpsboost.kernels.pixel_weights import Weighting
-from fpsboost.kernels.window_samples import SQUARES_PER_ROW, WINDOW, Layer, Samples, make_layer
+from fpsboost.kernels.window_samples import SQUARES_PER_ROW, WINDOW, PlaneGroup, Samples, make_plane_group
 
 CONFIDENCE_POWER = 8
 """Power of the similarity that is the confidence: eight corresponds to a bandwidth of about a third, as a few levels
@@ -50,12 +50,12 @@ class Blended(NamedTuple):
 
 @compiled
 def blend_nodes(
-    full: Layer,
-    further: Layer,
+    full: PlaneGroup,
+    further: PlaneGroup,
     t: np.float32,
     candidates: Candidates,
     weighting: Weighting,
-    around: Surroundings | None,
+    context: PairContext | None,
     value_range: ValueRange,
     blended: Blended,
 ) -> None:
@@ -69,11 +69,11 @@ def blend_hypotheses(
     t: np.float32,
     candidates: Candidates,
     weighting: Weighting,
-    surroundings: Surroundings | None,
+    context: PairContext | None,
     value_range: ValueRange,
     blended: Blended,
 ) -> None:
-    """Write the in-between frame; without `surroundings`, by plain weights.
+    """Write the in-between frame; without `context`, by plain weights.
 
     - `full`: planes of both frames at full resolution; coefficients have SPARE columns or more beyond the right margin
     - `further`: planes of both frames that are sampled along, if any: subsampled chroma, with one sample for two
@@ -83,10 +83,10 @@ def blend_hypotheses(
       chroma
     """
     (channels, _, width), has_confidence = blended.image.shape, blended.confidence.shape[1] > 0
-    full_layer = make_layer(*full, (1, 1), channels + 1 + has_confidence, width)
+    full_group = make_plane_group(*full, (1, 1), channels + 1 + has_confidence, width)
     further_channels, _, further_width = blended.further.shape
-    further_layer = make_layer(*further, subsampling, further_channels + 1, further_width)
-    blend_nodes(full_layer, further_layer, t, candidates, weighting, surroundings, value_range, blended)
+    further_group = make_plane_group(*further, subsampling, further_channels + 1, further_width)
+    blend_nodes(full_group, further_group, t, candidates, weighting, context, value_range, blended)
 
 
 @cache

@@ -10,7 +10,7 @@ import numpy as np
 
 from fpsboost.kernels.binding import Array, compiled
 from fpsboost.kernels.candidates import Candidates
-from fpsboost.kernels.fusion_features import Surroundings
+from fpsboost.kernels.fusion_features import PairContext
 
 
 @compiled
@@ -22,7 +22,7 @@ def count_landings(
 ) -> None:
     """Count how many points of a frame land around each point of the in-between frame, bilinearly, at most 2.
 
-    - `points`: of `fpsboost.kernels.fusion_features.Surroundings`
+    - `points`: of `fpsboost.kernels.fusion_features.PairContext`
     - `t`: distance in time from the frame, in intervals
     - `step`: pixels between points
     """
@@ -31,11 +31,11 @@ def count_landings(
 @compiled
 def measure_support(
     candidates: Candidates,
-    around: Surroundings,
+    context: PairContext,
     t: np.float32,
-    beliefs: Annotated[Array, "float32 (rows, columns, room)"],
+    beliefs: Annotated[Array, "float32 (rows, columns, capacity)"],
 ) -> None:
-    """Write how far the neighbours of each node agree with each of its candidates, into the support of `around`.
+    """Write how far the neighbours of each node agree with each of its candidates, into the support of `context`.
 
     - `beliefs`: work array
     """

@@ -6,7 +6,7 @@ import numpy as np
 
 from fpsboost.kernels.binding import Array, compiled
 
-STAYS, STANDS_OUT = 1, 2
+STATIC, STATIC_CONTRAST = 1, 2
 
 
 class Frames(NamedTuple):
@@ -35,6 +35,6 @@ def mark_overlay(
     - `shortest`: motion below which the surroundings count as static, pixels
     - `same`, `different`: difference in code values up to which a pixel is the same, and above which it is different
     - `smallest`: work array of the type of the frames
-    - `marks`: out: STAYS where a pixel stays the same; STANDS_OUT where it would also be different if it had moved;
-      else 0
+    - `marks`: out: STATIC where a pixel stays the same, STATIC_CONTRAST where it would also be different if it had
+      moved, else 0
     """

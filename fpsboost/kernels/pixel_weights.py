@@ -6,8 +6,8 @@ import numpy as np
 
 from fpsboost.kernels.binding import Array, compiled
 from fpsboost.kernels.candidates import Candidates
-from fpsboost.kernels.fusion_features import Surroundings
-from fpsboost.kernels.window_samples import Layer
+from fpsboost.kernels.fusion_features import PairContext
+from fpsboost.kernels.window_samples import PlaneGroup
 
 
 class Weighting(NamedTuple):
@@ -35,22 +35,22 @@ class Weighting(NamedTuple):
 
 @compiled
 def describe_node(  # type: ignore[empty-body]
-    layer: Layer,
+    layer: PlaneGroup,
     row: int,
     column: int,
     t: np.float32,
     candidates: Candidates,
     weighting: Weighting,
-    around: Surroundings,
-    features: Annotated[Array, "float32 (room, 24, 256)"],
-    gains: Annotated[Array, "float32 (room, 256)"],
-    mixed: Annotated[Array, "float32 (room, planes, samples)"],
-    change: Annotated[Array, "float32 (room, planes, samples)"],
+    context: PairContext,
+    features: Annotated[Array, "float32 (capacity, 24, 256)"],
+    gains: Annotated[Array, "float32 (capacity, 256)"],
+    mixed: Annotated[Array, "float32 (capacity, planes, samples)"],
+    change: Annotated[Array, "float32 (capacity, planes, samples)"],
 ) -> int:
     """Write what learnt weights are made of for the candidates of a node that are compared; return their number.
 
     - `layer`: whose planes have the frame's full size
     - `features`: of each square of the window; see `fpsboost.synthesis.fusion_table`
     - `gains`: factors on the weights of what is in front of the dominant motion of the window
-    - `mixed`, `change`: samples, as those of `fpsboost.kernels.window_samples.Layer`
+    - `mixed`, `change`: samples, as those of `fpsboost.kernels.window_samples.PlaneGroup`
     """

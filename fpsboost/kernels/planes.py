@@ -53,11 +53,11 @@ class CodeLevels(NamedTuple):
     chroma_unit: np.float32
 
 
-class Room(NamedTuple):
+class WorkArrays(NamedTuple):
     """Work arrays. The high-pass filter follows the conversion by RADIUS rows."""
 
     rows: Annotated[Array, "float32 (10, width)"]
-    """Ring buffer of the latest rows of luma: the KEPT_ROWS of `make_room`."""
+    """Ring buffer of the latest rows of luma: the KEPT_ROWS of `make_work_arrays`."""
     sums: Annotated[Array, "float64 (columns,)"]
     """Sum of each column over the rows of the box, with RADIUS reflected columns on either side, (W + 2 RADIUS,)."""
     chroma: Annotated[Array, "uint8 (width,)"]
@@ -71,7 +71,7 @@ def split_colours(
     scale: np.float32,
     middle: np.float32,
     padding: int,
-    room: Room,
+    work: WorkArrays,
     planes: Annotated[Array, "uint8 (3, rows, columns)"],
 ) -> None:
     """Write half the luma, twice its difference from the local mean, and mean chroma.
@@ -93,7 +93,7 @@ def split_planes(
     scale: np.float32,
     middle: np.float32,
     padding: int,
-    room: Room,
+    work: WorkArrays,
     planes: Annotated[Array, "uint8 (3, rows, columns)"],
 ) -> None:
     """Do the same as `split_colours` for an image in planes of luma and chroma, all of one type.
@@ -102,9 +102,9 @@ def split_planes(
     """
 
 
-def make_room(width: int) -> Room:
+def make_work_arrays(width: int) -> WorkArrays:
     """Return the work arrays for images of some columns."""
-    return Room(
+    return WorkArrays(
         np.empty((KEPT_ROWS, width), np.float32), np.empty(width + 2 * RADIUS, np.float64), np.empty(width, np.uint8)
     )
 

@@ -24,7 +24,7 @@ def choose_labels(
     ties: Annotated[Array, "float32 (rows, columns)"],
     smoothness: np.float32,
     slope: np.float32,
-    costs: Annotated[Array, "float32 (rows, columns, room)"],
+    costs: Annotated[Array, "float32 (rows, columns, padded)"],
     flow: Annotated[Array, "float32 (rows, columns, 2)"],
     chosen: Annotated[Array, "float32 (rows, columns)"],
     scratch: Annotated[Array, "uint8 (bytes)"],
@@ -36,7 +36,7 @@ def choose_labels(
     - `similarity`: of each label; its negative is the cost at the node
     - `ties`: share of the smoothness that applies to a node, between two the smaller of both
     - `smoothness`, `slope`: maximum cost of a change of motion between neighbours, and its cost per pixel
-    - `costs`: of the paths to each label, out; `room` is the capacity rounded up to a multiple of EIGHT
+    - `costs`: of the paths to each label, out; `padded` is the capacity rounded up to a multiple of EIGHT
     - `flow`, `chosen`: motion and similarity of the chosen label, out
     - `scratch`: by `fpsboost.kernels.scratch.scratch_of` of `label_scratch`
     """

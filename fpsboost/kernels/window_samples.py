@@ -38,7 +38,7 @@ class Samples(NamedTuple):
     unit: np.float32
 
 
-class Layer(NamedTuple):
+class PlaneGroup(NamedTuple):
     """Planes of one resolution: samples of both frames, work arrays for one window, and sums over windows.
 
     A sample stands for `across` columns and `down` rows of pixels.
@@ -59,9 +59,13 @@ class Layer(NamedTuple):
     weighted similarities."""
 
 
-def make_layer(frame0: Samples, frame1: Samples, subsampling: tuple[int, int], band_planes: int, width: int) -> Layer:
-    """Return the layer of both frames' planes, of so many columns, with a band of so many planes."""
+def make_plane_group(
+    frame0: Samples, frame1: Samples, subsampling: tuple[int, int], band_planes: int, width: int
+) -> PlaneGroup:
+    """Return the group of both frames' planes, of so many columns, with a band of so many planes."""
     down, across = subsampling
     tall = WINDOW // down
     mixed, change, total = np.empty((3, frame0.planes.shape[0], tall * WINDOW // across), np.float32)
-    return Layer(frame0, frame1, down, across, mixed, change, total, np.zeros((band_planes, tall, width), np.float32))
+    return PlaneGroup(
+        frame0, frame1, down, across, mixed, change, total, np.zeros((band_planes, tall, width), np.float32)
+    )

@@ -22,7 +22,7 @@ from fpsboost.kernels.planes import (
     LANES,
     CodeLevels,
     aligned_empty,
-    make_room,
+    make_work_arrays,
     shrink,
     split_colours,
     split_planes,
@@ -100,7 +100,7 @@ def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> NDArray[An
     height, width = image.shape[:2]
     planes = np.empty((3, height + 2 * padding, width + 2 * padding + 2 * LANES), np.uint8)
     seen = view(image)
-    target = np.float32(level_scale(bandwidth)), ZERO_LEVEL, padding, make_room(width), planes
+    target = np.float32(level_scale(bandwidth)), ZERO_LEVEL, padding, make_work_arrays(width), planes
     if seen.coding is None:
         white = 1 if seen.dtype == np.float32 else np.iinfo(seen.dtype).max
         colours = compress_highlights(seen.array()) if seen.dtype == np.float32 else seen.array()

@@ -14,38 +14,38 @@ struct Blended {
 };
 
 struct BlendNodes {
-  Layer full, further;
+  PlaneGroup full, further;
   double t;
   Candidates candidates;
   Weighting weighting;
-  Surroundings around;
+  PairContext context;
   ValueRange value_range;
   Blended blended;
 };
 
 struct DescribeNode {
-  Layer layer;
+  PlaneGroup layer;
   Int row, column;
   double t;
   Candidates candidates;
   Weighting weighting;
-  Surroundings around;
+  PairContext context;
   Array features, gains, mixed, change;
 };
 
 namespace {
 
 // Adds the samples of a candidate, times their weights, to the sums of the node.
-void add_samples(LayerSamples &layer, bool leans, const CandidateWeights &candidate) {
-  alignas(64) float weight[WINDOW * WINDOW], lean[WINDOW * WINDOW];
+void add_samples(LayerSamples &layer, bool is_antisymmetric, const CandidateWeights &candidate) {
+  alignas(64) float weight[WINDOW * WINDOW], antisymmetric[WINDOW * WINDOW];
   upsample_squares(candidate.weight, layer.across, layer.down, weight);
-  if (leans) upsample_squares(candidate.lean, layer.across, layer.down, lean);
+  if (is_antisymmetric) upsample_squares(candidate.antisymmetric, layer.across, layer.down, antisymmetric);
   for (Int c = 0; c < layer.channels; c++) {
     float *total = layer.total + c * layer.size;
     const float *mixed = layer.mixed + c * layer.size, *change = layer.change + c * layer.size;
     for (Int i = 0; i < layer.size; i += 16) {
       const F16 sum = fma(load<F16>(weight + i), load<F16>(mixed + i), load<F16>(total + i));
-      store(total + i, leans ? fma(load<F16>(lean + i), load<F16>(change + i), sum) : sum);
+      store(total + i, is_antisymmetric ? fma(load<F16>(antisymmetric + i), load<F16>(change + i), sum) : sum);
     }
   }
 }
@@ -56,7 +56,7 @@ struct WindowPart {  // rows and columns of the samples of a window that lie wit
 };
 
 // Adds a weighted window to a plane of the band of its layer.
-INLINE void add_window(const LayerSamples &layer, const WindowPart &part, const float *weight, const float *values,
+INLINE void overlap_add(const LayerSamples &layer, const WindowPart &part, const float *weight, const float *values,
                        const View<float, 2> &band) {
   for (Int j = part.first_row; j < part.last_row; j++) {
     const float *weights = weight + j * layer.wide, *row = values + j * layer.wide;
@@ -78,10 +78,10 @@ void add_node(const LayerSamples &layer, Int top, Int left, Int height, Int widt
                            divide_down(left, across)};
   upsample_squares(weight, across, down, weights);
   for (Int c = 0; c < layer.channels; c++)
-    add_window(layer, part, weights, layer.total + c * layer.size, layer.band[c]);
+    overlap_add(layer, part, weights, layer.total + c * layer.size, layer.band[c]);
   for (Int c = layer.channels; c < layer.band.shape[0]; c++) {
     upsample_squares(c == layer.channels ? sums.weights : sums.similarities, across, down, values);
-    add_window(layer, part, weights, values, layer.band[c]);
+    overlap_add(layer, part, weights, values, layer.band[c]);
   }
 }
 
@@ -158,17 +158,17 @@ KERNEL(void, blend_nodes, BlendNodes) {
   const Int spacing = a.candidates.spacing, before = (WINDOW - spacing) / 2;
   const Int height = a.blended.image.shape[1], width = a.blended.image.shape[2];
   const bool has_further = further.channels > 0;
-  const Surroundings *around = a.around.points[0].data ? &a.around : nullptr;
+  const PairContext *context = a.context.points[0].data ? &a.context : nullptr;
   LayerSamples *layers[] = {&full, &further};
   for (Int row = 0; row < listed.shape[0]; row++) {
     const Int top = row * spacing - before;
     for (Int column = 0; column < listed.shape[1]; column++) {
       for (const LayerSamples *layer : layers)
         for (Int i = 0; i < layer->channels * layer->size; i++) layer->total[i] = 0;
-      weigh_candidates(row, column, a.candidates, t, a.weighting, around, full, has_further ? &further : nullptr,
+      weigh_candidates(row, column, a.candidates, t, a.weighting, context, full, has_further ? &further : nullptr,
                        candidate, sums, [&](Int, const Motion &) {
-                         add_samples(full, around, candidate);
-                         if (has_further) add_samples(further, around, candidate);
+                         add_samples(full, context, candidate);
+                         if (has_further) add_samples(further, context, candidate);
                        });
       // more where a window is more similar than others, but with no visible border
       alignas(64) float weight[SQUARES_PER_WINDOW];
@@ -192,7 +192,7 @@ KERNEL(Int, describe_node, DescribeNode) {
   const View<float, 3> features(a.features), mixed(a.mixed), change(a.change);
   const View<float, 2> gains(a.gains);
   Int count = 0;
-  weigh_candidates(a.row, a.column, a.candidates, float(a.t), a.weighting, &a.around, layer, nullptr, candidate, sums,
+  weigh_candidates(a.row, a.column, a.candidates, float(a.t), a.weighting, &a.context, layer, nullptr, candidate, sums,
                    [&](Int, const Motion &) {
                      const Features &found = candidate.features;
                      for (int n = 0; n < FEATURES; n++) {

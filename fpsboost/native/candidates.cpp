@@ -67,7 +67,7 @@ struct Span {
 };
 
 // From where to where, along an axis, what moves like this is within both frames; `t` is the distance from this one.
-INLINE Span seen_by_both(float motion, float t, Int size) {
+INLINE Span overlap_span(float motion, float t, Int size) {
   const float first = most(0.0f, most((t - 1) * motion, t * motion));
   const float last = float(size) - most(0.0f, most((1 - t) * motion, -t * motion));
   return {first, most(last, first)};
@@ -166,7 +166,7 @@ KERNEL(void, collect_candidates, CollectCandidates) {
       const float *vector = vectors.at(i, j), *change = accelerations.at(i, j), *gradient = gradients.at(i, j);
       Motion motion{0, 0, change[1], change[2], {gradient[0], gradient[1], gradient[2], gradient[3]}};
       const float landing_x = x + t * vector[0] - curve * motion.ax, landing_y = y + t * vector[1] - curve * motion.ay;
-      const Span down_seen = seen_by_both(vector[1], t, a.height), across_seen = seen_by_both(vector[0], t, a.width);
+      const Span down_seen = overlap_span(vector[1], t, a.height), across_seen = overlap_span(vector[0], t, a.width);
       const Nodes down_nodes = nodes_within(landing_y, support, down_seen, spacing, rows);
       const Nodes across_nodes = nodes_within(landing_x, support, across_seen, spacing, columns);
       for (Int row = down_nodes.first; row <= down_nodes.last; row++) {

@@ -5,7 +5,7 @@
 #include "pixel_weights.h"
 
 struct CompareCandidates {
-  Layer layer;
+  PlaneGroup layer;
   double t;
   Candidates candidates;
   Weighting weighting;

@@ -6,7 +6,7 @@
 #pragma once
 #include "window_rows.h"
 
-struct Surroundings {
+struct PairContext {
   Array luma[4];
   double times[4];
   Array points[2];
@@ -90,21 +90,21 @@ inline void spread_cells(const float *cells, float *squares) {
 }
 
 // Where in the luma of a frame at some time, which has half the size, a pixel of the in-between frame is.
-inline Position locate_luma(Int top, Int left, float time, const Motion &motion, float t, const Surroundings &around) {
+inline Position locate_luma(Int top, Int left, float time, const Motion &motion, float t, const PairContext &context) {
   const float bent = (t * (1 - t) - time * (1 - time)) * 0.5f;
   const float x = (float(left) + (time - t) * motion.dx + bent * motion.acceleration_x) * 0.5f;
   const float y = (float(top) + (time - t) * motion.dy + bent * motion.acceleration_y) * 0.5f;
-  const Int rows = around.luma[1].shape[0], stride = around.luma[1].shape[1];
+  const Int rows = context.luma[1].shape[0], stride = context.luma[1].shape[1];
   return {within(y + MARGIN, 2.f, float(rows - MARGIN + 2)),
           within(x + MARGIN, 2.f, float(stride - SQUARES_PER_ROW - MARGIN + 2))};
 }
 
 // Samples the luma of a frame along a candidate, one sample for each square.
-inline void fetch_luma(int frame, Int top, Int left, const Motion &motion, float t, const Surroundings &around,
+inline void fetch_luma(int frame, Int top, Int left, const Motion &motion, float t, const PairContext &context,
                        float *out) {
-  const View<const float, 2> luma(around.luma[frame]);
-  const float time = float(around.times[frame]);
-  const Position at = locate_luma(top, left, time, motion, t, around);
+  const View<const float, 2> luma(context.luma[frame]);
+  const float time = float(context.times[frame]);
+  const Position at = locate_luma(top, left, time, motion, t, context);
   if (motion.is_rigid())
     filter_rigid(luma.data, luma.shape[1], at, SQUARES_PER_ROW, SQUARES_PER_ROW, out);
   else
@@ -137,12 +137,12 @@ INLINE PointValues look_up(const View<const float, 3> &points, double x, double 
 }
 
 // Writes what the motion fields say of a candidate, in double precision; and the flatness of each cell.
-inline void describe_cells(Int top, Int left, const Motion &motion, float t, const Surroundings &around,
+inline void describe_cells(Int top, Int left, const Motion &motion, float t, const PairContext &context,
                            Features &features, float *flatness) {
-  const View<const float, 3> points[] = {View<const float, 3>(around.points[0]),
-                                         View<const float, 3>(around.points[1])};
-  const View<const float, 3> landings(around.landings);
-  const float curve = t * (1 - t) * 0.5f, per_step = 1 / float(around.step);
+  const View<const float, 3> points[] = {View<const float, 3>(context.points[0]),
+                                         View<const float, 3>(context.points[1])};
+  const View<const float, 3> landings(context.landings);
+  const float curve = t * (1 - t) * 0.5f, per_step = 1 / float(context.step);
   const float bent_x = curve * motion.acceleration_x, bent_y = curve * motion.acceleration_y;
   const double turns = motion.is_rigid() ? 0 : 1;
   for (int cell = 0; cell < CELLS; cell++) {
@@ -172,17 +172,17 @@ inline void describe_cells(Int top, Int left, const Motion &motion, float t, con
 }
 
 // Writes the similarities of the frames onward, before and after the two, along a candidate.
-inline void describe_onward(Int top, Int left, const Motion &motion, float t, const Surroundings &around,
+inline void describe_onward(Int top, Int left, const Motion &motion, float t, const PairContext &context,
                             Features &features) {
   alignas(64) float near[SQUARES_PER_WINDOW], far[SQUARES_PER_WINDOW];
   for (int n = 0; n < 2; n++) {
     float *out = features.squares[ONWARD0 + n];
-    if (around.luma[3 * n].shape[0] == 0) {  // there is no such frame
+    if (context.luma[3 * n].shape[0] == 0) {  // there is no such frame
       for (int i = 0; i < SQUARES_PER_WINDOW; i++) out[i] = features.squares[COARSE_SIMILARITY][i];
       continue;
     }
-    fetch_luma(1 + n, top, left, motion, t, around, near);
-    fetch_luma(3 * n, top, left, motion, t, around, far);
+    fetch_luma(1 + n, top, left, motion, t, context, near);
+    fetch_luma(3 * n, top, left, motion, t, context, far);
     for (int i = 0; i < SQUARES_PER_WINDOW; i += 16) {
       const F16 apart = absolute(load<F16>(near + i) - load<F16>(far + i));
       store(near + i, apart * apart);
@@ -197,16 +197,16 @@ inline void describe_onward(Int top, Int left, const Motion &motion, float t, co
 
 // Writes the features of a candidate, of which the squared differences at each square are given.
 inline void describe_candidate(const float *squared, float scale, Int top, Int left, const Motion &motion, float prior,
-                               float support, float t, const Surroundings &around, Features &features) {
+                               float support, float t, const PairContext &context, Features &features) {
   alignas(64) float values[SQUARES_PER_WINDOW], flatness[CELLS];
   write_decay(squared, 0, scale, 1, values);
   average_patches(values, features.squares[SIMILARITY]);
   average_patches(squared, values);
   write_decay(values, 0, scale * FINE, 1, features.squares[FINE_SIMILARITY]);
   write_decay(values, 0, scale * COARSE, 1, features.squares[COARSE_SIMILARITY]);
-  describe_cells(top, left, motion, t, around, features, flatness);
+  describe_cells(top, left, motion, t, context, features, flatness);
   spread_cells(flatness, features.squares[FLATNESS]);
-  describe_onward(top, left, motion, t, around, features);
+  describe_onward(top, left, motion, t, context, features);
   features.scalars[CONSTANT] = 1;
   features.scalars[VOTES] = prior;
   const float bend = absolute(motion.acceleration_x) + absolute(motion.acceleration_y);

@@ -5,7 +5,7 @@
 
 struct MeasureSupport {
   Candidates candidates;
-  Surroundings around;
+  PairContext context;
   double t;
   Array beliefs;
 };
@@ -16,12 +16,12 @@ constexpr int SIDE = 8, AREA = SIDE * SIDE;  // samples of luma around a node th
 constexpr float SHARPNESS = 18;  // rate at which the belief decays as the similarity falls, as that of plain weights
 
 // How alike the luma of both frames is around a node along a candidate, 0 to 1.
-float compare_luma(Int top, Int left, const Motion &motion, float t, const Surroundings &around) {
+float compare_luma(Int top, Int left, const Motion &motion, float t, const PairContext &context) {
   alignas(64) float samples[2][AREA];
   for (int n = 0; n < 2; n++) {
     const float time = float(n);
-    const View<const float, 2> luma(around.luma[1 + n]);
-    const Position at = locate_luma(top, left, time, motion, t, around);
+    const View<const float, 2> luma(context.luma[1 + n]);
+    const Position at = locate_luma(top, left, time, motion, t, context);
     filter_blocks(luma.data, luma.shape[0], luma.shape[1], at, time - t, motion, SIDE, SIDE, samples[n]);
   }
   for (int i = 0; i < AREA; i += 16) {
@@ -34,7 +34,7 @@ float compare_luma(Int top, Int left, const Motion &motion, float t, const Surro
 }
 
 // Writes the belief in each candidate of a node, with a sum of 1.
-void believe_node(Int row, Int column, const Candidates &candidates, const Surroundings &around, float t,
+void find_beliefs(Int row, Int column, const Candidates &candidates, const PairContext &context, float t,
                   float *beliefs) {
   const NodeCandidates node(candidates, row, column);
   const Int before = candidates.spacing / 2 - SIDE;
@@ -43,7 +43,7 @@ void believe_node(Int row, Int column, const Candidates &candidates, const Surro
   for (Int k = 0; k < node.count; k++) {
     beliefs[k] = node.priors[k];
     if (beliefs[k] > 0 && node.count > 1) {
-      const float alike = compare_luma(top, left, node.motion(k), t, around);
+      const float alike = compare_luma(top, left, node.motion(k), t, context);
       beliefs[k] *= float(__builtin_exp(double(SHARPNESS * (alike - 1))));
     }
     total += beliefs[k];
@@ -71,11 +71,11 @@ float agreement(Int row, Int column, const Motion &motion, const Candidates &can
 }  // namespace
 
 KERNEL(void, measure_support, MeasureSupport) {
-  const View<float, 3> beliefs(a.beliefs), support(a.around.support);
+  const View<float, 3> beliefs(a.beliefs), support(a.context.support);
   const Int rows = beliefs.shape[0], columns = beliefs.shape[1];
   for (Int row = 0; row < rows; row++)
     for (Int column = 0; column < columns; column++)
-      believe_node(row, column, a.candidates, a.around, float(a.t), beliefs.at(row, column));
+      find_beliefs(row, column, a.candidates, a.context, float(a.t), beliefs.at(row, column));
   for (Int row = 0; row < rows; row++)
     for (Int column = 0; column < columns; column++) {
       const NodeCandidates node(a.candidates, row, column);

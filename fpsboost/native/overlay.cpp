@@ -3,7 +3,7 @@
 
 namespace {
 
-enum Mark : uint8_t { STAYS = 1, STANDS_OUT = 2 };  // of kernels/overlay.py
+enum Mark : uint8_t { STATIC = 1, STATIC_CONTRAST = 2 };  // of kernels/overlay.py
 
 struct Frames {
   Array image0, image1, before, after;
@@ -72,21 +72,21 @@ void find_smallest_change(const Pictures<T> &pictures, Int y, Int left, Int righ
   }
 }
 
-// Writes STAYS for the pixels of row y that change by at most `same` code values, else 0.
+// Writes STATIC for the pixels of row y that change by at most `same` code values, else 0.
 template <typename T> void mark_static(const Pictures<T> &pictures, Int y, T same, uint8_t *__restrict row, Int width) {
   const T *image0 = pictures.image0.at(y), *image1 = pictures.image1.at(y);
   const T *before = pictures.before.at(y), *after = pictures.after.at(y);
   for (Int x = 0; x < width; x++) {
     const T luma = image0[x];
     const T of_others = most(difference(before[x], luma), difference(after[x], luma));
-    row[x] = most(difference(image1[x], luma), of_others) <= same ? STAYS : 0;
+    row[x] = most(difference(image1[x], luma), of_others) <= same ? STATIC : 0;
   }
 }
 
-// Writes STANDS_OUT in place of STAYS where a pixel would be different if it had moved.
+// Writes STATIC_CONTRAST in place of STATIC where a pixel would be different if it had moved.
 template <typename T>
 void mark_changes(const T *smallest, T different, Int left, Int right, uint8_t *__restrict row) {
-  for (Int x = left; x < right; x++) row[x] = smallest[x] > different && row[x] == STAYS ? STANDS_OUT : row[x];
+  for (Int x = left; x < right; x++) row[x] = smallest[x] > different && row[x] == STATIC ? STATIC_CONTRAST : row[x];
 }
 
 template <typename T> void mark(const MarkOverlay &a) {

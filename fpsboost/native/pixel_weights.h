@@ -45,7 +45,7 @@ struct CandidateWeights {                         // of the squares of a window
   alignas(64) float squared[SQUARES_PER_WINDOW];  // squared differences along the candidate
   alignas(64) float weight[SQUARES_PER_WINDOW];
   // weight of the difference of frame 1 from frame 0, as one of them alone weighs more than its share by time
-  alignas(64) float lean[SQUARES_PER_WINDOW];
+  alignas(64) float antisymmetric[SQUARES_PER_WINDOW];
   alignas(64) float gain[SQUARES_PER_WINDOW];  // factor on the weights; see find_foreground
   Features features;
 };
@@ -61,7 +61,7 @@ INLINE void count_similarity(const float *weight, const float *similarity, NodeS
 }
 
 // Computes the plain weights of a candidate from its squared differences.
-inline void weigh_plainly(float prior, const Weighting &weighting, CandidateWeights &candidate, NodeSums &sums) {
+inline void find_plain_weights(float prior, const Weighting &weighting, CandidateWeights &candidate, NodeSums &sums) {
   alignas(64) float values[SQUARES_PER_WINDOW], similarity[SQUARES_PER_WINDOW];
   const float sharpness = float(weighting.sharpness);
   write_decay(candidate.squared, 0, float(weighting.scale), 1, values);
@@ -163,7 +163,7 @@ inline void sum_features(const Weighting &weighting, const Features &features, L
       const int at = j * SQUARES_PER_ROW + i;
       Wide squares[SQUARE_FEATURES], both{}, frame0{}, frame1{};
       for (int k = 0; k < SQUARE_FEATURES; k++) squares[k] = load<Wide>(features.squares[k] + at);
-      const Wide lean = squares[ONWARD0] - squares[ONWARD1];
+      const Wide antisymmetric = squares[ONWARD0] - squares[ONWARD1];
       for (int n = 0; n < FEATURE_SUMS; n++) {
         const auto row = [&](const CellRows &rows) __attribute__((always_inline)) {
           return fma(load<Wide>(rows.values[between.first + 1] + i), above,
@@ -171,7 +171,7 @@ inline void sum_features(const Weighting &weighting, const Features &features, L
         };
         Wide even_sum = row(cells[n].even);
         for (int k = 0; k < SQUARE_FEATURES; k++) even_sum = fma(squares[k], broadcast<Wide>(even(n, k)), even_sum);
-        const Wide odd_sum = fma(lean, broadcast<Wide>(odd(n, ONWARD0)), row(cells[n].odd));
+        const Wide odd_sum = fma(antisymmetric, broadcast<Wide>(odd(n, ONWARD0)), row(cells[n].odd));
         const Wide floor = broadcast<Wide>(n < 2 ? -1e9f : 0);  // the sums from the third on are hinges
         const Wide of_frame0 = larger(even_sum + odd_sum, floor), of_frame1 = larger(even_sum - odd_sum, floor);
         const Wide alone = broadcast<Wide>(factors(n, 1));
@@ -184,7 +184,7 @@ inline void sum_features(const Weighting &weighting, const Features &features, L
 }
 
 // Computes the learnt weights of a candidate from its features.
-inline void weigh_features(float prior, const Motion &motion, float t, const Weighting &weighting,
+inline void find_learnt_weights(float prior, const Motion &motion, float t, const Weighting &weighting,
                            CandidateWeights &candidate, NodeSums &sums) {
   Logits logits;
   find_foreground(float(weighting.scale), motion, t, candidate, sums);
@@ -194,7 +194,7 @@ inline void weigh_features(float prior, const Motion &motion, float t, const Wei
     const F16 both = decay(load<F16>(logits.both + i), HIGHEST_LOGIT, -1, prior) * load<F16>(candidate.gain + i);
     const F16 frame0 = decay(load<F16>(logits.frame0 + i), HIGHEST_LOGIT, -1, share0 * prior);
     const F16 frame1 = decay(load<F16>(logits.frame1 + i), HIGHEST_LOGIT, -1, share1 * prior);
-    store(candidate.lean + i, (1 - t) * frame1 - t * frame0);
+    store(candidate.antisymmetric + i, (1 - t) * frame1 - t * frame0);
     store(candidate.weight + i, both + frame0 + frame1);
     const F16 plain = decay(load<F16>(candidate.features.squares[SIMILARITY] + i), sharpness, -sharpness, prior);
     store(sums.reached + i, load<F16>(sums.reached + i) + plain);
@@ -208,7 +208,7 @@ inline void weigh_features(float prior, const Motion &motion, float t, const Wei
 // The rest is skipped once it has few votes beside what others have reached, or once all pixels are similar enough.
 template <typename Take>
 INLINE void weigh_candidates(Int row, Int column, const Candidates &candidates, float t, const Weighting &weighting,
-                             const Surroundings *around, LayerSamples &full, LayerSamples *further,
+                             const PairContext *context, LayerSamples &full, LayerSamples *further,
                              CandidateWeights &candidate, NodeSums &sums, Take take) {
   const Int before = (WINDOW - candidates.spacing) / 2;
   const Int top = row * candidates.spacing - before, left = column * candidates.spacing - before;
@@ -231,13 +231,13 @@ INLINE void weigh_candidates(Int row, Int column, const Candidates &candidates, 
       sample_layer(*further, there, marks, scale_motion(motion, further->down, further->across), t);
       if (further->across > 1) pool_chroma(further->distance, further->down, candidate.squared);
     }
-    if (around) {
-      const float support = View<const float, 3>(around->support)(row, column, k);
-      describe_candidate(candidate.squared, float(weighting.scale), top, left, motion, prior, support, t, *around,
+    if (context) {
+      const float support = View<const float, 3>(context->support)(row, column, k);
+      describe_candidate(candidate.squared, float(weighting.scale), top, left, motion, prior, support, t, *context,
                          candidate.features);
-      weigh_features(prior, motion, t, weighting, candidate, sums);
+      find_learnt_weights(prior, motion, t, weighting, candidate, sums);
     } else {
-      weigh_plainly(prior, weighting, candidate, sums);
+      find_plain_weights(prior, weighting, candidate, sums);
     }
     take(k, motion);
   }

@@ -10,7 +10,7 @@ constexpr int KEPT_ROWS = HIGH_PASS_SIZE + 1;  // rows of luma that a running su
 // Weight of each pixel of the box.
 constexpr double SHARE = 1.0 / (HIGH_PASS_SIZE * HIGH_PASS_SIZE);
 
-struct Room {
+struct WorkArrays {
   Array rows, sums, chroma;
 };
 
@@ -19,7 +19,7 @@ struct Levels {  // that represent a difference of 1, and no difference from the
 };
 
 // A value rounded and clipped to a byte.
-INLINE uint8_t as_level(float value) { return uint8_t(within(value + 0.5f, 0.0f, WHITE)); }
+INLINE uint8_t to_byte(float value) { return uint8_t(within(value + 0.5f, 0.0f, WHITE)); }
 
 // The index that stands for one beyond the ends of an axis, mirrored at the first and last element.
 Int reflected(Int place, Int size) {
@@ -34,7 +34,8 @@ struct HighPass {
   View<double, 1> sums;  // of each column over the rows of the box, with RADIUS reflected columns on either side
   Int height, width;
 
-  HighPass(const Room &room, Int height) : rows(room.rows), sums(room.sums), height(height), width(rows.shape[1]) {}
+  HighPass(const WorkArrays &work, Int height)
+      : rows(work.rows), sums(work.sums), height(height), width(rows.shape[1]) {}
   float *row(Int y) const { return rows.at(y % KEPT_ROWS); }
 
   // Moves the box to row y, which must be called in order. Sums of integer codes are exact.
@@ -62,13 +63,13 @@ struct HighPass {
     for (Int x = 0; x < width; x++) {
       double total = sums.data[x];
       for (int n = 1; n < HIGH_PASS_SIZE; n++) total += sums.data[x + n];
-      second[x] = as_level(twice * (luma[x] - float(total * SHARE)) + levels.middle);
+      second[x] = to_byte(twice * (luma[x] - float(total * SHARE)) + levels.middle);
     }
   }
 };
 
 // Repeats the edges of the frame on all sides of the planes.
-void repeat_edges(Int height, Int width, Int padding, const View<uint8_t, 3> &planes) {
+void replicate_border(Int height, Int width, Int padding, const View<uint8_t, 3> &planes) {
   const Int columns = planes.shape[2];
   for (Int c = 0; c < planes.shape[0]; c++) {
     for (Int y = padding; y < padding + height; y++) {
@@ -90,22 +91,22 @@ void repeat_edges(Int height, Int width, Int padding, const View<uint8_t, 3> &pl
 
 // Writes all three planes of `height` rows; `split(y, luma, first, third)` gives a row of luma, half luma and chroma.
 template <typename Split>
-INLINE void write_planes(const Room &room, Int height, Int padding, const Levels &levels,
+INLINE void write_planes(const WorkArrays &work, Int height, Int padding, const Levels &levels,
                          const View<uint8_t, 3> &planes, Split split) {
-  const HighPass high_pass(room, height);
+  const HighPass high_pass(work, height);
   for (Int y = 0; y < height + RADIUS; y++) {
     if (y < height)
       split(y, high_pass.row(y), planes.at(0, padding + y) + padding, planes.at(2, padding + y) + padding);
     if (y >= RADIUS) high_pass.write(y - RADIUS, levels, planes.at(1, padding + y - RADIUS) + padding);
   }
-  repeat_edges(height, high_pass.width, padding, planes);
+  replicate_border(height, high_pass.width, padding, planes);
 }
 
 struct SplitColours {
   Array image;
   double normalise, scale, middle;
   Int padding;
-  Room room;
+  WorkArrays work;
   Array planes;
 };
 
@@ -128,11 +129,11 @@ template <typename T, int CHANNELS> void split_pixels(const SplitColours &a) {
       }
       value *= alpha;
       luma[x] = value;
-      first[x] = as_level(value * half * scale);
-      third[x] = as_level(chroma * scale);
+      first[x] = to_byte(value * half * scale);
+      third[x] = to_byte(chroma * scale);
     }
   };
-  write_planes(a.room, height, a.padding, levels, View<uint8_t, 3>(a.planes), split);
+  write_planes(a.work, height, a.padding, levels, View<uint8_t, 3>(a.planes), split);
 }
 
 template <typename T> void split_image(const SplitColours &a) {
@@ -153,7 +154,7 @@ struct SplitPlanes {
   CodeLevels code_levels;
   double scale, middle;
   Int padding;
-  Room room;
+  WorkArrays work;
   Array planes;
 };
 
@@ -163,13 +164,13 @@ void mix_chroma(const T *cb, const T *cr, float neutral, float unit, float scale
                 Int columns) {
   for (Int x = 0; x < columns; x++) {
     const float chroma = float(cb[x]) + float(cr[x]);
-    out[x] = as_level(((chroma * 0.5f - neutral) * unit + 0.5f) * scale);
+    out[x] = to_byte(((chroma * 0.5f - neutral) * unit + 0.5f) * scale);
   }
 }
 
 template <typename T> void split_codes(const SplitPlanes &a) {
   const View<const T, 2> luma_codes(a.y_plane), cb(a.cb_plane), cr(a.cr_plane);
-  const View<uint8_t, 1> room(a.room.chroma);
+  const View<uint8_t, 1> chroma_row(a.work.chroma);
   const Int height = luma_codes.shape[0], width = luma_codes.shape[1], rows = cb.shape[0], columns = cb.shape[1];
   const Int down = rows == height ? 1 : 2;
   const Levels levels{float(a.scale), float(a.middle)};
@@ -180,11 +181,11 @@ template <typename T> void split_codes(const SplitPlanes &a) {
     for (Int x = 0; x < width; x++) {
       const float value = (float(codes[x]) - black) * luma_unit;
       luma[x] = value;
-      first[x] = as_level(value * 0.5f * levels.scale);
+      first[x] = to_byte(value * 0.5f * levels.scale);
     }
-    const uint8_t *chroma = room.data;
+    const uint8_t *chroma = chroma_row.data;
     if (y % down == 0)
-      mix_chroma(cb.at(y / down), cr.at(y / down), neutral, chroma_unit, levels.scale, room.data, columns);
+      mix_chroma(cb.at(y / down), cr.at(y / down), neutral, chroma_unit, levels.scale, chroma_row.data, columns);
     if (columns == width) {
       for (Int x = 0; x < width; x++) third[x] = chroma[x];
       return;
@@ -192,7 +193,7 @@ template <typename T> void split_codes(const SplitPlanes &a) {
     for (Int x = 0; x < width / 2; x++) third[2 * x] = third[2 * x + 1] = chroma[x];
     third[width - 1] = chroma[columns - 1];
   };
-  write_planes(a.room, height, a.padding, levels, View<uint8_t, 3>(a.planes), split);
+  write_planes(a.work, height, a.padding, levels, View<uint8_t, 3>(a.planes), split);
 }
 
 struct Shrink {

@@ -30,7 +30,7 @@ struct Lattice {
 
 // Extends the cheapest paths to the labels of the node before by the labels of the next one. `path_cost` has the cost
 // of the cheapest path to each label, without that of the cheapest of its node.
-INLINE void extend_paths(const Lattice &lattice, Int node, Int node_before, float slope, float limit) {
+INLINE void aggregate_path_costs(const Lattice &lattice, Int node, Int node_before, float slope, float limit) {
   const Int room = lattice.room, here = node * room, before = node_before * room;
   F8 lowest = broadcast<F8>(LARGEST);
   for (Int own = here; own < here + room; own += 8) {
@@ -88,9 +88,9 @@ INLINE void choose_labels(const LabelLists &lists, float smoothness, float slope
           const Int node = begin + path * aside + n * step;
           if (n) {
             const float tie = least(lists.ties[node], lists.ties[node - step]);
-            extend_paths(lattice, node, node - step, tie * slope, tie * smoothness);
+            aggregate_path_costs(lattice, node, node - step, tie * slope, tie * smoothness);
           } else {
-            extend_paths(lattice, node, nodes, 0,
+            aggregate_path_costs(lattice, node, nodes, 0,
                          0);  // no change has a cost at the first node, which has no predecessor
           }
         }

@@ -52,7 +52,7 @@ struct EntryRow {
 
 // Inserts an offset into the lists of eight points, which are in order of falling similarity; of neighbouring offsets,
 // only the more similar one is kept.
-INLINE void insert_eight(float dx, float dy, const float *similarities, Int at, float *entries, Int points,
+INLINE void insert_top_eight(float dx, float dy, const float *similarities, Int at, float *entries, Int points,
                          Int capacity) {
   const F8 similarity = load<F8>(similarities + at);
   if (!any(similarity > load<F8>(EntryRow(entries, capacity - 1, points).similarity + at))) return;
@@ -223,7 +223,7 @@ void search_tiles_of(const Frames<uint8_t> &frames, const ProposedOffsets &propo
           }
         }
         for (Int i = 0; i < points; i += 8)
-          insert_eight(float(dx), float(dy), values, i, entries, points, lists.capacity);
+          insert_top_eight(float(dx), float(dy), values, i, entries, points, lists.capacity);
       }
       write_lists(tile, entries, points, per_tile, expected, similarities, lists);
     }

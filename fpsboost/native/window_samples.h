@@ -11,7 +11,7 @@ struct Samples {
   double unit;
 };
 
-struct Layer {
+struct PlaneGroup {
   Samples frame0, frame1;
   Int down, across;
   Array mixed, change, total, band;
@@ -89,7 +89,7 @@ struct LayerSamples {
   View<float, 3> band;
   alignas(64) float distance[WINDOW * WINDOW];  // squared differences, summed over the planes
 
-  explicit LayerSamples(const Layer &layer)
+  explicit LayerSamples(const PlaneGroup &layer)
       : coefficients{View<const float, 3>(layer.frame0.coefficients), View<const float, 3>(layer.frame1.coefficients)},
         planes{layer.frame0.planes, layer.frame1.planes},
         unit{float(layer.frame0.unit), float(layer.frame1.unit)},

@@ -262,7 +262,7 @@ class LeastCertain(NamedTuple):
     """Index of the frame in the player."""
     picture: str
     """Data URI of the frame."""
-    doubt: str | None
+    uncertainty: str | None
     """Data URI of a map of uncertainty; None if the method has no confidence."""
     confidence: float | None
     """Mean confidence of the frame, 0 to 1; None if the method has none."""
@@ -306,12 +306,12 @@ def _least_certain(preview: Preview) -> Iterator[LeastCertain]:
         if least is None:
             continue
         time = format_time(passage.in_clip(least.time))
-        doubt = None if confidence is None else encode(as_heat(1 - confidence))
+        uncertainty = None if confidence is None else encode(as_heat(1 - confidence))
         mean = None if confidence is None else float(confidence.mean())
         picture = data_uri(trial.after.pictures[least.number], "jpeg")
         place = sum(_count(preview, each.before.end) for each in preview.selection.passages[:number])
         place += round(least.time * preview.stretch * preview.rate)
-        yield LeastCertain(method, time, number, place, picture, doubt, mean)
+        yield LeastCertain(method, time, number, place, picture, uncertainty, mean)
 
 
 def _count(preview: Preview, end: Fraction) -> int:

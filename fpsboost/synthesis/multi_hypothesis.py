@@ -34,7 +34,7 @@ from fpsboost.kernels.candidates import (
     no_votes,
 )
 from fpsboost.kernels.dominant_motion import find_dominant_motion
-from fpsboost.kernels.fusion_features import Surroundings
+from fpsboost.kernels.fusion_features import PairContext
 from fpsboost.kernels.multi_hypothesis import (
     CONFIDENCE_POWER,
     Blended,
@@ -89,7 +89,7 @@ class _Moment(NamedTuple):
     """Time of the in-between frame, in (0, 1)."""
     candidates: Candidates
     """Candidate motions of every node."""
-    surroundings: Surroundings | None
+    surroundings: PairContext | None
     """Context that the learnt weights read; None for plain weights."""
 
 

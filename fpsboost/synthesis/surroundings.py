@@ -1,6 +1,6 @@
 """The context of a pair of frames for the learnt weights: adjacent frames, and features of the motion fields.
 
-Its record, `Surroundings`, is read by the kernels. What does not depend on the time is computed once per pair
+Its record, `PairContext`, is read by the kernels. What does not depend on the time is computed once per pair
 (`find_surroundings`), the rest for every time (`at_time`).
 """
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.candidates import Candidates
-from fpsboost.kernels.fusion_features import Surroundings
+from fpsboost.kernels.fusion_features import PairContext
 from fpsboost.kernels.node_support import count_landings, measure_support
 from fpsboost.kernels.spline import MARGIN
 from fpsboost.kernels.window_samples import SQUARES_PER_ROW
@@ -49,12 +49,12 @@ def flatness(image: FrameCache, step: int) -> NDArray[Any]:
 
 
 def describe_points(image: FrameCache, field: MotionField, back: MotionField, step: int) -> NDArray[Any]:
-    """Return the features of the points of a frame, (rows, columns, 5) float32; see `Surroundings.points`."""
+    """Return the features of the points of a frame, (rows, columns, 5) float32; see `PairContext.points`."""
     consistency = 1 / (1 + field.errors_at_points(step, back))
     return np.dstack([*field.at_points(step), consistency, image.derived(flatness, step)])
 
 
-def find_surroundings(frame_pair: FramePair, step: int) -> Surroundings:
+def find_surroundings(frame_pair: FramePair, step: int) -> PairContext:
     """Return the context of a pair as far as it does not depend on the time; see `at_time`."""
     image0, image1, (before, after) = frame_pair.image0, frame_pair.image1, frame_pair.beyond
     images = before, image0, image1, after
@@ -64,10 +64,10 @@ def find_surroundings(frame_pair: FramePair, step: int) -> Surroundings:
     points0 = describe_points(image0, frame_pair.field01, frame_pair.field10, step)
     points1 = describe_points(image1, frame_pair.field10, frame_pair.field01, step)
     nothing = np.empty((0, 0, 0), np.float32)
-    return Surroundings((first, second, third, fourth), times, (points0, points1), step, nothing, nothing)
+    return PairContext((first, second, third, fourth), times, (points0, points1), step, nothing, nothing)
 
 
-def at_time(around: Surroundings, t: float, candidates: Candidates) -> Surroundings:
+def at_time(around: PairContext, t: float, candidates: Candidates) -> PairContext:
     """Return the context with the fields that depend on the time and on the candidates."""
     landings = np.empty((2, *around.points[0].shape[:2]), np.float32)
     for points, time, counts in zip(around.points, (t, 1 - t), landings, strict=True):

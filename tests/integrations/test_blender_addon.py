@@ -119,7 +119,7 @@ def test_a_failure_is_told_in_the_programs_words():
     old = commands.explain_failure(["fpsboost: Unknown option: --passes. Did you mean --x? See fpsboost --help."], 2)
     assert "too old, it does not know --passes" in old
     assert commands.explain_failure(["Traceback", "KeyError: 3", ""], 1).endswith("exit code 1: KeyError: 3")
-    assert commands.explain_failure([], -9).endswith("exit code -9: it said nothing.")
+    assert commands.explain_failure([], -9).endswith("exit code -9: it printed nothing.")
 
 
 def test_a_program_that_is_not_there_is_named(tmp_path, monkeypatch):

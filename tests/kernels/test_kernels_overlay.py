@@ -5,7 +5,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from twins import marked
 
-from fpsboost.kernels.overlay import STANDS_OUT, Frames, mark_overlay
+from fpsboost.kernels.overlay import STATIC_CONTRAST, Frames, mark_overlay
 
 
 def mark(images, motion, spacing, shortest=1.0, same=8, different=25):
@@ -65,6 +65,6 @@ def test_a_dot_before_a_moving_background_stands_out():
     for image, changing in zip(images, (0, 50, 100, 150), strict=True):
         image[5, 9], image[8, 4] = 200, changing
     marks = mark(images, steady((12, 20), 20, 0, 3), 20)
-    assert np.argwhere(marks == STANDS_OUT).tolist() == [[5, 9]]
+    assert np.argwhere(marks == STATIC_CONTRAST).tolist() == [[5, 9]]
     # three rows at the top and the bottom could have come from outside, and only stay
     assert np.argwhere(marks == 0).tolist() == [[8, 4]]

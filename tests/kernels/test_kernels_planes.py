@@ -6,7 +6,7 @@ import pytest
 from truth import noise
 from twins import split_codes, split_levels
 
-from fpsboost.kernels.planes import HIGH_PASS_SIZE, CodeLevels, make_room, shrink, split_colours, split_planes
+from fpsboost.kernels.planes import HIGH_PASS_SIZE, CodeLevels, make_work_arrays, shrink, split_colours, split_planes
 from fpsboost.kernels.similarity import WHITE, level_scale, truncation
 from fpsboost.motion.components import contrast_components, contrast_planes
 
@@ -53,7 +53,7 @@ def test_splitting_colours_equals_its_slow_twin(dtype, channels, size, scale):
         image[..., : min(channels, 3)] *= 3
     white = 1 if dtype == np.float32 else np.iinfo(dtype).max
     planes = empty_planes(size)
-    split_colours(image, np.float32(1 / white), scale, MIDDLE, np.int64(PADDING), make_room(size[1]), planes)
+    split_colours(image, np.float32(1 / white), scale, MIDDLE, np.int64(PADDING), make_work_arrays(size[1]), planes)
     assert_split(split_levels(image, white, scale), scale, planes)
 
 
@@ -74,7 +74,7 @@ def test_splitting_planes_equals_its_slow_twin(dtype, levels, steps, size, scale
     planes = empty_planes(size)
     black, luma_span, neutral, chroma_span = levels
     units = (np.float32(value) for value in (black, 1 / luma_span, neutral, 1 / chroma_span))
-    split_planes(*codes, CodeLevels(*units), scale, MIDDLE, np.int64(PADDING), make_room(size[1]), planes)
+    split_planes(*codes, CodeLevels(*units), scale, MIDDLE, np.int64(PADDING), make_work_arrays(size[1]), planes)
     assert_split(split_codes(codes, levels, scale), scale, planes)
 
 

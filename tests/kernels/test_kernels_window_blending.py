@@ -17,7 +17,7 @@ from fpsboost.kernels.dominant_motion import compare_candidates, find_dominant_m
 from fpsboost.kernels.multi_hypothesis import Blended, ValueRange, blend_hypotheses, window_shape
 from fpsboost.kernels.pixel_weights import Weighting
 from fpsboost.kernels.spline import MARGIN
-from fpsboost.kernels.window_samples import BLOCK, SPARE, WINDOW, Samples, make_layer
+from fpsboost.kernels.window_samples import BLOCK, SPARE, WINDOW, Samples, make_plane_group
 from fpsboost.synthesis.fusion_table import fusion_coefficients
 
 
@@ -298,7 +298,7 @@ def test_the_blocks_of_a_window_move_as_their_middles_do(t):
     ramps = np.dstack(np.mgrid[0:60, 0:70][::-1]).astype(np.float32)
     candidates, size = nodes_of(ramps.shape), ramps.shape[:2]
     candidates[1, 1] = [[1, *motion]]  # whose window begins at (8, 8)
-    layer = make_layer(samples(ramps), samples(ramps), (1, 1), 0, 0)
+    layer = make_plane_group(samples(ramps), samples(ramps), (1, 1), 0, 0)
     weights, places = np.zeros(size, np.float32), np.zeros((4, *size), np.float32)
     compare_candidates(layer, np.float32(t), listed(candidates, 16), weighting(16, **OPTIONS), weights, places)
     middles = np.arange(WINDOW) // BLOCK * BLOCK + BLOCK / 2 - WINDOW / 2

@@ -198,8 +198,8 @@ def _doubts(
             frame_pair = FramePair(*pairs[name].compensated, *pairs[name].fields)
             confidence = next(synthesizer.fuse(frame_pair, [float(sample.hidden.t)])).confidence
             error = absolute_error(sample.hidden.truth, frames[name])
-            doubt, wrong = (not_too_wide(as_heat(each)) for each in (1 - confidence, error / MAX_DRAWN_ERROR))
-            yield Picture(name, index, encode(doubt)), Picture(name, index, encode(wrong), float(error.mean()))
+            uncertainty, wrong = (not_too_wide(as_heat(each)) for each in (1 - confidence, error / MAX_DRAWN_ERROR))
+            yield Picture(name, index, encode(uncertainty)), Picture(name, index, encode(wrong), float(error.mean()))
 
 
 def find_spots(errors: Sequence[NDArray[Any]]) -> list[Spot]:

@@ -94,7 +94,7 @@ def explain_failure(lines: Sequence[str], exit_code: int) -> str:
     """Return the program's own sentence about why it failed, from its lines that are not about progress."""
     said = [line.removeprefix("fpsboost:").strip() for line in lines if line.startswith("fpsboost:")]
     if not said:
-        last = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing.")
+        last = next((line.strip() for line in reversed(lines) if line.strip()), "it printed nothing.")
         return f"fpsboost ended with exit code {exit_code}: {last}"
     unknown = re.match(r"Unknown (?:option|command)[\s:\"]+([\w-]+)", said[-1])
     if unknown:
