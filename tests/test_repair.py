@@ -19,7 +19,6 @@ from fpsboost import (
     ByFactor,
     Encoding,
     Frame,
-    FrameCache,
     InputError,
     OptionError,
     OutputRange,
