@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -28,6 +28,8 @@ from fpsboost.io.side.flow import BACKWARD, FORWARD, encode_flow, flow_picture
 from fpsboost.io.side.options import SideOutputs
 
 PICTURE, EXR, FLO = ".png", ".exr", ".flo"
+FLOW_PICTURES = ("_backward.png", "_forward.png")
+"""Ends of the names of the pictures beside the files of a frame's motion."""
 
 
 class SideSink:
@@ -132,49 +134,95 @@ def with_side_outputs(
     if not side.given and watcher is None:
         return sink
     taken = [images.files[0].parent] if images else []
-    written = sink.names if isinstance(sink, ImageSink) else None
-    taken += [written.numbering.folder] if written else []
     confidence = motion = None
+    naming, numbers = None, range(1, sys.maxsize)
+    if isinstance(sink, ImageSink):
+        naming, numbers = sink.names.numbering, range(sink.names.first, sys.maxsize, sink.names.step)
+        taken.append(naming.folder)
     if side.confidence is not None:
-        naming, first, step = (written.numbering, written.first, written.step) if written else (None, 1, 1)
-        numbers: Sequence[int] = range(first, sys.maxsize, step)
-        names = FileNames.parse(str(side.confidence), "`confidence`", ConfidenceWriter.suffixes, naming, numbers, taken)
-        confidence = ConfidenceWriter(names, overwrite=overwrite)
-        taken.append(names.numbering.folder)
+        confidence = ConfidenceWriter(str(side.confidence), naming, numbers, taken, overwrite=overwrite)
+        taken.append(confidence.folder)
     if side.save_motion is not None:
+        places: Sequence[int] = images.numbers if images and images.numbers else range(1, sys.maxsize)
         naming = images.numbering if images else None
-        numbers = (images and images.numbers) or range(1, sys.maxsize)
-        names = FileNames.parse(str(side.save_motion), "`save_motion`", MotionWriter.suffixes, naming, numbers, taken)
-        motion = MotionWriter(names, overwrite=overwrite)
+        motion = MotionWriter(str(side.save_motion), naming, places, taken, overwrite=overwrite)
     return SideSink(sink, confidence, motion, watcher)
 
 
 class SideWriter:
     """Base of writers of files about the frames of a conversion.
 
+    The files go into a folder, where they are named by `naming` and have the first type of `endings`, or get the names
+    and the type of a pattern. They appear when `files` are published; until then they are in a hidden folder.
+
     Parameters
     ----------
-    names : FileNames
-        Folder and names of the files.
-    endings : sequence of str
-        Ends of the names, each with suffix: files with any of them are replaced with `overwrite`.
+    path : str
+        Folder or pattern, as the user has given it.
+    naming : Numbering or None
+        Naming of the images whose names the files get in a folder; None to count with six digits.
+    numbers : sequence of int
+        Numbers of the frames, in order.
+    taken : iterable of Path
+        Folders in which frames are read or other files are written.
     overwrite : bool
         Replace existing files.
 
+    Attributes
+    ----------
+    folder : Path
+        Final folder of the files.
+
     Raises
     ------
+    OptionError
+        The path names neither a folder nor a pattern of a type that is written, or its folder is among those taken.
     OutputError
         The folder cannot be written, or has files that only `overwrite` would replace.
     """
 
-    def __init__(self, names: FileNames, endings: Sequence[str], *, overwrite: bool) -> None:
-        self._names, naming = names, names.numbering
-        namings = [replace(naming, suffix=naming.suffix + ending) for ending in endings]
-        alone = not is_pattern(names.path)
-        self.files = StagedFiles(names.path, naming.folder, namings, overwrite=overwrite, alone=alone)
+    option: str
+    """Option that asks for the files, in messages."""
+    endings: Mapping[str, Sequence[str]]
+    """Ends of the names that are written, by the type of file; all files with any of them are replaced."""
+
+    def __init__(
+        self, path: str, naming: Numbering | None, numbers: Sequence[int], taken: Iterable[Path], *, overwrite: bool
+    ) -> None:
+        self.path, self._numbers = path, numbers
+        self._suffix, naming = self._parse(path, naming)
+        self.folder = naming.folder
+        if os.path.realpath(self.folder) in map(os.path.realpath, taken):
+            raise OptionError(
+                f"{self.option} needs a folder of its own, and {self.folder} holds other images; name another."
+            )
+        self._naming = replace(naming, suffix=naming.suffix.rpartition(".")[0])
+        names = [replace(self._naming, suffix=self._naming.suffix + ending) for ending in self.endings[self._suffix]]
+        self.files = StagedFiles(path, self.folder, names, overwrite=overwrite, alone=not is_pattern(path))
+
+    def _parse(self, path: str, naming: Numbering | None) -> tuple[str, Numbering]:
+        """Return the type of file and the naming for a path; raise `OptionError` if it is no folder or pattern."""
+        suffixes, extension = list(self.endings), extension_of(path)
+        if is_pattern(path):
+            if extension not in suffixes:
+                raise OptionError(
+                    f"{self.option} writes {' or '.join(suffixes)}, not {path}; name a folder, or a pattern such as "
+                    "map_####.exr."
+                )
+            return extension, Numbering.parse(path)
+        if not path or (extension in {*suffixes, *IMAGE_SUFFIXES} and not Path(path).is_dir()):
+            raise OptionError(
+                f"{self.option} needs a folder, or a pattern such as map_####{suffixes[0]}, not {path or 'nothing'}."
+            )
+        return suffixes[0], replace(naming or Numbering(Path(), "", VIDEO_DIGITS, suffixes[0]), folder=Path(path))
+
+    def _stem(self, place: int) -> str:
+        """Return the name of the file of a frame, by its place, without the type."""
+        return self._naming.path(self._numbers[place]).name
 
     @property
     def remarks(self) -> list[str]:
+        """Sentences about the hidden folder, and on files without content."""
         return self.files.remarks
 
     def write(self, frame: Frame) -> None:
@@ -188,19 +236,11 @@ class SideWriter:
 class ConfidenceWriter(SideWriter):
     """Writer of a map of confidence for every frame that has one, named by the frame's place in the output.
 
-    Parameters
-    ----------
-    names : FileNames
-        Folder and names of the files: PNG, with 255 for certain, or half OpenEXR, with 1.
-    overwrite : bool
-        Replace existing files.
+    Maps are PNG, with 255 for certain, or half OpenEXR, with 1.
     """
 
-    suffixes = (PICTURE, EXR)
-
-    def __init__(self, names: FileNames, *, overwrite: bool) -> None:
-        super().__init__(names, [names.suffix], overwrite=overwrite)
-        self._place = 0
+    option, endings = "`confidence`", {PICTURE: [PICTURE], EXR: [EXR]}
+    _place = 0
 
     def write(self, frame: Frame) -> None:
         """Write the map of the next frame; a frame without one is only counted."""
@@ -208,38 +248,27 @@ class ConfidenceWriter(SideWriter):
         if frame.confidence is None:
             return
         values: NDArray[Any] = frame.confidence[..., np.newaxis]
-        if self._names.suffix == PICTURE:
+        if self._suffix == PICTURE:
             values = np.rint(values.clip(0, 1) * 255).astype(np.uint8)
-        path = Path(self._names.stem(place) + self._names.suffix)
+        path = Path(self._stem(place) + self._suffix)
         self.files.write(path.name, encode_image(path, values))
 
 
 class MotionWriter(SideWriter):
     """Writer of the motion of source frames to the previous and to the next one, and of pictures of it.
 
-    Files are named by the place of the frame in the source. If frames are interpolated on one side of a frame alone (at
-    both ends of a clip and of a scene), its motion is extrapolated to the other side, because readers ask for both.
-
-    Parameters
-    ----------
-    names : FileNames
-        Folder and names of the files: ``.flo``, or OpenEXR in Blender's convention.
-    overwrite : bool
-        Replace existing files.
+    Files are ``.flo``, or OpenEXR in Blender's convention, and are named by the place of the frame in the source. If
+    frames are interpolated on one side of a frame alone (at both ends of a clip and of a scene), its motion is
+    extrapolated to the other side, because readers ask for both.
     """
 
-    suffixes = (FLO, EXR)
-
-    def __init__(self, names: FileNames, *, overwrite: bool) -> None:
-        endings = [str(Path(ending).with_suffix(PICTURE)) for ending in (BACKWARD, FORWARD)]
-        endings += [EXR] if names.suffix == EXR else [BACKWARD, FORWARD]
-        super().__init__(names, endings, overwrite=overwrite)
-        self._last: PairMotion | None = None
-        self._is_still: bool | None = None
+    option, endings = "`save_motion`", {FLO: [BACKWARD, FORWARD, *FLOW_PICTURES], EXR: [EXR, *FLOW_PICTURES]}
+    _last: PairMotion | None = None
+    _is_still: bool | None = None
 
     @property
     def remarks(self) -> list[str]:
-        still = [f"No motion was found: all vectors in {self._names.path} are 0."] if self._is_still else []
+        still = [f"No motion was found: all vectors in {self.path} are 0."] if self._is_still else []
         return [*self.files.remarks, *still]
 
     def write(self, frame: Frame) -> None:
@@ -263,67 +292,12 @@ class MotionWriter(SideWriter):
 
     def _write_vectors(self, place: int, backward: NDArray[Any], forward: NDArray[Any]) -> None:
         """Write the vectors of a source frame, pixels to the frames before and after it, and their pictures."""
-        stem = self._names.stem(place)
-        if self._names.suffix == EXR:
+        stem = self._stem(place)
+        if self._suffix == EXR:
             x, y, z, w = *np.moveaxis(backward, -1, 0), *np.moveaxis(forward, -1, 0)
             # Blender: the place in the previous frame minus that here, that here minus that in the next, y up
             self.files.write(stem + EXR, encode_exr({"X": x, "Y": -y, "Z": -z, "W": w}, half=False))
-        for ending, flow in ((BACKWARD, backward), (FORWARD, forward)):
-            if self._names.suffix == FLO:
+        for ending, picture, flow in zip((BACKWARD, FORWARD), FLOW_PICTURES, (backward, forward), strict=True):
+            if self._suffix == FLO:
                 self.files.write(stem + ending, encode_flow(flow))
-            picture = Path(stem + ending).with_suffix(PICTURE)
-            self.files.write(picture.name, encode_image(picture, flow_picture(flow)))
-
-
-@dataclass(frozen=True)
-class FileNames:
-    """Names of the files of a side output."""
-
-    path: str
-    """Folder or pattern, as the user has given it."""
-    suffix: str
-    """Type of the files: ``.png``."""
-    numbering: Numbering
-    """Folder and naming, whose suffix is without the type."""
-    numbers: Sequence[int]
-    """Numbers of the frames, in order."""
-
-    @classmethod
-    def parse(
-        cls,
-        path: str,
-        option: str,
-        suffixes: Sequence[str],
-        naming: Numbering | None,
-        numbers: Sequence[int],
-        taken: Sequence[Path],
-    ) -> Self:
-        """Name files by a pattern with one of the suffixes, or in a folder like `naming`, with the first suffix.
-
-        `option` is the option in messages. Raises `OptionError` for a path that is neither, or whose folder is among
-        those `taken`, where frames are read or other files written.
-        """
-        extension = extension_of(path)
-        if is_pattern(path):
-            if extension not in suffixes:
-                raise OptionError(
-                    f"{option} writes {' or '.join(suffixes)}, not {path}; name a folder, or a pattern such as "
-                    "map_####.exr."
-                )
-            naming, suffix = Numbering.parse(path), extension
-        else:
-            suffix = suffixes[0]
-            if not path or (extension in {*suffixes, *IMAGE_SUFFIXES} and not Path(path).is_dir()):
-                raise OptionError(
-                    f"{option} needs a folder, or a pattern such as map_####{suffix}, not {path or 'nothing'}."
-                )
-            naming = replace(naming or Numbering(Path(), "", VIDEO_DIGITS, suffix), folder=Path(path))
-        if os.path.realpath(naming.folder) in set(map(os.path.realpath, taken)):
-            raise OptionError(
-                f"{option} needs a folder of its own, and {naming.folder} holds other images; name another."
-            )
-        return cls(path, suffix, replace(naming, suffix=naming.suffix.rpartition(".")[0]), numbers)
-
-    def stem(self, place: int) -> str:
-        """Return the name of the file of a frame, by its place, without the type."""
-        return self.numbering.path(self.numbers[place]).name
+            self.files.write(stem + picture, encode_image(Path(picture), flow_picture(flow)))
