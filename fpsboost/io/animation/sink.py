@@ -52,6 +52,11 @@ class AnimationWriter(ABC):
         Seconds per tick of the delays.
     code_points : tuple of int
         Primaries and transfer function, by ITU-T H.273, for types that store them.
+
+    Attributes
+    ----------
+    ticks : int
+        Sum of the delays of all frames so far.
     """
 
     muxer = codec = ""
@@ -76,7 +81,7 @@ class AnimationWriter(ABC):
         self._container = av.open(file, "w", format=self.muxer, options=options)
         self._stream: av.VideoStream | None = None
         self._shape: tuple[int, ...] = ()
-        self._ticks = 0
+        self.ticks = 0
 
     def loops(self, plays: int) -> int:
         """Return the value of FFmpeg's option for a number of plays, 0 for ever."""
@@ -101,12 +106,12 @@ class AnimationWriter(ABC):
             self._stream.height, self._stream.width = picture.height, picture.width
             self._stream.pix_fmt = picture.format.name
             self._stream.time_base = self._stream.codec_context.time_base = self._tick
-        picture.pts, picture.time_base = self._ticks, self._tick
+        picture.pts, picture.time_base = self.ticks, self._tick
         picture.color_primaries, picture.color_trc = self._code_points
         for packet in self._stream.encode(picture):
             packet.duration = ticks
             self.mux(packet)
-        self._ticks += ticks
+        self.ticks += ticks
 
     def mux(self, packet: av.Packet[Any]) -> None:
         """Write a packet, whose duration is set; a subclass may correct its bytes."""
@@ -154,7 +159,7 @@ class GifWriter(AnimationWriter):
         """Convert an image to 256 colours of its own, with dithering."""
         has_alpha, image = image.shape[2] == 4, _with_binary_alpha(image)
         picture = av.VideoFrame.from_ndarray(image, format="bgra")
-        picture.pts, picture.time_base = self._ticks, self._tick
+        picture.pts, picture.time_base = self.ticks, self._tick
         self._graph = self._graph or _palette_graph(picture, has_alpha)
         self._graph.push(picture)
         indices: Any = cast(av.VideoFrame, self._graph.pull()).to_ndarray()
@@ -278,17 +283,12 @@ class AnimationSink(StagedSink):
         self._tick = self._type.tick or output.timing.time_base
         self._shortest = max(1, math.ceil(self._type.shortest / self._tick))
         self._longest = int(self._type.longest / self._tick)
-        self._file: BinaryIO
-        self._writer: AnimationWriter
         self._begin: Fraction | None = None
-        self._shown_until = 0
-        self._latest = Fraction(0)
+        self._latest, self._ticks = Fraction(0), list[int]()
         colours = output.stream.traits or output.stream.colours
-        lost = " and the ".join(word for word in colours.beyond_sdr if not self._type.has_tags or word == MASTERING)
         self._code_points = colours.code_points
+        lost = " and the ".join(word for word in colours.beyond_sdr if not self._type.has_tags or word == MASTERING)
         self._losses = [f"{self._name} cannot say the {lost} of its source; left out."] * bool(lost)
-        self._has_short_frames = False
-        self._last_ticks = (0, 0)  # of the last two frames
 
     def _check_fits(self, rate: Fraction) -> None:
         """Raise `OutputError` if the type cannot hold the size or the rate, or FFmpeg lacks its encoder."""
@@ -314,12 +314,12 @@ class AnimationSink(StagedSink):
     def remarks(self) -> list[str]:
         """Sentences about losses so far: colour tags, depth, short frames, and frames that come late."""
         suffix, shortest = self._path.suffix.lower(), self._type.shortest
-        before, last = self._last_ticks
+        before, last = [0, 0, *self._ticks][-2:]
         late = {
             f"{self._name} shows some frames up to {float(self._latest * 1000):.0f} ms late, because {suffix} cannot "
             f"show one for less than {float(shortest * 1000):.3g} ms.": self._latest >= shortest,
             f"{self._name} has frames of 10 ms and less, which browsers slow down to 100 ms; use `fps=90` or less for "
-            "them.": self._has_short_frames,
+            "them.": any(ticks * self._tick <= BROWSERS_SLOW_DOWN for ticks in self._ticks),
             f"{self._name} shows its last frame as long as the one before, and not for its own time; write a .webp to "
             "keep that.": suffix == ".apng" and 2 * abs(before - last) > before > 0,
         }
@@ -344,16 +344,14 @@ class AnimationSink(StagedSink):
             self._begin = frame.time
         end = (frame.time + frame.duration - self._begin) / self._tick
         while True:  # a frame that is longer than the type can store is repeated
-            remaining = end - self._shown_until
+            remaining = end - self._writer.ticks
             ticks = min(max(round(remaining), self._shortest), self._longest)
             with self._explained():
                 self._writer.add(image, ticks)
-            self._shown_until += ticks
-            self._last_ticks = (self._last_ticks[1], ticks)
-            self._has_short_frames |= ticks * self._tick <= BROWSERS_SLOW_DOWN
+            self._ticks.append(ticks)
             if remaining <= self._longest:
                 break
-        self._latest = max(self._latest, (self._shown_until - end) * self._tick)
+        self._latest = max(self._latest, (self._writer.ticks - end) * self._tick)
 
     def _storable(self, image: Image) -> Image:
         """Convert an image to 3 or 4 channels of a type that the file can hold, and remark on what is lost."""

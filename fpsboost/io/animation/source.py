@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import suppress
 from fractions import Fraction
+from io import BytesIO
 from itertools import count, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
@@ -15,10 +16,11 @@ import av
 import numpy as np
 
 from fpsboost.contracts import ClosesOnExit
-from fpsboost.errors import InputError, explained
+from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
 from fpsboost.io.images.encoder import colours_of
+from fpsboost.io.images.files import content_of
 from fpsboost.io.images.metadata import PNG_SIGNATURE, ImageMetadata, png_chunks
 from fpsboost.io.output import StreamInfo
 from fpsboost.media.pyav import as_fraction
@@ -43,13 +45,11 @@ def is_animation(path: Path) -> bool:
     try:
         with path.open("rb") as file:
             start = file.read(HEADER_SIZE)
-            if start.startswith(PNG_SIGNATURE):
-                file.seek(0)
-                with opened(file) as image:
-                    return bool(getattr(image, "is_animated", False))
-    except (OSError, SyntaxError):
+        return (
+            start.startswith(b"GIF8") or bool(_webp_size(start)) or any(name == b"acTL" for name, _ in png_chunks(path))
+        )
+    except OSError:
         return False
-    return start.startswith(b"GIF8") or bool(_webp_size(start))
 
 
 def _webp_size(start: bytes) -> tuple[int, int] | None:
@@ -63,16 +63,16 @@ def opened(file: BinaryIO) -> PillowImage:
     """Open an animation without decoding it; its warnings become remarks or errors of the source."""
     from PIL import Image as Pillow  # noqa: PLC0415
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         return Pillow.open(file, formats=("GIF", "PNG", "WEBP"))
 
 
 class AnimationSource(ClosesOnExit):
     """Source of the frames of a GIF, APNG or animated WebP, composited as players show them.
 
-    Opening decodes the whole file once, because nothing else gives all delays. `plays` is the number of times that
-    players show it, 0 for ever.
+    The file is kept in memory as it is stored, so that nothing stays open. Opening decodes the whole of it once,
+    because nothing else gives all delays; iterating decodes it again. `plays` is the number of times that players show
+    it, 0 for ever; `remarks` say what is damaged or not read.
 
     Parameters
     ----------
@@ -90,60 +90,51 @@ class AnimationSource(ClosesOnExit):
     """
 
     def __init__(self, path: str, *, keeps_alpha: bool = True, limit: MemoryLimit | None = None) -> None:
-        self._name, self.path = path, Path(path)
-        with explained(InputError, "read", path, "check that it exists and that you may read it"):
-            self._file = self.path.open("rb")
-        self._keeps_alpha, self._has_alpha = keeps_alpha, False
-        self._delays: list[Fraction] = []
-        try:
-            self._survey(limit or MemoryLimit())
-        except BaseException:
-            self._file.close()
-            raise
-        rate = len(self._delays) / sum(self._delays, Fraction(0))
-        time_base = Fraction(1, math.lcm(*(delay.denominator for delay in self._delays)))
-        self.stream_info = StreamInfo(colours=self._colours, plays=self.plays, files=[self.path])
-        self.info = ClipInfo(path, self._height, self._width, rate, time_base, len(self._delays))
-
-    def _survey(self, limit: MemoryLimit) -> None:
-        """Read size, delays, alpha and number of plays, and decode up to the end or the first damage."""
-        start = self._file.read(HEADER_SIZE)
-        declared = _webp_size(start)
+        data, limit = content_of(Path(path)), limit or MemoryLimit()
+        self._file, self._keeps_alpha, self._has_alpha = BytesIO(data), keeps_alpha, False
+        declared = _webp_size(data[:HEADER_SIZE])
         if declared is not None:  # Pillow allocates the canvas of a WebP when it opens the file
-            limit.check(self._name, *declared)
+            limit.check(path, *declared)
         try:
-            self._file.seek(0)
             image = opened(self._file)
         except Exception as error:  # damage makes Pillow raise nearly anything
-            raise InputError(f"{self._name} is damaged or no animation; replace it.") from error
-        self._format, (self._width, self._height) = image.format, image.size
-        loop = image.info.get("loop")
-        self.plays = loop or 0
-        if self._format == "GIF":  # which counts the repeats
-            self.plays = 1 if loop is None else loop + 1 if loop else 0
-        limit.check(self._name, *image.size)
-        metadata = ImageMetadata(image.info.get("icc_profile", b""), chunks=tuple(png_chunks(self.path)))
-        self._colours, untaggable = colours_of(self.path, metadata)
+            raise InputError(f"{path} is damaged or no animation; replace it.") from error
+        self._format, (width, height) = image.format, image.size
+        limit.check(path, width, height)
         self._first = int(getattr(image, "default_image", False))  # which an APNG has for viewers without animation
+        self._delays = list[Fraction]()
+        is_whole = self._survey(image)
+        if not self._delays:
+            raise InputError(f"{path} is damaged or no animation; replace it.")
+        profile = image.info.get("icc_profile", b"")
+        colours, untaggable = colours_of(Path(path), ImageMetadata(profile, chunks=tuple(png_chunks(Path(path)))))
+        frames = f"{len(self._delays)} frame{'' if len(self._delays) == 1 else 's'}"
+        said = {
+            **dict.fromkeys(untaggable, True),
+            f"{path} has 16 bits per channel, of which 8 were read.": data.startswith(PNG_SIGNATURE) and data[24] == 16,
+            f"{path} is damaged or ends early; {frames} could be decoded and were converted.": not is_whole,
+            f"{path} has transparent parts, which the output cannot hold; they were laid over white.": self._has_alpha
+            and not keeps_alpha,
+        }
+        self.remarks = [remark for remark, is_due in said.items() if is_due]
+        self.plays = _plays_of(image)
+        self.stream_info = StreamInfo(colours=colours, plays=self.plays, files=[Path(path)])
+        rate = len(self._delays) / sum(self._delays, Fraction(0))
+        time_base = Fraction(1, math.lcm(*(delay.denominator for delay in self._delays)))
+        self.info = ClipInfo(path, height, width, rate, time_base, len(self._delays))
+
+    def _survey(self, image: PillowImage) -> bool:
+        """Read delays and alpha up to the end or the first damage; return whether all frames could be decoded.
+
+        A GIF does not tell the number of its frames, and ends where it ends.
+        """
         try:
             for pixels, delay in self._decoded():
                 self._has_alpha |= bool((pixels[..., 3] < 255).any())
                 self._delays.append(delay)
-            is_whole = self._format == "GIF" or self._first + len(self._delays) == getattr(image, "n_frames", 1)
-        except Exception:
-            is_whole = False
-        if not self._delays:
-            raise InputError(f"{self._name} is damaged or no animation; replace it.")
-        frames, name = f"{len(self._delays)} frame{'' if len(self._delays) == 1 else 's'}", self._name
-        said = {
-            **dict.fromkeys(untaggable, True),
-            f"{name} has 16 bits per channel, of which 8 were read.": start.startswith(PNG_SIGNATURE)
-            and start[24] == 16,
-            f"{name} is damaged or ends early; {frames} could be decoded and were converted.": not is_whole,
-            f"{name} has transparent parts, which the output cannot hold; they were laid over white.": self._has_alpha
-            and not self._keeps_alpha,
-        }
-        self.remarks = [remark for remark, is_due in said.items() if is_due]
+            return self._format == "GIF" or self._first + len(self._delays) == getattr(image, "n_frames", 1)
+        except Exception:  # damage, as above
+            return False
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames, BGR or BGRA uint8, with the times and delays that opening has found."""
@@ -183,6 +174,10 @@ class AnimationSource(ClosesOnExit):
                 # of an APNG, the quotient of two 16-bit numbers as float
                 yield image, (milliseconds / 1000).limit_denominator(MAX_DELAY_TERM)
 
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+
+def _plays_of(image: PillowImage) -> int:
+    """Return how often players show an animation, 0 for ever; a GIF counts the repeats after the first time."""
+    loop = image.info.get("loop")
+    if image.format != "GIF":
+        return loop or 0
+    return 1 if loop is None else loop + 1 if loop else 0
