@@ -24,7 +24,7 @@ from fpsboost.frame import Frame
 from fpsboost.image import Image, type_names, view
 from fpsboost.io.images.exr import ExrHeader, encode_exr, read_exr_header
 from fpsboost.io.images.files import content_of, extension_of, keeps_alpha, types_kept
-from fpsboost.io.images.layers import contents_of, encode_like, losses_like
+from fpsboost.io.images.layers import encode_like, losses_like
 from fpsboost.io.images.library import image_library
 from fpsboost.io.images.metadata import ImageMetadata, into_png, lost_metadata, metadata_of, pillow_options
 from fpsboost.io.images.sequence import NumberedImages
@@ -294,7 +294,7 @@ class ImageEncoder:
         lost = lost_metadata(extension_of(path.name), self._metadata, frame.array.shape[2])
         self._remark([f"{self._path} cannot hold the {item} of its source; left out." for item in lost])
         if self._exr is not None and extension_of(path.name) == ".exr":
-            self._remark_on_layers(self._exr)
+            self._remark(losses_like(self._exr, self._layers, anew=self._anew))
             return encode_like(self._exr, frame.image)
         return encode_image(path, frame.array, half=self._half, metadata=self._metadata)
 
@@ -314,18 +314,6 @@ class ImageEncoder:
         self._metadata = metadata_of(source)
         if extension_of(source.name) == ".exr":
             self._exr = read_exr_header(source)
-
-    def _remark_on_layers(self, header: ExrHeader) -> None:
-        """Remark, once, on layers and attributes of the originals that encoded frames lack."""
-        interpolated = {name for layer in self._layers for name in layer.channels}
-        lost = [f"The originals {loss}." for loss in losses_like(header)]
-        if any(not interpolated.issuperset(layer.channels) for layer in contents_of(header).layers):
-            lost.append("The originals passed with all their layers, of which the frames between have fewer.")
-        if self._anew and any(layer.has_vectors for layer in self._layers):
-            lost.append(
-                "Motion vectors lead from one original to the next, also in the frames between, as the originals' do."
-            )
-        self._remark(lost)
 
     def _remark(self, remarks: list[str]) -> None:
         """Add remarks that were not added before."""

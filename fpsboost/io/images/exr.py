@@ -141,16 +141,15 @@ def read_exr_header(path: Path) -> ExrHeader:
 
 def _types_of(path: Path) -> list[dict[str, Precision]]:
     """Return the types of the channels of each part, by OpenImageIO; raise `InputError` for deep pixels."""
-    types = list[dict[str, Precision]]()
-    with opened(path) as (file, _):
-        while file.seek_subimage(len(types), 0):
-            spec = file.spec()
-            if spec.deep:
-                raise InputError(f"{path} has deep pixels; save it as one flat image.")
-            formats = spec.channelformats or (spec.format,) * spec.nchannels
-            types.append({name: _precisions[str(kind)] for name, kind in zip(spec.channelnames, formats, strict=True)})
-        file.geterror()  # that there is no further part
-    return types
+    with opened(path) as (file, first):
+        specs = [file.spec(number) for number in range(first.get_int_attribute("oiio:subimages", 1))]
+    if any(spec.deep for spec in specs):
+        raise InputError(f"{path} has deep pixels; save it as one flat image.")
+    formats = [spec.channelformats or [spec.format] * spec.nchannels for spec in specs]
+    return [
+        {name: _precisions[str(kind)] for name, kind in zip(spec.channelnames, kinds, strict=True)}
+        for spec, kinds in zip(specs, formats, strict=True)
+    ]
 
 
 def _part(name: str, header: Mapping[str, Any], types: Mapping[str, Precision]) -> ExrPart:

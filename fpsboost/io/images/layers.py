@@ -275,14 +275,39 @@ def encode_like(header: ExrHeader, image: FrameImage) -> bytes:
     return encode_exr_like(header, planes)
 
 
-def losses_like(header: ExrHeader) -> list[str]:
-    """Return what a file encoded like another one lacks, each as the end of a sentence about the other one."""
-    lost = []
-    if any(part.data != part.display for part in header.parts):
-        lost.append("have pixels elsewhere than in the display window, where those of the frames between are")
-    if any("tiles" in part.attributes and part.attributes["tiles"].mode.value for part in header.parts):
-        lost.append("hold smaller copies of their images, which the frames between do not")
-    return lost
+def losses_like(header: ExrHeader, layers: Sequence[LayerNames], *, anew: bool) -> list[str]:
+    """Return sentences on what frames encoded like an original lack.
+
+    Parameters
+    ----------
+    header : ExrHeader
+        Header of the original.
+    layers : sequence of LayerNames
+        Layers that the frames have beside their picture.
+    anew : bool
+        Whether frames are numbered anew, so that motion vectors lead to other numbers.
+
+    Returns
+    -------
+    list of str
+        A sentence each on pixels outside of the display window, smaller copies of the images (mipmaps), layers that are
+        left out, and motion vectors.
+    """
+    interpolated = {name for layer in layers for name in layer.channels}
+    said = {
+        "The originals have pixels elsewhere than in the display window, where those of the frames between are.": any(
+            part.data != part.display for part in header.parts
+        ),
+        "The originals hold smaller copies of their images, which the frames between do not.": any(
+            "tiles" in part.attributes and part.attributes["tiles"].mode.value for part in header.parts
+        ),
+        "The originals passed with all their layers, of which the frames between have fewer.": any(
+            not interpolated.issuperset(layer.channels) for layer in contents_of(header).layers
+        ),
+        "Motion vectors lead from one original to the next, also in the frames between, as the originals' do.": anew
+        and any(layer.has_vectors for layer in layers),
+    }
+    return [sentence for sentence, is_due in said.items() if is_due]
 
 
 def _named(path: Path, contents: ExrContents, names: str) -> list[LayerNames]:

@@ -6,7 +6,7 @@ import os
 import struct
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -43,23 +43,25 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
             if "ubsampled" in library.geterror():  # of OpenEXR
                 raise InputError(f"{path} has channels with fewer pixels than the image; save it as RGB or gray.")
             raise damaged(path)
-        try:
+        with closing(file):
             yield file, file.spec()
-        finally:
-            file.close()
 
 
-def said_by_pillow(path: Path, spec: Any) -> tuple[str, dict[Any, Any]]:
-    """Return Pillow's mode and information of a file with a header of `opened`; empty if Pillow cannot read it."""
+def said_by_pillow(path: Path) -> dict[Any, Any]:
+    """Return Pillow's information of a file, such as its EXIF and XMP as they are stored; empty if it cannot read it.
+
+    Pillow refuses images of more than 179 million pixels, which are then read without EXIF and XMP.
+    """
     from PIL import Image  # noqa: PLC0415
 
-    if Image.MAX_IMAGE_PIXELS is not None and spec.width * spec.height > Image.MAX_IMAGE_PIXELS:  # it would warn
-        return "", {}
     try:
         with warnings.catch_warnings(action="ignore"), Image.open(path) as image:  # of EXIF that is damaged
-            return image.mode, dict(image.info)
-    except (ArithmeticError, LookupError, OSError, SyntaxError, TypeError, ValueError, struct.error):
-        return "", {}
+            return dict(image.info)
+    except (
+        *(ArithmeticError, LookupError, OSError, SyntaxError, TypeError, ValueError, struct.error),
+        Image.DecompressionBombError,
+    ):
+        return {}
 
 
 def damaged(path: Path) -> InputError:

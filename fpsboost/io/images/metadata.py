@@ -29,8 +29,8 @@ _colour_chunks = (b"cICP", b"sRGB", b"gAMA", b"cHRM", b"mDCV", b"cLLI")
 _xmp_packet = re.compile(
     rb"(<\?xpacket begin[^>]*>\s*)?<x:xmpmeta\b.*?</x:xmpmeta>(\s*<\?xpacket end[^>]*>)?", re.DOTALL
 )
-_other_colours = {"CMYK": "CMYK", "LAB": "CIELab", "YCbCr": "YCbCr"}
-"""Colours that are converted to RGB as they are read, by Pillow's mode of an image."""
+_other_colours = {"CMYK": "CMYK", "YCCK": "CMYK", "CIELAB": "CIELab", "YCbCr": "YCbCr"}
+"""Colours that are converted to RGB as they are read, by OpenImageIO's names of them."""
 _per_inch = {"in": 1.0, "inch": 1.0, "cm": 2.54}
 
 
@@ -91,7 +91,8 @@ def metadata_of(path: Path) -> ImageMetadata:
         across, down = (spec.get_float_attribute(name) for name in ("XResolution", "YResolution"))
         orientation = spec.get_int_attribute("Orientation", 1)
         is_turned = kind != "tiff" and 1 <= orientation <= 8  # a TIFF is turned as it is read
-        mode, said = said_by_pillow(path, spec)
+        colours = _other_colours.get(spec.get_string_attribute(f"{kind}:ColorSpace"), "")
+        said = said_by_pillow(path)
         exif, xmp = (said.get(name, b"") for name in ("exif", "xmp"))
         if kind == "tiff":  # of which Pillow opens few with 16 bits or float
             packet = _xmp_packet.search(path.read_bytes())
@@ -109,8 +110,8 @@ def metadata_of(path: Path) -> ImageMetadata:
                 if name in _colour_chunks or (name == b"pHYs" and data[8:] == b"\0")
             ),
             spec.get_int_attribute("oiio:BitsPerSample") if kind == "dpx" else 0,
-            other_colours=_other_colours.get(mode, ""),
-            can_pass=turned == 1 and mode != "CMYK" and (photometric is None or photometric <= PALETTE),
+            other_colours=colours,
+            can_pass=turned == 1 and colours != "CMYK" and (photometric is None or photometric <= PALETTE),
             has_more=bool(file.seek_subimage(1, 0)) or (kind == "png" and "loop" in said),
         )
 
@@ -145,15 +146,13 @@ def lost_metadata(extension: str, metadata: ImageMetadata, channels: int) -> lis
 
 def pillow_options(extension: str, metadata: ImageMetadata, channels: int) -> dict[str, Any]:
     """Return the options by which Pillow puts metadata into a JPEG or a WebP, as far as they hold it."""
-    options: dict[str, Any] = {"icc_profile": metadata.profile_for(channels)}
     room = _room_in(extension)
-    if metadata.exif and len(metadata.exif) <= room:
-        options["exif"] = EXIF_MARK + metadata.exif
-    if metadata.xmp and len(metadata.xmp) <= room:
-        options["xmp"] = metadata.xmp
-    if metadata.dots_per_inch is not None:
-        options["dpi"] = tuple(min(round(dots), 65535) for dots in metadata.dots_per_inch)
-    return options
+    return {
+        "icc_profile": metadata.profile_for(channels),
+        "exif": EXIF_MARK + metadata.exif if 0 < len(metadata.exif) <= room else b"",
+        "xmp": metadata.xmp if len(metadata.xmp) <= room else b"",
+        "dpi": tuple(min(round(dots), 65535) for dots in metadata.dots_per_inch or (0, 0)),  # 0 where none is known
+    }
 
 
 def _room_in(extension: str) -> int:

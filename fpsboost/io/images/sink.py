@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import json
 import os
 import shutil
@@ -83,7 +84,8 @@ class NumberedSink(StagedSink):
         self._encoder = ImageEncoder(
             output.path, output.stream.images, output.stream.traits or output.stream.colours, anew=names.is_anew
         )
-        self._originals = set[str]()
+        originals = output.stream.images.files if output.in_place and output.stream.images is not None else []
+        self._originals = {file.name for file in originals}
         self._written: list[str] = []
         self._frames = 0
 
@@ -98,10 +100,8 @@ class NumberedSink(StagedSink):
 
     def _count_finished(self) -> int:
         """Return the number of images, from the first without a gap, that an earlier run has written."""
-        there, count = {*os.listdir(self._staged), *self._originals}, 0
-        while self.names.path(count).name in there:
-            count += 1
-        return count
+        there = {*os.listdir(self._staged), *self._originals}
+        return next(place for place in itertools.count() if self.names.path(place).name not in there)
 
     def write(self, frame: Frame) -> None:
         """Encode the next frame and write its file, synced to disk, in the hidden folder.
@@ -177,8 +177,6 @@ class ImageSink(NumberedSink):
             place = hidden_place(folder.parent if self._is_new else folder, called)
             self._replaced, self._moving = place / "replaced", place / MOVING
             super().__init__(output, names, StagingDirectory(place, "output", path, output.job))
-            if images is not None and output.in_place:
-                self._originals = {file.name for file in images.files}
             self._refuse_existing()
 
     def _refuse_inputs(self, path: str, images: NumberedImages) -> None:
@@ -353,25 +351,24 @@ def _names_of(output: Output) -> ImageNames:
     path, images, factor, count = output.path, output.stream.images, output.factor, output.expected_frames
     kept = None if images is None or factor is None else images.numbers_for(factor)
     first, step = kept or (1 if images is None else images.first_number, 1)
-    remarks = []
-    if images is not None and images.step > 1 and kept is None and factor is not None:
-        remarks.append(
-            f"{factor} times the frames do not fit between numbers that rise by {images.step}: all were numbered anew, "
-            f"one by one; `factor={images.step}` makes just those that are missing."
-        )
     # as many digits as keep the order of names the order of frames
     digits = 0 if count is None else len(str(first + (count - 1) * step))
     if not _is_folder(path):
         numbering = Numbering.parse(path)
-        if 1 < numbering.digits < digits:
-            remarks.append(f"{path} has too few digits for {count} frames: later names grow longer.")
     elif images is None or images.numbering is None:
         suffix = ".png" if images is None else images.files[0].suffix
         numbering = Numbering(Path(path), "", max(digits, VIDEO_DIGITS), suffix)
     else:
         padded = max(digits or VIDEO_DIGITS, images.numbering.digits)
         numbering = replace(images.numbering, folder=Path(path), digits=images.numbering.digits if kept else padded)
-    return ImageNames(numbering, first, step, kept is None, tuple(remarks))
+    gap = 1 if images is None else images.step
+    said = {
+        f"{factor} times the frames do not fit between numbers that rise by {gap}: all were numbered anew, one by one; "
+        f"`factor={gap}` makes just those that are missing.": gap > 1 and kept is None and factor is not None,
+        f"{path} has too few digits for {count} frames: later names grow longer.": not _is_folder(path)
+        and 1 < numbering.digits < digits,
+    }
+    return ImageNames(numbering, first, step, kept is None, tuple(remark for remark, is_due in said.items() if is_due))
 
 
 def _names_in_place(output: Output) -> ImageNames:

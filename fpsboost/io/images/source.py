@@ -120,7 +120,6 @@ class ImageSource(ClosesOnExit):
             )
         numbers, first = list(sequence.numbers), sequence.files[0]
         self._places = [number - numbers[0] for number in numbers] if fills_gaps else range(len(sequence.files))
-        self._begins = Fraction(0)
         self._first = 0
         if extension_of(first.name) not in IMAGE_SUFFIXES:
             raise InputError(f"{path} is no type of image that can be read; use one of {', '.join(IMAGE_SUFFIXES)}.")
@@ -171,7 +170,7 @@ class ImageSource(ClosesOnExit):
     @property
     def beginning(self) -> SourcePosition:
         """Position, in the whole sequence, of the first image that is read."""
-        return SourcePosition(self.images.skipped, self._begins)
+        return SourcePosition(self.images.skipped, self._places[0] / self.info.rate)
 
     @property
     def remarks(self) -> list[str]:
@@ -241,14 +240,10 @@ class ImageSource(ClosesOnExit):
             reason = "ends before `start`" if first > self._places[-1] else "has none between `start` and `end`"
             raise InputError(f"{self.info.name} has {len(self.images.files)} images and {reason}; name an earlier one.")
         part = slice(kept[0], kept[-1] + 1)
-        self._begins = self._places[kept[0]] / self.info.rate
         self._places = self._places[part]
         files, numbers = self.images.files[part], self.images.numbers[part]
         self.images = replace(self.images, files=files, numbers=numbers, skipped=kept[0])
         self.info = replace(self.info, frame_count=len(files), duration=self._duration(self.info.rate))
-
-    def close(self) -> None:
-        """Do nothing: no file stays open."""
 
 
 def _check_gaps(path: str, sequence: FileSequence) -> None:
