@@ -57,32 +57,28 @@ def double(folder: Path, out: Path) -> tuple[list[Path], list[str]]:
 
 @pytest.mark.parametrize("suffix", KINDS)
 def test_frames_that_pass_keep_their_file(tmp_path, suffix):
-    """A frame that goes into a file of the same type is that file, to the byte, the made ones say the same."""
+    """A frame that goes into a file of the same type is that file, to the byte; the made ones have its EXIF data."""
     sources = write(tmp_path / "in", suffix, icc_profile=PROFILE, dpi=(300, 200), exif=exif())
     outputs, remarks = double(tmp_path / "in", tmp_path / "out" / f"new_####{suffix}")
     assert remarks == []
     assert [path.read_bytes() for path in outputs[::2]] == [path.read_bytes() for path in sources]
     for path in outputs[1::2]:
         with Image.open(path) as image:
-            assert image.info["icc_profile"] == PROFILE
-            if suffix != ".webp":
-                assert np.allclose([float(dots) for dots in image.info["dpi"]], (300, 200), atol=0.02)
-            if suffix != ".tif":
-                assert image.getexif()[DESCRIPTION] == "made for a test"
+            assert suffix == ".tif" or image.getexif()[DESCRIPTION] == "made for a test"
 
 
 @pytest.mark.parametrize("source", KINDS)
 @pytest.mark.parametrize("target", KINDS)
 def test_from_type_to_type(tmp_path, source, target):
     """Profile and resolution go along from each type to each other; what does not is said once."""
-    write(tmp_path / "in", source, icc_profile=PROFILE, **({} if source == ".webp" else {"dpi": (150, 150)}))
+    write(tmp_path / "in", source, icc_profile=PROFILE, **({} if source == ".webp" else {"dpi": (300, 200)}))
     outputs, remarks = double(tmp_path / "in", tmp_path / "out" / f"new_####{target}")
     for path in outputs:
         with Image.open(path) as image:
             image.load()  # it is whole
             assert image.info["icc_profile"] == PROFILE
             if ".webp" not in (source, target):
-                assert np.allclose([float(dots) for dots in image.info["dpi"]], 150, atol=0.02)
+                assert np.allclose([float(dots) for dots in image.info["dpi"]], (300, 200), atol=0.02)
     is_lost = target == ".webp" and source in (".png", ".jpg", ".tif")
     assert len(remarks) == is_lost
     assert all("cannot hold the resolution" in remark for remark in remarks)
