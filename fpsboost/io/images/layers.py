@@ -254,11 +254,9 @@ class Passes:
         there = {layer.name: layer.channels for layer in contents_of(header).layers}
         advice = "render all frames with the same passes, or give `passes='beauty'`."
         for layer in self.layers:
-            if layer.name not in there:
-                raise InputError(f"{path} has no layer {layer.name}, which {self.first} has; {advice}")
-            if list(there.pop(layer.name).items()) != list(layer.channels.items()):
+            if list(there.pop(layer.name, {}).items()) != list(layer.channels.items()):
                 raise InputError(
-                    f"{path} has other channels in the layer {layer.name} than {self.first}, or other types; {advice}"
+                    f"{path} has no layer {layer.name} with the channels and types of {self.first}; {advice}"
                 )
         if self.are_all and there:
             raise InputError(f"{path} has a layer {next(iter(there))}, which {self.first} has not; {advice}")

@@ -74,12 +74,22 @@ class NumberedSink(StagedSink):
         Names of the images.
     unfinished : StagingDirectory
         Hidden folder, whose `staged` is the folder of the images.
+
+    Raises
+    ------
+    OutputError
+        The names are those of no type of image that can be written.
     """
 
     holds_last_frame = False
 
     def __init__(self, output: Output, names: ImageNames, unfinished: StagingDirectory) -> None:
-        self.names, self._unfinished = names, unfinished
+        extension = extension_of(names.path(0).name)
+        if extension not in IMAGE_SUFFIXES:
+            raise OutputError(
+                f"{output.path} names no type of image that can be written; use one of {', '.join(IMAGE_SUFFIXES)}."
+            )
+        self.names, self._output, self._unfinished = names, output, unfinished
         self._name, self._staged = unfinished.name, unfinished.staged
         self._encoder = ImageEncoder(
             output.path, output.stream.images, output.stream.traits or output.stream.colours, anew=names.is_anew
@@ -159,13 +169,10 @@ class ImageSink(NumberedSink):
 
     def __init__(self, output: Output) -> None:
         path, images = output.path, output.stream.images
-        self._job, self._frame_count = output.job, output.expected_frames
-        self._overwrite, self._in_place = output.overwrite, output.in_place
         with explained(OutputError, "write to", path, "check the path and the permissions"):
             self._is_folder = _is_folder(path)
             names = _names_in_place(output) if output.in_place else _names_of(output)
             self._numbering, folder = names.numbering, names.numbering.folder
-            _check_type(output, names)
             check_folder(folder, may_be_new=self._is_folder)
             if images is not None and not output.in_place:
                 self._refuse_inputs(path, images)
@@ -198,15 +205,13 @@ class ImageSink(NumberedSink):
     def _find_old(self) -> list[Path]:
         """Return the existing images of the output's naming."""
         # In a folder the digits are this program's choice, so frames of an earlier run may have fewer or more.
-        if not self._numbering.folder.is_dir():
-            return []
         return [path for _, path in self._numbering.find(any_padding=self._is_folder)]
 
     def _refuse_existing(self) -> None:
         """Raise `OutputError` if there are files that this run must not replace, or a run left unmoved images."""
         folder = self._numbering.folder
         is_moving = self._unfinished.goes_on and self._moving.exists()
-        if self._in_place:
+        if self._output.in_place:
             if self._moving.exists() and not is_moving:
                 raise OutputError(
                     f"A run in {self._name} was stopped while its frames got their names; `resume` goes on with that."
@@ -215,10 +220,10 @@ class ImageSink(NumberedSink):
                 if (self._staged / name).exists() and (folder / name).exists():
                     raise OutputError(f"{folder / name} has appeared meanwhile; move it away, and use `resume`.")
             return
-        if self._overwrite or not folder.is_dir() or is_moving:
+        if self._output.overwrite or not folder.is_dir() or is_moving:
             return
         reason = reason_to_refuse(folder, self._find_old(), alone=self._is_folder)
-        if reason and self._job is not None and self._job.resume and not self._unfinished.is_pending:
+        if reason and self._output.job is not None and self._output.job.resume and not self._unfinished.is_pending:
             raise CompleteAlreadyError(complete_already(self._name))
         if reason:
             raise ExistsError(reason)
@@ -279,11 +284,11 @@ class ImageSink(NumberedSink):
         self._replaced.mkdir(exist_ok=True)
         moves = [(staged / name, folder / name) for name in self._written if (staged / name).exists()]
         is_begun = len(moves) < len(self._written)  # an earlier run has moved some, and the old ones before them
-        if not is_begun and not self._in_place:
+        if not is_begun and not self._output.in_place:
             moves = [(path, self._replaced / path.name) for path in self._find_old()] + moves
         write_safely(self._moving, json.dumps({"frames": self._frames, "names": self._written}).encode())
         try:
-            move_all(moves, _move_new if self._in_place else None)
+            move_all(moves, _move_new if self._output.in_place else None)
         except BaseException:
             if all((staged / name).exists() for name in self._written):
                 self._moving.unlink()
@@ -297,7 +302,7 @@ class ImageSink(NumberedSink):
             self._replaced.rmdir()  # fails where it is not empty
         written = self._frames if self._written else 0
         count = self._frames if self._moving.exists() else max(self.completed_frames, written)
-        self._unfinished.leave(error, count, self._frame_count, stays=self._replaced.exists())
+        self._unfinished.leave(error, count, self._output.expected_frames, stays=self._replaced.exists())
 
 
 class ImagePartSink(NumberedSink):
@@ -311,10 +316,9 @@ class ImagePartSink(NumberedSink):
 
     def __init__(self, output: Output) -> None:
         assert output.part is not None
+        self._part = output.part
         names = _names_of(output)
-        _check_type(output, names)
         self._folder = PartFolder(output.part, output.job, overwrite=output.overwrite)
-        self._frame_count = output.part.frames
         names = replace(names, first=names.first + output.part.first * names.step)
         super().__init__(output, names, self._folder)
 
@@ -329,16 +333,7 @@ class ImagePartSink(NumberedSink):
         self._folder.publish_part()
 
     def _leave(self, error: BaseException | None) -> None:
-        self._folder.leave(error, max(self.completed_frames, self._frames), self._frame_count)
-
-
-def _check_type(output: Output, names: ImageNames) -> None:
-    """Raise `OutputError` unless the names are those of images that can be written."""
-    extension = extension_of(names.path(0).name)
-    if extension not in IMAGE_SUFFIXES:
-        raise OutputError(
-            f"{output.path} names no type of image that can be written; use one of {', '.join(IMAGE_SUFFIXES)}."
-        )
+        self._folder.leave(error, max(self.completed_frames, self._frames), self._part.frames)
 
 
 def _is_folder(path: str) -> bool:
