@@ -28,11 +28,11 @@ from .io.images.exr import read_exr_header as read_exr_header
 from .io.images.files import IMAGE_SUFFIXES as IMAGE_SUFFIXES
 from .io.images.files import content_of as content_of
 from .io.images.files import extension_of as extension_of
+from .io.images.files import metadata_of as metadata_of
 from .io.images.files import read_image as read_image
 from .io.images.layers import ALL as ALL
 from .io.images.layers import Passes as Passes
 from .io.images.layers import encode_like as encode_like
-from .io.images.metadata import metadata_of as metadata_of
 from .io.images.sequence import Numbering as Numbering
 from .io.images.sequence import list_files as list_files
 from .io.images.source import ImageSource as ImageSource

@@ -11,8 +11,8 @@ from PIL import Image, ImageCms
 from video_truth import pictures_of, samples_of, scene
 
 from fpsboost import convert
-from fpsboost.io.images.files import read_image
-from fpsboost.io.images.metadata import ImageMetadata, into_png, metadata_of
+from fpsboost.io.images.encoder import into_png
+from fpsboost.io.images.files import ImageMetadata, metadata_of, read_image
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 

@@ -14,8 +14,7 @@ from PIL import ImageCms
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.exr import read_exr
-from fpsboost.io.images.files import read_image
-from fpsboost.io.images.metadata import ImageMetadata, metadata_of
+from fpsboost.io.images.files import ImageMetadata, metadata_of, read_image
 from fpsboost.rerender.merging import merge_regions, mix, seam_weights
 from fpsboost.rerender.options import MergeOptions
 from fpsboost.rerender.planning import PlannedFrame, RerenderPlan

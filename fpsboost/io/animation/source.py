@@ -20,8 +20,7 @@ from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
 from fpsboost.io.images.encoder import colours_of
-from fpsboost.io.images.files import content_of
-from fpsboost.io.images.metadata import PNG_SIGNATURE, ImageMetadata, png_chunks
+from fpsboost.io.images.files import PNG_SIGNATURE, ImageMetadata, content_of, png_chunks
 from fpsboost.io.output import StreamInfo
 from fpsboost.media.pyav import as_fraction
 from fpsboost.memory import MemoryLimit

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 import struct
 import tempfile
+import zlib
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
@@ -23,14 +24,26 @@ from fpsboost.errors import OutputError
 from fpsboost.frame import Frame
 from fpsboost.image import Image, type_names, view
 from fpsboost.io.images.exr import ExrHeader, encode_exr, read_exr_header
-from fpsboost.io.images.files import content_of, extension_of, keeps_alpha, types_kept
+from fpsboost.io.images.files import (
+    COLOUR_CHUNKS,
+    EXIF_MARK,
+    PNG_SIGNATURE,
+    ImageMetadata,
+    content_of,
+    extension_of,
+    keeps_alpha,
+    metadata_of,
+    types_kept,
+)
 from fpsboost.io.images.layers import encode_like, losses_like
 from fpsboost.io.images.library import image_library
-from fpsboost.io.images.metadata import ImageMetadata, into_png, lost_metadata, metadata_of, pillow_options
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.media.pixels import BT709, BT2020, UNSPECIFIED
 from fpsboost.media.traits import LINEAR, SRGB, VideoTraits, primaries, traits_of_png, transfers
 
+INCH = 0.0254  # metres
+MAX_SEGMENT, MAX_FILE = 65533, 2**31  # maximum size of EXIF or XMP, bytes: in a JPEG, elsewhere
+_xmp_mark = b"http://ns.adobe.com/xap/1.0/\0"
 _short_names = {".jpeg": ".jpg", ".tiff": ".tif"}
 _pillow_types: dict[str, tuple[str, dict[str, Any]]] = {
     **dict.fromkeys((".jpg", ".jpeg"), ("JPEG", {"quality": 95})),
@@ -142,6 +155,58 @@ def _encode_by_openimageio(extension: str, image: Image, metadata: ImageMetadata
     if extension == ".dpx":
         data = data[:36] + bytes(124) + data[160:]  # the name of the file and the time
     return data
+
+
+def lost_metadata(extension: str, metadata: ImageMetadata, channels: int) -> list[str]:
+    """Return the names of metadata that a type of file, such as ``.png``, cannot hold."""
+    holds_words = extension in (".png", ".jpg", ".jpeg", ".webp")
+    holds_most = holds_words or extension in (".tif", ".tiff")
+    room = _room_in(extension) if holds_words else 0
+    wanted = {
+        "colour profile": bool(metadata.profile) and not (holds_most and metadata.profile_for(channels)),
+        "colour tags": any(name in COLOUR_CHUNKS for name, _ in metadata.chunks) and extension != ".png",
+        "resolution": metadata.dots_per_inch is not None and (extension == ".webp" or not holds_most),
+        "EXIF data": len(metadata.exif) > room,
+        "XMP data": len(metadata.xmp) > room,
+        "OpenEXR attributes": metadata.has_exr_attributes and extension != ".exr",
+    }
+    return [name for name, is_lost in wanted.items() if is_lost]
+
+
+def pillow_options(extension: str, metadata: ImageMetadata, channels: int) -> dict[str, Any]:
+    """Return the options by which Pillow puts metadata into a JPEG or a WebP, as far as they hold it."""
+    room = _room_in(extension)
+    return {
+        "icc_profile": metadata.profile_for(channels),
+        "exif": EXIF_MARK + metadata.exif if 0 < len(metadata.exif) <= room else b"",
+        "xmp": metadata.xmp if len(metadata.xmp) <= room else b"",
+        "dpi": tuple(min(round(dots), 65535) for dots in metadata.dots_per_inch or (0, 0)),  # 0 where none is known
+    }
+
+
+def _room_in(extension: str) -> int:
+    """Return the maximum size of EXIF or XMP in a type of file, bytes."""
+    return MAX_SEGMENT - len(_xmp_mark) if extension in (".jpg", ".jpeg") else MAX_FILE
+
+
+def into_png(data: bytes, metadata: ImageMetadata, channels: int) -> bytes:
+    """Put metadata into a PNG that OpenCV has encoded, behind its header."""
+    profile = metadata.profile_for(channels)
+    dots = metadata.dots_per_inch
+    bodies = {  # by the names of chunks, empty for those that are not written
+        b"iCCP": b"ICC profile\0\0" + zlib.compress(profile) if profile else b"",
+        b"pHYs": b"" if dots is None else struct.pack(">IIB", *(round(each / INCH) for each in dots), 1),
+        **dict(metadata.chunks),
+        b"eXIf": metadata.exif,
+        b"iTXt": b"XML:com.adobe.xmp\0\0\0\0\0" + metadata.xmp if metadata.xmp else b"",
+    }
+    chunks = b"".join(
+        struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+        for name, body in bodies.items()
+        if body
+    )
+    behind_header = len(PNG_SIGNATURE) + 25
+    return data[:behind_header] + chunks + data[behind_header:]
 
 
 def colours_of(

@@ -18,7 +18,7 @@ import fpsboost
 from fpsboost.errors import InputError
 from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.exr import read_exr_header
-from fpsboost.io.images.metadata import ImageMetadata, metadata_of, png_chunks
+from fpsboost.io.images.files import ImageMetadata, metadata_of, png_chunks
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.run_options import RunOptions
 

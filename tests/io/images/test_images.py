@@ -15,8 +15,7 @@ from fpsboost.errors import InputError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
 from fpsboost.io.images.encoder import encode_image
-from fpsboost.io.images.files import read_image
-from fpsboost.io.images.metadata import ImageMetadata
+from fpsboost.io.images.files import ImageMetadata, read_image
 from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageReading, ImageSource, is_pattern
