@@ -35,19 +35,6 @@ def test_translations_are_found_exactly(channels, dtype):
         np.testing.assert_array_equal(field.similarity[inside], 1)
 
 
-@every_pattern
-def test_patterns_agree_on_a_smooth_texture(pattern):
-    """Where the differences lead downhill to the match, all find it."""
-    y, x = np.mgrid[0:80, 0:112].astype(float)
-    waves = (
-        [0.5 + 0.4 * np.sin((place - 56) / 40) for place in (x - dx, y - dy, 0 * x)] for dx, dy in ((0, 0), (5, -3))
-    )
-    frames = [as_type(np.stack(wave, axis=-1), np.uint16) for wave in waves]
-    field, _ = BlockMatching(pattern=pattern).estimate(*prepared(*frames))
-    inside = whole_blocks(80, 112, 16, (5, -3))
-    np.testing.assert_array_equal(field.flow[inside], np.broadcast_to([5, -3], (inside.sum(), 2)))
-
-
 def test_similarity_is_one_less_the_mean_difference():
     """A share of white, for every type: what a quarter of white lies between is similar by three quarters."""
     for dtype in (np.uint8, np.uint16, np.float32):

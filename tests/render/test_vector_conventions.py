@@ -1,9 +1,7 @@
 """What channels of motion vectors mean: by their names, by comparing frames, and as the user says."""
 
-import sys
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +9,6 @@ from exr_truth import write_exr
 from truth import waves
 from vector_truth import constant, save_flows, save_translation
 
-from fpsboost.cli import app
 from fpsboost.errors import InputError, OptionError
 from fpsboost.io.images.encoder import encode_image
 from fpsboost.render.convention import StoredVectors, VectorConvention, conventions
@@ -98,7 +95,7 @@ def test_still_frames_decide_nothing(name):
     )
 
 
-def save_clip(folder: Path, numbers: range, step: int, truth: VectorConvention, names: str) -> tuple[Path, Path]:
+def save_clip(folder: Path, numbers: range, step: int, truth: VectorConvention, names: str) -> None:
     """Rendered frames, every `step`-th, and the vectors of all."""
     frames, vectors = folder / "frames", folder / "vectors"
     for path in (frames, vectors):
@@ -110,25 +107,17 @@ def save_clip(folder: Path, numbers: range, step: int, truth: VectorConvention, 
         if (number - numbers[0]) % step == 0:
             path = frames / f"{number:04d}.png"
             path.write_bytes(encode_image(path, np.rint(zooming(number)[0] * 255).astype(np.uint8)))
-    return frames, vectors
 
 
-def run(monkeypatch: Any, *words: str) -> None:
-    monkeypatch.setattr(sys, "argv", ["fpsboost", *words])
-    app.main()
-
-
-def test_what_was_found_is_said_and_can_be_given(tmp_path, monkeypatch, capsys):
+def test_what_was_found_is_said_and_can_be_given(tmp_path, fpsboost_):
     """Vectors to the next frame with y down: found, said, and with the option neither searched nor said."""
     names = "velocity.R velocity.G"
-    frames, vectors = save_clip(tmp_path, range(1, 6), 2, conventions["forward-down"], names)
-    run(monkeypatch, str(frames), str(tmp_path / "a"), "--vectors", str(vectors))
-    said = " ".join(capsys.readouterr().err.split())
+    save_clip(tmp_path, range(1, 6), 2, conventions["forward-down"], names)
+    said = fpsboost_("frames", "a", "--vectors", "vectors").err
     assert "the first and second channel lead to the next frame, right and down" in said
     assert "--vectors-as" in said
-    given = ("--vectors", str(vectors), "--vectors-as", "forward-down")
-    run(monkeypatch, str(frames), str(tmp_path / "b"), *given)
-    assert "channel" not in capsys.readouterr().err
+    given = fpsboost_("frames", "b", "--vectors", "vectors", "--vectors-as", "forward-down")
+    assert (given.code, "channel" in given.err) == (0, False)
     for number in range(1, 6):
         one, other = (tmp_path / name / f"{number:04d}.png" for name in "ab")
         assert one.read_bytes() == other.read_bytes()
