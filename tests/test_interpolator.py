@@ -76,14 +76,14 @@ def test_times_outside_of_the_pair_are_refused(method, t):
         methods[method].images(methods[method].pair(*prepared(image, image)), [0.5, t])
 
 
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
 @every_method
 @pytest.mark.parametrize("size", [(1, 1), (3, 5), (1, 40), (33, 2)])
-def test_tiny_frames_work(method, size):
+def test_tiny_frames_work(method, size, channels):
     """Down to a single pixel."""
-    for channels in (1, 2, 3, 4):
-        image0, image1 = noise(*size, channels, seed=1), noise(*size, channels, seed=2)
-        (image,) = methods[method].interpolate(image0, image1, [0.5])
-        assert image.shape == (*size, channels)
+    image0, image1 = noise(*size, channels, seed=1), noise(*size, channels, seed=2)
+    (image,) = methods[method].interpolate(image0, image1, [0.5])
+    assert image.shape == (*size, channels)
 
 
 @moving_methods

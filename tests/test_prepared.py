@@ -37,13 +37,13 @@ def counters(monkeypatch) -> dict[str, Mock]:
     return counters
 
 
-def test_a_function_is_called_once():
+@pytest.mark.parametrize("result", [np.zeros(3), None, 0])
+def test_a_function_is_called_once(result):
     """On the pixels, when it is first asked for; after that the very same result comes back, None and 0 too."""
-    for result in (np.zeros(3), None, 0):
-        counter, image = Mock(return_value=result), FrameCache(noise(3, 4))
-        assert not counter.called
-        assert all(image.cached(counter) is result for _ in range(3))
-        counter.assert_called_once()
+    counter, image = Mock(return_value=result), FrameCache(noise(3, 4))
+    assert not counter.called
+    assert all(image.cached(counter) is result for _ in range(3))
+    counter.assert_called_once()
 
 
 @pytest.mark.parametrize(("factor", "calls"), [(Fraction(3), 5), (Fraction(5, 2), 5), (Fraction(1), 0)], ids=str)

@@ -132,10 +132,10 @@ def test_rendered_motion_needs_every_frame(monkeypatch):
     assert run(held([2, 2]), method=rendered)[1].duplicates == 0
 
 
-def test_frames_are_found_however_long_they_are_held():
+@pytest.mark.parametrize("cadence", [[2, 2, 2], [3, 3, 3], [4, 4], [1, 1, 2, 1], [6, 1], [3, 2, 3, 2]])
+def test_frames_are_found_however_long_they_are_held(cadence):
     """Twos, threes, fours and what a capture missed."""
-    for cadence in ([2, 2, 2], [3, 3, 3], [4, 4], [1, 1, 2, 1], [6, 1], [3, 2, 3, 2]):
-        assert lengths(held(cadence)) == [*cadence, 1]
+    assert lengths(held(cadence)) == [*cadence, 1]
 
 
 @pytest.mark.parametrize(("channels", "dtype"), [(1, np.uint8), (4, np.uint8), (3, np.uint16), (3, np.float32)])

@@ -232,8 +232,8 @@ def test_overlays_have_no_grain():
     assert (made[title] >= 254).mean() > 0.98
 
 
-def test_the_command_line_has_it():
+@pytest.mark.parametrize("method", ["nlm", "blend"])
+def test_the_command_line_has_it(method):
     """A flag turns it on, for any method."""
-    for method in ("nlm", "blend"):
-        assert MethodOptions(method, match_grain=True).interpolator(TuningOptions()).match_grain
-        assert not MethodOptions(method).interpolator(TuningOptions()).match_grain
+    assert MethodOptions(method, match_grain=True).interpolator(TuningOptions()).match_grain
+    assert not MethodOptions(method).interpolator(TuningOptions()).match_grain

@@ -60,15 +60,15 @@ def test_constant_light_is_none(clip):
     assert estimate_illumination(*clip.prepared[::-1]) is None
 
 
+@pytest.mark.parametrize("seed", range(5))
 @every_type
 @pytest.mark.parametrize("channels", [1, 3])
-def test_noise_is_no_light(dtype, channels):
+def test_noise_is_no_light(dtype, channels, seed):
     """Noise of all levels, different in both frames, and a little on a still picture."""
-    for seed in range(5):
-        assert estimate_illumination(*prepared(*(noise(96, 128, channels, dtype, seed + k) for k in (0, 9)))) is None
-        picture = lit_clip(1, shift=(0, 0), channels=channels, dtype=np.float32, seed=seed)(0)
-        grain = 0.03 * np.random.default_rng(seed).normal(size=(2, *picture.shape))
-        assert estimate_illumination(*prepared(*(as_type(picture + each, dtype) for each in grain))) is None
+    assert estimate_illumination(*prepared(*(noise(96, 128, channels, dtype, seed + k) for k in (0, 9)))) is None
+    picture = lit_clip(1, shift=(0, 0), channels=channels, dtype=np.float32, seed=seed)(0)
+    grain = 0.03 * np.random.default_rng(seed).normal(size=(2, *picture.shape))
+    assert estimate_illumination(*prepared(*(as_type(picture + each, dtype) for each in grain))) is None
 
 
 @pytest.mark.parametrize("channels", [2, 4])
@@ -92,17 +92,17 @@ def test_the_light_of_a_still_picture_is_found(gain, offset, channels, dtype):
     np.testing.assert_allclose(illumination.offset, [offset] * channels, atol=0.5 / 255)
 
 
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("shift", [(6, -4), (12, 5)])
 @pytest.mark.parametrize(("gain", "offset"), [*CHANGES, ((0.55, 1, 1.17), 0.0), ((1.36, 0.75, 1.36), 0.0)])
-def test_the_light_of_a_moving_picture_is_found(gain, offset, shift):
+def test_the_light_of_a_moving_picture_is_found(gain, offset, shift, seed):
     """Its colour, too, if gray stays: the gain to a twentieth although a part is new, every colour to five levels."""
-    for seed in range(2):
-        at = lit_clip(gain, offset, shift, seed=seed)
-        illumination = estimate_illumination(*prepared(at(0), at(1)))
-        np.testing.assert_allclose(illumination.gain, np.full(3, gain), rtol=0.05)
-        colours = lit_clip(1, shift=shift, dtype=np.float32, seed=seed)(0)
-        relit = illumination.apply(colours, 1, np.dtype(np.float32))
-        assert np.abs(relit - (np.array(gain) * colours + offset)).max() < 5 / 255
+    at = lit_clip(gain, offset, shift, seed=seed)
+    illumination = estimate_illumination(*prepared(at(0), at(1)))
+    np.testing.assert_allclose(illumination.gain, np.full(3, gain), rtol=0.05)
+    colours = lit_clip(1, shift=shift, dtype=np.float32, seed=seed)(0)
+    relit = illumination.apply(colours, 1, np.dtype(np.float32))
+    assert np.abs(relit - (np.array(gain) * colours + offset)).max() < 5 / 255
 
 
 def picture(seed, contrast=1.0, mean=0.5, size=(90, 120)):
@@ -116,11 +116,11 @@ def ends(pair):
     return CutDetector().is_cut(pair.match_score, 0.95)
 
 
+@pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize(("contrast", "mean"), [(1, 0.5), (0.5, 0.3), (0.25, 0.7), (0, 0), (0, 1)])
-def test_a_cut_is_no_change_of_light(contrast, mean):
+def test_a_cut_is_no_change_of_light(contrast, mean, seed):
     """Pictures of nothing in common, as bright or not, of more contrast or less, and black or white, are cuts."""
-    for seed in range(5):
-        assert ends(NLM.pair(*prepared(picture(seed), picture(seed + 100, contrast, mean))))
+    assert ends(NLM.pair(*prepared(picture(seed), picture(seed + 100, contrast, mean))))
 
 
 @pytest.mark.parametrize(("gain", "offset"), [(0.5, 0), (0.25, 0), (0.5, 0.5), (0.2, 0.1)])
@@ -132,18 +132,16 @@ def test_a_fade_is_no_cut(gain, offset):
         assert not ends(methods[name].pair(*prepared(at(1), at(0))))
 
 
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("shift", [(6, -4), (4.5, 2.5)])
 @pytest.mark.parametrize(("gain", "offset"), [(0.5, 0), (0.3, 0), (1, 0.2)])
-def test_motion_goes_on_through_a_fade(gain, offset, shift):
+def test_motion_goes_on_through_a_fade(gain, offset, shift, seed):
     """Gray pictures, right to half a level: far better than with the light left alone, and than mixing."""
-    for seed in range(2):
-        at = lit_clip(gain, offset, shift, channels=1, seed=seed)
-        times = 0.25, 0.5, 0.75
-        for t, *images in zip(
-            times, *(each.interpolate(at(0), at(1), times) for each in (NLM, UNLIT, PLAIN)), strict=True
-        ):
-            lit, unlit, plain = (error(image, at(t)) for image in images)
-            assert lit < min(0.5, unlit / 2, plain / 4)
+    at = lit_clip(gain, offset, shift, channels=1, seed=seed)
+    times = 0.25, 0.5, 0.75
+    for t, *images in zip(times, *(each.interpolate(at(0), at(1), times) for each in (NLM, UNLIT, PLAIN)), strict=True):
+        lit, unlit, plain = (error(image, at(t)) for image in images)
+        assert lit < min(0.5, unlit / 2, plain / 4)
 
 
 @every_type

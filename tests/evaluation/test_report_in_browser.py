@@ -56,13 +56,13 @@ def opening_of(comparison):
     return next(choice.number for choice in choose_frames(comparison) if DIFFERENT in choice.reasons)
 
 
-def test_first_screen_has_the_verdict_and_pictures(opened, report_path):
+@pytest.mark.parametrize(("width", "height"), [(1200, 900), (390, 844)])
+def test_first_screen_has_the_verdict_and_pictures(opened, report_path, width, height):
     """At a desk and on a phone, what comes out and the whole picture are seen without scrolling."""
-    for width, height in ((1200, 900), (390, 844)):
-        page = opened(report_path.as_uri(), width, height)
-        for selector in (".outcome", ".stage", ".play [data-side='right'] >> nth=1"):
-            box = box_of(page.locator(selector).first)
-            assert box["y"] + box["height"] <= height, selector
+    page = opened(report_path.as_uri(), width, height)
+    for selector in (".outcome", ".stage", ".play [data-side='right'] >> nth=1"):
+        box = box_of(page.locator(selector).first)
+        assert box["y"] + box["height"] <= height, selector
 
 
 def test_slider_and_pointer_move_the_edge(page):

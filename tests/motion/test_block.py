@@ -35,13 +35,13 @@ def test_translations_are_found_exactly(channels, dtype):
         np.testing.assert_array_equal(field.similarity[inside], 1)
 
 
-def test_similarity_is_one_less_the_mean_difference():
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_similarity_is_one_less_the_mean_difference(dtype):
     """A share of white, for every type: what a quarter of white lies between is similar by three quarters."""
-    for dtype in (np.uint8, np.uint16, np.float32):
-        dark, light = (as_type(np.full((20, 24, 3), value), dtype) for value in (0.25, 0.5))
-        field, _ = BlockMatching().estimate(*prepared(dark, light))
-        assert not field.flow.any()
-        np.testing.assert_allclose(field.similarity, 0.75, atol=1 / 255)
+    dark, light = (as_type(np.full((20, 24, 3), value), dtype) for value in (0.25, 0.5))
+    field, _ = BlockMatching().estimate(*prepared(dark, light))
+    assert not field.flow.any()
+    np.testing.assert_allclose(field.similarity, 0.75, atol=1 / 255)
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
