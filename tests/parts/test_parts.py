@@ -233,18 +233,14 @@ def test_parts_that_cannot_be_joined(tmp_path, made):
 
 
 def test_join_takes_an_input_that_was_moved(tmp_path, made):
-    """By its content, wherever it is."""
+    """By its content, wherever it is; an output of another type is refused, as parts are made for one container."""
+    with pytest.raises(OptionError, match="another type"):
+        join(str(tmp_path / "out.mp4"), [made], input=str(tmp_path / "in"))
     (tmp_path / "in").rename(tmp_path / "elsewhere")
     with pytest.raises(InputError, match="does not exist"):
         join(str(tmp_path / "out"), [made])
     assert join(str(tmp_path / "out"), [made], input=str(tmp_path / "elsewhere")).frames_out == 13
     assert len(list((tmp_path / "out").iterdir())) == 13
-
-
-def test_an_output_of_another_type_is_refused(tmp_path, made, clip):
-    """Parts are made for one container, or for images."""
-    with pytest.raises(OptionError, match="another type"):
-        join(str(tmp_path / "out.mp4"), [made], input=str(tmp_path / "in"))
 
 
 def test_what_cannot_be_cut(tmp_path, clip, made):
@@ -357,7 +353,6 @@ def test_a_video_that_does_not_list_its_frames(tmp_path, name):
 def test_openexr_with_vectors_in_parts(tmp_path, snapshot):
     """Layers, and a renderer's motion as a candidate, go by the numbers of frames."""
     (tmp_path / "in").mkdir()
-    (tmp_path / "vectors").mkdir()
     for number in range(1, 18, 2):
         colours = scene(number).astype(np.float32) / 64
         channels = {name: colours[..., place] for place, name in enumerate("BGR")}
