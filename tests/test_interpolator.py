@@ -10,9 +10,16 @@ import numpy as np
 import pytest
 from truth import CutsWhere, accelerating, affine, as_type, eroded, layers, noise, prepared, translation, waves
 
-from fpsboost.analysis.scene_cuts import CutDetector
-from fpsboost.errors import InputError, OptionError, SceneCutWarning
-from fpsboost.method_table import find_method, interpolate, interpolate_with_confidence, methods
+from fpsboost import (
+    CutDetector,
+    InputError,
+    OptionError,
+    SceneCutWarning,
+    find_method,
+    interpolate,
+    interpolate_with_confidence,
+    methods,
+)
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.synthesis.reproject import Reproject
 

@@ -9,15 +9,19 @@ import numpy as np
 import pytest
 from video_truth import write_clip
 
+from fpsboost import (
+    DecodeOptions,
+    Encoding,
+    FrameCache,
+    InputError,
+    Interpolator,
+    OptionError,
+    RunOptions,
+    SourcePosition,
+    convert,
+)
 from fpsboost.analysis.scene_cuts import CutList, read_cuts
-from fpsboost.conversion import convert
-from fpsboost.errors import InputError, OptionError
-from fpsboost.frame_cache import FrameCache, SourcePosition
-from fpsboost.interpolator import Interpolator
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.motion.field import ZeroMotion
-from fpsboost.run_options import RunOptions
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.position import Position, Trim, parse_position
 

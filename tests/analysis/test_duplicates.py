@@ -19,16 +19,12 @@ from test_pipeline import FakeSink, FakeSource
 from test_ycbcr import planar
 from truth import affine, as_type, equal_luma, frozen, noise, prepared
 
+from fpsboost import ByFactor, ByRate, Frame, FrameCache, Schedule, Summary, methods, run_conversion
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_pictures, group_duplicates
-from fpsboost.contracts import Summary
-from fpsboost.frame import Frame
 from fpsboost.io.opening import open_source
-from fpsboost.method_table import methods
 from fpsboost.motion.rendered import RenderedMotion
-from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.scene_assisted import SceneAssisted
-from fpsboost.timing.schedule import ByFactor, ByRate, Schedule
 
 DOUBLE = ByFactor(Fraction(2))
 

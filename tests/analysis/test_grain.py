@@ -10,19 +10,22 @@ import pytest
 from test_pipeline import FakeSink, FakeSource
 from truth import as_type, waves
 
+from fpsboost import (
+    ByFactor,
+    Coding,
+    Frame,
+    FrameCache,
+    Interpolator,
+    OutputRange,
+    SourcePosition,
+    YCbCrImage,
+    methods,
+    run_conversion,
+)
 from fpsboost.analysis.grain import match_grain, measure_grain
 from fpsboost.cli.options import MethodOptions, TuningOptions
-from fpsboost.colour import Coding
-from fpsboost.contracts import OutputRange
-from fpsboost.frame import Frame
-from fpsboost.frame_cache import FrameCache, SourcePosition
-from fpsboost.image import YCbCrImage
-from fpsboost.interpolator import Interpolator
-from fpsboost.method_table import methods
 from fpsboost.motion.field import ZeroMotion
-from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
-from fpsboost.timing.schedule import ByFactor
 
 SIZE = 128, 256
 SMOOTH = Interpolator(ZeroMotion(), Blend(), cuts=None, compensate_illumination=False)

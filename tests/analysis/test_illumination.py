@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from truth import affine, as_type, layers, noise, prepared, translation, waves
 
+from fpsboost import CutDetector, methods
 from fpsboost.analysis.illumination import estimate_illumination
-from fpsboost.analysis.scene_cuts import CutDetector
-from fpsboost.method_table import methods
 
 NLM = methods["nlm"]
 UNLIT = replace(NLM, compensate_illumination=False, cuts=None)

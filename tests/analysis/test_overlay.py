@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from truth import CutsWhere, as_type, equal_luma, noise, prepared, waves
 
+from fpsboost import Coding, methods
 from fpsboost.analysis.overlay import DILATION_RADIUS, find_overlay
-from fpsboost.colour import Coding
 from fpsboost.io.video.ycc import bgr_of, from_bgr, in_planes
-from fpsboost.method_table import methods
 
 KEEPING = replace(methods["nlm"], cuts=None)
 MOVING = replace(KEEPING, overlays=False)

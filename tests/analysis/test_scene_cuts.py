@@ -10,12 +10,8 @@ import pytest
 from scenes_of_cuts import make_clips
 from truth import SCENES, affine, as_type, equal_luma, frozen, moving_object, needs_scenes, prepared, translation, waves
 
+from fpsboost import CutDetector, Frame, FrameCache, methods, with_neighbours
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, group_duplicates
-from fpsboost.analysis.scene_cuts import CutDetector
-from fpsboost.frame import Frame
-from fpsboost.frame_cache import FrameCache
-from fpsboost.interpolator import with_neighbours
-from fpsboost.method_table import methods
 
 
 def scene(seed: int, height: int = 90, width: int = 120, channels: int = 3, dtype: type = np.uint8) -> np.ndarray:

@@ -30,15 +30,11 @@ from truth import (
 from twins import shortest_motions
 from vector_truth import save_translation
 
-from fpsboost.analysis.scene_cuts import CutDetector
+from fpsboost import CutDetector, FrameCache, MotionEstimator, OptionError, VectorFolder, find_method, methods
 from fpsboost.colour import colour_components
-from fpsboost.errors import OptionError
-from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.planes import LANES, PlanePair
 from fpsboost.kernels.shortest import ShortestMotion, find_shortest
 from fpsboost.kernels.similarity import UNIT, colour_scale
-from fpsboost.method_table import find_method, methods
-from fpsboost.motion import MotionEstimator
 from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.components import contrast_components, padded_planes
 from fpsboost.motion.exhaustive import ExhaustiveSearch, choose_search_radius
@@ -46,7 +42,6 @@ from fpsboost.motion.field import ZeroMotion
 from fpsboost.motion.nlm import CoarseToFine, pyramid
 from fpsboost.motion.opencv import Dis, Farneback, TvL1
 from fpsboost.motion.rendered import RenderedMotion
-from fpsboost.render.folder import VectorFolder
 
 estimators: dict[str, MotionEstimator] = {
     "nlm": CoarseToFine(),

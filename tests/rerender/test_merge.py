@@ -11,14 +11,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from PIL import ImageCms
 
-from fpsboost.errors import InputError, OptionError, OutputError
+from fpsboost import InputError, MergeOptions, OptionError, OutputError, PlannedFrame, Rectangle, RerenderPlan
 from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.exr import read_exr
 from fpsboost.io.images.files import ImageMetadata, metadata_of, read_image
 from fpsboost.rerender.merging import merge_regions, mix, seam_weights
-from fpsboost.rerender.options import MergeOptions
-from fpsboost.rerender.planning import PlannedFrame, RerenderPlan
-from fpsboost.rerender.regions import Rectangle
 
 HEIGHT, WIDTH = 24, 32
 REGIONS = (Rectangle(0, 0, 8, 8), Rectangle(16, 8, 8, 16))

@@ -10,10 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from fpsboost.errors import InputError, OptionError, OutputError
+from fpsboost import InputError, OptionError, OutputError, PlannedFrame, RerenderPlan, plan_rerender
 from fpsboost.io.images.files import read_image
 from fpsboost.rerender.options import PlanOptions, parse_budget
-from fpsboost.rerender.planning import PlannedFrame, RerenderPlan, plan_rerender
 from fpsboost.rerender.regions import Rectangle, TileGrid, choose_regions, partition
 from fpsboost.rerender.score import comparable, squared_error
 

@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 from truth import noise
 
-from fpsboost.colour import Coding
-from fpsboost.frame_cache import FrameCache
-from fpsboost.image import YCbCrImage
+from fpsboost import Coding, FrameCache, YCbCrImage
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.agreement import find_motion, measure_agreement

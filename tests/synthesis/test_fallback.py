@@ -10,15 +10,10 @@ from test_pipeline import FakeSink, FakeSource
 from test_ycbcr import planar
 from truth import as_type, frozen
 
-from fpsboost.errors import OptionError
-from fpsboost.frame import Frame
-from fpsboost.frame_cache import FrameCache
+from fpsboost import ByFactor, Frame, FrameCache, Interpolator, OptionError, run_conversion
 from fpsboost.image import view
-from fpsboost.interpolator import Interpolator
 from fpsboost.motion.field import ZeroMotion
-from fpsboost.streaming import run_conversion
 from fpsboost.synthesis import FramePair, InterpolatedImage
-from fpsboost.timing.schedule import ByFactor
 
 
 @dataclass(frozen=True)

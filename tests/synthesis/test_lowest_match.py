@@ -9,20 +9,24 @@ import numpy as np
 import pytest
 from truth import noise, waves
 
+from fpsboost import (
+    ByFactor,
+    DecodeOptions,
+    Encoding,
+    Interpolator,
+    LowestMatch,
+    OutputRate,
+    Part,
+    RunOptions,
+    Summary,
+    convert,
+    find_method,
+    join,
+)
 from fpsboost.analysis.scene_cuts import CutList
-from fpsboost.contracts import LowestMatch, Summary
-from fpsboost.conversion import convert
-from fpsboost.interpolator import Interpolator
 from fpsboost.io.video.capture import ArraySource
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
-from fpsboost.method_table import find_method
-from fpsboost.parts.join import join
-from fpsboost.run_options import Part, RunOptions
 from fpsboost.streaming import interpolate_frames
 from fpsboost.timing.position import Position, format_time, parse_position
-from fpsboost.timing.rate import OutputRate
-from fpsboost.timing.schedule import ByFactor
 
 BLEND = find_method("blend")
 HEIGHT, WIDTH = 72, 128

@@ -10,12 +10,9 @@ import pytest
 from truth import moving_object, noise, translation, waves
 from vector_truth import constant, save_object, save_translation, save_vectors
 
-from fpsboost.errors import InputError, OptionError
-from fpsboost.frame_cache import FrameCache
-from fpsboost.method_table import find_method
+from fpsboost import FrameCache, InputError, OptionError, VectorFolder, find_method
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.motion.rendered import UsesVectors
-from fpsboost.render.folder import VectorFolder
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.multi_hypothesis import Fusion, MultiHypothesis
 

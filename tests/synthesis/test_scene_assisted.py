@@ -12,14 +12,10 @@ from exr_truth import write_exr
 from truth import Clip, as_type, frozen, moving_object, noise, translation, waves
 from vector_truth import constant, save_object, save_translation, save_vectors
 
-from fpsboost.conversion import convert
-from fpsboost.errors import InputError, OptionError
-from fpsboost.frame_cache import FrameCache
-from fpsboost.interpolator import Interpolator
+from fpsboost import FrameCache, InputError, Interpolator, OptionError, VectorFolder, convert
 from fpsboost.io.images.files import read_image
 from fpsboost.method_table import find_method, interpolate, vector_methods
 from fpsboost.motion.field import ZeroMotion
-from fpsboost.render.folder import VectorFolder
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.scene_assisted import SceneAssisted
 
