@@ -48,18 +48,12 @@ class Results:
                     del self._computing[key]
         return result
 
-    def clear(self, *keys: Hashable) -> None:
-        """Discard these results; they are computed again when asked for again."""
+    def discard(self, is_needless: Callable[[Hashable], bool]) -> None:
+        """Discard the results whose keys are needless; they are computed again when asked for again."""
         with self._lock:
             for results in (self._stored, self._computing):
-                for key in results.keys() & set(keys):
+                for key in list(filter(is_needless, results)):
                     del results[key]
-
-    def clear_all_but(self, *kept: Hashable) -> None:
-        """Discard all results but these."""
-        with self._lock:
-            keys = (self._stored.keys() | self._computing.keys()) - set(kept)
-        self.clear(*keys)
 
     def get(self, key: Hashable) -> Any:
         """Return a result that has been computed; None if there is none."""
@@ -134,9 +128,9 @@ class FrameCache:
             is_second = key in self._asked_once
             self._asked_once ^= {key}
         if is_second:
-            self._results.clear(key)
+            self._results.discard(lambda other: other == key)
         return result
 
     def clear(self, *kept: Callable[..., Any]) -> None:
         """Discard all results but those of these functions; they are computed again when asked for again."""
-        self._results.clear_all_but(*((function,) for function in kept))
+        self._results.discard(lambda key: key not in {(function,) for function in kept})

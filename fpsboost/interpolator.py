@@ -119,10 +119,14 @@ class Interpolator(Checked):
             raise OptionError("`below` goes with `uncertain`; give that too, or leave it out.")
 
     @property
+    def _parts(self) -> dict[str, MotionEstimator | Synthesizer]:
+        """The two parts of the method, by their names."""
+        return {"estimator": self.estimator, "synthesizer": self.synthesizer}
+
+    @property
     def takes_planes(self) -> bool:
         """Whether images may be `YCbCrImage`; results then are, too, except for pairs whose illumination changes."""
-        parts = self.estimator, self.synthesizer
-        return all(isinstance(part, TakesPlanes) and part.takes_planes for part in parts)
+        return all(isinstance(part, TakesPlanes) and part.takes_planes for part in self._parts.values())
 
     @property
     def takes_layers(self) -> bool:
@@ -140,14 +144,12 @@ class Interpolator(Checked):
     @property
     def uses_vectors(self) -> bool:
         """Whether motion comes from a renderer's vectors, so that only times for which there are some can be made."""
-        parts = self.estimator, self.synthesizer
-        return any(isinstance(part, UsesVectors) and part.vectors is not None for part in parts)
+        return any(isinstance(part, UsesVectors) and part.vectors is not None for part in self._parts.values())
 
     @property
     def needs_every_frame(self) -> bool:
         """Whether motion was rendered from each frame to the next one, so that no frame may be skipped."""
-        parts = self.estimator, self.synthesizer
-        return any(isinstance(part, UsesVectors) and part.needs_every_frame for part in parts)
+        return any(isinstance(part, UsesVectors) and part.needs_every_frame for part in self._parts.values())
 
     @checked
     def interpolate(
@@ -373,7 +375,7 @@ class Interpolator(Checked):
         """Return the interpolator with other vectors of a renderer, if it has any, and the remarks of these vectors."""
         matched: dict[str, Any] = {}
         remarks: list[str] = []
-        for name, part in (("estimator", self.estimator), ("synthesizer", self.synthesizer)):
+        for name, part in self._parts.items():
             if isinstance(part, UsesVectors) and part.vectors is not None:
                 vectors = change(part.vectors)
                 matched[name] = replace(part, vectors=vectors)  # type: ignore[type-var]
@@ -382,8 +384,7 @@ class Interpolator(Checked):
 
     def without_vectors(self) -> Interpolator:
         """Return an interpolator that does the same as far as that needs no rendered motion."""
-        parts = {"estimator": self.estimator, "synthesizer": self.synthesizer}
-        bare = {name: part.without_vectors() for name, part in parts.items() if isinstance(part, UsesVectors)}
+        bare = {name: part.without_vectors() for name, part in self._parts.items() if isinstance(part, UsesVectors)}
         return replace(self, **bare)
 
 

@@ -182,7 +182,7 @@ class Pair:
     def release_caches(self) -> None:
         """Discard all results that the next pair does not need, to save memory, once this pair's frames are made."""
         self.image0.clear(gray, half_chroma)  # overlays are static in the frame before a pair, too
-        self._results.clear("compensated", "grain")
+        self._results.discard({"compensated", "grain"}.__contains__)
 
 
 def as_bgr(image: FrameCache) -> FrameCache:

@@ -263,8 +263,7 @@ class ConversionJob(Checked):
 
     def target(self, run: RunOptions) -> Target:
         """Return the output's target; raise `OptionError` if there is none, or an option does not apply to it."""
-        _check_shutter(self.rate, self.method, run)
-        _check_retime(self.rate, self.method, run)
+        _check_rate(self.rate, self.method, run)
         target = Target.parse(_resolve_output(self, run))
         target.check_encoding(self.encoding)
         return target
@@ -448,25 +447,21 @@ def _check_layers(images: NumberedImages | None, interpolator: Interpolator, rat
     )
 
 
-def _check_shutter(rate: OutputRate, interpolator: Interpolator, run: RunOptions) -> None:
-    if rate.shutter is None:
-        return
-    if run.in_place:
-        raise OptionError("`shutter` blurs every frame, and `in_place` keeps the originals; write to another folder.")
-    if interpolator.uses_vectors:
-        raise OptionError("`shutter` needs frames at times that `vectors` says nothing of; leave one of them out.")
-    if run.side.given:
-        raise OptionError(
-            f"`shutter` averages frames, which have no one map of {' or '.join(run.side.given)}; leave one of them out."
-        )
-
-
-def _check_retime(rate: OutputRate, interpolator: Interpolator, run: RunOptions) -> None:
-    if rate.retimes and (run.in_place or interpolator.uses_vectors):
-        raise OptionError(
-            "`retime` and `speed` show the source at any time, and "
-            f"{'`in_place`' if run.in_place else '`vectors`'} only some; leave one of them out."
-        )
+def _check_rate(rate: OutputRate, interpolator: Interpolator, run: RunOptions) -> None:
+    """Raise `OptionError` if the times of the output's frames exclude another option."""
+    blurs, has_vectors, maps = rate.shutter is not None, interpolator.uses_vectors, " or ".join(run.side.given)
+    any_time = "`retime` and `speed` show the source at any time, and"
+    refusals = {
+        "`shutter` blurs every frame, and `in_place` keeps the originals; write to another folder.": (
+            blurs and run.in_place
+        ),
+        "`shutter` needs frames at times that `vectors` says nothing of; leave one of them out.": blurs and has_vectors,
+        f"`shutter` averages frames, which have no one map of {maps}; leave one of them out.": blurs and maps,
+        f"{any_time} `in_place` only some; leave one of them out.": rate.retimes and run.in_place,
+        f"{any_time} `vectors` only some; leave one of them out.": rate.retimes and has_vectors,
+    }
+    for refusal in (refusal for refusal, applies in refusals.items() if applies):
+        raise OptionError(refusal)
 
 
 def _resolve_output(job: ConversionJob, run: RunOptions) -> str:

@@ -17,7 +17,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from fpsboost.analysis.duplicates import DuplicateDetector, FrameGroup, SourceFrame, group_duplicates
+from fpsboost.analysis.duplicates import FrameGroup, SourceFrame, group_duplicates
 from fpsboost.contracts import (
     Cancellable,
     Entry,
@@ -141,7 +141,6 @@ def interpolate_frames(
     The first frame is read when the block begins. The summary is updated with the numbers of frames read and made.
     """
     outputs = outputs or OutputRange()
-    detector = None if interpolator.needs_every_frame else interpolator.duplicates
     with (
         read_ahead(source, 1, _cancel_of(source)) as arriving,
         run_in_parallel(threads or available_cores(), _cancel_of(source)) as in_order,
@@ -157,7 +156,7 @@ def interpolate_frames(
         )
         before, start = clip.outputs_before, None if outputs.entry is None else outputs.entry.start
         stop = None if outputs.stop is None else outputs.stop - before
-        made = _output_frames(frames, clip, detector, holds_last_frame, in_order)
+        made = _output_frames(frames, clip, holds_last_frame, in_order)
         exposed = _exposed(made) if clip.has_exposures else map(_Output.finished, made)
         if clip.curve is None:
             timed = _with_durations(exposed, clip)
@@ -225,36 +224,34 @@ class _Interval:
     """Frames of the output that fall into it; until it is resolved, with t relative to the next frame of the source."""
     first_output: int
     """Number of the first of them, or of the next one if there is none."""
-    end: Fraction
-    """Time of the next picture."""
+    following: SourceFrame
+    """The next picture."""
     pair: Pair
-    places: tuple[int, int]
-    """Places of the pair's frames in the clip, from 0."""
-    may_be_still: bool
-    """Whether the frames of the group show one picture, so that they may be repeated."""
-    is_resolved: bool = False
-    is_still: bool = False
-    """Whether duplicates are repeated because no motion follows them."""
+    is_still: bool | None = None
+    """Whether duplicates are repeated because no motion follows them; None until it is resolved."""
     scene_cut: bool = False
     match: LowestMatch | None = None
     """How well the two frames match, with the output frame halfway between; None if nothing is interpolated."""
     done: int = 0
     """Number of outputs that have been made and passed on."""
 
-    def resolve(self, neighbours: Neighbours) -> None:
-        """Find out which frames are interpolated and between what; the same whichever task does it."""
-        if self.is_resolved:
+    def resolve(self, neighbours: Neighbours, *, may_be_still: bool) -> None:
+        """Find out which frames are interpolated and between what; the same whichever task does it.
+
+        The group may be a still unless its frames are damaged ones that are replaced.
+        """
+        if self.is_still is not None:
             return
         first, last, outputs = self.group[0], self.group[-1], self.outputs
-        self.is_still = self.may_be_still and len(self.group) > 1 and self.pair.is_discontinuous(*neighbours)
-        if len(self.group) > 1 and not self.is_still:
-            begin = first.frame.time
-            steps = (each.step._replace(t=(each.step.time - begin) / (self.end - begin)) for each in outputs)
+        is_still = may_be_still and len(self.group) > 1 and self.pair.is_discontinuous(*neighbours)
+        if len(self.group) > 1 and not is_still:
+            begin, end = first.frame.time, self.following.frame.time
+            steps = (each.step._replace(t=(each.step.time - begin) / (end - begin)) for each in outputs)
             outputs = [each._replace(source=first, step=step) for each, step in zip(outputs, steps, strict=True)]
         # a still is shown until the cut at the end of its last frame
-        moving = last if self.is_still else first
+        moving = last if is_still else first
         self.outputs = [each._replace(is_interpolated=each.source is moving and each.step.t > 0) for each in outputs]
-        self.is_resolved = True
+        self.is_still = is_still
 
 
 @dataclass
@@ -306,8 +303,9 @@ class _LoopState:
             position = SourcePosition(self.beginning.number + number, self.beginning.seconds + frame.time - self.start)
             yield SourceFrame(replace(frame, time=time), position, place)
 
-    def groups(self, frames: Iterator[SourceFrame], detector: DuplicateDetector | None) -> Iterable[FrameGroup]:
+    def groups(self, frames: Iterator[SourceFrame]) -> Iterable[FrameGroup]:
         """Return the frames in groups of which one picture is left: of damaged frames, or else of duplicates."""
+        detector = None if self.interpolator.needs_every_frame else self.interpolator.duplicates
         replacement = self.interpolator.replacement
         if replacement is not None:
             begins_clip = self.outputs.entry is None
@@ -356,10 +354,8 @@ class _LoopState:
             steps = self.schedule.steps(self.index, self.start, source.frame.time, after.frame.time)
             outputs += [_Output(source, step, self.output_number(step, source)) for step in steps]
             self.index += 1
-        end = following[0].frame.time
-        pair = self.interpolator.pair(group[0], following[0], end - group[0].frame.time)
-        places = self.place(group[0]), self.place(following[0])
-        return _Interval(group, outputs, first_output, end, pair, places, self.interpolator.replacement is None)
+        pair = self.interpolator.pair(group[0], following[0], following[0].frame.time - group[0].frame.time)
+        return _Interval(group, outputs, first_output, following[0], pair)
 
     def output_number(self, step: Step, source: SourceFrame) -> int:
         """Return the number of the output frame that a step belongs to; must be called in order."""
@@ -394,14 +390,12 @@ Made = tuple[_Interval, list[_Output]]
 def _output_frames(
     frames: Iterator[Frame],
     clip: _LoopState,
-    detector: DuplicateDetector | None,
     holds_last_frame: bool,
     in_order: Callable[[Iterable[Callable[[], Made]]], Iterator[Made]],
 ) -> Iterator[_Output]:
     """Yield the output frames without durations, or the samples of each; note when the clip ends."""
-    source, summary = clip.presented(frames), clip.summary
-    scenes = 0
-    for interval, outputs in in_order(_tasks(clip, clip.groups(source, detector))):
+    scenes, summary = 0, clip.summary
+    for interval, outputs in in_order(_tasks(clip, clip.groups(clip.presented(frames)))):
         clip.count_outputs(interval, outputs)
         if interval.done == 0:
             scenes += interval.scene_cut
@@ -463,7 +457,7 @@ def _tasks(clip: _LoopState, groups: Iterable[FrameGroup]) -> Iterator[Callable[
 
 def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: int) -> Made:
     """Make the output frames of a part of an interval; those that are not needed carry any image."""
-    interval.resolve(neighbours)
+    interval.resolve(neighbours, may_be_still=clip.interpolator.replacement is None)
     outputs, pair = interval.outputs[begin : begin + FRAMES_PER_TASK], interval.pair
     times = [each.step.t for each in outputs if clip.makes(each)]
     images: Iterator[InterpolatedImage] = iter(())
@@ -481,18 +475,19 @@ def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: 
         frame = Frame(image, output.step.time, preceding=source.original, confidence=confidence)
         finished.append(output._replace(frame=frame))
     if clip.needs_motion and not any(each.is_interpolated for each in interval.outputs[:begin]):
-        _add_motion(finished, interval, neighbours)
+        _add_motion(finished, clip, interval, neighbours)
     if begin == 0 and clip.counts(interval) and not interval.scene_cut:
         interval.match = clip.measure_match(interval)
     return interval, finished
 
 
-def _add_motion(outputs: list[_Output], interval: _Interval, neighbours: Neighbours) -> None:
+def _add_motion(outputs: list[_Output], clip: _LoopState, interval: _Interval, neighbours: Neighbours) -> None:
     """Give the first interpolated frame the motion of its interval, unless no motion connects the two frames."""
     for k, output in enumerate(outputs):
         if output.is_interpolated and output.frame is not None:
             if not interval.pair.is_discontinuous(*neighbours):
-                motion = PairMotion(*interval.places, *(field.flow for field in interval.pair.fields))
+                places = clip.place(interval.group[0]), clip.place(interval.following)
+                motion = PairMotion(*places, *(field.flow for field in interval.pair.fields))
                 outputs[k] = output._replace(frame=replace(output.frame, motion=motion))
             return
 

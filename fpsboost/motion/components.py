@@ -152,10 +152,6 @@ def padded_planes(
     height, width = components.shape[:2]
     left = padding + extra_left
     planes = aligned_empty((3, height + 2 * padding, left + width + padding + extra_right), np.float32)
-    rows = planes[:, padding : padding + height]
-    np.multiply(components.transpose(2, 0, 1), np.float32(scale), out=rows[:, :, left : left + width])
-    rows[:, :, :left] = rows[:, :, left : left + 1]
-    rows[:, :, left + width :] = rows[:, :, left + width - 1 : left + width]
-    planes[:, :padding] = planes[:, padding : padding + 1]
-    planes[:, padding + height :] = planes[:, padding + height - 1 : padding + height]
+    scaled = components.transpose(2, 0, 1) * np.float32(scale)
+    planes[:] = np.pad(scaled, ((0, 0), (padding, padding), (left, planes.shape[2] - left - width)), "edge")
     return planes

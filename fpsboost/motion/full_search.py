@@ -75,19 +75,21 @@ def search_fused(
     planes0 = padded_planes(colours0, patch_radius, 0, 2 * LANES, scale)
     planes1 = padded_planes(colours1, patch_radius, LANES, 3 * LANES, scale)
     score_type = np.int32 if is_box else np.float32
-    widths = width + LANES, width + 2 * LANES
-    best01, best10 = (np.full((height, each), -1, score_type) for each in widths)
-    winners01, winners10 = (np.zeros((height, each), np.int32) for each in widths)
+    found01, found10 = (
+        BestOffsets(np.full((height, columns), -1, score_type), np.zeros((height, columns), np.int32))
+        for columns in (width + LANES, width + 2 * LANES)
+    )
     ranks, offsets = rank_offsets(search_radius)
     share = np.float32(1 / (UNIT * (2 * patch_radius + 1) ** 2) if is_box else 1 / UNIT)
     penalties = _motion_penalties(search_radius, penalty / share, score_type)
-    found01, found10 = BestOffsets(best01, winners01), BestOffsets(best10, winners10)
     search(planes0, planes1, height, width, ranks, penalties, found01, found10, weights)
-    inside = slice(LANES, LANES + width)
-    return (
-        MotionField(offsets.take(winners01[:, :width], axis=0), best01[:, :width].astype(np.float32) * share),
-        MotionField(offsets.take(winners10[:, inside], axis=0), best10[:, inside].astype(np.float32) * share),
+    field01, field10 = (
+        MotionField(
+            offsets.take(found.ranks[:, inside], axis=0), found.similarity[:, inside].astype(np.float32) * share
+        )
+        for found, inside in ((found01, slice(width)), (found10, slice(LANES, LANES + width)))
     )
+    return field01, field10
 
 
 @lru_cache(maxsize=32)  # the same for every frame of a clip

@@ -235,11 +235,10 @@ def _mix_layer(made: Layer, rendered: Layer, weights: NDArray[Any], mask: NDArra
 
 def _part(path: Path, image: FrameImage, region: Rectangle, made_path: Path, made: FrameImage) -> tuple[slice, slice]:
     """Return the part of an image that is a region; the image shows the full frame or that region alone."""
-    if image.shape[:2] == (region.height, region.width) and image.shape[:2] != made.shape[:2]:
-        image_type, made_type = (image.shape[2], image.dtype), (made.shape[2], made.dtype)
-        if image_type == made_type:
-            return slice(None), slice(None)
-    elif image.shape[:2] != made.shape[:2]:
+    size = region.height, region.width
+    if (image.shape, image.dtype) == ((*size, made.shape[2]), made.dtype):
+        return slice(None), slice(None)
+    if image.shape[:2] not in (made.shape[:2], size):
         raise InputError(
             f"{path} has {image.shape[1]}x{image.shape[0]} pixels; render the full {made.shape[1]}x{made.shape[0]} or "
             f"the region of {region.width}x{region.height} at {region.x},{region.y}."

@@ -53,20 +53,15 @@ def measure_agreement(frame_pair: FramePair, t: float) -> NDArray[Any]:
     """
     onward = find_motion(frame_pair.field01, t)
     back = find_motion(frame_pair.field10, 1 - t)
-    agreements = [
-        measure_agreement_along(frame_pair.image0, frame_pair.image1, -t * onward, (1 - t) * onward),
-        measure_agreement_along(frame_pair.image0, frame_pair.image1, t * back, (t - 1) * back),
-    ]
-    return np.asarray(np.minimum(*agreements))
+    image0, image1 = frame_pair.image0, frame_pair.image1
+    agreement01 = measure_agreement_along(image0, image1, -t * onward, (1 - t) * onward)
+    return np.asarray(np.minimum(agreement01, measure_agreement_along(image0, image1, t * back, (t - 1) * back)))
 
 
 def find_motion(field: MotionField, t: float) -> NDArray[Any]:
     """Return the motion of the points that are at each pixel after a share t of their way, (H, W, 2) float32."""
-    flow = field.flow
-    motion = flow
-    if not flow.any():
-        return motion
-    for _ in range(ITERATIONS):
+    motion = flow = field.flow
+    for _ in range(ITERATIONS if flow.any() else 0):  # without motion, nothing is to be searched
         motion = sample(flow, -t * motion, cv2.INTER_NEAREST)
     return motion
 
