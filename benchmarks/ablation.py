@@ -99,9 +99,9 @@ class PatchedSearch:
 class OneDirection(multi_hypothesis.MultiHypothesis):
     """The default synthesizer with candidates from the first frame's motion alone."""
 
-    def _collect_votes(self, frame_pair: FramePair) -> tuple[multi_hypothesis.Votes, multi_hypothesis.Votes]:
+    def _collect_votes(self, frame_pair: FramePair) -> list[multi_hypothesis.Votes]:
         voters0, voters1 = super()._collect_votes(frame_pair)
-        return voters0, voters1._replace(trust=np.zeros_like(voters1.trust))
+        return [voters0, voters1._replace(trust=np.zeros_like(voters1.trust))]
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 from fractions import Fraction
 from functools import cached_property
+from itertools import count
 from threading import Lock
 from typing import Any, NamedTuple, TypeVar
 
@@ -95,8 +96,6 @@ class FrameCache:
         self.output_position = output_position
         self.source_position = source_position
         self._results = Results()
-        self._lock = Lock()
-        self._asked_once: set[Hashable] = set()
 
     def with_image(self, image: FrameImage) -> FrameCache:
         """Return another image at the same positions."""
@@ -124,11 +123,9 @@ class FrameCache:
         """Return a result like `cached`, but discard it at the second request, which the image's other pair makes."""
         result = self.cached(function, *arguments)
         key = function, *arguments
-        with self._lock:
-            is_second = key in self._asked_once
-            self._asked_once ^= {key}
-        if is_second:
-            self._results.discard(lambda other: other == key)
+        requests = self._results.cached(("requests of", key), count)
+        if next(requests) == 1:
+            self._results.discard({key, ("requests of", key)}.__contains__)
         return result
 
     def clear(self, *kept: Callable[..., Any]) -> None:

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import chain
 from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple, TypeVar
 
@@ -326,20 +327,19 @@ class Interpolator(Checked):
         uncertainty = pair.uncertainty_map(measure)
         for (image, confidence), t in zip(made or make(times), times, strict=True):
             pixels = view(image).picture
-            frames = (each if view(pixels).coding else as_bgr(each) for each in (pair.image0, pair.image1))
-            image0, image1 = (each.pixels for each in frames)
+            image0, image1 = (
+                (frame if view(pixels).coding else as_bgr(frame)).pixels for frame in (pair.image0, pair.image1)
+            )
             shown = blend_fallback(pixels, image0, image1, t, uncertainty, mix=self.uncertain == "blend")
             yield InterpolatedImage(shown, confidence)
 
     def frame_pair(self, pair: Pair, before: Pair | None, after: Pair | None) -> FramePair:
         """Return what the synthesizer takes of two frames that motion connects, and of the pairs before and after."""
         # the next pair's motion first: the thread that makes its frames waits for it
-        following = _neighbour(after) if self.curved and after is not None else None
+        following = _neighbour(after, pair) if self.curved and after is not None else None
         fields = pair.fields
-        preceding = _neighbour(before) if self.curved and before is not None else None
-        return FramePair(
-            *pair.compensated, *fields, preceding, following, pair.duration, light_changes=pair.illumination is not None
-        )
+        preceding = _neighbour(before, pair) if self.curved and before is not None else None
+        return FramePair(*pair.compensated, *fields, preceding, following)
 
     def _finish(
         self,
@@ -396,14 +396,12 @@ def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, 
     >>> list(with_neighbours("ab"))
     [(None, 'a', 'b'), ('a', 'b', None)]
     """
-    before: Item | None = None
-    item: Item | None = None
-    for after in items:
-        if item is not None:
-            yield before, item, after
+    padded = chain([None], items, [None])
+    before, item = next(padded), next(padded)
+    for after in padded:
+        assert item is not None, "only the first and the last are"
+        yield before, item, after
         before, item = item, after
-    if item is not None:
-        yield before, item, None
 
 
 def _generate(
@@ -446,7 +444,8 @@ def _extrapolate(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[M
     )
 
 
-def _neighbour(pair: Pair) -> FramePair:
+def _neighbour(neighbour: Pair, pair: Pair) -> FramePair:
     """Return what a synthesizer takes of the pair before or after: its frames are as they are, not in equal light."""
-    light_changes = pair.illumination is not None
-    return FramePair(pair.image0, pair.image1, *pair.fields, duration=pair.duration, light_changes=light_changes)
+    other_light = neighbour.illumination is not None or pair.illumination is not None
+    ratio, images = float(neighbour.duration / pair.duration), (neighbour.image0, neighbour.image1)
+    return FramePair(*images, *neighbour.fields, duration=ratio, other_light=other_light)

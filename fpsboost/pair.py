@@ -187,5 +187,4 @@ class Pair:
 
 def as_bgr(image: FrameCache) -> FrameCache:
     """Return an image with its pixels as an array, converted to BGR from YCbCr."""
-    is_bgr = view(image.pixels).coding is None
-    return image if is_bgr else image.with_image(view(image.pixels).to_bgr())
+    return image if view(image.pixels).coding is None else image.with_image(view(image.pixels).to_bgr())

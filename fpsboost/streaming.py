@@ -373,10 +373,20 @@ class _LoopState:
         if not interpolated:
             return None
         middle = min(interpolated, key=lambda output: abs(output.step.t - Fraction(1, 2)))
-        time = (middle.step.time - self.start) * self.stretch
-        if self.curve is not None:
-            time = middle.number / self.schedule.rate(self.info.rate)
+        shown = (middle.step.time - self.start) * self.stretch
+        time = shown if self.curve is None else middle.number / self.schedule.rate(self.info.rate)
         return LowestMatch(interval.pair.detected_match_score, middle.number, time)
+
+    def motion(self, interval: _Interval, neighbours: Neighbours, output: _Output) -> PairMotion | None:
+        """Return the motion of an interval if an output frame is the first interpolated one, else None.
+
+        It is also None if no motion connects the two frames.
+        """
+        first = next(each for each in interval.outputs if each.is_interpolated)
+        if output.step != first.step or interval.pair.is_discontinuous(*neighbours):
+            return None
+        places = self.place(interval.group[0]), self.place(interval.following)
+        return PairMotion(*places, *(field.flow for field in interval.pair.fields))
 
     def place(self, source: SourceFrame) -> int:
         """Return the place of a frame in the clip, from 0."""
@@ -472,24 +482,12 @@ def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: 
             continue
         source = output.source.frame
         image, confidence = next(images) if clip.makes(output) else (source.image, None)
-        frame = Frame(image, output.step.time, preceding=source.original, confidence=confidence)
+        motion = clip.motion(interval, neighbours, output) if clip.needs_motion else None
+        frame = Frame(image, output.step.time, preceding=source.original, confidence=confidence, motion=motion)
         finished.append(output._replace(frame=frame))
-    if clip.needs_motion and not any(each.is_interpolated for each in interval.outputs[:begin]):
-        _add_motion(finished, clip, interval, neighbours)
     if begin == 0 and clip.counts(interval) and not interval.scene_cut:
         interval.match = clip.measure_match(interval)
     return interval, finished
-
-
-def _add_motion(outputs: list[_Output], clip: _LoopState, interval: _Interval, neighbours: Neighbours) -> None:
-    """Give the first interpolated frame the motion of its interval, unless no motion connects the two frames."""
-    for k, output in enumerate(outputs):
-        if output.is_interpolated and output.frame is not None:
-            if not interval.pair.is_discontinuous(*neighbours):
-                places = clip.place(interval.group[0]), clip.place(interval.following)
-                motion = PairMotion(*places, *(field.flow for field in interval.pair.fields))
-                outputs[k] = output._replace(frame=replace(output.frame, motion=motion))
-            return
 
 
 def _with_durations(frames: Iterator[Frame], clip: _LoopState) -> Iterator[Frame]:

@@ -53,8 +53,8 @@ class MotionField:
 
     def __post_init__(self) -> None:
         """Bring the arrays, which may be views, into the form that kernels take."""
-        for name in ("vectors", "similarities"):
-            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), np.float32))
+        object.__setattr__(self, "vectors", np.ascontiguousarray(self.vectors, np.float32))
+        object.__setattr__(self, "similarities", np.ascontiguousarray(self.similarities, np.float32))
 
     @property
     def shape(self) -> tuple[int, int]:

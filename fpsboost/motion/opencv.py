@@ -51,8 +51,7 @@ class Dis(Checked):
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
-        flow = cv2.DISOpticalFlow.create(DIS_PRESETS[self.preset])
-        return _estimate_both(flow.calc, image0, image1)
+        return _estimate_both(cv2.DISOpticalFlow.create(DIS_PRESETS[self.preset]).calc, image0, image1)
 
 
 @dataclass(frozen=True)

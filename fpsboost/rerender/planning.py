@@ -176,7 +176,7 @@ def mask_numbering(folder: Path, numbers: Sequence[int]) -> Numbering:
 
 def _errors_of(item: PlannedFrame | RerenderPlan) -> dict[str, float]:
     """Return expected and remaining error as plain data."""
-    return {name: round(getattr(item, name), 4) for name in ("expected_error", "remaining_error")}
+    return {"expected_error": round(item.expected_error, 4), "remaining_error": round(item.remaining_error, 4)}
 
 
 def _frame(data: Mapping[str, Any], width: int, height: int) -> PlannedFrame:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from numpy.typing import NDArray
@@ -34,10 +33,11 @@ class FramePair:
     before, after : FramePair, optional
         The pairs that share its first and its last frame, without pairs of their own around them; without these,
         trajectories are linear.
-    duration : Fraction or float
-        Time between the frames, in a unit that all three pairs share.
-    light_changes : bool
-        Whether the light changes from frame 0 to frame 1, so that frames beyond the pair do not look like both.
+    duration : float
+        Of a pair before or after: the time between its frames divided by that of the pair in between.
+    other_light : bool
+        Of a pair before or after: whether the light changes in it or in the pair in between, so that its frames are
+        not compared with those of that pair.
     """
 
     image0: FrameCache
@@ -46,21 +46,8 @@ class FramePair:
     field10: MotionField
     before: FramePair | None = None
     after: FramePair | None = None
-    duration: Fraction | float = 1
-    light_changes: bool = False
-
-    @property
-    def beyond(self) -> tuple[FrameCache | None, FrameCache | None]:
-        """The frames before and after the two; None for one that is not known, or that appears in another light."""
-        before, after = self.before, self.after
-        return (
-            None if before is None or before.light_changes or self.light_changes else before.image0,
-            None if after is None or after.light_changes or self.light_changes else after.image1,
-        )
-
-    def relative_duration(self, neighbour: FramePair | None) -> float:
-        """Return the duration of a pair beside this one divided by that of this one; 1 without one."""
-        return 1.0 if neighbour is None else float(neighbour.duration / self.duration)
+    duration: float = 1
+    other_light: bool = False
 
 
 class InterpolatedImage(NamedTuple):

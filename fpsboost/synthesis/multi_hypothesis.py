@@ -50,7 +50,6 @@ from fpsboost.layered import LayeredImage
 from fpsboost.motion.field import (
     ONE_SIDED_WEIGHT,
     TWO_SIDED_WEIGHT,
-    MotionField,
     accelerations_at_points,
     motion_gradients,
 )
@@ -379,31 +378,29 @@ class MultiHypothesis(Checked):
         list_candidates(collected, ZERO_MOTION_PRIOR, ACCELERATION_TOLERANCE, MIN_SHARE, least, candidates)
         return candidates
 
-    def _collect_votes(self, frame_pair: FramePair) -> tuple[Votes, Votes]:
-        """Return the votes of the points of each frame: motion to the other frame, its gradients and acceleration."""
-        field01, field10 = frame_pair.field01, frame_pair.field10
-        before, after = frame_pair.before, frame_pair.after
-        share = np.float32(TWO_SIDED_WEIGHT if before and after else ONE_SIDED_WEIGHT)
-        away0 = (before.field10, before.field01) if before else None
-        away1 = (after.field01, after.field10) if after else None
-        ratio0, ratio1 = frame_pair.relative_duration(before), frame_pair.relative_duration(after)
-        return (
-            self._votes(field01, field10, accelerations_at_points((field01, field10), away0, ratio0, self.step), share),
-            self._votes(field10, field01, accelerations_at_points((field10, field01), away1, ratio1, self.step), share),
-        )
+    def _collect_votes(self, frame_pair: FramePair) -> list[Votes]:
+        """Return the votes of the points of each frame: motion to the other frame, its gradients and acceleration.
 
-    def _votes(self, field: MotionField, back: MotionField, changes: NDArray[Any], share: np.float32) -> Votes:
-        """Return the votes of a frame's points with their weights, and with a share of their accelerations.
-
-        A weight is proportional to the similarity of the patches, if it is known, and decreases with the
+        The weight of a vote is proportional to the similarity of the patches, if it is known, and decreases with the
         forward-backward error, to the half at `CONSISTENCY_TOLERANCE`: pixels occluded in the other frame are matched
         by chance only, at another position.
         """
-        changes[..., 1:] *= share
-        vectors, similarities = field.at_points(self.step)
-        error = field.errors_at_points(self.step, back)
-        trust = similarities * (1 / (1 + (error / np.float32(CONSISTENCY_TOLERANCE)) ** 2))
-        return Votes(vectors, motion_gradients(vectors, self.step), changes, trust)
+        field01, field10 = frame_pair.field01, frame_pair.field10
+        before, after = frame_pair.before, frame_pair.after
+        share = np.float32(TWO_SIDED_WEIGHT if before and after else ONE_SIDED_WEIGHT)
+        directions = (
+            (field01, field10, (before.field10, before.field01) if before else None, before.duration if before else 1),
+            (field10, field01, (after.field01, after.field10) if after else None, after.duration if after else 1),
+        )
+        votes = []
+        for field, back, away, ratio in directions:
+            changes = accelerations_at_points((field, back), away, ratio, self.step)
+            changes[..., 1:] *= share
+            vectors, similarities = field.at_points(self.step)
+            error = field.errors_at_points(self.step, back)
+            trust = similarities * (1 / (1 + (error / np.float32(CONSISTENCY_TOLERANCE)) ** 2))
+            votes.append(Votes(vectors, motion_gradients(vectors, self.step), changes, trust))
+        return votes
 
 
 def _full_samples(frame_pair: FramePair) -> tuple[Samples, Samples]:

@@ -19,7 +19,7 @@ from fpsboost.kernels.node_support import count_landings, measure_support
 from fpsboost.kernels.spline import MARGIN
 from fpsboost.kernels.window_samples import SQUARES_PER_ROW
 from fpsboost.motion.components import gray
-from fpsboost.motion.field import MotionField, point_places
+from fpsboost.motion.field import point_places
 from fpsboost.synthesis import FramePair
 
 FLAT = 0.02
@@ -48,21 +48,20 @@ def flatness(image: FrameCache, step: int) -> NDArray[Any]:
     return np.asarray(np.exp(exponents).astype(np.float32))
 
 
-def describe_points(image: FrameCache, field: MotionField, back: MotionField, step: int) -> NDArray[Any]:
-    """Return the features of the points of a frame, (rows, columns, 5) float32; see `PairContext.points`."""
-    consistency = 1 / (1 + field.errors_at_points(step, back))
-    return np.dstack([*field.at_points(step), consistency, image.derived(flatness, step)])
-
-
 def find_surroundings(frame_pair: FramePair, step: int) -> PairContext:
     """Return the context of a pair as far as it does not depend on the time; see `at_time`."""
-    image0, image1, (before, after) = frame_pair.image0, frame_pair.image1, frame_pair.beyond
-    images = before, image0, image1, after
-    first, second, third, fourth = (NOTHING if image is None else image.derived(half_luma) for image in images)
-    begin, end = (frame_pair.relative_duration(each) for each in (frame_pair.before, frame_pair.after))
-    times = np.float32(-begin), np.float32(0), np.float32(1), np.float32(1 + end)
-    points0 = describe_points(image0, frame_pair.field01, frame_pair.field10, step)
-    points1 = describe_points(image1, frame_pair.field10, frame_pair.field01, step)
+    image0, image1, before, after = frame_pair.image0, frame_pair.image1, frame_pair.before, frame_pair.after
+    first = NOTHING if before is None or before.other_light else before.image0.derived(half_luma)
+    second, third = image0.derived(half_luma), image1.derived(half_luma)
+    fourth = NOTHING if after is None or after.other_light else after.image1.derived(half_luma)
+    begin, end = -before.duration if before else -1, 1 + after.duration if after else 2
+    times = np.float32(begin), np.float32(0), np.float32(1), np.float32(end)
+    flat0, flat1 = image0.derived(flatness, step), image1.derived(flatness, step)
+    field01, field10 = frame_pair.field01, frame_pair.field10
+    points0, points1 = (
+        np.dstack([*field.at_points(step), 1 / (1 + field.errors_at_points(step, back)), flat])
+        for field, back, flat in ((field01, field10, flat0), (field10, field01, flat1))
+    )
     nothing = np.empty((0, 0, 0), np.float32)
     return PairContext((first, second, third, fourth), times, (points0, points1), step, nothing, nothing)
 
