@@ -16,10 +16,10 @@ from rich.console import Console
 
 from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import InputError
-from fpsboost.evaluation.contestants import InterpolatorContestant
+from fpsboost.evaluation.compared_methods import ComparedInterpolator
 from fpsboost.evaluation.further_metrics import Meters
 from fpsboost.evaluation.further_metrics import metrics as further_metrics
-from fpsboost.evaluation.hidden_frames import Hiding, Interval
+from fpsboost.evaluation.hidden_frames import HoldOut, Interval
 from fpsboost.evaluation.results import low_percentile, mean, means, score
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, view
@@ -112,8 +112,8 @@ def three_colours(image: Image) -> Image:
 
 def read_clip(name: str, path: str, largest: int) -> Clip:
     """Hide every second frame, at most `largest`."""
-    hiding = Hiding(last=2 * largest + 1, duplicates="keep")
-    intervals = [_in_three_colours(each) for each in hiding.intervals(path)]
+    hold_out = HoldOut(last=2 * largest + 1, duplicates="keep")
+    intervals = [_in_three_colours(each) for each in hold_out.intervals(path)]
     rate = 2 * len(intervals) / (intervals[-1].shown1.time - intervals[0].shown0.time)
     shown = [FrameCache(intervals[0].shown0.array), *(FrameCache(each.shown1.array) for each in intervals)]
     scores = [CutDetector().match_score(*pair) for pair in pairwise(shown)]
@@ -171,7 +171,7 @@ def make_hidden(interpolator: Interpolator, clip: Clip, confidence: bool = False
     kept: dict[int, NDArray[Any]] = {}
     if confidence:
         interpolator = replace(interpolator, synthesizer=KeepingConfidence(interpolator.synthesizer, kept))
-    made = list(InterpolatorContestant(interpolator).interpolate(clip.intervals))
+    made = list(ComparedInterpolator(interpolator).interpolate(clip.intervals))
     unknown = np.zeros(made[0].image.shape[:2], np.float32)  # nothing is fused across a cut
     return Made(
         [each.image for each in made],

@@ -11,8 +11,8 @@ from truth import waves
 
 from fpsboost import DecodeOptions, Encoding, OptionError, convert, methods, stream
 from fpsboost.colour import compared_colours
-from fpsboost.evaluation.contestants import InterpolatorContestant
-from fpsboost.evaluation.hidden_frames import Hiding
+from fpsboost.evaluation.compared_methods import ComparedInterpolator
+from fpsboost.evaluation.hidden_frames import HoldOut
 from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.exr import read_exr
 from fpsboost.io.video.source import VideoSource
@@ -116,6 +116,6 @@ def test_comparisons_and_streams_make_what_conversions_make(tmp_path):
             write_light(tmp_path / folder / f"{number:04d}.exr", light(number) / np.float32(256))
     convert(str(tmp_path / "half"), str(tmp_path / "out"))
     expected = read_light(tmp_path / "out" / "0001.exr")
-    (again,) = InterpolatorContestant(methods["nlm"]).interpolate(Hiding().intervals(str(tmp_path / "in")))
+    (again,) = ComparedInterpolator(methods["nlm"]).interpolate(HoldOut().intervals(str(tmp_path / "in")))
     np.testing.assert_array_equal(again.image, expected)
     np.testing.assert_array_equal(list(stream(str(tmp_path / "half")))[1], expected)

@@ -27,9 +27,9 @@ from fpsboost.cli import messages
 from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import (
     GROUPS,
-    ContestOptions,
+    ComparedMethodOptions,
     CutOptions,
-    HidingOptions,
+    HoldOutOptions,
     PathName,
     ResultOptions,
     check_named_once,
@@ -53,8 +53,8 @@ def compare(
     /,
     *more: Annotated[PathName, Parameter(show=False)],
     decoding: Annotated[DecodeOptions, frames_group],
-    frames: Annotated[HidingOptions, frames_group],
-    contest: Annotated[ContestOptions, Group("What is compared", sort_key=2)],
+    frames: Annotated[HoldOutOptions, frames_group],
+    method_options: Annotated[ComparedMethodOptions, Group("What is compared", sort_key=2)],
     at_cuts: Annotated[CutOptions, GROUPS["Scenes"]],
     results: Annotated[ResultOptions, Group("Results", sort_key=3)],
 ) -> None:
@@ -74,34 +74,36 @@ def compare(
 
     console = Console(highlight=False, quiet=results.quiet)
     inputs = [input, *more]
-    hiding = evaluation.Hiding(frames.skip, *evaluation.parse_range(frames.range or ":"), decoding, frames.duplicates)
-    others = name_others(contest.frames_of, contest.peer)
-    check_several(inputs, contest)
-    rendered = {clip: contest.rendered.of_clip(clip) for clip in inputs}
+    hold_out = evaluation.HoldOut(
+        frames.skip, *evaluation.parse_range(frames.range or ":"), decoding, frames.duplicates
+    )
+    others = name_others(method_options.frames_of, method_options.peer)
+    check_several(inputs, method_options)
+    rendered = {clip: method_options.rendered.of_clip(clip) for clip in inputs}
     folders = {clip: each.folder and match_vectors(clip, each.folder) for clip, each in rendered.items()}
-    chosen = {clip: choose(contest.methods, folder, at_cuts) for clip, folder in folders.items()}
+    chosen = {clip: choose(method_options.methods, folder, at_cuts) for clip, folder in folders.items()}
     ours, skipped = chosen[input]
     if results.fail_under is not None:
         if not math.isfinite(results.fail_under):
             raise OptionError(f"--fail-under must be a number of decibels, not {results.fail_under}.")
-        asked = split_methods(contest.methods)[0]
+        asked = split_methods(method_options.methods)[0]
         if ours and asked in skipped:
             raise OptionError(f"--fail-under asks about {asked}, which cannot be run here; name another method first.")
     metrics = evaluation.choose_metrics(results.metrics)
     check_results(results)
     for clip in more:  # the first one is opened below anyway
-        next(hiding.intervals(clip))
+        next(hold_out.intervals(clip))
     compared = []
     with tempfile.TemporaryDirectory(prefix="fpsboost-") as scratch:  # the report shows frames that a peer wrote there
         for clip in inputs:
             with Progressing(quiet=results.quiet) as progress:
-                intervals = partial(hiding.intervals, clip)
+                intervals = partial(hold_out.intervals, clip)
                 ours, skipped = chosen[clip]
-                contestants = ours | dict(others.contestants(intervals, Path(scratch), progress.begin))
+                compared_methods = ours | dict(others.compared_methods(intervals, Path(scratch), progress.begin))
                 comparison = run(
                     clip,
-                    contestants,
-                    hiding,
+                    compared_methods,
+                    hold_out,
                     progress,
                     skipped=skipped,
                     rendered=tuple(words_of_options(rendered[clip])),
@@ -111,8 +113,8 @@ def compare(
                     cut_options=tuple(words_of_options(at_cuts)),
                     metrics=metrics,
                 )
-            print_comparison(comparison, contestants, console)
-            compared.append(evaluation.ComparedClip(comparison, contestants))
+            print_comparison(comparison, compared_methods, console)
+            compared.append(evaluation.ComparedClip(comparison, compared_methods))
         write_results(compared, results, console)
     if results.fail_under is not None:
         first = next(evaluation.means_over_clips([clip.comparison for clip in compared]))
@@ -125,14 +127,14 @@ def compare(
 
 
 def print_comparison(
-    comparison: evaluation.Comparison, contestants: Mapping[str, evaluation.Contestant], console: Console
+    comparison: evaluation.Comparison, compared_methods: Mapping[str, evaluation.ComparedMethod], console: Console
 ) -> None:
     """Print the advice first, then the tables, reasons and remarks of a comparison."""
     advice, *reasons = evaluation.judge(comparison).sentences
     console.print(sentence(advice), style="bold", soft_wrap=True)
     for table in tables(comparison):
         console.print(table)
-    for line in [*reasons, *remarks(comparison, contestants)]:
+    for line in [*reasons, *remarks(comparison, compared_methods)]:
         console.print(sentence(line))
 
 
@@ -157,13 +159,13 @@ def write_results(compared: Sequence[evaluation.ComparedClip], results: ResultOp
         console.print(f"Page: {literal(str(page))}", soft_wrap=True)
 
 
-def check_several(inputs: Sequence[str], contest: ContestOptions) -> None:
+def check_several(inputs: Sequence[str], method_options: ComparedMethodOptions) -> None:
     """Raise `OptionError` if there are several clips and an option is about one, or one is named twice."""
     if len(inputs) == 1:
         return
-    if contest.frames_of:
+    if method_options.frames_of:
         raise OptionError("--frames goes with one clip; compare several one by one.")
-    rendered = contest.rendered
+    rendered = method_options.rendered
     if any("{in}" not in path for path in (rendered.vectors, rendered.depth) if path is not None):
         raise OptionError("--vectors and --depth are of one clip; for several, write {in} for it, as in {in}/vectors.")
     check_named_once(inputs)
@@ -217,7 +219,7 @@ def figure_table(name: str, title: str, figures: Iterable[str], rows: Sequence[e
     return table
 
 
-def remarks(comparison: evaluation.Comparison, contestants: Mapping[str, evaluation.Contestant]) -> list[str]:
+def remarks(comparison: evaluation.Comparison, compared_methods: Mapping[str, evaluation.ComparedMethod]) -> list[str]:
     """Return the remarks below the tables."""
     shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in comparison.shares.items())
     units = "PSNR in dB, P5 its 5th percentile; MAE and MSE in levels of 255; times of a frame."
@@ -226,7 +228,7 @@ def remarks(comparison: evaluation.Comparison, contestants: Mapping[str, evaluat
     if comparison.cuts:
         are = "frame across a scene cut is" if len(comparison.cuts) == 1 else "frames across a scene cut are"
         lines.append(f"Note: {len(comparison.cuts)} {are} not counted.")
-    lines += [f"Note: {note}" for note in comparison.notes(contestants)]
+    lines += [f"Note: {note}" for note in comparison.notes(compared_methods)]
     lines += [f"Note: {name} was skipped, {reason}." for name, reason in comparison.skipped.items()]
     return lines
 
@@ -287,8 +289,8 @@ def split_methods(texts: Sequence[str]) -> list[str]:
 
 def choose(
     texts: Sequence[str], vectors: fpsboost.VectorFolder | None, cuts: CutOptions = CutOptions()
-) -> tuple[dict[str, evaluation.Contestant], dict[str, str]]:
-    """Return the contestants of ``--methods`` by name, and the reasons why others are skipped.
+) -> tuple[dict[str, evaluation.ComparedMethod], dict[str, str]]:
+    """Return the methods of ``--methods`` by name, and the reasons why others are skipped.
 
     Raises `OptionError` for an unknown method or option.
     """
@@ -299,7 +301,7 @@ def choose(
     )
 
     names = evaluation.method_names()
-    contestants: dict[str, evaluation.Contestant] = {}
+    compared_methods: dict[str, evaluation.ComparedMethod] = {}
     skipped: dict[str, str] = {}
     for method in split_methods(texts):
         for text in names if method == "all" else [method]:
@@ -309,12 +311,12 @@ def choose(
             if name in vector_methods and vectors is None:
                 skipped[text] = "it needs the renderer's motion vectors (--vectors)"
             elif name == evaluation.MINTERPOLATE:
-                contestants[text] = evaluation.Minterpolate.with_options(options)
+                compared_methods[text] = evaluation.Minterpolate.with_options(options)
             else:
                 takes_vectors = name in vector_methods or may_use_vectors(fpsboost.methods[name])
                 method_of_text = fpsboost.find_method(text, vectors if takes_vectors else None)
-                contestants[text] = evaluation.InterpolatorContestant(cuts.applied_to(method_of_text))
-    return contestants, skipped
+                compared_methods[text] = evaluation.ComparedInterpolator(cuts.applied_to(method_of_text))
+    return compared_methods, skipped
 
 
 class Others(NamedTuple):
@@ -332,12 +334,12 @@ class Others(NamedTuple):
             for word in (option, f"{name}={value}")
         )
 
-    def contestants(
+    def compared_methods(
         self, intervals: Callable[[], Iterable[evaluation.Interval]], scratch: Path, begin: Callable[[str, None], None]
-    ) -> Iterator[tuple[str, evaluation.Contestant]]:
-        """Yield the contestants by name: folders matched with the clip of `intervals`, and commands after running them.
+    ) -> Iterator[tuple[str, evaluation.ComparedMethod]]:
+        """Yield the tools by name: folders matched with the clip of `intervals`, and commands after running them.
 
-        Commands write their frames to folders in `scratch`, which must last as long as the contestants.
+        Commands write their frames to folders in `scratch`, which must last as long as the tools.
         """
 
         for name, folder in self.folders.items():

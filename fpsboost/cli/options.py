@@ -208,7 +208,7 @@ class MessageOptions:
 
 
 @dataclass(frozen=True)
-class HidingOptions:
+class HoldOutOptions:
     """Frames of a clip that a comparison shows to methods, and those that it hides and has interpolated."""
 
     range: str | None = option(None, "Frames A to B - 1, counted from 0; also A: or :B.", metavar="A:B")
@@ -217,7 +217,7 @@ class HidingOptions:
 
 
 @dataclass(frozen=True)
-class ContestOptions:
+class ComparedMethodOptions:
     """Methods, frames of other tools, and motion vectors of a comparison."""
 
     methods: tuple[str, ...] = option(
@@ -302,7 +302,7 @@ class PreviewOptions:
 
 option_classes = (
     *(DecodeOptions, OutputRate, MethodOptions, CutOptions, Encoding, RunOptions, TuningOptions, ClusterOptions),
-    *(MessageOptions, HidingOptions, ContestOptions, ResultOptions),
+    *(MessageOptions, HoldOutOptions, ComparedMethodOptions, ResultOptions),
     *(PlanOptions, PlannedMethodOptions, MergeOptions, JoinOptions, PreviewOptions),
 )
 """Classes of options of all commands, by which messages of the library find the flags of its fields."""

@@ -1,20 +1,44 @@
 """Evaluation of methods on the user's own material: true frames are hidden, interpolated, and compared.
 
-`hidden_frames` reads a clip and hides frames, `contestants` and `peers` interpolate them, `regions` finds the areas
-where errors are expected, `results` and `further_metrics` score frames, `verdict` recommends a method, `export` writes
-tables and data, and `report` writes the page. `compare` runs all of it:
+`hidden_frames` reads a clip and hides frames, `compared_methods` and `peers` interpolate them, `regions` finds the
+areas where errors are expected, `results` and `further_metrics` score frames, `verdict` recommends a method, `export`
+writes tables and data, and `report` writes the page. `compare` runs all of it:
 
 >>> from fpsboost import methods
 >>> from fpsboost.evaluation.compare import compare  # doctest: +SKIP
->>> from fpsboost.evaluation.contestants import InterpolatorContestant
->>> from fpsboost.evaluation.hidden_frames import Hiding
->>> contestants = {name: InterpolatorContestant(methods[name]) for name in ("nlm", "blend")}
->>> comparison = compare("clip.mp4", contestants, Hiding(skip=1), observer)  # doctest: +SKIP
+>>> from fpsboost.evaluation import ComparedInterpolator, HoldOut
+>>> compared_methods = {name: ComparedInterpolator(methods[name]) for name in ("nlm", "blend")}
+>>> comparison = compare("clip.mp4", compared_methods, HoldOut(skip=1), observer)  # doctest: +SKIP
 >>> comparison.means(comparison.methods[0]).psnr  # doctest: +SKIP
 
-The names that other rooms use are listed in ``__init__.pyi`` and loaded at first use.
+The names that other packages use are listed in ``__init__.pyi`` and loaded at first use.
 """
+
+import warnings
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+RENAMED = {
+    "Contestant": "ComparedMethod",
+    "InterpolatorContestant": "ComparedInterpolator",
+    "Hiding": "HoldOut",
+    "Hidden": "HeldOutFrame",
+}
+"""Former names, which the next release will no longer have."""
+
+_load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> object:
+    """Load a name at its first use; a former one gives a `DeprecationWarning`.
+
+    Examples
+    --------
+    >>> import fpsboost.evaluation
+    >>> with warnings.catch_warnings(action="ignore"):
+    ...     fpsboost.evaluation.Hiding.__name__
+    'HoldOut'
+    """
+    if name in RENAMED:
+        warnings.warn(f"{name} is deprecated; use {RENAMED[name]}.", DeprecationWarning, stacklevel=2)
+    return _load(RENAMED.get(name, name))

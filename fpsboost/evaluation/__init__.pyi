@@ -1,10 +1,10 @@
 """Names of a comparison that the command line uses, by the modules that they are loaded from at first use."""
 
-from .contestants import MINTERPOLATE as MINTERPOLATE
-from .contestants import Contestant as Contestant
-from .contestants import InterpolatorContestant as InterpolatorContestant
-from .contestants import Minterpolate as Minterpolate
-from .contestants import method_names as method_names
+from .compared_methods import MINTERPOLATE as MINTERPOLATE
+from .compared_methods import ComparedInterpolator as ComparedInterpolator
+from .compared_methods import ComparedMethod as ComparedMethod
+from .compared_methods import Minterpolate as Minterpolate
+from .compared_methods import method_names as method_names
 from .export import Row as Row
 from .export import area_rows as area_rows
 from .export import further_rows as further_rows
@@ -14,7 +14,8 @@ from .export import write_csv as write_csv
 from .export import write_json as write_json
 from .further_metrics import choose_metrics as choose_metrics
 from .further_metrics import metrics as metrics
-from .hidden_frames import Hiding as Hiding
+from .hidden_frames import HeldOutFrame as HeldOutFrame
+from .hidden_frames import HoldOut as HoldOut
 from .hidden_frames import Interval as Interval
 from .hidden_frames import parse_range as parse_range
 from .peers import find_frames as find_frames

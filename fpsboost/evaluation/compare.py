@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy, counts_frames
 from fpsboost.errors import InputError, OptionError, OutputError, explained
-from fpsboost.evaluation.contestants import Contestant, InterpolatedFrame
+from fpsboost.evaluation.compared_methods import ComparedMethod, InterpolatedFrame
 from fpsboost.evaluation.further_metrics import Meters
-from fpsboost.evaluation.hidden_frames import Hiding, Interval
+from fpsboost.evaluation.hidden_frames import HoldOut, Interval
 from fpsboost.evaluation.regions import AREAS, Regions, find_regions
 from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult, absolute_error, score
 from fpsboost.frame_cache import FrameCache
@@ -35,7 +35,7 @@ from fpsboost.render.folder import VectorFolder
 from fpsboost.version import __version__
 
 
-class Observer(Protocol):
+class ComparisonObserver(Protocol):
     """Contract: shows the progress of a comparison."""
 
     def begin(self, name: str, frames: int | None) -> None:
@@ -67,9 +67,9 @@ class _Areas:
 
 def compare(
     path: str,
-    contestants: Mapping[str, Contestant],
-    hiding: Hiding,
-    observer: Observer,
+    compared_methods: Mapping[str, ComparedMethod],
+    hold_out: HoldOut,
+    observer: ComparisonObserver,
     *,
     skipped: Mapping[str, str] | None = None,
     rendered: tuple[str, ...] = (),
@@ -85,11 +85,11 @@ def compare(
     ----------
     path : str
         Video, or folder or pattern of images.
-    contestants : mapping of str to Contestant
+    compared_methods : mapping of str to ComparedMethod
         Methods by name; the first one decides which frames a page shows.
-    hiding : Hiding
+    hold_out : HoldOut
         Choice of the frames that are hidden.
-    observer : Observer
+    observer : ComparisonObserver
         Informed about the progress.
     skipped : mapping of str to str, optional
         Methods that cannot be run, with the reason.
@@ -113,35 +113,35 @@ def compare(
     OutputError
         The folder for temporary files is full.
     """
-    if not contestants:
+    if not compared_methods:
         reasons = "".join(f"; {name} was skipped, {reason}" for name, reason in (skipped or {}).items())
         raise OptionError(f"There is no method to compare{reasons}; name others with `methods`.")
     if vectors is not None:  # which say what moves, as in conversions
-        hiding = replace(hiding, duplicates="keep", counts_frames=True)
+        hold_out = replace(hold_out, duplicates="keep", counts_frames=True)
     if counts_frames(cuts):
-        hiding = replace(hiding, counts_frames=True)
+        hold_out = replace(hold_out, counts_frames=True)
     advice = "free some space there, or name another folder with TMPDIR"
     with explained(OutputError, "write to", tempfile.gettempdir(), advice), tempfile.TemporaryFile() as file:
         observer.begin("reading", None)
         areas, facts = _Areas(file), _Facts()
-        pairs = _true_pairs(facts.passing(hiding.intervals(path), areas, observer, vectors), cuts)
+        pairs = _true_pairs(facts.passing(hold_out.intervals(path), areas, observer, vectors), cuts)
         across_cuts, doubtful = _not_counted(path, facts, pairs)
         rate, results = facts.pictures / facts.seconds, []
-        for name, contestant in contestants.items():
+        for name, compared_method in compared_methods.items():
             observer.begin(name, len(facts.hidden))
             # the true frames are read beside: a method may read far ahead
-            truths = hiding.intervals(path)
-            interpolated = contestant.interpolate(hiding.intervals(path))
+            truths = hold_out.intervals(path)
+            interpolated = compared_method.interpolate(hold_out.intervals(path))
             frames = list(_scored(interpolated, truths, areas, observer, meters := Meters(metrics, rate)))
             measured = meters.values(len(frames))
             frames = [replace(frame, metrics=row) for frame, row in zip(frames, measured, strict=True)]
-            results.append(MethodResult(name, contestant.describe(), frames))
+            results.append(MethodResult(name, compared_method.describe(), frames))
     left_out = {*across_cuts, *doubtful}
     shares = [row for number, row in zip(facts.hidden, facts.shares, strict=True) if number not in left_out]
     return Comparison(
         path,
         facts.kind,
-        hiding,
+        hold_out,
         facts.hidden,
         across_cuts,
         shares=dict(zip(AREAS, np.mean(shares, axis=0).tolist(), strict=True)),
@@ -218,7 +218,7 @@ class _Facts:
     """Duration of these frames, seconds."""
 
     def passing(
-        self, intervals: Iterable[Interval], areas: _Areas, observer: Observer, vectors: VectorFolder | None
+        self, intervals: Iterable[Interval], areas: _Areas, observer: ComparisonObserver, vectors: VectorFolder | None
     ) -> Iterator[Interval]:
         """Yield the intervals, and store their facts and areas."""
         for interval in intervals:
@@ -257,7 +257,7 @@ def _scored(
     interpolated: Iterator[InterpolatedFrame],
     truths: Iterator[Interval],
     areas: _Areas,
-    observer: Observer,
+    observer: ComparisonObserver,
     meters: Meters,
 ) -> Iterator[FrameResult]:
     """Yield the scores of a method's frames, in order."""

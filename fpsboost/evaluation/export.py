@@ -42,9 +42,10 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
     plain = {
         "version": DATA_VERSION,
         **asdict(comparison),
-        "hiding": comparison.hiding.as_json(),
+        "hiding": comparison.hold_out.as_json(),
         "verdict": asdict(judge(comparison)),
     }
+    del plain["hold_out"]  # the data keep the name that they have had
     for row, method in zip(plain["methods"], comparison.methods, strict=True):
         row["mean"] = {
             **asdict(comparison.means(method)),

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from fpsboost.colour import as_shown, composite_on_black, has_alpha
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation import steadiness
-from fpsboost.evaluation.hidden_frames import Hidden, Interval
+from fpsboost.evaluation.hidden_frames import HeldOutFrame, Interval
 from fpsboost.evaluation.steadiness import FrameMeter
 from fpsboost.image import Image
 from fpsboost.io.video.ycc import from_bgr
@@ -317,7 +317,7 @@ class Meters:
     def __init__(self, names: Sequence[str], rate: Fraction) -> None:
         self._meters = {name: metrics[name].start(rate) for name in names}
 
-    def passing(self, intervals: Iterator[Interval]) -> Iterator[Hidden]:
+    def passing(self, intervals: Iterator[Interval]) -> Iterator[HeldOutFrame]:
         """Yield the hidden frames of a clip in order; each must be passed to `add` before the next one is taken."""
         last: Interval | None = None
         for last in intervals:

@@ -32,7 +32,7 @@ WHOLE = "0:"
 """Range of the whole clip."""
 
 
-class Hidden(NamedTuple):
+class HeldOutFrame(NamedTuple):
     """Held-out frame, which methods do not see."""
 
     number: int
@@ -55,12 +55,12 @@ class Interval(NamedTuple):
     """First shown frame."""
     shown1: Frame
     """Second shown frame."""
-    hidden: tuple[Hidden, ...]
+    hidden: tuple[HeldOutFrame, ...]
     """Hidden frames in order."""
     repeats: tuple[int, ...]
     """Numbers of frames, from the first shown one to the second, that repeat the one before."""
     is_known: bool
-    """Whether the pictures at the times of the hidden frames are known; see `Hiding`."""
+    """Whether the pictures at the times of the hidden frames are known; see `HoldOut`."""
 
     def prepared(self, *, with_layers: bool = False) -> tuple[FrameCache, FrameCache]:
         """Return the shown frames, as arrays or with layers, at their positions in the clip, with empty caches."""
@@ -87,7 +87,7 @@ class _Truth(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Hiding(Checked):
+class HoldOut(Checked):
     """Choice of the frames of a clip that are hidden, and options for reading the clip.
 
     Where a picture is held for several frames between moves (see `fpsboost.analysis.duplicates`), its first frame
@@ -241,7 +241,7 @@ def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
         t = (truth.frame.time - begin) / (end - begin)
         is_even = abs(t - even) * (end - begin) <= clock.tolerance
         position = truth.source_position
-        hidden.append(Hidden(position.number, even if is_even else t, truth.frame.array, position))
+        hidden.append(HeldOutFrame(position.number, even if is_even else t, truth.frame.array, position))
     repeats = [number for truth in row[:-1] for number in truth.repeats]
     repeats += [truth.source_position.number for truth in row[1:] if truth.is_repeat]
     is_known = (
@@ -263,7 +263,7 @@ def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
 class Sample(NamedTuple):
     """A held-out frame with as much of the clip around it as methods need."""
 
-    hidden: Hidden
+    hidden: HeldOutFrame
     """The frame."""
     window: list[Interval]
     """Its interval, the one before and the one after."""
@@ -274,12 +274,12 @@ class Sample(NamedTuple):
         return next(each for each in self.window if each.begin.number < self.hidden.number < each.end.number)
 
 
-def read_samples(path: str, hiding: Hiding, numbers: Sequence[int]) -> list[Sample]:
+def read_samples(path: str, hold_out: HoldOut, numbers: Sequence[int]) -> list[Sample]:
     """Return some of the hidden frames with their windows, in the order of `numbers`."""
     samples: dict[int, Sample] = {}
     before: Interval | None = None
     unfinished: list[Sample] = []
-    for interval in hiding.intervals(path):
+    for interval in hold_out.intervals(path):
         for sample in unfinished:
             sample.window.append(interval)
         window = [interval] if before is None else [before, interval]

@@ -20,7 +20,7 @@ from typing import ClassVar
 import numpy as np
 
 from fpsboost.errors import InputError, OptionError, explained
-from fpsboost.evaluation.contestants import InterpolatedFrame, as_type_of
+from fpsboost.evaluation.compared_methods import InterpolatedFrame, as_type_of
 from fpsboost.evaluation.hidden_frames import Interval
 from fpsboost.image import Image
 from fpsboost.io.images.encoder import encode_image
@@ -52,7 +52,7 @@ class PeerFrames:
     def interpolate(
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
-        """Yield the hidden frames; see `Contestant.interpolate`.
+        """Yield the hidden frames; see `ComparedMethod.interpolate`.
 
         Raises `InputError` if an image cannot be read, or has another size.
         """

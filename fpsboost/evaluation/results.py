@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from fpsboost.colour import composite_on_black
 from fpsboost.errors import InputError
-from fpsboost.evaluation.contestants import Contestant
-from fpsboost.evaluation.hidden_frames import Hiding
+from fpsboost.evaluation.compared_methods import ComparedMethod
+from fpsboost.evaluation.hidden_frames import HoldOut
 from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
 from fpsboost.image import Image
 
@@ -159,7 +159,7 @@ class MethodResult:
 
     name: str
     options: str
-    """Description of the method by `Contestant.describe`."""
+    """Description of the method by `ComparedMethod.describe`."""
     frames: list[FrameResult]
     """Scores of the frames."""
 
@@ -172,7 +172,7 @@ class Comparison:
     """Path of the clip."""
     kind: str
     """Size and type of the frames: ``640x360, 3 channels, 8-bit``."""
-    hiding: Hiding
+    hold_out: HoldOut
     """Choice of the hidden frames."""
     hidden: list[int]
     """Numbers of the hidden frames."""
@@ -198,7 +198,7 @@ class Comparison:
     """Numbers of frames that repeat the one before: neither shown nor a truth, unless in a still."""
     doubtful: list[int] = field(default_factory=list)
     """Hidden frames whose true pictures are unknown, most often beside repeats; see
-    `fpsboost.evaluation.hidden_frames.Hiding`. Means leave them out."""
+    `fpsboost.evaluation.hidden_frames.HoldOut`. Means leave them out."""
     clip_frames: int = 0
     """Number of frames from the first shown one to the last."""
     metrics: tuple[str, ...] = ()
@@ -213,11 +213,11 @@ class Comparison:
     @property
     def uneven(self) -> list[int]:
         """Hidden frames that do not divide the time between the shown ones evenly."""
-        steps = self.hiding.skip + 1
-        even = [(place % self.hiding.skip + 1) / steps for place in range(len(self.hidden))]
+        steps = self.hold_out.skip + 1
+        even = [(place % self.hold_out.skip + 1) / steps for place in range(len(self.hidden))]
         return [number for number, t, usual in zip(self.hidden, self.times, even, strict=False) if t != usual]
 
-    def notes(self, contestants: Mapping[str, Contestant]) -> list[str]:
+    def notes(self, compared_methods: Mapping[str, ComparedMethod]) -> list[str]:
         """Return sentences about duplicates and times without which the figures would be misunderstood."""
         notes = []
         if self.repeats:
@@ -229,7 +229,7 @@ class Comparison:
             )
         uneven = [number for number in self.uneven if number not in {*self.cuts, *self.doubtful}]
         if uneven:
-            rigid = [name for name, contestant in contestants.items() if not contestant.any_time]
+            rigid = [name for name, compared_method in compared_methods.items() if not compared_method.any_time]
             but = f" (even ones with {', '.join(rigid)})" if rigid else ""
             notes.append(
                 f"These hidden frames do not divide the time between the shown ones evenly, and were interpolated at "
@@ -274,7 +274,7 @@ class ComparedClip(NamedTuple):
     """A comparison, and its methods by name, which can interpolate some frames again."""
 
     comparison: Comparison
-    contestants: Mapping[str, Contestant]
+    compared_methods: Mapping[str, ComparedMethod]
     """Methods by name, in the order of the comparison."""
 
 

@@ -82,7 +82,7 @@ def judge(comparison: Comparison) -> Verdict:
         cheapest=_cheapest(best, ahead, seconds),
         cpu_seconds=seconds,
         clip_frames=comparison.clip_frames,
-        factor=comparison.hiding.skip + 1,
+        factor=comparison.hold_out.skip + 1,
         sentences=[],
     )
     return replace(verdict, sentences=_say(verdict))
@@ -90,7 +90,7 @@ def judge(comparison: Comparison) -> Verdict:
 
 def _cpu_seconds(comparison: Comparison) -> dict[str, float]:
     """Return the CPU time of each method for the whole range, seconds; NaN if unknown."""
-    count = (comparison.clip_frames - 1) * comparison.hiding.skip
+    count = (comparison.clip_frames - 1) * comparison.hold_out.skip
     return {each.name: comparison.mean_seconds(each)["cpu_seconds"] * count for each in comparison.methods}
 
 

@@ -19,7 +19,7 @@ from test_pipeline import FakeSink, FakeSource
 from test_ycbcr import planar
 from truth import affine, as_type, equal_luma, frozen, noise, prepared
 
-from fpsboost import ByFactor, ByRate, Frame, FrameCache, Schedule, Summary, methods, run_conversion
+from fpsboost import ByFactor, ByRate, Frame, Schedule, Summary, methods, run_conversion
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_pictures, group_duplicates
 from fpsboost.io.opening import open_source
 from fpsboost.motion.rendered import RenderedMotion

@@ -5,7 +5,7 @@ from truth import SCENES, needs_scenes
 
 from fpsboost import OptionError, VectorFolder, find_method, methods
 from fpsboost.cli.compare import choose, name_others, split_methods
-from fpsboost.evaluation.contestants import Minterpolate, method_names
+from fpsboost.evaluation.compared_methods import Minterpolate, method_names
 
 
 @pytest.mark.parametrize(
@@ -68,8 +68,8 @@ def test_every_default_can_be_written_as_an_option(name):
 
 def test_all_stands_for_every_method_beside_others():
     """Also beside one with options; those that need vectors are named with the reason."""
-    contestants, skipped = choose(["all", "dis:preset=fast"], None)
-    assert {*contestants, *skipped} == {*method_names(), "dis:preset=fast"}
+    compared_methods, skipped = choose(["all", "dis:preset=fast"], None)
+    assert {*compared_methods, *skipped} == {*method_names(), "dis:preset=fast"}
     assert {"reproject-image", "reproject-scene"} <= set(skipped)
 
 
@@ -111,9 +111,11 @@ def test_the_command_compares_one_method_with_several_options(fpsboost_, tmp_pat
 def test_vectors_go_to_all_that_take_them():
     """The report's search chooses its radius by them, as in a conversion; the default method never sees them."""
     folder = VectorFolder(SCENES / "glass" / "vectors")
-    contestants, skipped = choose(["nlm-exhaustive:v=0.1,nlm,reproject-image"], folder)
+    compared_methods, skipped = choose(["nlm-exhaustive:v=0.1,nlm,reproject-image"], folder)
     assert skipped == {}
-    searching, default, reprojecting = (contestant.interpolator.estimator for contestant in contestants.values())
+    searching, default, reprojecting = (
+        compared_method.interpolator.estimator for compared_method in compared_methods.values()
+    )
     assert (searching.vectors, searching.v) == (folder, 0.1)
     assert reprojecting.vectors is folder
     assert not hasattr(default, "vectors")

@@ -18,10 +18,15 @@ from video_truth import write_clip
 
 from fpsboost import CutDetector, FrameCache, OptionError, VectorFolder, convert, find_method
 from fpsboost.evaluation.compare import compare
-from fpsboost.evaluation.contestants import InterpolatedFrame, InterpolatorContestant, Minterpolate, interpolate_sample
+from fpsboost.evaluation.compared_methods import (
+    ComparedInterpolator,
+    InterpolatedFrame,
+    Minterpolate,
+    interpolate_sample,
+)
 from fpsboost.evaluation.export import DATA_VERSION, as_json, write_csv, write_json
 from fpsboost.evaluation.further_metrics import metrics
-from fpsboost.evaluation.hidden_frames import Hiding, read_samples
+from fpsboost.evaluation.hidden_frames import HoldOut, read_samples
 from fpsboost.evaluation.regions import AREAS, COMPLEMENTS, find_regions
 from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult, Scores
 
@@ -31,8 +36,8 @@ FRAMES = ["frame"] * 3
 
 
 def ours(*names):
-    """Methods of this package as contestants."""
-    return {name: InterpolatorContestant(find_method(name)) for name in names}
+    """Methods of this package as a comparison takes them."""
+    return {name: ComparedInterpolator(find_method(name)) for name in names}
 
 
 def panned(number, dtype=np.uint8):
@@ -60,11 +65,11 @@ def test_a_comparison_makes_the_frames_of_a_conversion(folder, tmp_path):
         shutil.copy(f"{folder}/{number:04}.png", tmp_path / "half" / f"{number // 2:04}.png")
     convert(str(tmp_path / "half"), str(tmp_path / "whole"), factor=2, method="nlm")
     converted = [cv2.imread(str(path)) for path in sorted((tmp_path / "whole").iterdir())]
-    intervals = Hiding().intervals(folder)
-    nlm = InterpolatorContestant(find_method("nlm"))
+    intervals = HoldOut().intervals(folder)
+    nlm = ComparedInterpolator(find_method("nlm"))
     frames = list(nlm.interpolate(intervals))
     assert [frame.number for frame in frames] == [1, 3, 5]
-    for frame, sample in zip(frames, read_samples(folder, Hiding(), [1, 3, 5]), strict=True):
+    for frame, sample in zip(frames, read_samples(folder, HoldOut(), [1, 3, 5]), strict=True):
         np.testing.assert_array_equal(frame.image, converted[frame.number])
         np.testing.assert_array_equal(frame.image, interpolate_sample(nlm, sample))
 
@@ -72,7 +77,7 @@ def test_a_comparison_makes_the_frames_of_a_conversion(folder, tmp_path):
 def test_a_comparison_knows_who_is_better(folder):
     """Figures of every frame and method, their means, and no more said than asked."""
     observer = Nobody()
-    comparison = compare(folder, ours("dis", "blend"), Hiding(), observer, skipped={"other": "it is not there"})
+    comparison = compare(folder, ours("dis", "blend"), HoldOut(), observer, skipped={"other": "it is not there"})
     dis, blend = comparison.methods
     assert comparison.hidden == [1, 3, 5] == [frame.number for frame in dis.frames]
     assert comparison.means(dis).psnr > comparison.means(blend).psnr + 5
@@ -90,7 +95,7 @@ def test_a_comparison_knows_who_is_better(folder):
 
 def test_a_comparison_knows_the_radius_that_was_searched(folder):
     """Of each frame of a method that has one; it is a number in the data, and null where there is none."""
-    comparison = compare(folder, ours("nlm-exhaustive", "blend"), Hiding(last=3), Nobody())
+    comparison = compare(folder, ours("nlm-exhaustive", "blend"), HoldOut(last=3), Nobody())
     searched, blended = as_json(comparison)["methods"]
     (radius,) = (frame["search_radius"] for frame in searched["frames"])
     assert 2 * STEP <= radius <= 2 * (2 * STEP)
@@ -100,7 +105,7 @@ def test_a_comparison_knows_the_radius_that_was_searched(folder):
 def test_frames_across_a_cut_are_not_counted(tmp_path):
     """They are made and listed, but no method can know them."""
     images = [panned(number) if number < 4 else 255 - panned(number)[::-1] for number in range(7)]
-    comparison = compare(save_clip(tmp_path, images), ours("blend"), Hiding(), Nobody())
+    comparison = compare(save_clip(tmp_path, images), ours("blend"), HoldOut(), Nobody())
     (blend,) = comparison.methods
     made, counted = ([frame.number for frame in frames] for frames in (blend.frames, comparison.counted(blend)))
     assert (comparison.cuts, made, counted) == ([3], [1, 3, 5], [1, 5])
@@ -132,7 +137,7 @@ def test_areas_tell_what_moves_and_what_is_hidden(tmp_path, has_vectors):
     """As constructed: the square moves, and beside it lies what it hides in one of the frames shown."""
     square = Square()
     save_object(tmp_path / "v", tmp_path / "d", (96, 128), (32, 30, 64, 62), 3, (6, 0))
-    (interval,) = Hiding(duplicates="keep").intervals(save_clip(tmp_path / "clip", map(square.frame, range(3))))
+    (interval,) = HoldOut(duplicates="keep").intervals(save_clip(tmp_path / "clip", map(square.frame, range(3))))
     (regions,) = find_regions(interval, VectorFolder(tmp_path / "v") if has_vectors else None)
     now = square.covered(1)
     hidden = (square.covered(0) | square.covered(2)) & ~now
@@ -149,7 +154,7 @@ def test_what_no_frame_has_is_uncertain(tmp_path, change):
     images = [Square().frame(number) for number in range(3)]
     spot = cv2.cvtColor(images[1][8:32, 88:112], cv2.COLOR_BGR2YCrCb) + np.float32(change)
     images[1][8:32, 88:112] = cv2.cvtColor(spot.clip(0, 255).astype(np.uint8), cv2.COLOR_YCrCb2BGR)
-    (interval,) = Hiding().intervals(save_clip(tmp_path, images))
+    (interval,) = HoldOut().intervals(save_clip(tmp_path, images))
     (regions,) = find_regions(interval)
     assert regions.uncertain[12:28, 92:108].mean() > 0.9
     assert regions.uncertain[60:, :].mean() < 0.02
@@ -166,7 +171,7 @@ def test_fast_motion_is_no_cut(tmp_path):
     near, far = ([match_score(*pair) for pair in zip(caches, caches[step:], strict=False)] for step in (1, 2))
     assert max(far) < min(near)
     between = CutDetector(threshold=(max(far) + min(near)) / 2, drop=1)
-    assert compare(save_clip(tmp_path, images), ours("blend"), Hiding(), Nobody(), cuts=between).cuts == []
+    assert compare(save_clip(tmp_path, images), ours("blend"), HoldOut(), Nobody(), cuts=between).cuts == []
 
 
 def repeating(folder):
@@ -177,8 +182,8 @@ def repeating(folder):
 def test_a_repeat_gives_nobody_a_frame_for_nothing(tmp_path):
     """Where frame 7 repeats frame 6, blending has no frame 6 or 7 to win by, and what is beside it does not count."""
     path = repeating(tmp_path / "clip")
-    contestants = ours("dis", "blend")
-    comparison = compare(path, contestants, Hiding(), Nobody())
+    compared_methods = ours("dis", "blend")
+    comparison = compare(path, compared_methods, HoldOut(), Nobody())
     assert comparison.repeats == [7]
     assert comparison.hidden == [1, 3, 5, 8, 10]
     assert comparison.doubtful == [8]
@@ -187,24 +192,24 @@ def test_a_repeat_gives_nobody_a_frame_for_nothing(tmp_path):
     assert min(np.subtract(dis, blend)) > 3
     plain = as_json(comparison)
     assert (plain["repeats"], plain["doubtful"], plain["times"]) == ([7], [8], [0.5, 0.5, 0.5, 2 / 3, 0.5])
-    assert len(comparison.notes(contestants)) == 2
+    assert len(comparison.notes(compared_methods)) == 2
 
 
 def test_motion_at_uneven_times_is_made_at_them(tmp_path):
     """A pan at constant speed whose frames come when they like: a method that knows the times is as good as ever."""
     times = [0, 4, 8, 9, 16, 22, 24]
     path = str(write_clip(tmp_path / "a.mkv", times=times, time_base=Fraction(1, 100), rate=Fraction(25)))
-    intervals = list(Hiding().intervals(path))
+    intervals = list(HoldOut().intervals(path))
     assert [float(each.hidden[0].t) for each in intervals] == [0.5, 0.125, 0.75]
-    contestants = {"blend": InterpolatorContestant(find_method("blend")), "rigid": Rigid()}
-    comparison = compare(path, contestants, Hiding(), Nobody())
+    compared_methods = {"blend": ComparedInterpolator(find_method("blend")), "rigid": Rigid()}
+    comparison = compare(path, compared_methods, HoldOut(), Nobody())
     for interval, frame in zip(intervals, comparison.methods[0].frames, strict=True):
         t = float(interval.hidden[0].t)
         mixed = (1 - t) * interval.shown0.image.astype(float) + t * interval.shown1.image
         mse = float(((np.rint(mixed) - interval.hidden[0].truth) ** 2).mean())
         assert frame.scores.mse == pytest.approx(mse, rel=0.1)
     assert comparison.uneven == [3, 5]
-    (note,) = comparison.notes(contestants)
+    (note,) = comparison.notes(compared_methods)
     assert "(even ones with rigid): 3, 5." in note
 
 
@@ -227,20 +232,20 @@ class Rigid:
 def test_minterpolate_joins(tmp_path, dtype):
     """FFmpeg's filter makes every hidden frame, in the clip's own type, and only those wanted if so told."""
     clip = save_clip(tmp_path, (panned(number, dtype) for number in range(5)))
-    frames = list(Minterpolate().interpolate(Hiding().intervals(clip)))
+    frames = list(Minterpolate().interpolate(HoldOut().intervals(clip)))
     assert [frame.number for frame in frames] == [1, 3]
     scale = np.iinfo(dtype).max / 255
     for frame in frames:
         assert frame.image.dtype == dtype
         assert psnr(panned(frame.number), frame.image / scale) > 22
-    (wanted,) = Minterpolate().interpolate(Hiding().intervals(clip), {3})
+    (wanted,) = Minterpolate().interpolate(HoldOut().intervals(clip), {3})
     np.testing.assert_array_equal(wanted.image, frames[1].image)
 
 
 def test_a_filter_that_fails_says_why(folder):
     """In one sentence with its options."""
     with pytest.raises(OptionError, match="minterpolate does not take no_such_option=1"):
-        list(Minterpolate("no_such_option=1").interpolate(Hiding().intervals(folder)))
+        list(Minterpolate("no_such_option=1").interpolate(HoldOut().intervals(folder)))
 
 
 def test_the_command_prints_tables_and_writes_figures(fpsboost_, folder, tmp_path):
@@ -381,7 +386,7 @@ def comparison():
     ]
     shares = dict.fromkeys(AREAS, 0.3)
     more = {"times": [0.5, 0.25, 0.5], "clip_frames": 7, "metrics": tuple(metrics)}
-    return Comparison("clip", "8x8", Hiding(), [1, 3, 5], [5], shares, methods, {}, **more)
+    return Comparison("clip", "8x8", HoldOut(), [1, 3, 5], [5], shares, methods, {}, **more)
 
 
 def names_in(value):

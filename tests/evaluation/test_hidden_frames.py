@@ -12,7 +12,7 @@ from truth import waves
 from video_truth import write_clip
 
 from fpsboost import DecodeOptions, InputError, OptionError
-from fpsboost.evaluation.hidden_frames import Hiding, parse_range
+from fpsboost.evaluation.hidden_frames import HoldOut, parse_range
 from fpsboost.timing.position import Trim, parse_position
 
 
@@ -27,7 +27,7 @@ def folder(tmp_path, save_images):
 @given(skip=st.integers(1, 4), first=st.integers(0, 5), length=st.integers(6, 12))
 def test_shown_and_hidden_frames_follow_each_other_without_gaps(folder, skip, first, length):
     """Every interval begins where the last one ended; hidden frames lie evenly in it; only a rest is left out."""
-    intervals = list(Hiding(skip, first, first + length).intervals(folder))
+    intervals = list(HoldOut(skip, first, first + length).intervals(folder))
     assert [each.begin.number for each in intervals] == list(
         range(first, first + len(intervals) * (skip + 1), skip + 1)
     )
@@ -41,9 +41,9 @@ def test_shown_and_hidden_frames_follow_each_other_without_gaps(folder, skip, fi
 def test_a_clip_that_is_too_short_is_refused(tmp_path, save_images):
     """In one sentence that says how many frames it takes."""
     save_images(tmp_path / "short", count=3)
-    assert len(list(Hiding().intervals(str(tmp_path / "short")))) == 1
+    assert len(list(HoldOut().intervals(str(tmp_path / "short")))) == 1
     with pytest.raises(InputError, match=r"too few frames to hide 2 .* 4 are needed"):
-        list(Hiding(skip=2).intervals(str(tmp_path / "short")))
+        list(HoldOut(skip=2).intervals(str(tmp_path / "short")))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
@@ -54,7 +54,7 @@ def test_what_is_no_number_is_refused(tmp_path, value):
         image[2, 3, 1] = value if number == 1 else 0
         cv2.imwrite(str(tmp_path / f"{number}.tif"), image)
     with pytest.raises(InputError, match=r"Frame 1 of .* no numbers"):
-        list(Hiding().intervals(str(tmp_path)))
+        list(HoldOut().intervals(str(tmp_path)))
 
 
 def test_what_is_no_range_is_refused():
@@ -64,7 +64,7 @@ def test_what_is_no_range_is_refused():
             parse_range(text)
     for options in ({"skip": 0}, {"first": -1}, {"first": 4, "last": 6}, {"skip": 3, "last": 4}):
         with pytest.raises(OptionError, match=r"`skip`|`range"):
-            Hiding(**options)
+            HoldOut(**options)
 
 
 def save_pan(folder, positions):
@@ -81,11 +81,11 @@ def what_counts(intervals):
 def test_a_repeat_is_neither_shown_nor_a_truth(tmp_path):
     """Frame 7 repeats frame 6: it is gone, and the frame after it does not count, since nobody knows its time."""
     path = save_pan(tmp_path / "clip", [0, 2, 4, 6, 8, 10, 12, 12, 14, 16, 18])
-    intervals = list(Hiding().intervals(path))
+    intervals = list(HoldOut().intervals(path))
     half = Fraction(1, 2)
     assert what_counts(intervals) == [*((number, half, True) for number in (1, 3, 5)), (8, Fraction(2, 3), False)]
     assert [(each.begin.number, each.end.number, each.repeats) for each in intervals][3] == (6, 9, (7,))
-    kept = list(Hiding(duplicates="keep").intervals(path))
+    kept = list(HoldOut(duplicates="keep").intervals(path))
     assert [each.hidden[0].number for each in kept] == [1, 3, 5, 7, 9]
     assert all(each.is_known and not each.repeats for each in kept)
 
@@ -94,31 +94,31 @@ def test_animation_on_twos_is_compared_by_its_drawings(tmp_path):
     """Every picture is shown twice: each drawing lies in the middle of the ones around it, and all count."""
     path = save_pan(tmp_path / "clip", [2 * (number // 2) for number in range(15)])
     half = Fraction(1, 2)
-    assert what_counts(Hiding().intervals(path)) == [(2, half, True), (6, half, True), (10, half, True)]
+    assert what_counts(HoldOut().intervals(path)) == [(2, half, True), (6, half, True), (10, half, True)]
 
 
 def test_a_still_does_not_count_and_slow_motion_does(tmp_path):
     """Where nothing moves for long there is nothing to make; a slow pan counts to its end."""
     still = save_pan(tmp_path / "still", [0, 2, 4, 6] + [8] * 10 + [10, 12, 14])
-    assert [number for number, _, counts in what_counts(Hiding().intervals(still)) if counts] == [1, 3, 15]
+    assert [number for number, _, counts in what_counts(HoldOut().intervals(still)) if counts] == [1, 3, 15]
     y, x = np.mgrid[:48, :64].astype(float)
     images = (128 + 40 * np.sin((x + 0.3 * number) / 9) * np.cos(y / 11) for number in range(15))
     slow = save_clip(tmp_path / "slow", (np.rint(image).astype(np.uint8) for image in images))
-    assert all(counts for *_, counts in what_counts(Hiding().intervals(slow)))
+    assert all(counts for *_, counts in what_counts(HoldOut().intervals(slow)))
 
 
 def test_frames_are_made_at_their_own_times(tmp_path):
     """At 100 ticks a second: evenly where a clock has rounded, else where the clip says; a pause does not count."""
     times = [0, 4, 8, 12, 16, 18, 24, 27, 32]
     path = write_clip(tmp_path / "a.mkv", times=times, time_base=Fraction(1, 100), rate=Fraction(25))
-    places = [t for _, t, _ in what_counts(Hiding().intervals(str(path)))]
+    places = [t for _, t, _ in what_counts(HoldOut().intervals(str(path)))]
     assert places == [Fraction(1, 2), Fraction(1, 2), Fraction(1, 4), Fraction(3, 8)]
     rounded = [0, 33, 67, 100, 133, 167, 200]
     path = write_clip(tmp_path / "b.mkv", times=rounded, time_base=Fraction(1, 1000), rate=Fraction(30))
-    assert {t for _, t, _ in what_counts(Hiding().intervals(str(path)))} == {Fraction(1, 2)}
+    assert {t for _, t, _ in what_counts(HoldOut().intervals(str(path)))} == {Fraction(1, 2)}
     times = [0, 4, 8, 12, 16, 216, 220]
     path = write_clip(tmp_path / "c.mkv", times=times, time_base=Fraction(1, 100), rate=Fraction(25))
-    assert [counts for *_, counts in what_counts(Hiding().intervals(str(path)))] == [True, True, False]
+    assert [counts for *_, counts in what_counts(HoldOut().intervals(str(path)))] == [True, True, False]
 
 
 @pytest.mark.parametrize(("start", "end"), [("10f", "17f"), ("0.4", "0.68"), ("0.4", "17f")])
@@ -127,8 +127,8 @@ def test_a_part_by_times_is_that_by_frames(tmp_path, start, end, counts_frames):
     """--start and --end, gone to at once or read up to, give the frames of --range with their numbers and moments."""
     path = write_clip(tmp_path / "a.mp4", times=range(30), options={"g": "6", "crf": "0"})
     trim = Trim(parse_position(start, "--start"), parse_position(end, "--end"))
-    by_frames = list(Hiding(first=10, last=17).intervals(str(path)))
-    by_times = list(Hiding(decoding=DecodeOptions(trim=trim), counts_frames=counts_frames).intervals(str(path)))
+    by_frames = list(HoldOut(first=10, last=17).intervals(str(path)))
+    by_times = list(HoldOut(decoding=DecodeOptions(trim=trim), counts_frames=counts_frames).intervals(str(path)))
     assert [each.hidden[0].number for each in by_times] == [11, 13, 15]
     for one, other in zip(by_frames, by_times, strict=True):
         assert (one.begin, one.end) == (other.begin, other.end)
@@ -139,23 +139,23 @@ def test_a_part_of_images_keeps_their_numbers(folder):
     """By frames, and by times where the rate is given."""
     for start, rate in (("3f", None), ("0.3", Fraction(10))):
         trim = Trim(parse_position(start, "`start`"))
-        hiding = Hiding(decoding=DecodeOptions(trim, input_fps=rate))
-        assert [each.begin.number for each in hiding.intervals(folder)] == [3, 5, 7]
+        hold_out = HoldOut(decoding=DecodeOptions(trim, input_fps=rate))
+        assert [each.begin.number for each in hold_out.intervals(folder)] == [3, 5, 7]
     with pytest.raises(OptionError, match="`input_fps`"):
-        list(Hiding(decoding=DecodeOptions(trim=trim)).intervals(folder))
+        list(HoldOut(decoding=DecodeOptions(trim=trim)).intervals(folder))
 
 
 def test_options_say_what_they_were_made_of():
     """The words of the command line that give the same again, and none for the defaults."""
     trim = Trim(parse_position("1:30.5", "--start"), parse_position("2700f", "--end"))
-    hiding = Hiding(
+    hold_out = HoldOut(
         2, decoding=DecodeOptions(trim, 24, stream=1, deinterlace=True, decoder="opencv"), duplicates="keep"
     )
     words = (
         "--skip 2 --duplicates keep --start 90.5 --end 2700f --input-fps 24 --stream 1 --deinterlace --decoder opencv"
     )
-    assert hiding.as_options() == words.split()
-    assert Hiding().as_options() == []
-    assert Hiding(first=3).as_options() == ["--range", "3:"]
+    assert hold_out.as_options() == words.split()
+    assert HoldOut().as_options() == []
+    assert HoldOut(first=3).as_options() == ["--range", "3:"]
     with pytest.raises(OptionError, match="give one or the other"):
-        Hiding(first=3, decoding=DecodeOptions(trim=trim))
+        HoldOut(first=3, decoding=DecodeOptions(trim=trim))

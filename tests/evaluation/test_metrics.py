@@ -11,8 +11,8 @@ from truth import SCENES, needs_scenes, noise
 
 from fpsboost import InputError, find_method
 from fpsboost.colour import composite_on_black
-from fpsboost.evaluation.contestants import InterpolatorContestant
-from fpsboost.evaluation.hidden_frames import Hiding
+from fpsboost.evaluation.compared_methods import ComparedInterpolator
+from fpsboost.evaluation.hidden_frames import HoldOut
 from fpsboost.evaluation.results import Scores, absolute_error, mean, means, score
 
 
@@ -78,7 +78,7 @@ def test_means_leave_out_what_is_no_number():
 GOLDEN = json.loads(Path(__file__).parents[1].joinpath("golden_scores.json").read_text())
 """Mean PSNR in dB, by method and scene; to be raised with the change that earns it."""
 
-HIDING = Hiding(first=8, last=15, duplicates="keep")
+HIDING = HoldOut(first=8, last=15, duplicates="keep")
 LOSS = 0.05  # dB, more than processors and libraries differ by
 
 
@@ -86,7 +86,7 @@ def psnr_of(method, scene):
     """Mean PSNR of the three frames that are hidden of seven."""
     path = str(SCENES / scene / "####.png")
     truths = [hidden.truth for interval in HIDING.intervals(path) for hidden in interval.hidden]
-    made = InterpolatorContestant(find_method(method)).interpolate(HIDING.intervals(path))
+    made = ComparedInterpolator(find_method(method)).interpolate(HIDING.intervals(path))
     return mean([score(truth, each.image).psnr for truth, each in zip(truths, made, strict=True)])
 
 

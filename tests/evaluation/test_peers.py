@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from fpsboost import DecodeOptions, InputError
-from fpsboost.evaluation.contestants import interpolate_sample
-from fpsboost.evaluation.hidden_frames import Hiding, read_samples
+from fpsboost.evaluation.compared_methods import interpolate_sample
+from fpsboost.evaluation.hidden_frames import HoldOut, read_samples
 from fpsboost.evaluation.peers import find_frames, read_like, run_peer
 
 HEIGHT, WIDTH = 20, 24
@@ -52,44 +52,44 @@ def command(program, *words):
 
 
 @pytest.mark.parametrize(
-    ("names", "hiding"),
+    ("names", "hold_out"),
     [
-        pytest.param({f"out{k:03d}.png": k for k in range(9)}, Hiding(), id="whole"),
-        pytest.param({f"{k + 1:03d}.png": k for k in range(9)}, Hiding(), id="whole, from 1"),
-        pytest.param({f"{k:03d}.png": min(k, 8) for k in range(10)}, Hiding(), id="whole, and the last twice"),
-        pytest.param({f"{k}.png": k for k in range(2, 7)}, Hiding(1, 2, 7), id="the range"),
-        pytest.param({f"{k:02d}.png": k + 2 for k in range(5)}, Hiding(1, 2, 7), id="the range, from 0"),
-        pytest.param({f"{k + 1:02d}.png": k for k in range(9)}, Hiding(1, 2, 7), id="the whole clip for a range"),
-        pytest.param({"a.png": 1, "b.png": 3, "c.png": 5, "d.png": 7}, Hiding(), id="hidden alone"),
-        pytest.param({f"{k}.png": k for k in (3, 5, 7, 8, 12)}, Hiding(1, 2, 7), id="numbers"),
-        pytest.param({f"x{k}_v2.png": k for k in (1, 2, 4, 5, 11)}, Hiding(2, 0, 7), id="numbers, two hidden at once"),
-        pytest.param({f"{k}.png": k for k in range(11)}, Hiding(2, 0, 9), id="whole, two hidden at once"),
+        pytest.param({f"out{k:03d}.png": k for k in range(9)}, HoldOut(), id="whole"),
+        pytest.param({f"{k + 1:03d}.png": k for k in range(9)}, HoldOut(), id="whole, from 1"),
+        pytest.param({f"{k:03d}.png": min(k, 8) for k in range(10)}, HoldOut(), id="whole, and the last twice"),
+        pytest.param({f"{k}.png": k for k in range(2, 7)}, HoldOut(1, 2, 7), id="the range"),
+        pytest.param({f"{k:02d}.png": k + 2 for k in range(5)}, HoldOut(1, 2, 7), id="the range, from 0"),
+        pytest.param({f"{k + 1:02d}.png": k for k in range(9)}, HoldOut(1, 2, 7), id="the whole clip for a range"),
+        pytest.param({"a.png": 1, "b.png": 3, "c.png": 5, "d.png": 7}, HoldOut(), id="hidden alone"),
+        pytest.param({f"{k}.png": k for k in (3, 5, 7, 8, 12)}, HoldOut(1, 2, 7), id="numbers"),
+        pytest.param({f"x{k}_v2.png": k for k in (1, 2, 4, 5, 11)}, HoldOut(2, 0, 7), id="numbers, two hidden at once"),
+        pytest.param({f"{k}.png": k for k in range(11)}, HoldOut(2, 0, 9), id="whole, two hidden at once"),
     ],
 )
-def test_images_are_matched(tmp_path, clip, names, hiding):
+def test_images_are_matched(tmp_path, clip, names, hold_out):
     """By position in a whole sequence, in order if they are the hidden ones, else by number; numbers by their value."""
     folder = save(tmp_path / "made", names)
-    contestant = find_frames("tool", folder, hiding.intervals(clip))
-    frames = list(contestant.interpolate(hiding.intervals(clip)))
-    wanted = [hidden.number for interval in hiding.intervals(clip) for hidden in interval.hidden]
+    compared_method = find_frames("tool", folder, hold_out.intervals(clip))
+    frames = list(compared_method.interpolate(hold_out.intervals(clip)))
+    wanted = [hidden.number for interval in hold_out.intervals(clip) for hidden in interval.hidden]
     assert [frame.number for frame in frames] == wanted
     for frame in frames:
         np.testing.assert_array_equal(frame.image, gray(frame.number))
         assert np.isnan(frame.seconds)
-    (sample,) = read_samples(clip, hiding, [wanted[-1]])
-    np.testing.assert_array_equal(interpolate_sample(contestant, sample), gray(wanted[-1]))
+    (sample,) = read_samples(clip, hold_out, [wanted[-1]])
+    np.testing.assert_array_equal(interpolate_sample(compared_method, sample), gray(wanted[-1]))
 
 
 def test_a_folder_that_does_not_fit_is_one_sentence(tmp_path, clip):
     """It names a frame that has no image, and says what would fit; so does an empty folder, and a missing one."""
     folder = save(tmp_path / "made", {f"{k}.png": k for k in (1, 3, 6)})
     with pytest.raises(InputError, match=r"made has 3 images, but none for frame 5; .*\(9 images\).*\(4\)"):
-        find_frames("tool", folder, Hiding().intervals(clip))
+        find_frames("tool", folder, HoldOut().intervals(clip))
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="empty is empty"):
-        find_frames("tool", tmp_path / "empty", Hiding().intervals(clip))
+        find_frames("tool", tmp_path / "empty", HoldOut().intervals(clip))
     with pytest.raises(InputError, match="nowhere does not exist"):
-        find_frames("tool", tmp_path / "nowhere", Hiding().intervals(clip))
+        find_frames("tool", tmp_path / "nowhere", HoldOut().intervals(clip))
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
@@ -103,7 +103,7 @@ def test_a_peer_gets_the_frames_without_loss(tmp_path, dtype, channels):
         (tmp_path / folder).mkdir()
     for number, image in enumerate(images):
         cv2.imwrite(str(tmp_path / "clip" / f"{number}.{suffix}"), image)
-    intervals = list(Hiding(duplicates="keep").intervals(str(tmp_path / "clip")))
+    intervals = list(HoldOut(duplicates="keep").intervals(str(tmp_path / "clip")))
     words = command(REPEATS, "{in}", "{out}", "{factor}")
     (frame,) = run_peer("repeats", words, intervals, tmp_path / "scratch").interpolate(intervals)
     assert frame.number == 1
@@ -119,10 +119,10 @@ def test_a_peer_is_told_how_many_and_how_fast(tmp_path, clip):
     )
     (tmp_path / "a scratch").mkdir()
     words = shlex.quote(str(tmp_path / "told")), "{in}", "{out}", "{factor}", "{fps}", "{other}"
-    hiding = Hiding(skip=2, decoding=DecodeOptions(input_fps=24))
-    contestant = run_peer("tool", command(program, *words), hiding.intervals(clip), tmp_path / "a scratch")
+    hold_out = HoldOut(skip=2, decoding=DecodeOptions(input_fps=24))
+    compared_method = run_peer("tool", command(program, *words), hold_out.intervals(clip), tmp_path / "a scratch")
     assert (tmp_path / "told").read_text() == "3 8 {other}"
-    made = list(contestant.interpolate(hiding.intervals(clip)))
+    made = list(compared_method.interpolate(hold_out.intervals(clip)))
     assert [(each.number, int(each.image[-1, -1, 0])) for each in made] == [(1, 0), (2, 0), (4, 30), (5, 30)]
 
 
@@ -144,7 +144,7 @@ def test_a_peer_that_fails_is_named_with_its_last_line(tmp_path, clip, program, 
     (tmp_path / "scratch").mkdir()
     words = command(program, "{in}", "{out}") if program else "no-such-program {in} {out}"
     with pytest.raises(InputError, match=sentence):
-        run_peer("tool", words, Hiding().intervals(clip), tmp_path / "scratch")
+        run_peer("tool", words, HoldOut().intervals(clip), tmp_path / "scratch")
 
 
 @pytest.mark.parametrize(

@@ -20,11 +20,11 @@ from comparison_truth import HEIGHT, NAMES, WIDTH, Nobody, scored
 from vector_truth import save_translation
 
 from fpsboost import DecodeOptions, OutputError
-from fpsboost.cli.options import ContestOptions
+from fpsboost.cli.options import ComparedMethodOptions
 from fpsboost.colour import as_shown
 from fpsboost.evaluation.compare import compare
-from fpsboost.evaluation.contestants import InterpolatedFrame, method_names
-from fpsboost.evaluation.hidden_frames import Hiding, read_samples
+from fpsboost.evaluation.compared_methods import InterpolatedFrame, method_names
+from fpsboost.evaluation.hidden_frames import HoldOut, read_samples
 from fpsboost.evaluation.report.page import _view_frames, choose_frames, command, write_report
 from fpsboost.evaluation.report.pictures import choose_exact, choose_passages, find_spots, view_passages
 from fpsboost.evaluation.report.styles import (
@@ -79,18 +79,18 @@ def test_page_holds_every_method(text, comparison):
 
 def test_page_says_how_to_repeat_it(text, comparison):
     """The command names the clip, the methods and what was hidden, and is on the page."""
-    hiding = Hiding(skip=2, first=1, last=9, decoding=DecodeOptions(input_fps=24))
+    hold_out = HoldOut(skip=2, first=1, last=9, decoding=DecodeOptions(input_fps=24))
     assert f"fpsboost compare {comparison.clip} -m dis,blend,nearest,minterpolate --report DIR" in text
-    assert "--skip 2 --range 1:9 --input-fps 24 --report" in command(replace(comparison, hiding=hiding))
+    assert "--skip 2 --range 1:9 --input-fps 24 --report" in command(replace(comparison, hold_out=hold_out))
     rendered = replace(comparison, rendered=("--vectors", "my passes"), cut_options=("--no-cuts",))
     assert command(rendered).endswith("--vectors 'my passes' --no-cuts --report DIR")
 
 
-def test_folder_that_holds_anything_is_left_alone(comparison, contestants, tmp_path):
+def test_folder_that_holds_anything_is_left_alone(comparison, compared_methods, tmp_path):
     """It is refused, and nothing is added."""
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match=rf"^{re.escape(str(tmp_path))} is not empty; [^.]*\.$"):
-        write_report(tmp_path, [ComparedClip(comparison, contestants)])
+        write_report(tmp_path, [ComparedClip(comparison, compared_methods)])
     assert os.listdir(tmp_path) == ["file"]
 
 
@@ -101,25 +101,27 @@ def test_folder_that_holds_anything_is_left_alone(comparison, contestants, tmp_p
         ({"doubtful": [0], "repeats": [1]}, "the true picture is unknown: {}."),
     ],
 )
-def test_frames_that_do_not_count_are_named_and_not_drawn(comparison, contestants, tmp_path, changes, words):
+def test_frames_that_do_not_count_are_named_and_not_drawn(comparison, compared_methods, tmp_path, changes, words):
     """Across a cut or beside a repeat: said, marked in every figure, and never picked to be shown."""
     worst = min(comparison.methods[0].frames, key=lambda frame: frame.scores.psnr).number
     changed = replace(comparison, **{name: [worst + each for each in numbers] for name, numbers in changes.items()})
-    text = write_report(tmp_path / "page", [ComparedClip(changed, contestants)]).read_text()
+    text = write_report(tmp_path / "page", [ComparedClip(changed, compared_methods)]).read_text()
     assert words.format(worst) in text
     assert text.count('class="cut"') == 10
     assert worst not in [chosen.number for chosen in choose_frames(changed)]
 
 
-def test_small_areas_are_not_on_the_page(comparison, contestants, tmp_path):
+def test_small_areas_are_not_on_the_page(comparison, compared_methods, tmp_path):
     """An area of less than 2 % of the picture, or of more than 98 %, has no columns; without any there is no table."""
     shares = {"moving": 0.5, "occluded": 0.019, "uncertain": 0.03}
-    text = write_report(tmp_path / "page", [ComparedClip(replace(comparison, shares=shares), contestants)]).read_text()
+    text = write_report(
+        tmp_path / "page", [ComparedClip(replace(comparison, shares=shares), compared_methods)]
+    ).read_text()
     assert "50 % moving" in text
     assert "3 % uncertain" in text
     assert "% occluded" not in text
     none = replace(comparison, shares=dict.fromkeys(shares, 0.01) | {"moving": 0.99})
-    assert 'id="by-area"' not in write_report(tmp_path / "other", [ComparedClip(none, contestants)]).read_text()
+    assert 'id="by-area"' not in write_report(tmp_path / "other", [ComparedClip(none, compared_methods)]).read_text()
 
 
 class Darkening:
@@ -140,15 +142,15 @@ class Darkening:
 
 def test_frames_shown_are_those_that_were_scored(comparison):
     """A method that looks far is run over the whole clip again, so that it makes what it made before."""
-    contestants = {"darkening": Darkening()}
-    scored = compare(comparison.clip, contestants, Hiding(), Nobody())
+    compared_methods = {"darkening": Darkening()}
+    scored = compare(comparison.clip, compared_methods, HoldOut(), Nobody())
 
     def has_level(uri, number):
         return np.allclose(decoded(uri), 255 - 60 * scored.hidden.index(number), atol=2)  # WebP is lossy
 
-    for frame in _view_frames(scored, contestants, choose_frames(scored))[0]:
+    for frame in _view_frames(scored, compared_methods, choose_frames(scored))[0]:
         assert has_level(frame.strips[0].crops[1].uri, frame.number)
-    played = view_passages(scored, contestants, [scored.hidden[1:3]])
+    played = view_passages(scored, compared_methods, [scored.hidden[1:3]])
     hidden = [frame for frame in played.frames if frame["note"] == "hidden"]
     assert [frame["number"] for frame in hidden] == scored.hidden[1:3]
     assert all(has_level(played.uris[frame["images"][1]], frame["number"]) for frame in hidden)
@@ -270,23 +272,23 @@ def test_passages_are_where_methods_differ_and_err(comparison):
     assert choose_passages(replace(errors_of, cuts=[4, 5, 6]), 6)[0] != [4, 5, 6]
 
 
-def test_played_frames_are_those_of_the_clip(comparison, contestants):
+def test_played_frames_are_those_of_the_clip(comparison, compared_methods):
     """Frames that were shown have one picture, hidden ones the truth and one of each method, in order."""
-    played = view_passages(comparison, contestants, [comparison.hidden])
+    played = view_passages(comparison, compared_methods, [comparison.hidden])
     assert [frame["number"] for frame in played.frames] == list(range(comparison.clip_frames))
     assert {len(frame["images"]) for frame in played.frames[::2]} == {1}
     assert {len(frame["images"]) for frame in played.frames[1::2]} == {1 + len(NAMES)}
     assert (played.width, played.height, played.fps) == (WIDTH, HEIGHT, 24.0)
 
 
-def test_some_frames_are_kept_without_loss(comparison, contestants):
+def test_some_frames_are_kept_without_loss(comparison, compared_methods):
     """Those asked for, exactly; the others say what they lost. As many as their pixels allow, none that is reduced."""
     first, second = comparison.hidden[:2]
-    played = view_passages(comparison, contestants, [[first, second]], exact=[second])
+    played = view_passages(comparison, compared_methods, [[first, second]], exact=[second])
     frames = {frame["number"]: frame for frame in played.frames}
     assert frames[second]["loss"] == 0 < frames[first]["loss"]
     picture = decoded(played.uris[frames[second]["images"][0]])
-    (sample,) = read_samples(comparison.clip, comparison.hiding, [second])
+    (sample,) = read_samples(comparison.clip, comparison.hold_out, [second])
     assert np.array_equal(picture, as_shown(sample.hidden.truth))
     pixels = HEIGHT * WIDTH * (1 + len(NAMES))
     assert choose_exact(comparison, [second, first], 2 * pixels - 1) == [second]
@@ -334,7 +336,7 @@ def test_a_method_keeps_its_colour_in_every_company():
 @pytest.mark.parametrize("paper", [0, 1])
 def test_the_usual_methods_are_told_apart_with_any_colour_vision(loss, paper):
     """A distance in CIELAB of 25 between any two of those that are compared by default, and of 15 among the others."""
-    for names, least in ((ContestOptions().methods[0].split(","), 25), (NAMED, 15)):
+    for names, least in ((ComparedMethodOptions().methods[0].split(","), 25), (NAMED, 15)):
         for one, other in itertools.combinations(names, 2):
             distance = np.linalg.norm(seen(colours_of(one)[paper], loss) - seen(colours_of(other)[paper], loss))
             assert distance > least, (one, other)

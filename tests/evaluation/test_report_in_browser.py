@@ -11,7 +11,7 @@ from comparison_truth import HEIGHT, NAMES, WIDTH
 from playwright.sync_api import expect
 
 from fpsboost.colour import as_shown
-from fpsboost.evaluation.contestants import interpolate_sample
+from fpsboost.evaluation.compared_methods import interpolate_sample
 from fpsboost.evaluation.hidden_frames import read_samples
 from fpsboost.evaluation.report.page import DIFFERENT, choose_frames
 
@@ -129,13 +129,13 @@ def test_pixels_are_read_and_zoomed(page, comparison):
     expect(page.locator(".loss")).to_have_text(re.compile(r"off by about [\d.]+ levels"))
 
 
-def test_page_opens_with_exact_pixels(page, comparison, contestants):
+def test_page_opens_with_exact_pixels(page, comparison, compared_methods):
     """There the values of pixels are the truth's and the method's, and their difference is mapped and enlarged."""
     number = opening_of(comparison)
     at_frame(page, number)
     expect(page.locator(".loss")).to_have_text("Exact: kept without loss.")
-    (sample,) = read_samples(comparison.clip, comparison.hiding, [number])
-    images = sample.hidden.truth, interpolate_sample(contestants["dis"], sample)
+    (sample,) = read_samples(comparison.clip, comparison.hold_out, [number])
+    images = sample.hidden.truth, interpolate_sample(compared_methods["dis"], sample)
     truth, interpolated = (as_shown(image).astype(int)[..., ::-1] for image in images)
     box = box_of(page.locator(".stage"))
     page.mouse.move(box["x"] + box["width"] * 20.5 / WIDTH, box["y"] + box["height"] * 10.5 / HEIGHT)

@@ -9,7 +9,7 @@ import pytest
 from comparison_truth import save_clip, scored
 from video_truth import scene
 
-from fpsboost.evaluation.hidden_frames import Hiding
+from fpsboost.evaluation.hidden_frames import HoldOut
 from fpsboost.evaluation.results import Comparison, MethodResult
 from fpsboost.evaluation.verdict import difference, judge
 
@@ -25,7 +25,7 @@ def comparison(cpu_seconds=None, skip=1, **psnr):
         for name, values in psnr.items()
     ]
     hidden = [2 * k + 1 for k in range(count)]
-    return Comparison("clip", "", Hiding(skip), hidden, [], {}, methods, {}, clip_frames=2 * count + 1)
+    return Comparison("clip", "", HoldOut(skip), hidden, [], {}, methods, {}, clip_frames=2 * count + 1)
 
 
 HARD = np.linspace(25, 35, 12)  # frames that differ by 10 dB, so that the mean of one method shows no lead of 0.2 dB

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
-from fpsboost.evaluation.contestants import MINTERPOLATE, Contestant, interpolate_sample, method_names
+from fpsboost.evaluation.compared_methods import MINTERPOLATE, ComparedMethod, interpolate_sample, method_names
 from fpsboost.evaluation.export import COLUMNS, area_rows, further_rows, mean_rows, overall_rows, without_nan
 from fpsboost.evaluation.further_metrics import metrics
 from fpsboost.evaluation.hidden_frames import read_samples
@@ -119,14 +119,14 @@ def _name_of(comparison: Comparison) -> str:
 
 def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
     """Return the values for the sections about one of several clips; `at` is a suffix of its element names."""
-    comparison, contestants = each
+    comparison, compared_methods = each
     choices = choose_frames(comparison)
     opening = next((one for one in choices if DIFFERENT in one.reasons), choices[0]).number
-    sections, motion = _view_frames(comparison, contestants, choices)
+    sections, motion = _view_frames(comparison, compared_methods, choices)
     count = count_for(comparison, MAX_PIXELS // clips)
     passages = choose_passages(comparison, count, [one.number for one in choices])
     exact = choose_exact(comparison, [*dict.fromkeys([opening, choices[0].number])], MAX_EXACT_PIXELS // clips)
-    played = view_passages(comparison, contestants, passages, exact)
+    played = view_passages(comparison, compared_methods, passages, exact)
     played.opening = opening
     return {
         "at": at,
@@ -134,7 +134,7 @@ def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
         "name": _name_of(comparison),
         "hidden": describe_hidden(comparison),
         "verdict": judge(comparison),
-        "notes": comparison.notes(contestants),
+        "notes": comparison.notes(compared_methods),
         "columns": COLUMNS,
         "overall": overall_rows(comparison),
         "areas": comparison.areas,
@@ -161,7 +161,7 @@ def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
 
 
 def _view_frames(
-    comparison: Comparison, contestants: Mapping[str, Contestant], choices: Sequence[Choice]
+    comparison: Comparison, compared_methods: Mapping[str, ComparedMethod], choices: Sequence[Choice]
 ) -> tuple[list[FrameSection], MotionView | None]:
     """Return views of the chosen frames and of the motion at the first of them.
 
@@ -171,20 +171,20 @@ def _view_frames(
     numbers = [each.number for each in choices]
     far: dict[str, dict[int, Image]] = {}
     for name in names:
-        if contestants[name].looks_far:  # which sees the whole clip
-            interpolated = contestants[name].interpolate(comparison.hiding.intervals(comparison.clip), numbers)
+        if compared_methods[name].looks_far:  # which sees the whole clip
+            interpolated = compared_methods[name].interpolate(comparison.hold_out.intervals(comparison.clip), numbers)
             far[name] = {frame.number: frame.image for frame in interpolated}
-    samples = read_samples(comparison.clip, comparison.hiding, numbers)
+    samples = read_samples(comparison.clip, comparison.hold_out, numbers)
     sections: list[FrameSection] = []
     motion: MotionView | None = None
     for each, sample in zip(choices, samples, strict=True):
         frames = {
-            name: far[name][each.number] if name in far else interpolate_sample(contestants[name], sample)
+            name: far[name][each.number] if name in far else interpolate_sample(compared_methods[name], sample)
             for name in names
         }
         sections.append(FrameSection(_title(each, names[0]), each.number, view_frame(sample, frames)))
         if len(sections) == 1:
-            motion = view_motion(sample, frames, contestants)
+            motion = view_motion(sample, frames, compared_methods)
     return sections, motion
 
 
@@ -215,7 +215,7 @@ def _title(choice: Choice, first: str) -> str:
 
 def describe_hidden(comparison: Comparison) -> str:
     """Return a sentence on which frames were hidden."""
-    skip, count = comparison.hiding.skip, len(comparison.hidden)
+    skip, count = comparison.hold_out.skip, len(comparison.hidden)
     each = "one was" if skip == 1 else f"{skip} were"
     size, _, rest = comparison.kind.partition(", ")
     frames = "frame" if count == 1 else "frames"
@@ -304,7 +304,7 @@ def command(comparison: Comparison) -> str:
     names = [*(method.name for method in comparison.methods), *comparison.skipped]
     names = [name for name in names if name.partition(":")[0] in known]
     words = ["fpsboost", "compare", comparison.clip, "-m", ",".join(names)]
-    words += comparison.hiding.as_options()
+    words += comparison.hold_out.as_options()
     if comparison.metrics:
         words += ["--metrics", ",".join(comparison.metrics)]
     return shlex.join([*words, *comparison.others, *comparison.rendered, *comparison.cut_options, "--report", "DIR"])

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import as_shown
-from fpsboost.evaluation.contestants import Contestant, InterpolatorContestant
+from fpsboost.evaluation.compared_methods import ComparedInterpolator, ComparedMethod
 from fpsboost.evaluation.hidden_frames import Interval, Sample
 from fpsboost.evaluation.report.self_contained import (
     LOSSLESS,
@@ -141,7 +141,7 @@ def view_frame(sample: Sample, frames: Mapping[str, Image]) -> list[Strip]:
 
 
 def view_motion(
-    sample: Sample, frames: Mapping[str, Image], contestants: Mapping[str, Contestant]
+    sample: Sample, frames: Mapping[str, Image], compared_methods: Mapping[str, ComparedMethod]
 ) -> MotionView | None:
     """Draw the motion of every method around a hidden frame, and the uncertainty.
 
@@ -149,7 +149,7 @@ def view_motion(
     """
     interval = sample.interval
     places = {name: index for index, name in enumerate(frames)}
-    moving = {name: each.interpolator for name, each in contestants.items() if name in places and _moves(each)}
+    moving = {name: each.interpolator for name, each in compared_methods.items() if name in places and _moves(each)}
     pairs = {name: each.pair(*interval.prepared(with_layers=each.takes_layers)) for name, each in moving.items()}
     if not pairs:
         return None
@@ -181,10 +181,10 @@ def view_motion(
     )
 
 
-def _moves(contestant: Contestant) -> TypeGuard[InterpolatorContestant]:
+def _moves(compared_method: ComparedMethod) -> TypeGuard[ComparedInterpolator]:
     """Return whether a method is one of this package that estimates motion."""
-    return isinstance(contestant, InterpolatorContestant) and not isinstance(
-        contestant.interpolator.estimator, ZeroMotion
+    return isinstance(compared_method, ComparedInterpolator) and not isinstance(
+        compared_method.interpolator.estimator, ZeroMotion
     )
 
 
@@ -307,7 +307,7 @@ def count_for(comparison: Comparison, max_pixels: int) -> int:
     """Return how many hidden frames can be played within a number of pixels."""
     width, height = _size_of(comparison)
     scale = min(1.0, MAX_WIDTH / width)
-    pictures = len(comparison.methods) + 1 + 1 / comparison.hiding.skip
+    pictures = len(comparison.methods) + 1 + 1 / comparison.hold_out.skip
     return max(MIN_HIDDEN, int(max_pixels / (pictures * width * height * scale**2)))
 
 
@@ -320,7 +320,7 @@ def choose_exact(comparison: Comparison, numbers: Sequence[int], max_pixels: int
 
 def view_passages(
     comparison: Comparison,
-    contestants: Mapping[str, Contestant],
+    compared_methods: Mapping[str, ComparedMethod],
     passages: Sequence[Sequence[int]],
     exact: Collection[int] = (),
 ) -> PlayerData:
@@ -342,7 +342,7 @@ def view_passages(
         frames.setdefault((passage, number), frame)["images"].append(data.add_picture(data_uri(picture, "webp")))
 
     def intervals() -> Iterator[Interval]:
-        return comparison.hiding.intervals(comparison.clip)
+        return comparison.hold_out.intervals(comparison.clip)
 
     for interval in _until(intervals(), last, 0):
         for hidden in interval.hidden:
@@ -355,10 +355,10 @@ def view_passages(
             add(hidden.number, passage, hidden.truth, "hidden")
             data.fps = float((len(interval.hidden) + 1) / (interval.shown1.time - interval.shown0.time))
     for method in comparison.methods:
-        contestant = contestants[method.name]
+        compared_method = compared_methods[method.name]
         # one interval more, whose motion has a say; a method that looks far gets all
-        read = intervals() if contestant.looks_far else _until(intervals(), last, 1)
-        for interpolated in contestant.interpolate(read, passage_of):
+        read = intervals() if compared_method.looks_far else _until(intervals(), last, 1)
+        for interpolated in compared_method.interpolate(read, passage_of):
             add(interpolated.number, passage_of[interpolated.number], interpolated.image, "hidden")
     data.frames = [frames[key] for key in sorted(frames)]
     return data

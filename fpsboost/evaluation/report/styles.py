@@ -14,7 +14,7 @@ import zlib
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from fpsboost.evaluation.contestants import method_names
+from fpsboost.evaluation.compared_methods import method_names
 
 MARKS = 9
 """Number of shapes of marks, which the page defines as ``#mark-0`` and so on."""

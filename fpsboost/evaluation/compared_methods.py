@@ -1,7 +1,7 @@
 """Methods that interpolate hidden frames in a comparison: those of this package, and FFmpeg's `minterpolate`.
 
-A method of a comparison (`Contestant`) gets the intervals of a clip in order and yields the hidden frames with their
-cost. Frames of other tools are in `fpsboost.evaluation.peers`.
+A method of a comparison (`ComparedMethod`) gets the intervals of a clip in order and yields the hidden frames with the
+time that they took. Frames of other tools are in `fpsboost.evaluation.peers`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 
 from fpsboost.colour import has_alpha, normalised
 from fpsboost.errors import OptionError
-from fpsboost.evaluation.hidden_frames import Hidden, Interval, Sample
+from fpsboost.evaluation.hidden_frames import HeldOutFrame, Interval, Sample
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, view
 from fpsboost.interpolator import Interpolator, with_neighbours
@@ -53,7 +53,7 @@ class InterpolatedFrame(NamedTuple):
     """Search radius of its motion, pixels; None if the method has none."""
 
 
-class Contestant(Protocol):
+class ComparedMethod(Protocol):
     """Contract: a method that interpolates the hidden frames of a clip, in order."""
 
     looks_far: ClassVar[bool]
@@ -73,14 +73,14 @@ class Contestant(Protocol):
         """Return the method's options in one line, for the page."""
 
 
-def interpolate_sample(contestant: Contestant, sample: Sample) -> Image:
+def interpolate_sample(compared_method: ComparedMethod, sample: Sample) -> Image:
     """Interpolate a sample's hidden frame exactly as in a comparison, unless the method looks beyond its window."""
-    (frame,) = contestant.interpolate(sample.window, {sample.hidden.number})
+    (frame,) = compared_method.interpolate(sample.window, {sample.hidden.number})
     return frame.image
 
 
 @dataclass(frozen=True)
-class InterpolatorContestant:
+class ComparedInterpolator:
     """A method of this package. The time of the first frame of an interval includes the motion search."""
 
     interpolator: Interpolator
@@ -91,7 +91,7 @@ class InterpolatorContestant:
     def interpolate(
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
-        """Yield the hidden frames; see `Contestant.interpolate`."""
+        """Yield the hidden frames; see `ComparedMethod.interpolate`."""
         for before, (interval, pair), after in with_neighbours(self._pairs(intervals)):
             chosen = [hidden for hidden in interval.hidden if wanted is None or hidden.number in wanted]
             if chosen:
@@ -99,7 +99,7 @@ class InterpolatorContestant:
             pair.release_caches()
 
     def _timed(
-        self, pair: Pair, chosen: Sequence[Hidden], before: Pair | None, after: Pair | None
+        self, pair: Pair, chosen: Sequence[HeldOutFrame], before: Pair | None, after: Pair | None
     ) -> Iterator[InterpolatedFrame]:
         """Yield the chosen frames of an interval with the time that each took."""
         images = self.interpolator.images(pair, [hidden.t for hidden in chosen], before, after)
@@ -154,12 +154,12 @@ class Minterpolate:
     def interpolate(
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
-        """Yield the hidden frames; see `Contestant.interpolate`.
+        """Yield the hidden frames; see `ComparedMethod.interpolate`.
 
         Frames that the filter outputs together share its time evenly.
         """
         graph: av.filter.Graph | None = None
-        hidden: dict[int, Hidden] = {}  # by the place in the filter's output
+        hidden: dict[int, HeldOutFrame] = {}  # by the place in the filter's output
         place, last = 0, None
         for interval in intervals:
             factor = len(interval.hidden) + 1
@@ -193,7 +193,7 @@ def _as_picture(image: Image, place: int) -> av.VideoFrame:
 
 
 def _passed(
-    graph: av.filter.Graph, picture: av.VideoFrame, hidden: dict[int, Hidden], wanted: Container[int] | None
+    graph: av.filter.Graph, picture: av.VideoFrame, hidden: dict[int, HeldOutFrame], wanted: Container[int] | None
 ) -> Iterator[InterpolatedFrame]:
     """Push a picture, and yield the hidden frames that come out, which are taken from `hidden`."""
     begin, begin_cpu = time.perf_counter(), time.process_time()
