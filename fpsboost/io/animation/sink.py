@@ -96,7 +96,20 @@ class AnimationWriter(ABC):
         """Return the encoder's options for frames of the first one's shape."""
 
     def add(self, image: Image, ticks: int) -> None:
-        """Encode the next frame, shown for a number of ticks; raise `OutputError` if its shape is another."""
+        """Encode the next frame and write its packet.
+
+        Parameters
+        ----------
+        image : NDArray
+            Image, (H, W, 3) or (H, W, 4); uint8, or uint16 if the type `is_deep`.
+        ticks : int
+            Delay after which the next frame is shown.
+
+        Raises
+        ------
+        OutputError
+            The image has another shape than the first one.
+        """
         self._shape = self._shape or image.shape
         if image.shape != self._shape:
             raise OutputError(f"One frame is {view(image).describe()}, unlike the first; make all frames alike.")
@@ -142,13 +155,20 @@ class GifWriter(AnimationWriter):
         return {0: 0, 1: -1}.get(plays, plays - 1)  # of FFmpeg: 0 for ever again, -1 for no repeat
 
     def encoder_options(self) -> dict[str, str]:
-        # the rectangle that has changed is written, or the whole frame if there is alpha ("transdiff", which leaves out
-        # single pixels, gets some of them wrong where palettes change, and saves nothing under dithering)
+        """Return options by which the rectangle that has changed is written, or the whole frame if there is alpha.
+
+        "transdiff", which leaves out single pixels, gets some of them wrong where palettes change, and saves nothing
+        under dithering.
+        """
         return {"global_palette": "0", "gifflags": "offsetting" if self._shape[2] < 4 else "0"}
 
     def mux(self, packet: av.Packet[Any]) -> None:
-        """Write a packet; of a GIF with alpha, let each frame be cleared before the next."""
-        if self._shape[2] == 4:  # cleared afterwards: the next frame may be transparent where this one is not
+        """Write a packet; of a GIF with alpha, let each frame be cleared before the next.
+
+        FFmpeg's encoder decides by the frame itself whether it is cleared, and not by the next one, which may be
+        transparent where this one is not.
+        """
+        if self._shape[2] == 4:
             data = bytearray(bytes(packet))
             control = data.index(b"\x21\xf9\x04") + 3
             data[control] = data[control] & ~0x1C | 2 << 2
@@ -203,9 +223,11 @@ class ApngWriter(AnimationWriter):
     is_deep = has_tags = True
 
     def encoder_options(self) -> dict[str, str]:
-        return {"pred": "sub", "compression_level": "1"}  # at a third of the default's time, files grow by a twentieth
+        """Return options for speed: at a third of the default's time, files grow by a twentieth."""
+        return {"pred": "sub", "compression_level": "1"}
 
     def picture(self, image: Image) -> av.VideoFrame:
+        """Convert an image to RGB or RGBA of its own depth, big-endian as PNG stores it."""
         is_deep, has_alpha = image.dtype == np.uint16, image.shape[2] == 4
         pixel_format = ("rgba64be" if has_alpha else "rgb48be") if is_deep else ("rgba" if has_alpha else "rgb24")
         return av.VideoFrame.from_ndarray(
@@ -221,13 +243,19 @@ class WebpWriter(AnimationWriter):
     largest_side, most_plays = 16383, 65535
 
     def encoder_options(self) -> dict[str, str]:
-        return {"lossless": "1", "compression_level": "1", "quality": "20"}  # a quarter of the default's time
+        """Return options for encoding without loss in a quarter of the default's time."""
+        return {"lossless": "1", "compression_level": "1", "quality": "20"}
 
     def picture(self, image: Image) -> av.VideoFrame:
+        """Convert an image to BGRA, which libwebp takes for pictures with alpha and without."""
         return av.VideoFrame.from_ndarray(image if image.shape[2] == 4 else _with_binary_alpha(image), format="bgra")
 
     def finish(self) -> None:
-        """Write the end of the animation; with alpha, correct the flags of header and frames in the file."""
+        """Write the end of the animation; with alpha, correct the flags of header and frames in the file.
+
+        FFmpeg's muxer lays each frame over the one before, so that what that one showed would stay visible through
+        transparent parts.
+        """
         super().finish()
         if self._shape[2:] != (4,):
             return
@@ -263,7 +291,8 @@ class AnimationSink(StagedSink):
     Parameters
     ----------
     output : Output
-        Path, size, rate and plays of the frames to come.
+        Path, size, rate and plays of the frames to come. Its suffix determines the type, its time base the ticks of an
+        APNG; colour tags that the type cannot store are lost with a remark.
 
     Raises
     ------
@@ -326,7 +355,7 @@ class AnimationSink(StagedSink):
         return [*self._losses, *(remark for remark, is_due in late.items() if is_due)]
 
     def __enter__(self) -> Self:
-        """Create the hidden file that is renamed at the end, and open its muxer."""
+        """Create the hidden file that is renamed at the end, and open its muxer; `OutputError` if it cannot be made."""
         with self._explained():
             self._file = self._temporary.open("x+b")
         self._writer = self._type(self._file, self._plays, self._tick, self._code_points)

@@ -136,7 +136,10 @@ class AnimationSource(ClosesOnExit):
             return False
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames, BGR or BGRA uint8, with the times and delays that opening has found."""
+        """Yield the frames, BGR or BGRA uint8, with the times and delays that opening has found.
+
+        Each is decoded when it is due. Damaged files end with the last frame that opening could decode.
+        """
         time = Fraction(0)
         for image, delay in islice(self._decoded(), len(self._delays)):
             pixels = image

@@ -91,7 +91,7 @@ class SideSink:
                 opened.callback(writer.files.close)
                 writer.files.open()
             self._sink.__enter__()
-            opened.pop_all()
+            self._closing = opened.pop_all()
         return self
 
     def __exit__(
@@ -101,9 +101,7 @@ class SideSink:
 
         After an exception, also one while finishing, the sink is left with it and the side outputs are removed.
         """
-        with ExitStack() as opened:
-            for writer in self._writers:
-                opened.callback(writer.files.close)
+        with self._closing:
             try:
                 if kind is None:
                     for writer in self._writers:
