@@ -132,10 +132,8 @@ class Interpolator(Checked):
     @property
     def takes_layers(self) -> bool:
         """Whether images may be `LayeredImage`."""
-        parts = self.synthesizer, CUT_SYNTHESIZERS[self.at_cuts]
-        return (
-            not self.match_grain and self.uncertain == "keep" and all(isinstance(part, MixesLayers) for part in parts)
-        )
+        mixes_layers = all(isinstance(each, MixesLayers) for each in (self.synthesizer, CUT_SYNTHESIZERS[self.at_cuts]))
+        return mixes_layers and not self.match_grain and self.uncertain == "keep"
 
     @property
     def has_confidence(self) -> bool:
@@ -351,17 +349,18 @@ class Interpolator(Checked):
     ) -> Iterator[InterpolatedImage]:
         """Give images the illumination of their time, grain, and overlays as they are in the frames."""
         overlay, image0, image1 = None, pair.image0, pair.image1
+        illumination = pair.illumination
         # a change of all light changes overlays, too
-        if self.overlays and (before or after) and (pair.illumination is None or pair.illumination.is_local):
+        if self.overlays and (before or after) and (illumination is None or illumination.is_local):
             overlay = find_overlay(image0, image1, (before or pair).image0, (after or pair).image1, pair.fields[0])
-        if overlay is not None and pair.illumination is not None:  # which is applied to BGR
+        if overlay is not None and illumination is not None:  # which is applied to BGR
             image0, image1 = as_bgr(image0), as_bgr(image1)
         position = pair.image0.source_position
         number = 0 if position is None else position.number
         for (synthesized, confidence), t in zip(images, times, strict=True):
             image = synthesized
-            if pair.illumination is not None:
-                image = pair.illumination.apply(view(image).array(), t, pair.image0.pixels.dtype)
+            if illumination is not None:
+                image = illumination.apply(view(image).array(), t, pair.image0.pixels.dtype)
             if self.match_grain:
                 seed = number, int(np.float64(t).view(np.uint64))
                 image = match_grain(view(image).picture, pair.grain, t, seed)

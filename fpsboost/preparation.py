@@ -273,6 +273,8 @@ class ConversionJob(Checked):
 class OpenedClip:
     """Source of a conversion: the whole clip, the part that is converted, and its window; None for all."""
 
+    target: Target
+    """Where the output goes, which determines how the source is read."""
     whole: DescribedSource
     source: FrameSource
     window: Window | None
@@ -337,7 +339,7 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
             order, shown, curve = curve.unfolded(times)
             info = replace(info, frame_count=len(order), duration=shown[-1] + 1 / info.rate)
             source = FoldedSource(info, list(whole.remarks), order, shown, partial(read_again, forwards, run, whole))
-        yield OpenedClip(whole, source, window, curve, clip_curve)
+        yield OpenedClip(target, whole, source, window, curve, clip_curve)
 
 
 @contextmanager
@@ -382,7 +384,7 @@ def prepared(job: ConversionJob, run: RunOptions) -> Iterator[Preparation]:
 
 def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparation:
     """Work out the frames and the output of a job; raise `OptionError` or `InputError` if they do not fit the clip."""
-    target, rate, interpolator = job.target(run), job.rate, job.method
+    target, rate, interpolator = clip.target, job.rate, job.method
     info, stream = clip.source.info, clip.whole.stream_info
     if rate.replacement is not None:
         rate.replacement.check(clip.whole.info)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.analysis.duplicates import FrameGroup, SourceFrame
+from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import InputError
 from fpsboost.interpolator import with_neighbours
@@ -63,7 +63,7 @@ def _bands(matched: NDArray[Any]) -> NDArray[Any]:
 
 def group_replaced(
     frames: Iterable[SourceFrame], replacement: Replacement, remarks: list[str], *, begins_clip: bool = True
-) -> Iterator[FrameGroup]:
+) -> Iterator[tuple[SourceFrame, ...]]:
     """Group each good frame with the frames to be replaced that follow it.
 
     The first frame and those at the end have no good frame on one side and are kept. `remarks` say so, if reading

@@ -17,7 +17,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from fpsboost.analysis.duplicates import FrameGroup, SourceFrame, group_duplicates
+from fpsboost.analysis.duplicates import SourceFrame, group_duplicates
 from fpsboost.contracts import (
     Cancellable,
     Entry,
@@ -218,7 +218,7 @@ Neighbours = tuple[Pair | None, Pair | None]
 class _Interval:
     """Interval from a picture, nearly always of one frame, to the next."""
 
-    group: FrameGroup
+    group: tuple[SourceFrame, ...]
     """Frames of the source that show the picture, or a good frame and those after it that are replaced."""
     outputs: list[_Output]
     """Frames of the output that fall into it; until it is resolved, with t relative to the next frame of the source."""
@@ -269,16 +269,16 @@ class _LoopState:
     stretch: Fraction
     exposed: int | None = None
     """`Step.frame_number` of the last output frame so far."""
-    last: FrameGroup | None = None
+    last: tuple[SourceFrame, ...] | None = None
     """Previous group of frames."""
     end: Fraction = Fraction(0)
     """Time at which the clip ends, when all frames are read."""
 
     def __post_init__(self) -> None:
-        retimed = self.schedule if isinstance(self.schedule, RetimeSchedule) else None
-        self.curve = None if retimed is None else retimed.curve
-        is_blurred = retimed is not None and retimed.shutter is not None
-        self.has_exposures = is_blurred or isinstance(self.schedule, ExposureSchedule)
+        schedule = self.schedule
+        self.curve = schedule.curve if isinstance(schedule, RetimeSchedule) else None
+        is_blurred = isinstance(schedule, RetimeSchedule) and schedule.shutter is not None
+        self.has_exposures = is_blurred or isinstance(schedule, ExposureSchedule)
         entry = self.outputs.entry or Entry(number=0, start=Fraction(0), outputs_before=0)
         # the number of output frames so far, and those of the source frames to be read, and to become part of an
         # interval, next
@@ -303,7 +303,7 @@ class _LoopState:
             position = SourcePosition(self.beginning.number + number, self.beginning.seconds + frame.time - self.start)
             yield SourceFrame(replace(frame, time=time), position, place)
 
-    def groups(self, frames: Iterator[SourceFrame]) -> Iterable[FrameGroup]:
+    def groups(self, frames: Iterator[SourceFrame]) -> Iterable[tuple[SourceFrame, ...]]:
         """Return the frames in groups of which one picture is left: of damaged frames, or else of duplicates."""
         detector = None if self.interpolator.needs_every_frame else self.interpolator.duplicates
         replacement = self.interpolator.replacement
@@ -331,7 +331,7 @@ class _LoopState:
         self.summary.scene_cuts += interval.scene_cut
         self.summary.note_match(interval.match)
 
-    def intervals(self, groups: Iterable[FrameGroup]) -> Iterator[_Interval]:
+    def intervals(self, groups: Iterable[tuple[SourceFrame, ...]]) -> Iterator[_Interval]:
         """Yield the interval from each picture to the next."""
         for group in groups:
             if self.last is not None:
@@ -340,14 +340,14 @@ class _LoopState:
 
     def makes(self, output: _Output) -> bool:
         """Return whether the pixels of an output frame must be interpolated."""
-        is_needed = output.number in self.outputs and output.number >= self.outputs.first + self.outputs.skip
-        return output.is_interpolated and is_needed
+        first_missing = self.outputs.first + self.outputs.skip
+        return output.is_interpolated and output.number in self.outputs and output.number >= first_missing
 
     def counts(self, interval: _Interval) -> bool:
         """Return whether an interval belongs to this run, of all that write a part of the output."""
         return interval.first_output in self.outputs
 
-    def interval(self, group: FrameGroup, following: FrameGroup) -> _Interval:
+    def interval(self, group: tuple[SourceFrame, ...], following: tuple[SourceFrame, ...]) -> _Interval:
         """Return the interval from one picture to the next; must be called in order."""
         first_output, outputs = self.outputs_before, list[_Output]()
         for source, after in pairwise([*group, following[0]]):
@@ -453,7 +453,7 @@ def _exposed(outputs: Iterator[_Output]) -> Iterator[Frame]:
             yield frame
 
 
-def _tasks(clip: _LoopState, groups: Iterable[FrameGroup]) -> Iterator[Callable[[], Made]]:
+def _tasks(clip: _LoopState, groups: Iterable[tuple[SourceFrame, ...]]) -> Iterator[Callable[[], Made]]:
     """Yield the tasks in order, one per part of an interval, so that many frames between two take no extra memory."""
     for before, interval, after in with_neighbours(clip.intervals(groups)):
         if clip.outputs.is_past(interval.first_output - 2):  # two frames tell when the last one and its exposure end

@@ -176,13 +176,9 @@ class SourceFrame(FrameCache):
         return self.source_position
 
 
-FrameGroup = tuple[SourceFrame, ...]
-"""Consecutive frames that show the same picture; nearly always one."""
-
-
 def group_duplicates(
     frames: Iterable[SourceFrame], detector: DuplicateDetector, step: float = math.inf
-) -> Iterator[FrameGroup]:
+) -> Iterator[tuple[SourceFrame, ...]]:
     """Group duplicate frames; those of a still, and those at the end of the clip, form groups of one.
 
     Parameters
@@ -196,7 +192,7 @@ def group_duplicates(
 
     Yields
     ------
-    FrameGroup
+    tuple[SourceFrame, ...]
         Tuples of frames; every frame is in one of them.
     """
     for picture in find_pictures(frames, detector, step):
@@ -231,7 +227,7 @@ def find_synchronised(
 class PictureRun(NamedTuple):
     """Consecutive frames that show one picture, or a part of them if it lasts long."""
 
-    frames: FrameGroup
+    frames: tuple[SourceFrame, ...]
     """The frames, at least one."""
     is_still: bool
     """Whether it lasts longer than the detector allows, or until the clip ends, so that no motion follows it."""

@@ -155,9 +155,9 @@ def _estimate_in_part(image0: FrameCache, image1: FrameCache, everywhere: Illumi
     if max(image0.pixels.shape[:2]) < LOCAL_SIDES[-1]:  # a texture of so few pixels is as smooth as light
         return None
     for side in LOCAL_SIDES:
-        other = image1
-        if everywhere is not UNCHANGED:
-            other = image1.with_image(everywhere.undo(image1.cached(small_copy, side)))
+        other = (
+            image1 if everywhere is UNCHANGED else image1.with_image(everywhere.undo(image1.cached(small_copy, side)))
+        )
         gain = _find_local_gain(image0, other, side)
         if gain is None:
             return None
