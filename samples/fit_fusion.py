@@ -82,7 +82,7 @@ class Squares:
 
 def draw_squares(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[Any], count: int, seed: int) -> Squares:
     """Draw squares of the frame in the middle of a pair, more of them where the plain weights err."""
-    (listed,) = synthesizer._at_times(pair, [0.5])
+    (moment,) = synthesizer._moments(pair, [0.5])
     (image,) = synthesizer.synthesize(pair, [0.5])
     height, width = (size // 2 * 2 for size in truth.shape[:2])
     rows, columns = height // 2, width // 2
@@ -104,7 +104,7 @@ def draw_squares(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[A
         (1 / (odds[drawn] * error.size)).astype(np.float32),
     )
     wanted: dict[tuple[int, int], list[tuple[int, int, int]]] = {}
-    nodes, share = listed.candidates.listed.shape, window_shape(16)
+    nodes, share = moment.candidates.listed.shape, window_shape(16)
     for i in range(count):
         for slot in range(4):
             row, column = (2 * y[i] + 8) // 16 - 1 + slot // 2, (2 * x[i] + 8) // 16 - 1 + slot % 2
@@ -114,13 +114,13 @@ def draw_squares(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[A
                 wanted.setdefault((row, column), []).append((i, slot, square))
     layer = make_plane_group(*_full_samples(pair), (1, 1), 0, 0)
     weighting, half = synthesizer._weighting(pair.image0.pixels), np.float32(0.5)
-    room, squares_per_window = listed.candidates.weights.shape[2], SQUARES_PER_ROW**2
+    room, squares_per_window = moment.candidates.weights.shape[2], SQUARES_PER_ROW**2
     features, gains = (np.zeros((room, *size, squares_per_window), np.float32) for size in ((FEATURES,), ()))
     mixed, change = (np.zeros((room, 3, WINDOW * WINDOW), np.float32) for _ in range(2))
     for (row, column), squares in wanted.items():
-        node = layer, row, column, half, listed.candidates, weighting, listed.surroundings
+        node = layer, row, column, half, moment.candidates, weighting, moment.surroundings
         found = describe_node(*node, features, gains, mixed, change)
-        priors = listed.candidates.weights[row, column, : listed.candidates.listed[row, column]]
+        priors = moment.candidates.weights[row, column, : moment.candidates.listed[row, column]]
         priors = priors[priors > 0][:found]
         for i, slot, square in squares:
             order = np.argsort(-priors * np.exp(18 * features[:found, 0, square]), kind="stable")[:KEPT]
