@@ -181,7 +181,7 @@ class Findings:
             self.seen(frame, frame.time - self.times[0])
             self.origin = beginning(frames)
             place = SourcePosition(self.origin.number + len(self.times) - 1, self.in_clip(frame.time))
-            yield SourceFrame(frame, place)
+            yield SourceFrame(frame, source_position=place)
 
     def pairs(self, frames: FrameSource, interpolator: Interpolator) -> Iterator[Pair]:
         """Yield the pairs between which a conversion would make frames."""

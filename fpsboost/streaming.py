@@ -301,7 +301,7 @@ class _LoopState:
             last = time
             place = self.schedule.output_position(number, self.start, time)
             position = SourcePosition(self.beginning.number + number, self.beginning.seconds + frame.time - self.start)
-            yield SourceFrame(replace(frame, time=time), position, place)
+            yield SourceFrame(replace(frame, time=time), place, position)
 
     def groups(self, frames: Iterator[SourceFrame]) -> Iterable[tuple[SourceFrame, ...]]:
         """Return the frames in groups of which one picture is left: of damaged frames, or else of duplicates."""

@@ -156,15 +156,15 @@ class SourceFrame(FrameCache):
     ----------
     frame : Frame
         The frame, at its presentation time.
-    source_position, output_position : optional
+    output_position, source_position : optional
         See `FrameCache`.
     """
 
     def __init__(
         self,
         frame: Frame,
-        source_position: SourcePosition | None = None,
         output_position: Fraction | None = None,
+        source_position: SourcePosition | None = None,
     ) -> None:
         super().__init__(frame.image, output_position, source_position)
         self.frame = frame

@@ -212,7 +212,7 @@ class HoldOut(Checked):
             time = rising_time(clock, start, frame.time, last)
             if time is not None:
                 last = time
-                yield SourceFrame(replace(frame, time=time), position)
+                yield SourceFrame(replace(frame, time=time), source_position=position)
 
     def _truths(self, frames: Iterator[SourceFrame]) -> Iterator[_Truth]:
         """Yield the frames with their repeats, grouped or kept."""

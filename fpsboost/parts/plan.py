@@ -186,7 +186,7 @@ def _presented(
         if time is not None:
             before = time
             place = SourcePosition(number, frame.time)
-            yield SourceFrame(replace(frame, time=time), place)
+            yield SourceFrame(replace(frame, time=time), source_position=place)
 
 
 @dataclass(frozen=True)
