@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import cv2
 
-from fpsboost.contracts import FrameSource, OutputRange, SilentObserver, Summary
+from fpsboost.contracts import FrameSource, HasCompletedFrames, OutputRange, SilentObserver, Summary
 from fpsboost.errors import InputError, OptionError, choose_one, explained
 from fpsboost.fingerprint import fingerprint_files, fingerprint_options
 from fpsboost.image import Image
@@ -24,7 +24,7 @@ from fpsboost.io.video.capture import ArraySource, captured, rate_of
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.media.pyav import pyav_version
-from fpsboost.media.staging import JobFingerprint, StagedSink
+from fpsboost.media.staging import JobFingerprint
 from fpsboost.method_table import find_method
 from fpsboost.options import PathName, Range, Rate, checked, flags_of, with_options
 from fpsboost.parts.plan import enter, plan_part, share_index
@@ -138,7 +138,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
         with sink:
             if part is not None:
                 share_index(clip, part.output.folder.parent)
-            there = sink.completed_frames if isinstance(sink, StagedSink) else 0
+            there = sink.completed_frames if isinstance(sink, HasCompletedFrames) else 0
             if part is not None and part.is_empty:
                 summary = Summary()
             else:

@@ -25,7 +25,7 @@ from fpsboost.io.video.capture import CaptureSource
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pipe import PipeSink, PipeSource
-from fpsboost.io.video.sink import VideoPartSink, VideoSink
+from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media.demuxer import check_is_no_playlist, open_video
 from fpsboost.media.encoding import VIDEO_SUFFIXES, containers, encodes_alpha
@@ -304,7 +304,7 @@ class Target:
             raise OptionError(f"`resume` cannot go on with what went into {self._described}; leave it out.")
         if output.part is not None:
             self.check_parts()
-            return ImagePartSink(output) if self.kind == "images" else VideoPartSink(output)
+            return ImagePartSink(output) if self.kind == "images" else VideoSink(output)
         with explained(OutputError, "write to", self.path, "check the name and the permissions"):
             return sinks[self.kind](output)
 

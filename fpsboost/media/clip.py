@@ -266,7 +266,7 @@ class Clip:
                     raise InputError(self._refused)
                 self.remarks.append(f"{self._name} is Dolby Vision whose colours were taken for ordinary ones: wrong.")
             stops, aspect = self._reading.size_change == "stop", self._pictures.aspect_of(picture)
-            self._unifier = FormatUnifier(self._name, picture, traits, stops, aspect)
+            self._unifier = FormatUnifier(self._name, (picture.width, picture.height), traits, stops, aspect)
         return self._unifier
 
     def pictures(self) -> Generator[TimedPicture, None, None]:

@@ -334,8 +334,8 @@ class FormatUnifier:
     ----------
     name : str
         The file in messages.
-    first : av.VideoFrame
-        First picture.
+    size : (int, int)
+        Width and height of the first picture.
     traits : VideoTraits
         Pixel format and colour coding of the first picture.
     stops : bool
@@ -345,10 +345,10 @@ class FormatUnifier:
     """
 
     def __init__(
-        self, name: str, first: av.VideoFrame, traits: VideoTraits, stops: bool, aspect: Fraction = Fraction(1)
+        self, name: str, size: tuple[int, int], traits: VideoTraits, stops: bool, aspect: Fraction = Fraction(1)
     ) -> None:
         self._name, self.traits, self._stops = name, traits, stops
-        self._width, self._height, self._aspect = first.width, first.height, aspect
+        self._width, self._height, self._aspect = *size, aspect
         self._graphs = _Graphs(Fraction(1, 1000))
         self._reshaped = self._recoded = self._retagged = 0
         self._change = self._new_colours = self._recoding = ""

@@ -35,6 +35,7 @@ from fpsboost.media.pyav import pyav_version
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, opened_clip, prepared
 from fpsboost.run_options import Part, RunOptions
 from fpsboost.timing.rate import OutputRate
+from fpsboost.timing.time_map import TimeMap
 from fpsboost.version import __version__
 
 MANIFEST_NAME = "part.json"
@@ -178,6 +179,10 @@ def as_json(value: Any) -> Any:
     return value
 
 
+concrete_types: Mapping[Any, dict[str, Any]] = {Window: {"curve": TimeMap | None}}
+"""Types of the fields of dataclasses that name contracts."""
+
+
 def from_json(kind: Any, value: Any) -> Any:
     """Return the object of a type that `as_json` has stored.
 
@@ -200,7 +205,7 @@ def from_json(kind: Any, value: Any) -> Any:
     if type(None) in kinds:
         return from_json(next(each for each in kinds if each is not type(None)), value)
     if is_dataclass(kind):
-        hints = get_type_hints(kind)
+        hints = {**get_type_hints(kind), **concrete_types.get(kind, {})}
         return kind(**{name: from_json(hints[name], item) for name, item in value.items()})  # type: ignore[operator]
     return _collection(get_origin(kind), kinds, value)
 

@@ -378,7 +378,7 @@ STAGES = {
     "method": "fpsboost.interpolator.Interpolator.images",
     "writing a video": "fpsboost.io.video.sink.VideoSink.write",
     "writing images": "fpsboost.io.images.encoder.ImageEncoder.content",
-    "finishing a video": "fpsboost.io.video.sink.VideoSink._finish",
+    "finishing a video": "fpsboost.media.writer.FileWriter._finish",
     "finishing images": "fpsboost.io.images.sink.ImageSink._finish",
     "finishing an animation": "fpsboost.io.animation.sink.AnimationWriter.finish",
     "summary": "fpsboost.conversion.closing_remarks",

@@ -29,12 +29,13 @@ from fpsboost.io.images.source import ImageSource
 from fpsboost.io.side.flow import encode_flow
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.sink import ChunkSink, VideoSink
+from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media import chunks
 from fpsboost.media.chunks import ChunkWriter, find_chunks, timed_packets
 from fpsboost.media.info import OutputTiming
 from fpsboost.media.staging import JobFingerprint, StagingDirectory
+from fpsboost.media.writer import Writer
 from fpsboost.method_table import find_method, methods
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.render.folder import VectorFolder
@@ -198,7 +199,7 @@ def test_chunks_are_one_clip(tmp_path, clip, kind):
     target = tmp_path / f"out{suffix}"
     run(clip, target, encoding=encoding)
     assert len(pictures_of(target)) == 2 * FRAMES
-    with fpsboost.io.video.source.open_video(target, "out") as file:
+    with fpsboost.media.demuxer.open_video(target, "out") as file:
         stream = file.streams.video[0]
         length = stream.duration
         packets = [(packet.dts, packet.pts) for packet in file.demux(stream) if packet.size]
@@ -500,10 +501,10 @@ def test_moving_goes_on(tmp_path, images, snapshot, monkeypatch, moved):
 
 def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int) -> None:
     """Let Ctrl-C come when so many frames are on their way and a chunk is finished."""
-    finished, finish = threading.Event(), ChunkSink._finish_chunk
+    finished, finish = threading.Event(), Writer._finish_chunk
 
-    def finish_chunk(sink: ChunkSink) -> None:
-        finish(sink)
+    def finish_chunk(writer: Writer) -> None:
+        finish(writer)
         finished.set()
 
     def wrote(_: object, summary: Summary) -> None:
@@ -511,7 +512,7 @@ def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int) -> None:
             assert finished.wait(60)
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(ChunkSink, "_finish_chunk", finish_chunk)
+    monkeypatch.setattr(Writer, "_finish_chunk", finish_chunk)
     monkeypatch.setattr("fpsboost.cli.messages.Reporter.wrote", wrote)
 
 

@@ -34,8 +34,7 @@ FRAMES = 54
 @pytest.fixture(autouse=True)
 def short_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut and encode in shorter chunks, so that clips of some chunks are short."""
-    for module in ("fpsboost.parts.plan", "fpsboost.io.video.sink"):
-        monkeypatch.setattr(f"{module}.CHUNK_FRAMES", CHUNK_FRAMES)
+    monkeypatch.setattr("fpsboost.parts.plan.CHUNK_FRAMES", CHUNK_FRAMES)
     monkeypatch.setitem(VideoSink.__init__.__kwdefaults__, "chunk_frames", CHUNK_FRAMES)
 
 
