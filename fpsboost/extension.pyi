@@ -52,6 +52,7 @@ from .io.video.ycc import turned_upright as turned_upright
 from .layered import FrameImage as FrameImage
 from .media.demuxer import open_video as open_video
 from .media.encoding import encoders as encoders
+from .media.facts import list_streams as list_streams
 from .media.files import LOCKED as LOCKED
 from .media.files import check_writable as check_writable
 from .media.files import lock_file as lock_file
@@ -84,7 +85,6 @@ from .preparation import trim_source as trim_source
 from .probing import Findings as Findings
 from .probing import Probe as Probe
 from .probing import expected_losses as expected_losses
-from .probing import list_streams as list_streams
 from .threads import available_cores as available_cores
 from .threads import one_opencv_thread as one_opencv_thread
 from .threads import run_in_parallel as run_in_parallel

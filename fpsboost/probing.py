@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import statistics
 from collections.abc import Callable, Iterator
@@ -25,11 +24,8 @@ from fpsboost.io.animation.source import is_animation
 from fpsboost.io.opening import Target, TargetRequirements, open_source
 from fpsboost.io.output import Output
 from fpsboost.io.video.decode_options import DecodeOptions, SizeChange
-from fpsboost.media.demuxer import VideoFile, is_cover_art
-from fpsboost.media.fitting import first_packets, fits, headers_in, is_text, keeps_data
+from fpsboost.media import Look, StreamFacts, list_streams, look_of
 from fpsboost.media.info import OutputTiming
-from fpsboost.media.tags import find_timecode
-from fpsboost.media.traits import VideoTraits, matrices, primaries, tag_name, transfers
 from fpsboost.method_table import methods
 from fpsboost.pair import Pair
 from fpsboost.preparation import Preparation
@@ -37,41 +33,6 @@ from fpsboost.repair import find_damaged
 from fpsboost.streaming import beginning
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import count_frames
-
-
-@dataclass(frozen=True)
-class Look:
-    """Format and colour tags of a video."""
-
-    pixel_format: str
-    """FFmpeg's name."""
-    pixel_aspect: str
-    """Width of a pixel over its height."""
-    rotation: float
-    """Degrees clockwise for display."""
-    matrix: str | None
-    primaries: str | None
-    transfer: str | None
-    """Colour tags, None if unspecified."""
-    full_range: bool
-    """Black is 0 rather than 16 (in 8 bits)."""
-
-
-@dataclass(frozen=True)
-class StreamFacts:
-    """Properties of one stream of a file; details are its frame size or its sound format.
-
-    The kind is ``video``, ``audio``, ``subtitle``, ``cover``, ``data`` or ``attachment``. `carries_over` says whether
-    an .mp4 holds it too.
-    """
-
-    index: int
-    kind: str
-    codec: str | None
-    language: str | None
-    title: str | None
-    details: str
-    carries_over: bool
 
 
 @dataclass(frozen=True)
@@ -215,7 +176,7 @@ def probe(
             schedule = OutputRate().schedule(source.info, has_clock=has_clock)
         except FpsboostError as error:
             schedule, refused = OutputRate(keep_timing=True).schedule(source.info, has_clock=has_clock), str(error)
-        look = None if beside.traits is None else _look(beside.traits)
+        look = None if beside.traits is None else look_of(beside.traits)
         losses: list[str] = []
         if beside.video is not None and refused is None:
             timing = OutputTiming(schedule.rate(source.info.rate), schedule.time_base(source.info.time_base))
@@ -297,42 +258,3 @@ def as_prospect(remark: str) -> str:
     remark = re.sub(r"\b(was|were) (?=left out|taken|written)|(?<=; )(?=left out\.)", "would be ", remark)
     remark = re.sub(r"\blost (?=(?:the|tags|closed|of stream)\b)", "would lose ", remark)
     return re.sub(r"\bholds (?=stream \d)", "would hold ", remark)
-
-
-def _look(traits: VideoTraits) -> Look:
-    matrix = traits.display_matrix
-    rotation = 0.0 if matrix is None else round(math.degrees(math.atan2(matrix[1], matrix[0])), 1) % 360
-    return Look(
-        pixel_format=traits.pixel_format,
-        pixel_aspect=str(traits.sample_aspect_ratio or 1).replace("/", ":"),
-        rotation=rotation,
-        matrix=tag_name(matrices, traits.tagged_color_space),
-        primaries=tag_name(primaries, traits.color_primaries),
-        transfer=tag_name(transfers, traits.color_transfer),
-        full_range=traits.full_range,
-    )
-
-
-def list_streams(file: VideoFile) -> list[StreamFacts]:
-    """Return the properties of all streams in a file."""
-    whole, listed = headers_in(file), list[StreamFacts]()
-    with file.open() as container:
-        streams: list[Any] = list(container.streams)
-        samples = first_packets(container, [stream for stream in streams if stream.type in ("audio", "subtitle")])
-        for stream in streams:
-            context, tags, number = stream.codec_context, stream.metadata, stream.index
-            kind: str = "cover" if stream.type == "video" and is_cover_art(stream) else stream.type
-            details, carries_over = "", number == file.stream_index
-            if stream.type == "video" and context:
-                details = f"{context.width}x{context.height}"
-            elif stream.type == "audio" and context:
-                details = f"{context.sample_rate} Hz, {context.layout.name}"
-            if kind in ("audio", "subtitle"):
-                carries_over = (whole[number][0] and fits("mp4", stream, samples.get(number))) or is_text(stream)
-            elif kind == "cover":
-                carries_over = stream.name in ("png", "mjpeg")
-            elif kind == "data":
-                carries_over = bool(find_timecode(tags)) or keeps_data("mp4", stream)
-            codec, title = context.codec.canonical_name if context else None, tags.get("title", tags.get("name"))
-            listed.append(StreamFacts(number, kind, codec, tags.get("language"), title, details, carries_over))
-    return listed

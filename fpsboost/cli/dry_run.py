@@ -14,11 +14,12 @@ from fpsboost.cli.messages import fact_table, literal, sentence
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo
 from fpsboost.io.opening import PIPES
+from fpsboost.media import list_streams
 from fpsboost.media.remarks import counted
 from fpsboost.memory import readable_size
 from fpsboost.preparation import ConversionJob, Preparation, prepared, with_duration
 from fpsboost.preview.page import Preview, estimate_sentence, preview
-from fpsboost.probing import as_prospect, expected_losses, list_streams
+from fpsboost.probing import as_prospect, expected_losses
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Position, format_time
 from fpsboost.timing.rate import OutputRate, readable

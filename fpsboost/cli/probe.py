@@ -17,7 +17,8 @@ from fpsboost.timing.position import as_ranges
 from fpsboost.timing.schedule import parse_rate
 
 if TYPE_CHECKING:
-    from fpsboost.probing import Probe, StreamFacts
+    from fpsboost.media import StreamFacts
+    from fpsboost.probing import Probe
 
 MAX_WIDTH = 80
 MAX_CUTS = 24

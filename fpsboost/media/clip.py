@@ -484,3 +484,28 @@ class Clip:
                     self._pictures.forget_earlier(picture)
                     return True
         return False
+
+
+def open(path: str | os.PathLike[str], reading: Reading | None = None) -> Clip:
+    """Open a video file for reading.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        Video file; messages name it as it is given here.
+    reading : Reading, optional
+        How it is read; by default the best stream, as it is.
+
+    Returns
+    -------
+    Clip
+        Clip, a context manager that closes the file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, holds no video, or is encrypted from its beginning.
+    OptionError
+        `reading` names a stream that is no video, or a frame rate for a file that declares its own.
+    """
+    return Clip(path, reading or Reading())

@@ -425,7 +425,11 @@ class FormatUnifier:
         deep = full_chroma(16).replace("yuv", "yuva" if has_alpha(wanted.name) else "yuv")
         middle, last = (("format", name) for name in (deep if recodes else wanted.name, wanted.name))
         alike = self._graphs.passed(picture, ("scale", options), middle, ("pad", margins), last)
-        alike.pts, alike.duration, alike.time_base = picture.pts, picture.duration, picture.time_base
+        alike.pts, alike.duration, alike.time_base = (
+            picture.pts,
+            picture.duration,
+            picture.time_base or Fraction(1, 1000),
+        )
         alike.colorspace, alike.color_range = traits.tagged_color_space, traits.color_range
         alike.color_primaries, alike.color_trc = traits.color_primaries, traits.color_transfer
         return alike

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -19,6 +20,9 @@ from typing import Any, Self
 import av
 
 from fpsboost.media.chunks import CHUNK_FRAMES, Assembly, Chunk, ChunkWriter, find_chunks
+from fpsboost.media.clip import Clip
+from fpsboost.media.clock import Window
+from fpsboost.media.encode_settings import EncodeSettings
 from fpsboost.media.encoder import VideoEncoder
 from fpsboost.media.encoding import (
     EXACT_TIME_BASE_CONTAINERS,
@@ -30,6 +34,7 @@ from fpsboost.media.encoding import (
 from fpsboost.media.errors import CompleteAlreadyError, OutputError
 from fpsboost.media.files import check_writable
 from fpsboost.media.fitting import Fitting, fit_streams
+from fpsboost.media.info import OutputTiming
 from fpsboost.media.output import Output
 from fpsboost.media.pictures import FormatUnifier
 from fpsboost.media.staging import PartFolder, StagedSink, StagingDirectory, complete_already, hidden_place
@@ -307,6 +312,50 @@ class PartWriter(Writer):
         if len(find_chunks(self._folder, self._first_chunk)) < len(self._chunks):
             raise OutputError(f"{self._name} was not written because it cannot be read back; check the disk.")
         self._part.publish_part()
+
+
+def create(
+    path: str | os.PathLike[str],
+    like: Clip,
+    *,
+    encoding: EncodeSettings | None = None,
+    timing: OutputTiming | None = None,
+    window: Window | None = None,
+    overwrite: bool = False,
+) -> FileWriter:
+    """Return a writer of a video file that keeps whatever a clip has beside its pictures.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        File to write, whose suffix chooses the container: .mp4, .m4v, .mov, .mkv or .webm.
+    like : Clip
+        Clip whose sound, subtitles, tags, chapters, colours and orientation are carried over, and which may be read at
+        the same time. Its first picture is decoded.
+    encoding : EncodeSettings, optional
+        What is asked for of the encoder, and which streams are carried over; all by default.
+    timing : OutputTiming, optional
+        Frame rate and time base of the pictures to come; those of the clip by default.
+    window : Window, optional
+        Part of the clip that is written, for its sound and subtitles; all of it by default.
+    overwrite : bool
+        Replace an existing file.
+
+    Returns
+    -------
+    FileWriter
+        Writer to be entered; the file appears when it is left without an error.
+
+    Raises
+    ------
+    OptionError, OutputError
+        The path cannot be written, exists, or is the clip itself, or its container cannot hold the codec or a stream.
+    """
+    stream = like.stream_info
+    timing = timing or OutputTiming(like.info.rate, like.info.time_base)
+    encoding = encoding or EncodeSettings()
+    output = Output(os.fspath(path), like.info, timing, stream, encoding, overwrite=overwrite, window=window)
+    return FileWriter(output)
 
 
 def container_of(output: Output) -> str:
