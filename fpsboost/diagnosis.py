@@ -1,6 +1,6 @@
-"""Whether fpsboost works on this machine: what is installed, what it finds there, and whether its frames are right.
+"""Checks of an installation: libraries, kernels, codecs, the machine, and a self-test of the frames.
 
-Libraries are imported where they are looked at, because a broken installation is what is to be found.
+Libraries are imported where they are checked, because an installation may be broken.
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ Part = Literal["programs", "kernels", "codecs", "machine", "self-test"]
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that was looked at."""
+    """Result of a check."""
 
     part: Part
     name: str
     value: str
     advice: str = ""
-    """Sentence that says what to do where it does not work; else empty."""
+    """Sentence with what to do if the check failed; else empty."""
 
 
 def diagnose() -> Iterator[Finding]:
-    """Yield what is found, each as soon as it is known; an error is a finding, too, and a missing library the last."""
+    """Yield the result of each check as soon as it is known; an error is a result too, a missing library the last."""
     for needed in (_programs, _kernels):
         findings = list(needed())
         yield from findings
@@ -78,7 +78,7 @@ def _programs() -> Iterator[Finding]:
         except PackageNotFoundError:  # another package has brought the module
             yield Finding("programs", name, str(import_module(module).__version__))
         except ImportError as error:
-            advice = f"{name} cannot be imported; install {package} anew with pip."
+            advice = f"{name} cannot be imported; reinstall {package} with pip."
             yield Finding("programs", name, str(error), advice)
 
 
@@ -119,7 +119,7 @@ def _machine() -> Iterator[Finding]:
     processor = platform.processor() or platform.machine()
     yield Finding("machine", "processor", f"{processor}, {', '.join(features) or 'no vector instructions'}")
     cores = available_cores()
-    yield Finding("machine", "cores", f"{cores} of {os.cpu_count()}; as many pairs of frames side by side")
+    yield Finding("machine", "cores", f"{cores} of {os.cpu_count()}; as many pairs of frames in parallel")
     yield Finding("machine", "free memory", f"{available_memory() / 1e9:.1f} GB")
 
 
@@ -132,22 +132,22 @@ def _self_test() -> Iterator[Finding]:
     texture = np.random.default_rng(0).integers(0, 256, (24, 60, 3), np.uint8).repeat(4, axis=0).repeat(4, axis=1)
     for method, known in known_digests.items():
         is_known = self_test(methods[method], texture).startswith(known)
-        bits = "same bits as elsewhere" if is_known else OTHER_BITS
+        bits = "same results as on other machines" if is_known else OTHER_BITS
         made = interpolate(texture, np.roll(texture, 8, axis=1), method=method)
         error = float(np.abs(made.astype(float) - np.roll(texture, 4, axis=1))[16:-16, 16:-16].mean())
         advice = "" if error <= MAX_ERROR else f"Frames of {method} are wrong; {REINSTALL}"
         yield Finding("self-test", method, f"{bits}, error {error:.2f} of 255", advice)
 
 
-REINSTALL_PYAV = "install the wheel of av anew with pip."
-OTHER_BITS = "other bits than elsewhere: make parts of one video on machines of this kind alone"
-REINSTALL = "install fpsboost again with pip."
+REINSTALL_PYAV = "reinstall the wheel of av with pip."
+OTHER_BITS = "results differ from other machines: convert parts of one video on machines of this kind only"
+REINSTALL = "reinstall fpsboost with pip."
 
 _looks: Mapping[Part, tuple[Callable[[], Iterator[Finding]], str]] = MappingProxyType(
     {
         "codecs": (_codecs, f"FFmpeg cannot be used; {REINSTALL_PYAV}"),
         "machine": (_machine, f"The processor cannot be examined; {REINSTALL}"),
-        "self-test": (_self_test, f"No frame can be made; {REINSTALL}"),
+        "self-test": (_self_test, f"No frame can be interpolated; {REINSTALL}"),
     }
 )
-"""What is looked at after the programs and the kernels, and the advice where that raises an error."""
+"""Checks after those of programs and kernels, and the advice where one raises an error."""

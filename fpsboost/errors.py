@@ -1,6 +1,6 @@
 """Exceptions of fpsboost, as one hierarchy.
 
-Every message is one sentence that names the file or the option and says what to do. The library raises;
+Every message is one sentence that names the file or the option, and how to correct it. The library raises;
 only the command line prints and chooses an exit code (2 for `OptionError`, 1 for the others).
 """
 
@@ -90,7 +90,7 @@ def format_duration(seconds: float) -> str:
 STANDARD_OUTPUT = "Standard output or a temporary file"  # what an error of the system is about that names no file
 
 MAX_REASON = 200
-"""Characters of an error that nobody foresaw."""
+"""Maximum number of characters of the text of an unexpected error."""
 
 
 def explain(error: OSError | MemoryError, name: str = STANDARD_OUTPUT) -> str:

@@ -280,7 +280,7 @@ def interpolate_with_confidence(
     """
     interpolator = replace(find_method(method), cuts=None)
     if not 0 < t < 1:
-        raise OptionError(f"A confidence is for times between two frames, above 0 and below 1, not at {t}.")
+        raise OptionError(f"Confidence is defined between two frames, for t above 0 and below 1, not at {t}.")
     image0, image1 = (FrameCache(image) for image in _with_channels(frame0, frame1))
     ((image, confidence),) = interpolator.images(interpolator.pair(image0, image1), [t], with_confidence=True)
     return InterpolatedImage(view(image).array().reshape(frame0.shape), confidence)

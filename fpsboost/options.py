@@ -37,7 +37,7 @@ PathName = str | os.PathLike[str]
 AtCuts = Literal["repeat", "blend", "extrapolate"]
 """Across a cut: repeat the nearer frame, mix the two, or extrapolate the motion of each."""
 Duplicates = Literal["interpolate", "keep"]
-"""Treatment of repeated frames: grouped and interpolated anew, or kept as frames of their own."""
+"""Treatment of repeated frames: grouped and interpolated again, or kept as frames of their own."""
 Pattern = Literal["full", "three-step", "diamond"]
 """Search pattern of block matching: every offset of the range, or one of two fast searches from the best so far."""
 Uncertain = Literal["keep", "blend", "nearest", "hold"]
@@ -154,7 +154,7 @@ def with_options(options: Any, given: dict[str, Any], group: str) -> Any:
         value = getattr(options, each.name)
         if each.name in given:
             if value != each.default:
-                raise OptionError(f"`{each.name}` is given twice, by itself and in `{group}`; give one of them.")
+                raise OptionError(f"`{each.name}` is given twice, on its own and in `{group}`; give one of them.")
             value = values[each.name] = given.pop(each.name)
         if is_dataclass(each.default) and is_dataclass(value):
             values[each.name] = with_options(value, given, group)
@@ -235,7 +235,7 @@ hints_of: Callable[[Any], dict[str, Any]] = lru_cache(maxsize=None)(partial(get_
 
 
 def check_type(name: str, value: Any, hint: Any) -> None:
-    """Raise `OptionError`, which calls a value by its name, unless the value is of the type that a hint says."""
+    """Raise `OptionError`, which calls a value by its name, unless the value is of the type of a hint."""
     if not _is_of(value, hint):
         given = str(value) if isinstance(value, Fraction) else shorten(reprlib.repr(value), 60)
         raise OptionError(f"`{name}` must be {_described(hint, value)}, not {given}.")

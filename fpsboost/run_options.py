@@ -47,7 +47,7 @@ def parse_part(text: str, option: str = "`chunk`") -> Part:
     """Parse the number of a part and how many there are; messages name it by `option`."""
     match = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text.strip())
     if match is None:
-        raise OptionError(f"{option} {text!r} is no part of a whole; write it like 3/8 for the third of eight.")
+        raise OptionError(f"{option} {text!r} is not a part; write it like 3/8 for the third of eight.")
     return Part(int(match[1]), int(match[2]))
 
 

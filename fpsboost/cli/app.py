@@ -76,7 +76,7 @@ from fpsboost.version import __version__
 EXAMPLES = """
 [bold]Examples[/]
   fpsboost in.mp4                                      twice: in-2x.mp4
-  fpsboost in.mp4 out.mp4 --dry-run                    what it would take
+  fpsboost in.mp4 out.mp4 --dry-run                    time and size
   fpsboost in.mp4 out.mkv --fps 59.94 --crf 16         a rate, not a factor
   fpsboost renders/ doubled/                           a folder of images
   fpsboost renders/ --fill-gaps --in-place             the missing images
@@ -93,7 +93,7 @@ EXAMPLES = """
   fpsboost in.mp4 out.mp4 --chunk 3/8                  one part of eight
   fpsboost join out.mp4 out.mp4.parts/                 the eight parts joined
   ffmpeg -i in -f yuv4mpegpipe - | fpsboost - out.mp4  from a pipe
-  fpsboost probe in.mp4                                what a clip is
+  fpsboost probe in.mp4                                properties of a clip
   fpsboost preview in.mp4                              before and after
   fpsboost plan renders/ plan/ --budget 10%            regions to render
   fpsboost merge doubled/ regions/ out/ --plan plan/   regions into frames
@@ -181,7 +181,7 @@ def convert(
     more
         Further names; the last one is the folder.
     dry_run
-        Write nothing; say what it would make and take.
+        Write nothing; estimate output, losses, time and size.
     """
     gc.disable()  # until the first frame is read: importing makes many objects and few cycles
     # imported here so that --help and --version need not wait for OpenCV and FFmpeg
@@ -222,7 +222,7 @@ def convert(
     if not Path(input).suffix and not os.path.exists(input):
         names = {name.strip("-"): name for name in app}
         for meant in get_close_matches(input.lower(), names, 1):
-            raise OptionError(f"{input} is no command, and no file; did you mean fpsboost {names[meant]}?")
+            raise OptionError(f"{input} is neither a command nor a file; did you mean fpsboost {names[meant]}?")
     paths = [input, *([] if output is None else [output]), *more]
     inputs = paths if run_options.in_place else paths[:-1]
     check_named_once(inputs)
@@ -232,7 +232,7 @@ def convert(
     of_one_clip = ["--vectors"] * (motion.rendered.vectors is not None) + ["--chunk"] * (run_options.chunk is not None)
     of_one_clip += run_options.side.given
     if of_one_clip:
-        raise OptionError(f"{' and '.join(of_one_clip)} goes with one clip; convert several inputs one by one.")
+        raise OptionError(f"{' and '.join(of_one_clip)} cannot be used with several inputs; convert them one by one.")
     if dry_run:
         messages = replace(messages, quiet=True, progress="bar")
     if run_options.in_place:
@@ -242,7 +242,7 @@ def convert(
 
 
 app.command(
-    "fpsboost.cli.probe:probe", help="Describe a clip, and what a conversion would keep of it.", help_epilogue=""
+    "fpsboost.cli.probe:probe", help="Print the properties of a clip, and what a conversion keeps.", help_epilogue=""
 )
 app.command(
     "fpsboost.cli.preview:preview",
@@ -256,9 +256,7 @@ app.command(
     usage="Usage: fpsboost compare [OPTIONS] IN...",
     help_epilogue="Exit codes: 0 compared, 1 failed, 2 wrong usage or no method to compare, 3 below --fail-under.",
 )
-app.command(
-    "fpsboost.cli.plan:plan", help="Find the regions of interpolated frames to render instead.", help_epilogue=""
-)
+app.command("fpsboost.cli.plan:plan", help="Find regions of interpolated frames to render instead.", help_epilogue="")
 app.command("fpsboost.cli.plan:merge", help="Put rendered regions into interpolated frames.", help_epilogue="")
 
 
@@ -344,12 +342,12 @@ def check_dashes(tokens: Sequence[str]) -> None:
         arguments = {name: each for each in apps[-1].assemble_argument_collection() for name in each.names}
         for meant in get_close_matches(f"--{found[1]}", arguments, 1, 0.8):
             value = found[2] or ("" if arguments[meant].hint is bool or following[:1] == "-" else f" {following}")
-            raise OptionError(f"{token} is no option; write {meant}{value.rstrip()}, with two dashes.")
+            raise OptionError(f"{token} is not an option; write {meant}{value.rstrip()}, with two dashes.")
 
 
 def main() -> None:
     """Run the command line and exit; called by `fpsboost.__main__`."""
-    gc.freeze()  # what is imported by now stays
+    gc.freeze()  # objects of modules imported so far stay alive
     gc.enable()
     limit_free_memory()  # before there is a second thread
     keep_columns_readable()
@@ -446,7 +444,7 @@ def all_explained(names: Sequence[str], output: str | None = None) -> Iterator[N
     except (FpsboostError, CycloptsError):
         raise
     except ImportError as error:  # the kernels' own error already gives advice
-        others = f"{error.name} cannot be imported ({error}); fpsboost doctor says what is missing."
+        others = f"{error.name} cannot be imported ({error}); run fpsboost doctor to see which packages are missing."
         raise FpsboostError(others if error.name else str(error)) from error
     except (OSError, MemoryError) as error:
         raise FpsboostError(explain(error, STANDARD_OUTPUT if output is None else names[0])) from error

@@ -25,7 +25,7 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
     """Choose an output path in a folder, which need not exist, for each input.
 
     A video keeps its name, and its suffix if that can be written; images go into a folder of their folder's name.
-    Raises `OptionError` if the last argument is no folder, or two inputs would get the same output.
+    Raises `OptionError` if the last argument is not a folder, or two inputs would get the same output.
     """
     if folder in PIPES or any(path in PIPES for path in inputs):
         raise OptionError("A pipe is one clip; convert several inputs with names, into a folder.")
@@ -33,7 +33,7 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
     is_file = os.path.exists(folder) and not is_folder
     looks_like_file = not is_folder and extension_of(folder) in (*OUTPUT_SUFFIXES, *IMAGE_SUFFIXES)
     if is_file or looks_like_file or is_pattern(folder):
-        raise OptionError(f"{folder} is no folder, and {len(inputs)} inputs need one; name a folder last.")
+        raise OptionError(f"{folder} is not a folder, and {len(inputs)} inputs need one; name a folder last.")
     outputs = [name_in_folder(path, Path(folder)) for path in inputs]
     by_output: dict[str, str] = {}
     for path, output in zip(inputs, outputs, strict=True):
@@ -54,13 +54,13 @@ def last_image_remarks(frames_in: int, frames_out: int, multiple: Fraction) -> l
 
 
 def check_ending(input: str, output: str) -> None:
-    """Raise `OptionError` if a video gets an output that is a folder only because its name has no ending."""
+    """Raise `OptionError` if a video gets an output that is a folder only because its name has no extension."""
     # all other inputs are images, or refused in their turn, as is an output that is there and no folder
     is_video = input in PIPES or (os.path.isfile(input) and extension_of(input) not in IMAGE_SUFFIXES)
     is_meant = output in PIPES or output.endswith(("/", "\\")) or os.path.lexists(output) or is_pattern(output)
     if output and is_video and not (Path(output).suffix or is_meant):
         ending = extension_of(input) if extension_of(input) in OUTPUT_SUFFIXES else ".mp4"
-        raise OptionError(f"{output} has no ending; say {output}{ending}, or {output}/ for a folder of images.")
+        raise OptionError(f"{output} has no extension; write {output}{ending}, or {output}/ for a folder of images.")
 
 
 def convert_each(inputs: Sequence[str], folder: str, convert: Convert, options: MessageOptions) -> None:

@@ -44,7 +44,7 @@ from fpsboost.options import words_of_options
 EXIT_BELOW_LIMIT = 3  # exit code of a comparison that ends below ``--fail-under``
 
 
-frames_group = Group("Which frames", sort_key=1)
+frames_group = Group("Frames", sort_key=1)
 
 
 @with_flags
@@ -54,7 +54,7 @@ def compare(
     *more: Annotated[PathName, Parameter(show=False)],
     decoding: Annotated[DecodeOptions, frames_group],
     frames: Annotated[HoldOutOptions, frames_group],
-    method_options: Annotated[ComparedMethodOptions, Group("What is compared", sort_key=2)],
+    method_options: Annotated[ComparedMethodOptions, Group("Methods", sort_key=2)],
     at_cuts: Annotated[CutOptions, GROUPS["Scenes"]],
     results: Annotated[ResultOptions, Group("Results", sort_key=3)],
 ) -> None:
@@ -88,7 +88,7 @@ def compare(
             raise OptionError(f"--fail-under must be a number of decibels, not {results.fail_under}.")
         asked = split_methods(method_options.methods)[0]
         if ours and asked in skipped:
-            raise OptionError(f"--fail-under asks about {asked}, which cannot be run here; name another method first.")
+            raise OptionError(f"--fail-under checks {asked}, which cannot be run here; name another method first.")
     metrics = evaluation.choose_metrics(results.metrics)
     check_results(results)
     for clip in more:  # the first one is opened below anyway
@@ -164,10 +164,12 @@ def check_several(inputs: Sequence[str], method_options: ComparedMethodOptions) 
     if len(inputs) == 1:
         return
     if method_options.frames_of:
-        raise OptionError("--frames goes with one clip; compare several one by one.")
+        raise OptionError("--frames belongs to one clip; compare several clips one by one.")
     rendered = method_options.rendered
     if any("{in}" not in path for path in (rendered.vectors, rendered.depth) if path is not None):
-        raise OptionError("--vectors and --depth are of one clip; for several, write {in} for it, as in {in}/vectors.")
+        raise OptionError(
+            "--vectors and --depth belong to one clip; with several, write {in} for it, as in {in}/vectors."
+        )
     check_named_once(inputs)
 
 
@@ -189,7 +191,7 @@ def check_results(results: ResultOptions) -> None:
             check_writable(Path(path), path)
         place = Path(os.path.realpath(path))
         if {place, place.parent} & set(taken):
-            raise OptionError(f"{path} is in the place of another result; name another one.")
+            raise OptionError(f"{path} is already the path of another result; choose another one.")
         taken.append(place)
 
 
@@ -278,7 +280,7 @@ def split_methods(texts: Sequence[str]) -> list[str]:
             name = part.partition(":")[0]
             if "=" in name:  # an option of the method before
                 if place == 0 or ":" not in methods[-1]:
-                    raise OptionError(f"{part!r} belongs to no method; write METHOD:{part}.")
+                    raise OptionError(f"{part!r} follows no method name; write METHOD:{part}.")
                 methods[-1] += f",{part}"
             elif not name:
                 raise OptionError(f"--methods {text!r} lacks a name; write names with commas between them.")
@@ -361,9 +363,9 @@ def name_others(frames: Sequence[str], peers: Sequence[str]) -> Others:
         for text in texts:
             name, _, rest = (word.strip() for word in text.partition("="))
             if not (name and rest):
-                raise OptionError(f"{option} {text!r} lacks a name or what it names; write {option} NAME={value}.")
+                raise OptionError(f"{option} {text!r} lacks a name or a value; write {option} NAME={value}.")
             if name in taken | others.folders.keys() | others.commands.keys() or ":" in name:
-                raise OptionError(f"{option} {name!r} is the name of another method; choose one of your own.")
+                raise OptionError(f"{option} {name!r} is the name of another method; choose a different name.")
             found[name] = rest
     for name, command in others.commands.items():
         evaluation.split_command(name, command)

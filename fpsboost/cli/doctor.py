@@ -27,9 +27,9 @@ def doctor(*, json: Annotated[bool, Parameter(group=options)] = False) -> None:
     Parameters
     ----------
     json
-        Plain JSON on standard output.
+        Print JSON.
     """
-    with Console(stderr=True, quiet=json).status("looking"):
+    with Console(stderr=True, quiet=json).status("checking"):
         findings = list(diagnosis.diagnose())
     broken = [finding for finding in findings if finding.advice]
     if json:

@@ -48,7 +48,7 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
     if {job.input, job.output} & {*PIPES}:
         raise OptionError("A pipe can be read only once, and --dry-run tries passages of the clip; name files.")
     if run.chunk is not None:
-        raise OptionError("--dry-run is about the whole conversion; leave --chunk out.")
+        raise OptionError("--dry-run estimates the whole conversion; leave --chunk out.")
     reading = Console(stderr=True)
     with reading.status("reading"), prepared(job, replace(run, resume=False)) as ready:
         details, remarks = expected_losses(ready)
@@ -69,7 +69,7 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
         "from": f"{source.width}x{source.height} at {readable(source.rate)} fps{duration}",
         "makes": ", ".join(made),
         "keeps": ", ".join(kept) or "pictures alone",
-        "takes": "not tried, since a tenth of so few frames tells too little",
+        "takes": "not estimated, as the clip is too short for a trial",
     }
     added = frames if frames is None or not run.in_place else frames - (source.frame_count or 0)
     if length >= SHORTEST:

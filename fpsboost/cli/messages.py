@@ -170,7 +170,7 @@ class LibraryTexts:
         """Return the first captured lines as one sentence; empty if there are none."""
         lines = self.lines()
         more = f"; and {len(lines) - MAX_SHOWN} more" if len(lines) > MAX_SHOWN else ""
-        return f"A library that reads files says: {'; '.join(lines[:MAX_SHOWN])}{more}." if lines else ""
+        return f"A library reports: {'; '.join(lines[:MAX_SHOWN])}{more}." if lines else ""
 
 
 class _Messages(TextIOWrapper):
@@ -352,7 +352,7 @@ class JsonReporter(ExitStack):
         self._print("converting", fps=_speed(summary))
 
     def say_settings(self, method: str, interpolator: fpsboost.Interpolator) -> None:
-        """Do nothing, as the starting program knows its options."""
+        """Do nothing: the calling program has set the options."""
 
     def say_summary(self, summary: fpsboost.Summary, *, in_place: bool = False) -> None:
         """Print the counts and remarks as the last object.

@@ -83,9 +83,9 @@ class RenderedOptions:
 
     def __post_init__(self) -> None:
         if self.depth is not None and self.vectors is None:
-            raise OptionError("--depth goes with the motion vectors of --vectors; give that too, or leave --depth out.")
+            raise OptionError("--depth needs the motion vectors of --vectors; give both, or leave --depth out.")
         if self.vector_convention != "auto" and self.vectors is None:
-            raise OptionError("--vectors-as says what --vectors holds; give that too, or leave it out.")
+            raise OptionError("--vectors-as describes the files of --vectors; give both, or leave --vectors-as out.")
 
     @property
     def folder(self) -> fpsboost.VectorFolder | None:
@@ -133,10 +133,10 @@ class MethodOptions:
         short="m",
         choices=METHODS,
     )
-    duplicates: Duplicates = option("interpolate", f"Repeats: {one_of(Duplicates)}.")
+    duplicates: Duplicates = option("interpolate", f"Duplicates: {one_of(Duplicates)}.")
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
-    uncertain: Uncertain = option("keep", f"If unsure: {one_of(Uncertain)}.")
-    below: float = option(LEAST_CONFIDENCE, "Motion is unsure below this confidence.")
+    uncertain: Uncertain = option("keep", f"Fallback: {one_of(Uncertain)}.")
+    below: float = option(LEAST_CONFIDENCE, "Confidence limit of uncertain pixels.")
     rendered: RenderedOptions = RenderedOptions()
 
     def interpolator(self, tuning: TuningOptions = TuningOptions()) -> fpsboost.Interpolator:
@@ -155,7 +155,7 @@ class CutOptions(Checked):
 
     at_cuts: AtCuts = option("repeat", f"At a cut: {one_of(AtCuts)}.")
     cut_threshold: Annotated[float, Range(0, 1)] | None = option(
-        None, "Frames less alike than this are a cut: 0 to 1; else 0.5."
+        None, "Similarity below which it is a cut: 0 to 1; else 0.5."
     )
     no_cuts: bool = option(False, "Treat the clip as one scene.")
     cuts: str | None = option(None, "Cut list: a time or frame per line, or PySceneDetect's.", metavar="FILE")
@@ -213,7 +213,7 @@ class HoldOutOptions:
 
     range: str | None = option(None, "Frames A to B - 1, counted from 0; also A: or :B.", metavar="A:B")
     skip: int = option(1, "Hidden frames between two shown ones.")
-    duplicates: Duplicates = option("interpolate", "Repeats: interpolate (unscored) or keep.")
+    duplicates: Duplicates = option("interpolate", "Duplicates: interpolate (unscored) or keep.")
 
 
 @dataclass(frozen=True)
@@ -289,7 +289,7 @@ class PreviewOptions:
     methods: tuple[str, ...] = option(
         ("nlm",), "As in compare: separated by commas, options after a\ncolon.", short="m", metavar="NAMES"
     )
-    duplicates: Duplicates = option("interpolate", f"Repeats: {one_of(Duplicates)}.")
+    duplicates: Duplicates = option("interpolate", f"Duplicates: {one_of(Duplicates)}.")
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
     side_by_side: str | None = option(None, "Write the passages, before and after, as a video too.", metavar="FILE")
     overwrite: bool = option(False, "Replace an existing page and video.", short="y")

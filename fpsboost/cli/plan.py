@@ -26,7 +26,7 @@ def plan(
     options: Annotated[PlanOptions, budget],
     motion: Annotated[PlannedMethodOptions, method],
 ) -> None:
-    """Find the regions of interpolated frames to render instead.
+    """Find regions of interpolated frames to render instead.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def plan(
         A new folder for plan.json and a mask for every frame.
     """
     interpolator = MethodOptions(motion.method, rendered=motion.rendered).interpolator()
-    with Console(stderr=True, quiet=motion.quiet).status("making frames whose truth is known"):
+    with Console(stderr=True, quiet=motion.quiet).status("interpolating frames that are known"):
         table = plan_table(fpsboost.plan_rerender(input, folder, options, method=interpolator), folder)
     if not motion.quiet:
         Console(highlight=False).print(table)
@@ -50,7 +50,7 @@ def plan_table(plan: fpsboost.RerenderPlan, folder: str) -> Table:
     before, after = plan.expected_error, plan.remaining_error
     less = f", {1 - after / before:.0%} less" if before > 0 else ""
     facts = {
-        "frames": f"{len(started)} of {len(plan.frames)} that are made" + f", {whole} whole" * (whole > 0),
+        "frames": f"{len(started)} of {len(plan.frames)} that are interpolated" + f", {whole} whole" * (whole > 0),
         "regions": f"{regions} rectangles",
         "pixels": f"{plan.rendered_share:.1%} of those frames",
         "squared error": f"{before:.1f} -> {after:.1f} expected{less}",

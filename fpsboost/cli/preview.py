@@ -49,7 +49,7 @@ def preview(
         raise OptionError("Standard input can be read only once, and a preview reads several places; name a file.")
     place = Path(page or f"{clip_name(input) or 'clip'}-preview.html")
     if place.suffix.lower() not in (".html", ".htm"):
-        raise OptionError(f"{place} is no name of a page; say {place}.html.")
+        raise OptionError(f"{place} is not the name of an HTML page; write {place}.html.")
     check_writable(place, str(place), [Path(input)], options.overwrite)
     if options.side_by_side is not None:
         check_video(Target.parse(options.side_by_side), [Path(input)], overwrite=options.overwrite)

@@ -36,7 +36,7 @@ def probe(
     allow_playlists: Annotated[bool, Parameter(group=options)] = False,
     json: Annotated[bool, Parameter(group=options)] = False,
 ) -> None:
-    """Describe a clip, and what a conversion would keep of it.
+    """Print the properties of a clip, and what a conversion keeps.
 
     Parameters
     ----------

@@ -133,7 +133,7 @@ def _join(output: str, parts: Sequence[Path], *, overwrite: bool) -> Summary:
             # the output did not exist when the parts were planned; the run that has written it removes the parts next
             if folder.is_dir() and not isinstance(error, ExistsError):
                 raise
-            raise CompleteAlreadyError(f"{output} was made by another run of the same job.") from None
+            raise CompleteAlreadyError(f"{output} was written by another run of the same job.") from None
     with suppress(OSError):  # all parts at once, so that another run does not find only some of them
         removed = folder.rename(folder.with_name(f".{folder.name}.joined"))
         shutil.rmtree(removed)
@@ -163,8 +163,8 @@ class _Attempts:
             self.lost_workers += 1
             if self.lost_workers >= MAX_LOST_WORKERS:
                 raise ClusterError(
-                    f"{self.lost_workers} workers died while they made part {part}, the last one at {worker}; see what "
-                    "the system and its log say, such as too little memory."
+                    f"{self.lost_workers} workers died while they made part {part}, the last one at {worker}; "
+                    "check the system's logs, for example for lack of memory."
                 )
             return
         self.failures += 1

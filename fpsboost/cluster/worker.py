@@ -160,14 +160,18 @@ def _check_job_once(order: WorkerOrder, job: ConversionJob, place: str) -> None:
         raise ClusterError(f"The worker at {place} cannot read the input: {error}") from error
     difference = first_difference(order.facts, here)
     if difference == "input":
-        raise ClusterError(f"The worker at {place} has another file under the input's name; copy the input there.")
+        raise ClusterError(
+            f"The worker at {place} has a different file under the name of the input; copy the input there."
+        )
     if difference in ("self test", "first frame"):
         raise ClusterError(
-            f"The worker at {place} calculates other pixels than the client; leave it out, or give all machines "
+            f"The worker at {place} computes different pixels than the client; leave it out, or give all machines "
             "processors and libraries of one kind."
         )
     if difference is not None:
-        raise ClusterError(f"The worker at {place} differs from the client in the {difference}; make them the same.")
+        raise ClusterError(
+            f"The worker at {place} differs from the client in the {difference}; install the same version everywhere."
+        )
     _checked.add(order.topic)
 
 

@@ -116,7 +116,7 @@ def compare(
     if not compared_methods:
         reasons = "".join(f"; {name} was skipped, {reason}" for name, reason in (skipped or {}).items())
         raise OptionError(f"There is no method to compare{reasons}; name others with `methods`.")
-    if vectors is not None:  # which say what moves, as in conversions
+    if vectors is not None:  # which give the motion, as in conversions
         hold_out = replace(hold_out, duplicates="keep", counts_frames=True)
     if counts_frames(cuts):
         hold_out = replace(hold_out, counts_frames=True)

@@ -133,7 +133,7 @@ class HoldOut(Checked):
                 f"{self.skip + 2} frames."
             )
         if self._range != WHOLE and not self.decoding.trim.is_whole:
-            raise OptionError("`range` says in frames what `start` and `end` say; give one or the other.")
+            raise OptionError("`range` and `start` or `end` both select frames; give one or the other.")
 
     @property
     def _range(self) -> str:
@@ -206,8 +206,8 @@ class HoldOut(Checked):
             position = SourcePosition(begin.number + number, begin.seconds + frame.time - start)
             if frame.array.dtype == np.float32 and not np.isfinite(frame.array).all():
                 raise InputError(
-                    f"Frame {position.number} of {path} holds values that are no numbers (NaN or infinity), to which "
-                    "nothing can be compared; repair it, or leave it out with `range`."
+                    f"Frame {position.number} of {path} contains NaN or infinity, so that nothing can "
+                    "be compared with it; repair it, or leave it out with `range`."
                 )
             time = rising_time(clock, start, frame.time, last)
             if time is not None:
@@ -303,4 +303,4 @@ def parse_range(text: str) -> tuple[int, int | None]:
             raise ValueError
         return int(first or 0), int(last) if last else None
     except ValueError:
-        raise OptionError(f"`range` {text!r} is no range; write it like 0:50, 100: or :50.") from None
+        raise OptionError(f"`range` {text!r} is not a range; write it like 0:50, 100: or :50.") from None

@@ -189,7 +189,7 @@ def _leads(ahead: Sequence[Difference]) -> str:
     """Return the lead over every other method with its standard error, as text."""
     if ahead[0].standard_error is None:
         leads = ", ".join(f"{each.mean:.2f} dB ahead of {each.method}" for each in ahead)
-        return f"{leads}; one frame says nothing about others"
+        return f"{leads}; one frame is no evidence for others"
     leads = ", ".join(f"{each.mean:.2f} ± {each.standard_error:.2f} dB ahead of {each.method}" for each in ahead)
     return f"{leads} (mean and standard error; up to two of these count as level)"
 

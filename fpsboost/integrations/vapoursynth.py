@@ -86,7 +86,7 @@ def interpolate(
     ----------
     clip : vapoursynth.VideoNode
         YUV 4:2:0, 4:2:2 or 4:4:4 of 8, 9, 10, 12, 14 or 16 bits, RGB of 8 to 16 bits, or RGBS; of constant size and
-        format. The meaning of YUV is told by ``_Matrix``, ``_Range`` (or ``_ColorRange``) and ``_ChromaLocation``;
+        format. Colour is read from ``_Matrix``, ``_Range`` (or ``_ColorRange``) and ``_ChromaLocation``;
         without them it is that of untagged video: limited range, BT.709 from 720 rows on and BT.601 below, left.
     factor_num, factor_den : int
         Output frames per source frame, as a fraction.
@@ -96,14 +96,14 @@ def interpolate(
         A name as `fpsboost.find_method` takes it, with options: ``nlm:fusion=plain``; or an object, whose `duplicates`
         is not used.
     sc : bool
-        Whether scenes end: where ``_SceneChangeNext`` of a frame or ``_SceneChangePrev`` of the next one says so, and,
+        Whether scenes end: where ``_SceneChangeNext`` of a frame or ``_SceneChangePrev`` of the next one is set, and,
         between frames that have neither, where the method's own policy finds a cut. False follows motion between any
         two frames.
 
     Raises
     ------
     vapoursynth.Error
-        An option is out of range, or the clip cannot be taken, with a sentence that says what to do.
+        An option is out of range, or the clip cannot be taken, with a sentence on how to correct it.
     """
     with _host_errors():
         interpolator = find_method(method)
@@ -136,7 +136,7 @@ def _check_clip(clip: vs.VideoNode) -> None:
         )
     _layout_of(clip.format)
     if clip.num_frames < 2:
-        raise InputError("The clip holds one frame, and two are needed to make one in between.")
+        raise InputError("The clip has one frame; interpolation needs at least two.")
 
 
 def _factor_of(
@@ -144,13 +144,13 @@ def _factor_of(
 ) -> Fraction:
     if fps_num is None:
         if fps_den is not None:
-            raise OptionError("`fps_den` goes with `fps_num`; give that too, or leave it out.")
+            raise OptionError("`fps_den` needs `fps_num`; give both, or leave `fps_den` out.")
         factor = ByFactor(_fraction("factor", factor_num, factor_den)).factor
     else:
         rate = ByRate(_fraction("fps", fps_num, 1 if fps_den is None else fps_den)).frames_per_second
         if not clip.fps:
             raise OptionError(
-                "`fps_num` needs the clip's own frame rate; say it with std.AssumeFPS, or give `factor_num` instead."
+                "`fps_num` needs the clip's own frame rate; set it with std.AssumeFPS, or give `factor_num` instead."
             )
         factor = ByFactor(rate / clip.fps).factor
     if clip.num_frames * factor > MAX_FRAMES:
@@ -382,5 +382,5 @@ class _OutputFrames:
 
 
 def _duration_of(frame: vs.VideoFrame) -> Fraction:
-    """Return how long a frame is shown by its properties, seconds; 0 if they do not say."""
+    """Return how long a frame is shown by its properties, seconds; 0 if they have none."""
     return Fraction(frame.props.get("_DurationNum", 0), frame.props.get("_DurationDen") or 1)

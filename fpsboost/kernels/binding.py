@@ -67,9 +67,7 @@ def library() -> ctypes.CDLL:
     try:
         return ctypes.CDLL(os.fspath(LIBRARY))
     except OSError as error:
-        raise ImportError(
-            f"The compiled kernels cannot be loaded ({error}); install fpsboost again with pip."
-        ) from None
+        raise ImportError(f"The compiled kernels cannot be loaded ({error}); reinstall fpsboost with pip.") from None
 
 
 @cache

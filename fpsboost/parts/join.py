@@ -76,7 +76,7 @@ def join(
     job = ConversionJob(input or first.input, output, first.rate, method, first.decoding, first.encoding)
     with opened_clip(job, run) as clip:
         if input_identity(clip) != first.facts.get("input"):
-            raise InputError(f"{clip.whole.info.name} is not the input of the parts; name that with `input`.")
+            raise InputError(f"{clip.whole.info.name} is not the input of the parts; give that as `input`.")
         ready = prepare(job, run, clip)
         filled = [manifest for _, manifest in ordered if manifest.summary.frames_out]
         window = None
@@ -112,7 +112,7 @@ def find_parts(parts: Sequence[PathName]) -> list[Path]:
     Raises `OptionError` if none are named, and `InputError` for a path that is not a folder.
     """
     if not parts:
-        raise OptionError("No parts are named; name their folders, or the folder that holds them.")
+        raise OptionError("No parts are given; name their folders, or the folder that contains them.")
     folders: list[Path] = []
     for part in map(Path, parts):
         if not part.is_dir():

@@ -80,7 +80,7 @@ class PartPlan:
 def plan_part(ready: Preparation) -> PartPlan:
     """Choose the output frames of a part, and let the source begin where they need it.
 
-    Parts are whole chunks of a video, in which its encoder begins anew, or any frames of images. All runs cut a job in
+    Parts are whole chunks of a video, in which its encoder starts again, or any frames of images. All runs cut a job in
     the same way.
 
     Raises
@@ -235,7 +235,9 @@ def _refuse_others(folder: Path, facts: Mapping[str, str], *, overwrite: bool) -
         if difference is None:
             continue
         if not overwrite:
-            raise OutputError(f"{folder} holds parts with another {difference}; remove it, or give `overwrite=True`.")
+            raise OutputError(
+                f"{folder} contains parts with a different {difference}; remove it, or give `overwrite=True`."
+            )
         shutil.rmtree(folder)
         return
 
@@ -271,7 +273,7 @@ def _measured(ready: Preparation) -> tuple[Sequence[Fraction] | None, int, int]:
         info = replace(info, frame_count=len(times), duration=times[-1] - times[0] + 1 / info.rate)
     total = count_frames(ready.base_schedule, info, ready.target.has_clock)
     if total is None or not clip.whole.stream_info.files:
-        raise OptionError(f"{info.name} does not say how many frames it holds; convert it in one run.")
+        raise OptionError(f"{info.name} does not declare its number of frames; convert it in one run.")
     return times, total, CHUNK_FRAMES if ready.target.kind == "video" else 1
 
 

@@ -88,7 +88,7 @@ class Preview:
     trials: dict[str, list[ConvertedPassage]]
     """Converted passages by the names of the methods, in the order of the selection."""
     frames: int | None
-    """Number of frames that the whole conversion writes; None if the header of the source does not tell."""
+    """Number of frames that the whole conversion writes; None if the header of the source does not declare its own."""
     seconds_per_frame: dict[str, float]
     """Expected time per output frame on this machine, by the names of the methods."""
     is_video: bool
@@ -367,7 +367,9 @@ def write_video(path: str, preview: Preview, *, overwrite: bool = False) -> None
 def check_video(target: Target, inputs: Collection[Path] = (), *, overwrite: bool) -> None:
     """Raise an error if the video cannot be written; called before any conversion."""
     if target.kind != "video":
-        raise OptionError(f"`side_by_side` writes a video, and {target.path} names none; end it with .mp4 or .mkv.")
+        raise OptionError(
+            f"`side_by_side` writes a video, and {target.path} is not the name of one; end it with .mp4 or .mkv."
+        )
     check_writable(Path(target.path), target.path, inputs, overwrite)
 
 

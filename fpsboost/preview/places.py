@@ -226,7 +226,7 @@ def find_passages(
     for start in starts:
         if span.end is not None and start >= span.end:
             end = f"the end of {span.info.name}, {float(span.end):g} s"
-            raise OptionError(f"`at={float(start):g}` lies behind {end}; name less.")
+            raise OptionError(f"`at={float(start):g}` is after {end}; give an earlier position.")
     if starts:
         passages = [reader.examine(span.latest(start), span.duration) for start in starts]
         return Selection(passages, passages, [])
@@ -257,7 +257,7 @@ def find_retimed(
     points = given or [segment.begin for segment in curve.segments[1:]]
     shown = [time for time in points if time < curve.length and curve.source(time) < end] or [Fraction(0)]
     if given and shown != given:
-        raise OptionError("`at` names a place behind the end of the retimed output; name less.")
+        raise OptionError("`at` is after the end of the retimed output; give an earlier position.")
     times = given or shown[:: -(-len(shown) // PASSAGES)]
     starts = (span.begin + max(Fraction(0), curve.source(time) - span.duration / 2) for time in times)
     selection, passages = find_passages(job, run, map(Position, starts)), list[Passage]()
@@ -330,7 +330,7 @@ def _with_most_motion(places: list[Place], span: _Span, reader: _Reader, examine
 
 @dataclass(frozen=True)
 class _Reader:
-    """Reader of parts of a job's clip, which is opened anew for each."""
+    """Reader of parts of a job's clip, which is opened again for each."""
 
     job: ConversionJob
     run: RunOptions

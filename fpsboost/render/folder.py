@@ -103,7 +103,7 @@ class VectorFolder:
         self._vectors = _find_files(self.path, "motion vectors", ".exr", ".flo")
         if self.is_flow and convention != "auto":
             raise OptionError(
-                f"{self.path} holds .flo files, which have one convention; leave `vector_convention` out."
+                f"{self.path} contains .flo files, which have one convention; leave `vector_convention` out."
             )
         self._depth = None if self.depth_path is None else _find_files(self.depth_path, "depth", ".exr")
         depth_files = [] if self._depth is None else self._depth.files
@@ -189,7 +189,7 @@ class VectorFolder:
         if found is None:
             raise InputError(
                 f"{file} has no motion vectors among its channels ({', '.join(names)}); save a vector pass, with X, Y, "
-                "Z and W in one layer, or say with `vector_convention` what they mean."
+                "Z and W in one layer, or give their meaning with `vector_convention`."
             )
         channels = np.dstack(list(read_exr(file, found[0]).values()))
         _check_numbers(file, channels)
@@ -286,13 +286,13 @@ def _find_files(path: Path, what: str, *suffixes: str) -> FileSequence:
         kinds = {name: Path(name).suffix.lower() for name in list_files(path) if not name.startswith(".")}
     names = [name for name, kind in kinds.items() if kind in suffixes]
     if not names:
-        raise InputError(f"{path} holds no {what} ({' or '.join(suffixes)}); name a folder that does.")
+        raise InputError(f"{path} contains no {what} ({' or '.join(suffixes)}); name a folder that does.")
     if len({kinds[name] for name in names}) > 1:
-        raise InputError(f"{path} holds both .exr and .flo files; keep one kind of motion vectors in it.")
+        raise InputError(f"{path} contains both .exr and .flo files; keep one kind of motion vectors in it.")
     if kinds[names[0]] == ".flo":
         for name in names:
             if not name.endswith((BACKWARD, FORWARD)):
-                raise InputError(f"{path / name} is neither a *{BACKWARD} nor a *{FORWARD}; rename it or take it away.")
+                raise InputError(f"{path / name} is neither a *{BACKWARD} nor a *{FORWARD}; rename or remove it.")
             ending, other = (BACKWARD, FORWARD) if name.endswith(BACKWARD) else (FORWARD, BACKWARD)
             partner = name.removesuffix(ending) + other
             if partner not in names:
@@ -312,9 +312,7 @@ def _check_numbers(path: Path, flow: NDArray[Any]) -> None:
     """Raise `InputError` if vectors are not finite."""
     count = int((~np.isfinite(flow)).any(axis=-1).sum())
     if count:
-        raise InputError(
-            f"{path} has {count} motion vectors that are unknown, infinite or no numbers; render it again."
-        )
+        raise InputError(f"{path} has {count} motion vectors that are unknown, infinite or NaN; render it again.")
 
 
 def _read_depth(path: Path) -> NDArray[Any]:

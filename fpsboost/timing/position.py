@@ -236,7 +236,7 @@ class Replacement(Checked):
                 lines = file.read(MAX_CHARACTERS).splitlines()
         items = {item.strip(): None for line in lines for item in line.partition("#")[0].split(",") if item.strip()}
         if not items:
-            raise OptionError(f"{option} {text!r} names no frame; {SYNTAX}.")
+            raise OptionError(f"{option} {text!r} contains no frame; {SYNTAX}.")
         return cls(tuple(_parse_range(item, option) for item in items if item != "auto"), "auto" in items)
 
     def as_option(self) -> str:
@@ -288,7 +288,7 @@ def _parse_range(text: str, option: str) -> Range:
     try:
         first, *last = (parse_position(f"{word}f" if word.isdecimal() else word, option) for word in words)
     except OptionError:
-        raise OptionError(f"{option} {text!r} names no frame; {SYNTAX}.") from None
+        raise OptionError(f"{option} {text!r} contains no frame; {SYNTAX}.") from None
     return first, last[0] if last else first
 
 

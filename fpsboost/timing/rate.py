@@ -116,7 +116,7 @@ class OutputRate(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.slow_motion_sound is not None and not self.slow_motion and not self.retimes:
-            raise OptionError("`slow_motion_sound` goes with `slow_motion`; give that too, or leave it out.")
+            raise OptionError("`slow_motion_sound` needs `slow_motion`; give both, or leave it out.")
         kinds = ("retime", "speed", "slow_motion", "keep_timing", "fill_gaps")
         given = [f"`{name}`" for name in kinds if getattr(self, name)]
         if self.retimes and len(given) > 1:
@@ -126,7 +126,7 @@ class OutputRate(Checked):
         if self.fps is not None and self.keep_timing:
             raise OptionError("`fps` makes the rate constant and `keep_timing` does not; give one of them.")
         if self.shutter_samples is not None and self.shutter is None:
-            raise OptionError("`shutter_samples` goes with `shutter`; give that too, or leave it out.")
+            raise OptionError("`shutter_samples` needs `shutter`; give both, or leave it out.")
         _ = self.exposure
         if self.fill_gaps and (self.keep_timing or self.replace is not None):
             other = "`keep_timing` keeps a variable rate" if self.keep_timing else "`replace` those that are damaged"
@@ -219,7 +219,7 @@ class OutputRate(Checked):
         if self.fps is None and info.mean_rate is not None and is_implausible(info.rate, info.mean_rate):
             raise InputError(
                 f"{info.name} plays at {float(info.rate):.6g} frames per second by its clock and holds "
-                f"{rounded(float(info.mean_rate), 3)} of them per second; say with `fps` how fast the output plays, "
+                f"{rounded(float(info.mean_rate), 3)} of them per second; give the output's rate with `fps`, "
                 "such as `fps=60`, or multiply the frames of each interval with `keep_timing`."
             )
         rate = info.rate * factor if self.fps is None else Fraction(self.fps) * self.stretch

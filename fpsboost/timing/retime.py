@@ -59,7 +59,7 @@ def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_n
     is_smooth, ending = "smooth" in plain.split(), re.search(r"\sx(\S+)\s*$", plain)
     onward = None if ending is None else parse_number(ending[1], "`retime`, speed at the end,")
     if onward is not None and onward <= 0:
-        raise OptionError(f"`retime` does not lead to the source's end with x{onward}; give a speed above 0.")
+        raise OptionError(f"`retime` never reaches the source's end with x{onward}; give a speed above 0.")
     plain = plain if ending is None else plain[: ending.start()]
     is_numbered = not re.search(r"\d[sf:]", plain) and re.search("[1-9]", plain) is not None
     is_listed = "\n" in text.strip()

@@ -133,7 +133,7 @@ def preview_between(job: ConversionJob, time: Fraction) -> dict[str, Any]:
         pairs = list(islice(findings.pairs(clip.source, job.method), 3))
         if not pairs:
             if start <= 0:
-                raise InputError(f"{info.name} has one frame, and none to interpolate; choose a longer clip.")
+                raise InputError(f"{info.name} has only one frame; choose a longer clip.")
             raise OptionError(f"{info.name} has no two frames at {float(time):g} s; choose an earlier place.")
         moments = [findings.in_clip(times[0]) for times in findings.pictures[: len(pairs) + 1]]
         nearest = max((number for number in range(len(pairs)) if moments[number] <= time), default=0)

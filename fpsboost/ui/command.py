@@ -40,9 +40,10 @@ def ui(
     Parameters
     ----------
     folder
-        Use nothing outside of this folder. Without it, begin in the home folder, or open the page that runs already.
+        Restrict the page to this folder. By default, start in the home folder, or open the page of a fpsboost ui that
+        is running.
     port
-        Port of this machine; the queue is the same on each.
+        Port to listen on; all ports share one queue.
     no_browser
         Print the address only.
     """

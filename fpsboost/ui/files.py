@@ -36,7 +36,7 @@ class Files:
             raise InputError("The name of the input is empty; name a video or a folder of images.")
         path = Path(os.path.realpath(os.path.expanduser(text)))
         if not self._is_inside(path):
-            raise InputError(f"{text} lies outside of {self.root}, which is all that this page may use.")
+            raise InputError(f"{text} lies outside of {self.root}, to which this page is restricted.")
         return path
 
     def listing(self, text: str) -> dict[str, Any]:
@@ -66,7 +66,7 @@ class Files:
     def find(self, wanted: list[dict[str, Any]], start: str) -> dict[str, list[str]]:
         """Return the paths of files by name and size, and the missing names of those that are not near a folder.
 
-        A browser does not tell the path of a file that is dropped on the page. It is searched for in the folder, in the
+        A browser does not give the path of a file that is dropped on the page. It is searched for in the folder, in the
         root or the home folder, and in the folders there.
         """
         home = self.root or Path.home()
@@ -141,7 +141,7 @@ def show_in_folder(path: Path) -> None:
     try:
         subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     except OSError as error:
-        raise OutputError(f"{words[0]} could not be started, which shows folders; the file is {path}.") from error
+        raise OutputError(f"{words[0]} could not be started to show the folder; the file is {path}.") from error
 
 
 def _kind(entry: os.DirEntry[str]) -> tuple[str, int]:

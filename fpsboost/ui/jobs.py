@@ -149,7 +149,7 @@ class Queue:
         """
         with self._changed:
             if len(self._jobs) + len(commands) > MAX_JOBS:
-                raise OptionError(f"The queue takes {MAX_JOBS} jobs and has {len(self._jobs)}; remove some first.")
+                raise OptionError(f"The queue is full, with {len(self._jobs)} of {MAX_JOBS} jobs; remove some first.")
             outputs = [*self.outputs(), *(words[2].rstrip("/") for words in commands)]
             for output in outputs:
                 if outputs.count(output) > 1:
@@ -300,7 +300,9 @@ def _locked(path: Path) -> BufferedRandom:
     except OSError as error:  # else a disk without locks
         if error.errno in LOCKED:
             file.close()
-            raise InUseError("fpsboost ui runs already; stop it, or leave the folder out to open its page.") from None
+            raise InUseError(
+                "fpsboost ui is already running; stop it, or leave the folder out to open its page."
+            ) from None
     return file
 
 

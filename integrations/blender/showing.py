@@ -65,7 +65,7 @@ def load_confidence(folder: Path) -> tuple[Any, int]:
     """Load the maps of a folder as one image, and return it with the number of the last."""
     files = numbered_files(folder, ".png")
     if not files:
-        raise RoundTripError(f"{folder} holds no confidence; convert first.")
+        raise RoundTripError(f"{folder} contains no confidence maps; convert first.")
     image = bpy.data.images.get(CONFIDENCE)
     if image is not None:
         bpy.data.images.remove(image)
@@ -83,7 +83,7 @@ def load_sequence(context: Any, folder: Path) -> Any:
     """
     files = numbered_files(folder, ".exr")
     if not files:
-        raise RoundTripError(f"{folder} holds no images; convert first.")
+        raise RoundTripError(f"{folder} contains no images; convert first.")
     first, *others = files.values()
     scene = strip_scene(context.scene, min(files), max(files))
     editor = scene.sequence_editor_create()

@@ -76,11 +76,11 @@ def test_no_name_is_needed_and_nothing_replaced(fpsboost_, tmp_path, unchanged):
         (["s/a_##.png", "s/b_##.png"], "out", "s/a_##.png and s/b_##.png would both become out/s/"),
         (["a.mp4", "-"], "out", "A pipe is one clip"),
         (["a.mp4", "b.mp4"], "-", "A pipe is one clip"),
-        (["a.mp4", "b.mp4"], "c.mp4", "c.mp4 is no folder, and 2 inputs need one"),
-        (["a.mp4", "b.mp4"], "c.png", "c.png is no folder"),
-        (["a.mp4", "b.gif"], "c.gif", "c.gif is no folder"),
-        (["a.mp4", "b.mp4"], "out/c_##.png", "out/c_##.png is no folder"),
-        (["a.mp4", "b.mp4"], __file__, "test_batch.py is no folder"),
+        (["a.mp4", "b.mp4"], "c.mp4", "c.mp4 is not a folder, and 2 inputs need one"),
+        (["a.mp4", "b.mp4"], "c.png", "c.png is not a folder"),
+        (["a.mp4", "b.gif"], "c.gif", "c.gif is not a folder"),
+        (["a.mp4", "b.mp4"], "out/c_##.png", "out/c_##.png is not a folder"),
+        (["a.mp4", "b.mp4"], __file__, "test_batch.py is not a folder"),
     ],
 )
 def test_mistakes_are_told_first(inputs, folder, sentence):

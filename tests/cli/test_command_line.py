@@ -411,7 +411,7 @@ def test_no_command_ends_in_a_traceback(fpsboost_, clip, tmp_path, unchanged, mo
 
 
 FAULTS = {
-    "binding.LIBRARY = Path('missing.so')": "install fpsboost again with pip.",
+    "binding.LIBRARY = Path('missing.so')": "reinstall fpsboost with pip.",
     "os.environ['FPSBOOST_CPU'] = 'avx1024'": "FPSBOOST_CPU is avx1024, and this processor has baseline",
 }
 
@@ -444,11 +444,11 @@ def test_kernels_that_cannot_be_used_are_one_sentence(clip, tmp_path, unchanged,
         ("compare in.mp4 --bogus", "See fpsboost compare --help."),
         ("compare in.mp4 --retime=0=0", "not take --retime, an option of conversions. See fpsboost compare --help."),
         ("plan a b --uncertain blend", "not take --uncertain, an option of conversions. See fpsboost plan --help."),
-        ("in.mp4 -fps 60", "-fps is no option; write --fps 60, with two dashes."),
-        ("in.mp4 \N{EN DASH}factor=3", "\N{EN DASH}factor=3 is no option; write --factor=3, with two dashes."),
-        ("in.mp4 -overwrite out.mp4", "-overwrite is no option; write --overwrite, with two dashes."),
-        ("in.mp4 -methd nlm", "-methd is no option; write --method nlm, with two dashes."),
-        ("ui -port 1", "-port is no option; write --port 1, with two dashes."),
+        ("in.mp4 -fps 60", "-fps is not an option; write --fps 60, with two dashes."),
+        ("in.mp4 \N{EN DASH}factor=3", "\N{EN DASH}factor=3 is not an option; write --factor=3, with two dashes."),
+        ("in.mp4 -overwrite out.mp4", "-overwrite is not an option; write --overwrite, with two dashes."),
+        ("in.mp4 -methd nlm", "-methd is not an option; write --method nlm, with two dashes."),
+        ("ui -port 1", "-port is not an option; write --port 1, with two dashes."),
         ("in.mp4 out.mp4 -m nml", "There is no method 'nml'; did you mean 'nlm'?"),
         ("in.mp4 out.mp4 -m nlm:fusion=bare", "`fusion` must be one of learnt, plain, not 'bare'."),
         ("in.mp4 out.mp4 --preset slwo", "did you mean 'slow'?"),

@@ -26,8 +26,8 @@ def test_commas_part_methods_and_options(texts, found):
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("v=0.1,nlm", "'v=0.1' belongs to no method; write METHOD:v=0.1"),
-        ("nlm,v=0.1", "'v=0.1' belongs to no method"),
+        ("v=0.1,nlm", "'v=0.1' follows no method name; write METHOD:v=0.1"),
+        ("nlm,v=0.1", "'v=0.1' follows no method name"),
         ("nlm,,dis", "lacks a name"),
         ("nlm:", "has an option without a value"),
         ("nlm:v", "has an option without a value"),

@@ -51,7 +51,7 @@ def test_what_is_refused_is_refused_at_once(fpsboost_, tmp_path):
     write_clip(tmp_path / "in.mp4", sound="aac")
     ramp = fpsboost_("in.mp4", "--speed", "0.5@0.2-0.3", "--dry-run", *CHEAP)
     assert rows(ramp.out)["makes"].startswith("in-retimed.mp4, 13 frames at 25 fps")
-    assert rows(ramp.out)["takes"] == "not tried, since a tenth of so few frames tells too little"
+    assert rows(ramp.out)["takes"] == "not estimated, as the clip is too short for a trial"
     write_clip(tmp_path / "in.mkv")  # whose header says how long the file is, not the video
     curve = fpsboost_("in.mkv", "--retime", "0=0 0.2s=0.2s 0.4s=0 x0.5", "--dry-run", *CHEAP)
     assert rows(curve.out)["makes"].startswith("in-retimed.mkv, 30 frames at 25 fps, 0:01.200")

@@ -63,7 +63,7 @@ def test_what_is_read_nevertheless_is_a_note(tmp_path, fpsboost_, monkeypatch):
         write(tmp_path / "in" / f"{number}.jpg")
     result = fpsboost_("in", "out", "-m", "blend")
     assert (result.code, len(result.lines)) == (0, 3)
-    assert result.lines[2] == "Note: A library that reads files says: Corrupt data."
+    assert result.lines[2] == "Note: A library reports: Corrupt data."
     assert fpsboost_("in", "out2", "-m", "blend", "-q").err == ""
 
 

@@ -61,10 +61,10 @@ def test_help_ends_in_a_terminal_of_any_width(fpsboost_, monkeypatch, columns):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ("in.mp4 film", "film has no ending; say film.mp4, or film/ for a folder of images."),
-        ("in.gif film", "say film.gif, or film/"),
-        ("in.mp4 images/film --chunk 1/2", "say images/film.mp4, or images/film/"),
-        ("- film", "say film.mp4, or film/"),
+        ("in.mp4 film", "film has no extension; write film.mp4, or film/ for a folder of images."),
+        ("in.gif film", "write film.gif, or film/"),
+        ("in.mp4 images/film --chunk 1/2", "write images/film.mp4, or images/film/"),
+        ("- film", "write film.mp4, or film/"),
         ("in.mp4 film/", None),
         ("in.mp4 empty", None),
         ("images film", None),

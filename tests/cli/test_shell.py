@@ -132,7 +132,7 @@ def test_a_missing_library_is_found(monkeypatch):
     monkeypatch.setitem(sys.modules, "av", None)
     last = list(diagnose())[-1]
     assert (last.part, last.name) == ("programs", "PyAV")
-    assert last.advice == "PyAV cannot be imported; install av anew with pip."
+    assert last.advice == "PyAV cannot be imported; reinstall av with pip."
 
 
 def test_an_error_is_a_finding(monkeypatch):

@@ -266,7 +266,7 @@ def test_an_output_just_made_by_another_client_is_complete(images, output):
     for part in parts:
         convert_job(images.to(output), run=RunOptions(chunk=part))
     join(output, [part.folder(output) for part in parts])
-    with pytest.raises(CompleteAlreadyError, match="was made by another run"):
+    with pytest.raises(CompleteAlreadyError, match="was written by another run"):
         dask_engine._join(str(output), [part.folder(output) for part in parts], overwrite=False)
     assert parts[0].folder(output).is_dir()
 
@@ -276,8 +276,8 @@ def test_an_output_just_made_by_another_client_is_complete(images, output):
     [
         ("fpsboost", r"The worker at tcp://[\d.:]+ has fpsboost \S+, and the client another; install the same"),
         ("libraries", r"The worker at tcp://[\d.:]+ has PyAV .+, and the client another; install the same"),
-        ("input", r"The worker at tcp://[\d.:]+ has another file under the input's name; copy"),
-        ("self_test", r"The worker at tcp://[\d.:]+ calculates other pixels than the client; leave it out"),
+        ("input", r"The worker at tcp://[\d.:]+ has a different file under the name of the input; copy"),
+        ("self_test", r"The worker at tcp://[\d.:]+ computes different pixels than the client; leave it out"),
     ],
 )
 def test_a_worker_that_differs_is_refused(client, images, output, monkeypatch, fact, message):
@@ -321,7 +321,9 @@ def test_parts_of_another_job_are_not_joined(client, images, output):
     """They are refused, and replaced if the output may be."""
     other = replace(images.to(output), rate=OutputRate(Fraction(4)))
     convert_job(other, RunOptions(chunk=Part(1, 2)))
-    with pytest.raises(OutputError, match=r"holds parts with another factor; remove it, or give `overwrite=True`"):
+    with pytest.raises(
+        OutputError, match=r"contains parts with a different factor; remove it, or give `overwrite=True`"
+    ):
         convert(images.to(output), client)
     convert(images.to(output), client, run=RunOptions(overwrite=True))
     assert images.is_whole(output)

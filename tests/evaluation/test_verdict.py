@@ -36,7 +36,7 @@ HARD = np.linspace(25, 35, 12)  # frames that differ by 10 dB, so that the mean 
     [
         (HARD, HARD + 0.2 + np.random.default_rng(0).normal(0, 0.05, 12), [], "here, 0.2 dB ahead of a; .*"),
         ([30.0] * 10, [29.9] * 9 + [33.0], ["a"], "here, 0.2 dB ahead of a, which is level; .*"),
-        ([30.0], [34.0], ["a"], "on one frame, 4.0 dB ahead of a; .* one frame says nothing about others[.].*"),
+        ([30.0], [34.0], ["a"], "on one frame, 4.0 dB ahead of a; .* one frame is no evidence for others[.].*"),
     ],
     ids=["every frame shows it", "one frame decides the mean", "one frame"],
 )

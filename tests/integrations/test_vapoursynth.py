@@ -284,7 +284,7 @@ def test_scene_changes_are_found_and_set():
         ({"factor_num": 0}, "`factor` must be above 0 and at most 1000, not 0."),
         ({"factor_den": 0}, "`factor_den` must be at least 1, not 0."),
         ({"factor_num": 2.5}, "`factor_num` must be a whole number, not 2.5."),
-        ({"fps_den": 1001}, "`fps_den` goes with `fps_num`; give that too, or leave it out."),
+        ({"fps_den": 1001}, "`fps_den` needs `fps_num`; give both, or leave `fps_den` out."),
         ({"fps_num": 0}, "`fps` must be above 0 and at most 100000, not 0."),
     ],
 )

@@ -154,7 +154,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         ("none", None, 0, "none is not a folder with motion vectors"),
         ("file", None, 0, "file is not a folder with motion vectors"),
-        ("empty", None, 0, "empty holds no motion vectors"),
+        ("empty", None, 0, "empty contains no motion vectors"),
         ("v_##.exr", None, 0, r"No image is named like .*v_##\.exr"),
         ("none/v_##.exr", None, 0, r"none/v_##\.exr .No such file"),
         ("v_##.flo", None, 0, "is not a folder"),

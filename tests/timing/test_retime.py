@@ -100,7 +100,7 @@ def test_points_are_times_or_frames(text, expected):
         ("0=0 2s=3", "point 2: '2s=3' has no unit"),
         ("0=0 2s=three", "point 2 'three' is not a position"),
         ("0=0s", "at least two points"),
-        ("0=0s x0", "does not lead to the source's end"),
+        ("0=0s x0", "never reaches the source's end"),
         ("0=0s x2 1s=1s", "point 2: 'x2' must be an output time"),
         ("\ufeff0s 0s\n9s 18s\nx1", "goes to 0:18.000"),
         ("0=0 1=1", "point 1: 0 is before Nuke's first frame, 1; write seconds"),

@@ -754,7 +754,7 @@ def test_queue_belongs_to_one_server(tmp_path):
     for _ in range(2):
         with closing(Queue(tmp_path / "queue.json")):
             assert {path.name for path in tmp_path.iterdir()} == {"queue.json", "queue.lock"}
-            with pytest.raises(OutputError, match="runs already"):
+            with pytest.raises(OutputError, match="is already running"):
                 Queue(tmp_path / "queue.json")
 
 

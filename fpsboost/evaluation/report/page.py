@@ -1,6 +1,6 @@
 """A comparison as one page that needs nothing but a browser: figures, tables, and pictures to look at closely.
 
-The page says what a `Comparison` holds and scores nothing anew; frames are interpolated again only to be shown.
+The page shows the data of a `Comparison`; frames are interpolated again to be shown, but not scored again.
 """
 
 from __future__ import annotations

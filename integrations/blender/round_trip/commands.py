@@ -98,7 +98,7 @@ def explain_failure(lines: Sequence[str], exit_code: int) -> str:
         return f"fpsboost ended with exit code {exit_code}: {last}"
     unknown = re.match(r"Unknown (?:option|command)[\s:\"]+([\w-]+)", said[-1])
     if unknown:
-        return f"The fpsboost that was found is too old, it does not know {unknown[1]}; install a newer one."
+        return f"The fpsboost that was found is too old for {unknown[1]}; install a newer one."
     return said[-1]
 
 

@@ -105,7 +105,7 @@ def check_renders(folder: Path, frames: Sequence[int]) -> None:
     surplus = sorted(present.keys() - set(frames))
     if surplus:
         raise RoundTripError(
-            f"{folder} also holds {_counted(surplus)}, not of this frame range and step; move what is old away."
+            f"{folder} also holds {_counted(surplus)}, not of this frame range and step; move the old ones away."
         )
 
 
