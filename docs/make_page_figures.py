@@ -33,7 +33,7 @@ def main() -> None:
     with TemporaryDirectory() as folder, sync_playwright() as playwright:
         clip = Path(shutil.copy(ROOT / "samples" / "orbit.mp4", folder))
         browser = playwright.chromium.launch(args=["--no-sandbox"], executable_path=shutil.which("chromium"))
-        page = browser.new_page(viewport=VIEW, color_scheme="light", reduced_motion="reduce")
+        page = browser.new_page(bypass_csp=True, viewport=VIEW, color_scheme="light", reduced_motion="reduce")
         page.set_default_timeout(240_000)
         draw_compare(page, clip)
         draw_preview(page, clip)
