@@ -294,7 +294,7 @@ def test_a_low_first_method_fails_if_so_told(fpsboost_, folder, tmp_path):
     assert f"blend reaches {psnr:.2f} dB, below the 60 dB of --fail-under." in result.err
     assert fpsboost_("compare", folder, "-m", "blend,dis", "--fail-under", psnr, "-q").code == 0
     skipped = fpsboost_("compare", folder, "-m", "reproject-image,blend", "--fail-under", "1")
-    assert_refused(skipped, 2, "--fail-under asks about reproject-image, which cannot be run here")
+    assert_refused(skipped, 2, "--fail-under checks reproject-image, which cannot be run here")
     assert fpsboost_("compare", folder, "-m", "blend", "--fail-under", "nan").code == 2
 
 
@@ -340,12 +340,12 @@ def test_cuts_that_a_list_names_are_cuts_for_the_methods(fpsboost_, folder, tmp_
     [
         (("-m", "magic"), 2, "There is no method 'magic'; choose one of nlm"),
         (("--range", "0:2"), 2, "leaves nothing to hide"),
-        (("--range", "x"), 2, "is no range"),
+        (("--range", "x"), 2, "is not a range"),
         (("--start", "0.1"), 2, "say it with --input-fps"),
         (("--deinterlace",), 2, "--deinterlace is for video files"),
         (("--duplicates", "drop"), 2, "duplicates"),
         (("--no-cuts", "--cut-threshold", "0.5"), 2, "contradict each other"),
-        (("--depth", "pan"), 2, "--depth goes with the motion vectors of --vectors"),
+        (("--depth", "pan"), 2, "--depth needs the motion vectors of --vectors"),
         (("--vectors", "nowhere"), 1, "nowhere"),
         (("--skip", "0"), 2, "--skip must be at least 1"),
         (("--skip", "6"), 1, "too few frames"),
@@ -354,8 +354,8 @@ def test_cuts_that_a_list_names_are_cuts_for_the_methods(fpsboost_, folder, tmp_
         (("--json", "no/such/folder.json"), 1, "its folder does not exist"),
         (("--report", "loop"), 1, "loop is a link that leads nowhere"),
         (("--csv", "loop"), 1, "loop exists"),
-        (("--json", "one", "--csv", "./one"), 2, "./one is in the place of another result"),
-        (("--report", "page", "--json", "page"), 2, "page is in the place of another result"),
+        (("--json", "one", "--csv", "./one"), 2, "./one is already the path of another result"),
+        (("--report", "page", "--json", "page"), 2, "page is already the path of another result"),
     ],
 )
 def test_what_cannot_be_compared_is_one_sentence(fpsboost_, folder, tmp_path, unchanged, arguments, code, sentence):

@@ -53,7 +53,7 @@ def test_what_is_no_number_is_refused(tmp_path, value):
         image = np.zeros((8, 9, 3), np.float32)
         image[2, 3, 1] = value if number == 1 else 0
         cv2.imwrite(str(tmp_path / f"{number}.tif"), image)
-    with pytest.raises(InputError, match=r"Frame 1 of .* no numbers"):
+    with pytest.raises(InputError, match=r"Frame 1 of .* contains NaN or infinity"):
         list(HoldOut().intervals(str(tmp_path)))
 
 

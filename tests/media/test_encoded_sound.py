@@ -349,7 +349,7 @@ def test_options_of_sound_that_cannot_work(tmp_path, fpsboost_):
         (
             *("out.mp4", "--slow-motion", "--slow-motion-sound", "stretch", "--no-audio"),
         ): "--slow-motion-sound stretch and --no-audio contradict each other; give one of them.",
-        ("out.mp4", "--slow-motion-sound", "stretch"): "--slow-motion-sound goes with --slow-motion; give that too, or",
+        ("out.mp4", "--slow-motion-sound", "stretch"): "--slow-motion-sound needs --slow-motion; give both, or",
     }
     for options, sentence in wrong.items():
         result = fpsboost_("in.mp4", *options)
