@@ -34,6 +34,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.media.clock import TIME_TOLERANCE, Window
 from fpsboost.media.encoding import VIDEO_SUFFIXES
+from fpsboost.media.info import FOREVER
 from fpsboost.memory import BYTES_PER_PIXEL, MemoryLimit
 from fpsboost.method_table import BYTES_PER_PIXEL_OF
 from fpsboost.options import Checked, PathName
@@ -43,7 +44,7 @@ from fpsboost.streaming import beginning
 from fpsboost.timing.position import Position, Trim, format_time
 from fpsboost.timing.rate import FrameIntervals, OutputRate, readable
 from fpsboost.timing.schedule import Schedule, count_frames
-from fpsboost.timing.time_map import FOREVER, TimeMap
+from fpsboost.timing.time_map import TimeMap
 
 BLOCK = 16
 """Frames that are in memory at a time where a source plays backwards."""
@@ -349,7 +350,7 @@ def read_again(job: ConversionJob, run: RunOptions, whole: FrameSource, number: 
         assert isinstance(again.source, RandomAccess)
         index = whole.frame_index if isinstance(whole, SeekableSource) else None
         if index is not None and isinstance(again.whole, SeekableSource):
-            again.whole.take_index(index)
+            again.whole.frame_index = index
         again.source.begin_at(number)
         yield again.source
 

@@ -29,16 +29,15 @@ class DescribedSource(FrameSource, Protocol):
 class SeekableSource(Protocol):
     """Contract: source of a video file, in which it can seek, and whose frames it can list without decoding them."""
 
+    frame_index: FrameIndex | None
+    """List of the frames; None before `RandomAccess.frame_times` has made it, or if it cannot.
+
+    That of another source of the same file may be set before.
+    """
+
     @property
     def stopped_by(self) -> str | None:
         """Sentence about the first change, in the frames read so far, that a conversion refuses; None without one."""
-
-    @property
-    def frame_index(self) -> FrameIndex | None:
-        """List of the frames; None if there is none, or `RandomAccess.frame_times` was not called yet."""
-
-    def take_index(self, index: FrameIndex) -> None:
-        """Take the list of a source of the same file; must be called before `RandomAccess.frame_times`."""
 
     def first_time(self) -> Fraction:
         """Return the time of the clip's first frame, seconds."""

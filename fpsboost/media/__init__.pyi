@@ -4,7 +4,6 @@ from .clip import Clip as Clip
 from .clip import Reading as Reading
 from .clip import TimedPicture as TimedPicture
 from .clip import open as open
-from .encode_settings import EncodeSettings as EncodeSettings
 from .facts import Facts as Facts
 from .facts import Look as Look
 from .facts import StreamFacts as StreamFacts
@@ -12,6 +11,7 @@ from .facts import inspect as inspect
 from .facts import list_streams as list_streams
 from .facts import look_of as look_of
 from .info import ClipInfo as ClipInfo
+from .info import EncodeSettings as EncodeSettings
 from .info import OutputTiming as OutputTiming
 from .output import Output as Output
 from .output import StreamInfo as StreamInfo

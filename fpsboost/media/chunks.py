@@ -24,9 +24,9 @@ from av.packet import PacketSideData, PktSideDataT
 
 from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS
 from fpsboost.media.errors import OutputError
-from fpsboost.media.files import rename_safely, sync
 from fpsboost.media.fitting import Fitting, check_readable, open_muxer
 from fpsboost.media.other_streams import OtherStreams
+from fpsboost.media.staging import rename_safely, sync
 from fpsboost.media.traits import VideoTraits
 
 CHUNK_FRAMES = 240

@@ -132,7 +132,7 @@ class Clip:
     remarks : list of str
         What was lost, damaged or assumed so far.
     frame_index : FrameIndex or None
-        List of the pictures, once `frame_times` has made it.
+        List of the pictures, once `frame_times` has made it; that of another clip of the same file may be set before.
 
     Raises
     ------
@@ -370,10 +370,6 @@ class Clip:
                 self.info = replace(self.info, frame_count=packets * (2 if self._reading.deinterlace else 1))
             return None
         return [ticks * self._clock.tick - self._clock.start for ticks in self.frame_index.ticks.tolist()]
-
-    def take_index(self, index: FrameIndex) -> None:
-        """Use the frame index of another source of the same file, instead of reading all packets for one."""
-        self.frame_index = index
 
     def begin_at(self, number: int) -> None:
         """Begin the iteration at a frame, counted from 0; call it before iterating.

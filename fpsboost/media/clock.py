@@ -17,7 +17,7 @@ from typing import Protocol, TypeVar
 import av
 
 from fpsboost.media.demuxer import Demuxer, clock_may_jump, is_encrypted, is_fragmented, is_raw, read_packets
-from fpsboost.media.info import MAX_DISPLAY_RATE, is_implausible
+from fpsboost.media.info import MAX_DISPLAY_RATE, Passage, is_implausible
 from fpsboost.media.pyav import as_fraction
 from fpsboost.media.remarks import Damage, counted
 
@@ -202,38 +202,12 @@ def survey(container: av.container.InputContainer, video: int) -> tuple[list[int
     return listed or sorted(set(times)), start, clear
 
 
-class Passage(Protocol):
-    """Part of a time map at one speed: two output times, and two source times from the beginning of a window, seconds.
-
-    The speed, `slope0`, is in seconds of the source per second of the output.
-    """
-
-    @property
-    def begin(self) -> Fraction: ...
-
-    @property
-    def end(self) -> Fraction: ...
-
-    @property
-    def source0(self) -> Fraction: ...
-
-    @property
-    def source1(self) -> Fraction: ...
-
-    @property
-    def slope0(self) -> Fraction: ...
-
-
 class TimeMap(Protocol):
     """Contract: map of output times to source times, both in seconds from the beginning of a window."""
 
     @property
     def is_steady(self) -> bool:
-        """Whether the source plays at one speed, that of the first passage, to its end."""
-
-    @property
-    def segments(self) -> Sequence[Passage]:
-        """All passages, in the order of the output."""
+        """Whether the source plays at one speed, in one passage, to its end."""
 
     @property
     def sounding(self) -> Sequence[Passage]:

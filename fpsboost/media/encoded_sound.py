@@ -13,11 +13,11 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from operator import attrgetter
-from typing import Any, NamedTuple, get_args
+from typing import Any, get_args
 
 import av.container
 import av.error
@@ -28,9 +28,9 @@ from av.packet import PacketSideData, PktSideDataT
 from numpy.typing import NDArray
 
 from fpsboost.media.clock import Window
-from fpsboost.media.encode_settings import EncodeSettings
 from fpsboost.media.encoding import check_holds, find_encoder
 from fpsboost.media.errors import OptionError
+from fpsboost.media.info import FOREVER, EncodeSettings, Passage
 from fpsboost.media.pyav import pulled
 
 sound_encoders = {
@@ -57,28 +57,9 @@ FLUSH_SILENCE = Fraction(1, 4)
 SKIP_SAMPLES_STRUCT = struct.Struct("<IIBB")
 """Layout of FFmpeg's AV_PKT_DATA_SKIP_SAMPLES: samples to skip at the start and at the end, and a reason for each."""
 SKIP_SAMPLES_TYPE = get_args(PktSideDataT).index("skip_samples")
-FOREVER = Fraction(10**9)
-"""Time after the end of any clip, seconds."""
-
-
-class Piece(NamedTuple):
-    """Part of the source that is heard at one speed; see `fpsboost.media.clock.Passage`."""
-
-    begin: Fraction
-    """Output time of the beginning, seconds."""
-    end: Fraction
-    """Output time of the end, seconds."""
-    source0: Fraction
-    """Source time at the beginning, seconds."""
-    source1: Fraction
-    """Source time at the end, seconds."""
-    slope0: Fraction = Fraction(1)
-    """Speed: seconds of the source per second of the output."""
-
-
-WHOLE = Piece(-FOREVER, FOREVER, -FOREVER, FOREVER)
+WHOLE = Passage(-FOREVER, FOREVER, -FOREVER, FOREVER)
 """All of a source, with what lies before time 0."""
-FROM_START = Piece(Fraction(0), FOREVER, Fraction(0), FOREVER)
+FROM_START = Passage(Fraction(0), FOREVER, Fraction(0), FOREVER)
 """All of a part at its own speed."""
 
 Traits = tuple[int, str, str]
@@ -291,16 +272,16 @@ class EncodedSound:
                 self._end_run()
 
     @cached_property
-    def _pieces(self) -> list[Piece]:
+    def _pieces(self) -> list[Passage]:
         """Parts of the source that are heard, at its own times; none after its end."""
         if self._window is None:
             return [WHOLE]
         begin, curve = self._window.begin, self._window.curve
         last = begin + FOREVER if self._window.end is None else self._window.end
         heard = [FROM_START] if curve is None else curve.sounding
-        return [Piece(x.begin, x.end, begin + x.source0, min(begin + x.source1, last), x.slope0) for x in heard]
+        return [replace(x, source0=begin + x.source0, source1=min(begin + x.source1, last)) for x in heard]
 
-    def _stretch(self, frame: av.AudioFrame, time: Fraction, first: int, last: int, piece: Piece) -> None:
+    def _stretch(self, frame: av.AudioFrame, time: Fraction, first: int, last: int, piece: Passage) -> None:
         """Stretch and encode some samples of a frame that begins at a time."""
         run, stretch, traits = self._run, 1 / piece.slope0, _traits_of(frame)
         time += Fraction(first, frame.sample_rate)

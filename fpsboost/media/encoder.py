@@ -21,9 +21,9 @@ import av
 from av.codec.codec import Capabilities, PixFmtLoss, find_best_pix_fmt_of_list
 from av.video.frame import PictureType
 
-from fpsboost.media.encode_settings import EncodeSettings
 from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS, depth_of, encoders, encodes_alpha, pixel_formats
 from fpsboost.media.errors import OptionError, OutputError
+from fpsboost.media.info import EncodeSettings
 from fpsboost.media.output import Output
 from fpsboost.media.pixels import FULL_RANGE, LIMITED_RANGE, RGB, has_alpha, is_gray
 from fpsboost.media.side_data import filtered, stereo_modes

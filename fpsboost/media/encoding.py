@@ -13,8 +13,8 @@ import cv2
 from av.codec.codec import UnknownCodecError
 from av.codec.context import OptionFlags
 
-from fpsboost.media.encode_settings import EncodeSettings
 from fpsboost.media.errors import OptionError, choose_one
+from fpsboost.media.info import EncodeSettings
 from fpsboost.media.pixels import has_alpha
 from fpsboost.media.pyav import trial_file
 

@@ -17,10 +17,10 @@ from av.codec.codec import Properties
 
 from fpsboost.media.clock import Window
 from fpsboost.media.demuxer import VideoFile
-from fpsboost.media.encode_settings import EncodeSettings
 from fpsboost.media.encoded_sound import can_encode, choose_sound_encoder, defaults, named_layout, sound_encoders
 from fpsboost.media.encoding import containers, holds
 from fpsboost.media.errors import OptionError, OutputError
+from fpsboost.media.info import EncodeSettings
 from fpsboost.media.pyav import open_input, trial_file
 
 MAX_PROBED_PACKETS = 200  # maximum number of packets that are read to find the first packet of each stream

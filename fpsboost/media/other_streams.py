@@ -193,7 +193,7 @@ class OtherStreams:
         self._sounds[stream.index] = sound
         self._add_target(stream, sound.stream)
         stretched = "" if self._curve is None else "fitted to the speeds of its pictures and "
-        if self._curve is not None and self._curve.is_steady and (speed := self._curve.segments[0].slope0):
+        if self._curve is not None and self._curve.is_steady and (speed := self._curve.sounding[0].slope0):
             stretched = f"stretched to {1 / speed} times its length and "
         self._remark(
             f"holds stream {stream.index} ({codec_of(stream)} sound) of its source {stretched}encoded anew as "

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from fpsboost.media.clock import Window
 from fpsboost.media.demuxer import VideoFile
-from fpsboost.media.encode_settings import EncodeSettings
-from fpsboost.media.info import ClipInfo, OutputTiming
+from fpsboost.media.info import ClipInfo, EncodeSettings, OutputTiming
 from fpsboost.media.staging import JobFingerprint, OutputPart
 from fpsboost.media.traits import VideoTraits
 

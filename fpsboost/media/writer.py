@@ -22,7 +22,6 @@ import av
 from fpsboost.media.chunks import CHUNK_FRAMES, Assembly, Chunk, ChunkWriter, find_chunks
 from fpsboost.media.clip import Clip
 from fpsboost.media.clock import Window
-from fpsboost.media.encode_settings import EncodeSettings
 from fpsboost.media.encoder import VideoEncoder
 from fpsboost.media.encoding import (
     EXACT_TIME_BASE_CONTAINERS,
@@ -32,12 +31,18 @@ from fpsboost.media.encoding import (
     containers,
 )
 from fpsboost.media.errors import CompleteAlreadyError, OutputError
-from fpsboost.media.files import check_writable
 from fpsboost.media.fitting import Fitting, fit_streams
-from fpsboost.media.info import OutputTiming
+from fpsboost.media.info import EncodeSettings, OutputTiming
 from fpsboost.media.output import Output
 from fpsboost.media.pictures import FormatUnifier
-from fpsboost.media.staging import PartFolder, StagedSink, StagingDirectory, complete_already, hidden_place
+from fpsboost.media.staging import (
+    PartFolder,
+    StagedSink,
+    StagingDirectory,
+    check_writable,
+    complete_already,
+    hidden_place,
+)
 from fpsboost.media.traits import VideoTraits
 
 

@@ -32,9 +32,8 @@ from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.io import SeekableSource
 from fpsboost.media.chunks import CHUNK_FRAMES
-from fpsboost.media.files import write_safely
 from fpsboost.media.frame_index import EntryPoint, FrameIndex
-from fpsboost.media.staging import INDEX_NAME, JobFingerprint, OutputPart, part_files, remove_if_empty
+from fpsboost.media.staging import INDEX_NAME, JobFingerprint, OutputPart, part_files, remove_if_empty, write_safely
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_difference, input_identity, stored
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, prepared, read_again
 from fpsboost.repair import CERTAIN_AFTER
@@ -288,7 +287,7 @@ def frame_times(clip: OpenedClip, folder: Path) -> Sequence[Fraction] | None:
     if isinstance(clip.whole, SeekableSource) and (folder / INDEX_NAME).exists():
         index = read_index(folder, input_identity(clip))
         if index is not None:
-            clip.whole.take_index(index)
+            clip.whole.frame_index = index
     return source.frame_times()
 
 

@@ -15,8 +15,8 @@ from fractions import Fraction
 from functools import cached_property
 from itertools import accumulate, pairwise
 
-FOREVER = Fraction(10**9)
-"""Length of the last segment of a curve without an end of its own, seconds; any clip is shorter."""
+from fpsboost.media.info import FOREVER, Passage
+
 SOUND_SPEEDS = Fraction(1, 2), Fraction(2)
 """Lowest and highest speed at which sound is stretched at its pitch by default."""
 ALL_SPEEDS = Fraction(1, 1000), Fraction(1000)
@@ -26,21 +26,8 @@ MIN_SOUND = Fraction(1, 4)
 
 
 @dataclass(frozen=True)
-class Segment:
+class Segment(Passage):
     """Part of a time map between two output times: a line, or a monotone cubic."""
-
-    begin: Fraction
-    """Output time of the beginning, seconds."""
-    end: Fraction
-    """Output time of the end, seconds."""
-    source0: Fraction
-    """Source time at the beginning, seconds."""
-    source1: Fraction
-    """Source time at the end, seconds."""
-    slope0: Fraction
-    """Speed at the beginning: seconds of the source per second of the output."""
-    slope1: Fraction
-    """Speed at the end."""
 
     @property
     def speed(self) -> Fraction | None:

@@ -21,14 +21,17 @@ from fpsboost.io.images.sequence import NumberedImages, Numbering
 from fpsboost.io.images.source import MOVING, is_pattern
 from fpsboost.io.new_output import ADVICE, reason_to_refuse
 from fpsboost.io.output import Output
-from fpsboost.media.files import check_folder, move_all, sync, write_safely
 from fpsboost.media.staging import (
     IN_EXISTING_FOLDER,
     PartFolder,
     StagedSink,
     StagingDirectory,
+    check_folder,
     complete_already,
     hidden_place,
+    move_all,
+    sync,
+    write_safely,
 )
 
 VIDEO_DIGITS = 6  # where the source has no numbers: 999999 frames are more than four hours at 60 per second
