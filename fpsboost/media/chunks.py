@@ -13,7 +13,6 @@ from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from fractions import Fraction
 from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any, get_args
@@ -162,8 +161,6 @@ class Assembly:
         Staged file to write, not the final name.
     template : av.VideoStream
         Stream of an open encoder with the settings of the chunks' encoder.
-    time_base : Fraction
-        Seconds per tick of the chunks' packets.
     fitting : Fitting
         Container, and the other streams of the source, if there is one.
     traits : VideoTraits
@@ -174,22 +171,22 @@ class Assembly:
         self,
         path: Path,
         template: av.VideoStream,
-        time_base: Fraction,
         fitting: Fitting,
         traits: VideoTraits,
     ) -> None:
-        self._path, self._time_base, self._name = path, time_base, fitting.name
+        output = fitting.output
+        self._path, self._time_base, self._name = path, output.timing.time_base, output.path
         self._container = container = fitting.container
         self._output: av.container.OutputContainer | None = open_muxer(path, container, any_codec=fitting.any_codec)
         self._others: OtherStreams | None = None
         try:
             self._stream = stream = self._output.add_stream_from_template(template)
-            stream.time_base = time_base
+            stream.time_base = self._time_base
             stream.codec_context.codec_tag = template.codec_context.codec_tag
             if traits.display_matrix is not None:
                 stream.set_display_matrix(traits.display_matrix)
-            if fitting.source is not None:
-                self._others = OtherStreams(fitting, fitting.source, self._output, stream)
+            if output.stream.video is not None:
+                self._others = OtherStreams(fitting, output.stream.video, self._output, stream)
                 if traits.stereo_mode:
                     stream.metadata["stereo_mode"] = traits.stereo_mode  # Matroska's and WebM's element
                 if container in EXACT_TIME_BASE_CONTAINERS:

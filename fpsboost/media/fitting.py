@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import islice
 from pathlib import Path
@@ -15,12 +15,12 @@ from typing import Any, cast
 import av
 from av.codec.codec import Properties
 
-from fpsboost.media.clock import Window
 from fpsboost.media.demuxer import VideoFile
 from fpsboost.media.encoded_sound import can_encode, choose_sound_encoder, defaults, named_layout, sound_encoders
 from fpsboost.media.encoding import containers, holds
 from fpsboost.media.errors import OptionError, OutputError
 from fpsboost.media.info import EncodeSettings
+from fpsboost.media.output import Output
 from fpsboost.media.pyav import open_input, trial_file
 
 MAX_PROBED_PACKETS = 200  # maximum number of packets that are read to find the first packet of each stream
@@ -34,45 +34,29 @@ _Misfit = tuple[str, list[str], str]
 
 @dataclass(frozen=True)
 class Fitting:
-    """Plan for storing the streams of a source in a file; `fit_streams` fills in the last three fields.
+    """Plan for storing the streams of a source in a file, as `fit_streams` makes it."""
+
+    output: Output
+    """The file, its source, the part that is written, and which streams to keep."""
+    container: str
+    """FFmpeg's name of its container."""
+    encoders: Mapping[int, str] = field(default_factory=dict)
+    """FFmpeg's encoders for audio that is re-encoded, by the number of its stream."""
+    left_out: Mapping[int, str] = field(default_factory=dict)
+    """Remarks on streams that can neither be copied nor re-encoded, by their numbers."""
+    any_codec: bool = False
+    """Whether a stream is copied whose codec is missing from the container's list; see `open_muxer`."""
+
+
+def fit_streams(output: Output, container: str, encoder: str) -> Fitting:
+    """Decide how audio and subtitles of an output's source are stored in it, by trials with FFmpeg's muxers.
 
     Parameters
     ----------
-    name : str
-        Output file in messages.
+    output : Output
+        Output, with its source and the streams to keep.
     container : str
         FFmpeg's name of its container.
-    encoding : EncodeSettings
-        Options of the user, among them the streams to keep.
-    source : VideoFile, optional
-        File of the streams; None if the source is none.
-    window : Window, optional
-        Part of the source that is written; None for all of it.
-    encoders : Mapping
-        FFmpeg's encoders for audio that is re-encoded, by the number of its stream.
-    left_out : Mapping
-        Remarks on streams that can neither be copied nor re-encoded, by their numbers.
-    any_codec : bool
-        Whether a stream is copied whose codec is missing from the container's list; see `open_muxer`.
-    """
-
-    name: str
-    container: str
-    encoding: EncodeSettings
-    source: VideoFile | None = None
-    window: Window | None = None
-    encoders: Mapping[int, str] = field(default_factory=dict)
-    left_out: Mapping[int, str] = field(default_factory=dict)
-    any_codec: bool = False
-
-
-def fit_streams(plan: Fitting, encoder: str) -> Fitting:
-    """Decide how audio and subtitles of a plan's source are stored in its container, by trials with FFmpeg's muxers.
-
-    Parameters
-    ----------
-    plan : Fitting
-        Plan without encoders.
     encoder : str
         FFmpeg's encoder of the video, which containers that are proposed instead must hold too.
 
@@ -88,13 +72,13 @@ def fit_streams(plan: Fitting, encoder: str) -> Fitting:
     OutputError
         A stream cannot be stored that is the only one of its type, or was asked for by number.
     """
-    name, container, encoding, source = plan.name, plan.container, plan.encoding, plan.source
+    name, encoding, source = output.path, output.encoding, output.stream.video
     if source is None:
         if encoding.streams is not None:
             raise OptionError("`streams` chooses among the streams of a video file; leave it out.")
-        return plan
+        return Fitting(output, container)
     asked = choose_sound_encoder(encoding, container, name)
-    is_stretched = plan.window is not None and plan.window.curve is not None
+    is_stretched = output.window is not None and output.window.curve is not None
     if is_stretched and asked is None and encoding.audio_codec is not None and encoding.audio:
         raise OptionError(
             f"`slow_motion_sound='stretch'` and `audio_codec={encoding.audio_codec!r}` contradict each other; give "
@@ -148,7 +132,7 @@ def fit_streams(plan: Fitting, encoder: str) -> Fitting:
             if file.streams[index].type not in kept:
                 raise OutputError(f"{cause}; {_any_of([*ways, without])}.")
             left_out[index] = f"{cause}; stream {index} was left out{'; to keep it, ' * bool(ways)}{_any_of(ways)}."
-    return replace(plan, encoders=encoders, left_out=left_out, any_codec=any_codec)
+    return Fitting(output, container, encoders, left_out, any_codec)
 
 
 def _check_streams(file: av.container.InputContainer, source: VideoFile, encoding: EncodeSettings) -> None:

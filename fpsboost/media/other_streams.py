@@ -62,9 +62,9 @@ class OtherStreams:
         self, fitting: Fitting, source: VideoFile, output: av.container.OutputContainer, video: av.VideoStream
     ) -> None:
         self._fitting, self._source, self._output = fitting, source, output
-        self._window, self._encoding = fitting.window, fitting.encoding
-        self._name, self._container = fitting.name, fitting.container
-        self._curve = None if fitting.window is None else fitting.window.curve
+        self._window, self._encoding = fitting.output.window, fitting.output.encoding
+        self._name, self._container = fitting.output.path, fitting.container
+        self._curve = None if self._window is None else self._window.curve
         self.remarks: list[str] = []
         self.written: dict[int, str] = {}
         """Type of each stream of the source of which packets were muxed, by its number."""

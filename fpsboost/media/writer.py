@@ -31,7 +31,7 @@ from fpsboost.media.encoding import (
     containers,
 )
 from fpsboost.media.errors import CompleteAlreadyError, OutputError
-from fpsboost.media.fitting import Fitting, fit_streams
+from fpsboost.media.fitting import fit_streams
 from fpsboost.media.info import EncodeSettings, OutputTiming
 from fpsboost.media.output import Output
 from fpsboost.media.pictures import FormatUnifier
@@ -80,8 +80,7 @@ class Writer(StagedSink):
         self._container = container_of(output)
         codec, _ = self._choose_encoder(output.stream.traits)
         # what the container cannot hold is known before any picture is encoded
-        plan = Fitting(output.path, self._container, output.encoding, output.stream.video, output.window)
-        self._fitting = fit_streams(plan, codec)
+        self._fitting = fit_streams(output, self._container, codec)
         self._chunks: list[Chunk] = []
         self._first_chunk = 0 if output.part is None else output.part.first // chunk_frames
         self._writer: ChunkWriter | None = None
@@ -279,8 +278,7 @@ class FileWriter(Writer):
 
     def _begin(self, template: av.VideoStream, traits: VideoTraits) -> None:
         """Write the header of the output file."""
-        time_base = self._output.timing.time_base
-        self._assembly = Assembly(self._unfinished.staged, template, time_base, self._fitting, traits)
+        self._assembly = Assembly(self._unfinished.staged, template, self._fitting, traits)
 
     def _finish(self) -> None:
         """Mux all chunks and the other streams, and rename the file; `OutputError` if there was no frame."""
