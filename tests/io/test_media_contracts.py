@@ -14,13 +14,9 @@ from animation_truth import write_animation
 from conversion_options import open_output
 from video_truth import packets_of, scene, write_clip, write_stream
 
-from fpsboost.contracts import FrameSink, FrameSource
-from fpsboost.errors import FpsboostError, OutputError
-from fpsboost.frame import Frame
+from fpsboost import DecodeOptions, Encoding, FpsboostError, Frame, FrameSink, FrameSource, OutputError
 from fpsboost.io.images import sink as numbered
 from fpsboost.io.opening import open_source
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pipe import INPUT_NAME, PipeSource
 from fpsboost.media import staging
 from fpsboost.media.info import OutputTiming

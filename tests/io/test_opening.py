@@ -7,14 +7,13 @@ from animation_truth import write_animation
 from conversion_options import open_output
 from video_truth import scene, write_clip
 
-from fpsboost.errors import InputError, OptionError
+from fpsboost import DecodeOptions, InputError, OptionError
 from fpsboost.io.animation.sink import ANIMATION_SUFFIXES, AnimationSink
 from fpsboost.io.animation.source import AnimationSource
 from fpsboost.io.images.files import IMAGE_SUFFIXES
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageSource
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, Target, TargetRequirements, open_source
-from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media.encoding import VIDEO_SUFFIXES

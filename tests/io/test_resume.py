@@ -18,17 +18,26 @@ from conversion_options import output_of
 from video_truth import packets_of, pictures_of, samples_of, scene, write_clip
 
 import fpsboost
+from fpsboost import (
+    ByFactor,
+    ClipInfo,
+    DecodeOptions,
+    Encoding,
+    Frame,
+    Interpolator,
+    OutputRate,
+    VectorFolder,
+    convert,
+    find_method,
+    methods,
+    run_conversion,
+)
 from fpsboost.contracts import ClosesOnExit, OutputRange, SilentObserver, Summary
-from fpsboost.conversion import convert
 from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.fingerprint import fingerprint_options
-from fpsboost.frame import ClipInfo, Frame
-from fpsboost.interpolator import Interpolator
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageSource
 from fpsboost.io.side.flow import encode_flow
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media import chunks
@@ -36,13 +45,8 @@ from fpsboost.media.chunks import ChunkWriter, find_chunks, timed_packets
 from fpsboost.media.info import OutputTiming
 from fpsboost.media.staging import JobFingerprint, StagingDirectory
 from fpsboost.media.writer import Writer
-from fpsboost.method_table import find_method, methods
 from fpsboost.motion.field import ZeroMotion
-from fpsboost.render.folder import VectorFolder
-from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
-from fpsboost.timing.rate import OutputRate
-from fpsboost.timing.schedule import ByFactor
 
 FRAMES = 25
 CHUNK = 10

@@ -12,11 +12,8 @@ import pytest
 from test_pipeline import BLEND, FAST
 from video_truth import packets_of, pictures_of, samples_of, spoil_packets, stream_of, write_clip
 
-from fpsboost.contracts import Summary
-from fpsboost.conversion import convert
-from fpsboost.errors import InputError, OptionError
+from fpsboost import DecodeOptions, InputError, OptionError, Summary, convert
 from fpsboost.io.opening import open_source
-from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.source import VideoSource
 from fpsboost.preparation import TrimmedSource, trim_source
 from fpsboost.timing.position import Position, Trim, parse_position

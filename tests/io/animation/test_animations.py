@@ -11,16 +11,13 @@ from animation_truth import disc, plays_of, read_animation, write_animation
 from video_truth import pictures_of, scene, write_clip
 
 import fpsboost
-from fpsboost.errors import InputError, OutputError
-from fpsboost.frame import ClipInfo, Frame
+from fpsboost import ClipInfo, Frame, InputError, MemoryLimit, OutputError, OutputRate
 from fpsboost.image import Image
 from fpsboost.io.animation.sink import AnimationSink
 from fpsboost.io.animation.source import AnimationSource
 from fpsboost.io.opening import open_source
 from fpsboost.io.output import Output, StreamInfo
 from fpsboost.media.info import OutputTiming
-from fpsboost.memory import MemoryLimit
-from fpsboost.timing.rate import OutputRate
 
 RATE = Fraction(10)
 SUFFIXES = (".gif", ".apng", ".webp")

@@ -10,8 +10,7 @@ import pytest
 from conversion_options import output_of
 from exr_truth import save_exr, window, write_exr
 
-from fpsboost.errors import InputError
-from fpsboost.frame import Frame
+from fpsboost import Frame, InputError
 from fpsboost.io.images.exr import encode_exr, read_exr, read_exr_header
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sink import ImageSink

@@ -15,12 +15,10 @@ from PIL import Image, ImageCms, ImageOps
 from video_truth import pictures_of, scene
 
 import fpsboost
-from fpsboost.errors import InputError
+from fpsboost import DecodeOptions, InputError, RunOptions
 from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.exr import read_exr_header
 from fpsboost.io.images.files import ImageMetadata, metadata_of, png_chunks
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.run_options import RunOptions
 
 PROFILE = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 XMP = b"<x:xmpmeta xmlns:x='adobe:ns:meta/'>\nwords</x:xmpmeta>"

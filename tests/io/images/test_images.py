@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fpsboost.errors import InputError, OutputError
-from fpsboost.frame import ClipInfo, Frame
+from fpsboost import ClipInfo, Frame, InputError, LayeredImage, OutputError
 from fpsboost.image import Image
 from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.files import ImageMetadata, read_image
@@ -20,7 +19,6 @@ from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageReading, ImageSource, is_pattern
 from fpsboost.io.output import Output, StreamInfo
-from fpsboost.layered import LayeredImage
 from fpsboost.media.info import OutputTiming
 
 RATE = Fraction(24000, 1001)

@@ -14,10 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fpsboost
-from fpsboost import methods
-from fpsboost.errors import InputError, OptionError
-from fpsboost.frame_cache import FrameCache
-from fpsboost.interpolator import Interpolator
+from fpsboost import FrameCache, InputError, Interpolator, OptionError, methods
 from fpsboost.io.images.exr import read_exr, read_exr_header
 from fpsboost.layered import Layer, LayeredImage, LayerKind
 from fpsboost.synthesis.layers import Sources

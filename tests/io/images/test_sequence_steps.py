@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from vector_truth import constant, save_flows, save_vectors
 
-from fpsboost import convert, methods
+from fpsboost import VectorFolder, convert, find_method, methods
 from fpsboost.cli.compare import match_vectors
 from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
@@ -24,9 +24,7 @@ from fpsboost.io.images import sink as numbered
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.images.source import find_numbers
-from fpsboost.method_table import find_method
 from fpsboost.probing import probe
-from fpsboost.render.folder import VectorFolder
 from fpsboost.timing.position import Trim, parse_position
 
 HEIGHT, WIDTH = 12, 16

@@ -14,30 +14,33 @@ from vector_truth import constant, save_flows
 from video_truth import write_clip
 
 from fpsboost import (
+    ByFactor,
     CutDetector,
     DecodeOptions,
     DuplicateDetector,
+    FpsboostError,
+    Frame,
+    InputError,
+    Interpolator,
+    OptionError,
+    OutputError,
     OutputRate,
     Position,
     RunOptions,
     SideOutputs,
     Trim,
+    VectorFolder,
     convert,
+    find_method,
     methods,
+    run_conversion,
 )
-from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError
-from fpsboost.frame import Frame
-from fpsboost.interpolator import Interpolator
 from fpsboost.io.images.exr import read_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.io.new_output import StagedFiles
 from fpsboost.io.side.flow import flow_picture
-from fpsboost.method_table import find_method
 from fpsboost.motion.field import ZeroMotion
-from fpsboost.render.folder import VectorFolder
-from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
-from fpsboost.timing.schedule import ByFactor
 
 BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None, duplicates=None, compensate_illumination=False)
 SHIFT = 8, 4  # pixels to the right and down from each frame of `pan` to the next

@@ -12,9 +12,8 @@ from conversion_options import grouped
 from video_truth import bytes_of
 
 import fpsboost
+from fpsboost import DecodeOptions, Encoding
 from fpsboost.io.images.files import read_image
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import from_bgr, to_bgr
 from fpsboost.media.pixels import SMPTE170M

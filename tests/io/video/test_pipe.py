@@ -20,11 +20,9 @@ from command_line import environment
 from conversion_options import output_of
 from video_truth import QUARTER_TURN, bytes_of, pictures_of, scene, stream_of, write_clip, write_stream
 
+from fpsboost import ClipInfo, Encoding, Frame, InputError, OptionError, OutputError
 from fpsboost.cli import app
-from fpsboost.errors import InputError, OptionError, OutputError
-from fpsboost.frame import ClipInfo, Frame
 from fpsboost.io.output import Output
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pipe import PipeSink, PipeSource, formats
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media.info import OutputTiming

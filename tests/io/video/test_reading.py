@@ -14,12 +14,8 @@ import pytest
 from numpy.typing import NDArray
 from video_truth import add_pictures, mux_in_order, pictures_of, png, read, scene, write_clip
 
-from fpsboost.conversion import convert
-from fpsboost.errors import InputError, OptionError
-from fpsboost.frame import Frame
+from fpsboost import DecodeOptions, Encoding, Frame, InputError, OptionError, convert
 from fpsboost.io.opening import open_source
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
 from fpsboost.probing import probe
 

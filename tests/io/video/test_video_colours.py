@@ -15,10 +15,7 @@ from av.video.reformatter import VideoReformatter
 from conversion_options import keeping_duplicates
 from video_truth import copy_packets, pictures_of, samples_of, write_clip
 
-from fpsboost import convert
-from fpsboost.contracts import Summary
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
+from fpsboost import DecodeOptions, Encoding, Summary, convert
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media.encoder import with_hdr
 from fpsboost.media.pixels import SCALER_FLAGS, chroma_location_of, plane_arrays

@@ -11,15 +11,12 @@ import pytest
 from conversion_options import FAST, double
 from video_truth import QUARTER_TURN, bytes_of, packets_of, pictures_of, png, scene, write_clip
 
-from fpsboost.conversion import convert
-from fpsboost.errors import OptionError, OutputError
-from fpsboost.frame import ClipInfo, Frame
+from fpsboost import ClipInfo, Frame, OptionError, OutputError, OutputRate, convert
 from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding, parse_bitrate, parse_encoder_options
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media.info import OutputTiming
-from fpsboost.timing.rate import OutputRate
 
 LOSSLESS = Encoding(crf=0, preset="ultrafast")
 B_FRAMES = Encoding(preset="veryfast")
