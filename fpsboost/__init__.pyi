@@ -47,10 +47,10 @@ from .pair import Pair as Pair
 from .parts.join import join as join
 from .preparation import ConversionJob as ConversionJob
 from .render.folder import VectorFolder as VectorFolder
+from .rerender import MergeOptions as MergeOptions
+from .rerender import PlanOptions as PlanOptions
 from .rerender.merging import MergeSummary as MergeSummary
 from .rerender.merging import merge_regions as merge_regions
-from .rerender.options import MergeOptions as MergeOptions
-from .rerender.options import PlanOptions as PlanOptions
 from .rerender.planning import PlannedFrame as PlannedFrame
 from .rerender.planning import RerenderPlan as RerenderPlan
 from .rerender.planning import plan_rerender as plan_rerender

@@ -36,8 +36,8 @@ from fpsboost.options import (
     option,
     options_from,
 )
-from fpsboost.render.convention import ConventionName
-from fpsboost.rerender.options import MergeOptions, PlanOptions
+from fpsboost.render import ConventionName
+from fpsboost.rerender import MergeOptions, PlanOptions
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Position, parse_positions
 from fpsboost.timing.rate import OutputRate

@@ -11,7 +11,7 @@ from rich.table import Table
 import fpsboost
 from fpsboost.cli.messages import console, fact_table, literal, sentence
 from fpsboost.cli.options import MethodOptions, PathName, PlannedMethodOptions, with_flags
-from fpsboost.rerender.options import MergeOptions, PlanOptions
+from fpsboost.rerender import MergeOptions, PlanOptions
 
 budget, method = Group("Regions", sort_key=1), Group("Method", sort_key=2)
 merge_options = Group("Options", sort_key=1)

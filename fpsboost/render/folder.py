@@ -4,7 +4,7 @@ The vectors of a frame lead to the previous and the next output frame; if frames
 number to the next, whatever the step that was rendered with. Renderers write them as
 
 OpenEXR
-    Two or four channels in one of the conventions of `fpsboost.render.convention`. Which one is found by fetching
+    Two or four channels in one of the conventions of `fpsboost.render`. Which one is found by fetching
     frames along the vectors: the right signs, directions and axes make one rendered frame out of the other. All that
     the channels allow are tried on a few pairs of frames; the usual one of the channels' names is kept unless another
     is clearly better, so that still or noisy frames decide nothing.
@@ -41,7 +41,7 @@ from fpsboost.io.images.sequence import (
 from fpsboost.io.side.flow import BACKWARD, FORWARD, read_flow
 from fpsboost.motion.rendered import FrameVectors
 from fpsboost.options import checked
-from fpsboost.render.convention import ConventionName, Direction, StoredVectors, VectorConvention, conventions
+from fpsboost.render import ConventionName, Direction, StoredVectors, VectorConvention, conventions
 
 CACHED_FRAMES = 4
 """Number of frames whose vectors are kept in memory: the two frames of a pair, and two between them."""

@@ -42,7 +42,7 @@ from fpsboost.extension import (
     view,
     write_safely,
 )
-from fpsboost.rerender.options import MergeOptions
+from fpsboost.rerender import MergeOptions
 from fpsboost.rerender.planning import PlannedFrame, RerenderPlan
 from fpsboost.rerender.regions import Rectangle
 

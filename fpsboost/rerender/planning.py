@@ -36,7 +36,7 @@ from fpsboost.extension import (
     stands_for_images,
     write_safely,
 )
-from fpsboost.rerender.options import PlanOptions
+from fpsboost.rerender import PlanOptions
 from fpsboost.rerender.regions import Rectangle, TileGrid, choose_regions, partition
 from fpsboost.rerender.score import expect_errors
 

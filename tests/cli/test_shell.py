@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fpsboost import diagnosis
+from fpsboost.cli import doctor
+from fpsboost.cli.doctor import Finding, diagnose
 from fpsboost.cli.options import METHODS
-from fpsboost.diagnosis import Finding, diagnose
 from fpsboost.method_table import methods, vector_methods
 from fpsboost.parts.manifest import self_test
 
@@ -121,10 +121,10 @@ def test_everything_works_here():
 
 
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="the known bits are those of x86-64")
-@pytest.mark.parametrize("method", diagnosis.known_digests)
+@pytest.mark.parametrize("method", doctor.known_digests)
 def test_the_known_bits(method):
     """They are those of this version; where a method makes other frames on purpose, they are to be replaced."""
-    assert self_test(methods[method], np.zeros((4, 6, 3), np.uint8)).startswith(diagnosis.known_digests[method])
+    assert self_test(methods[method], np.zeros((4, 6, 3), np.uint8)).startswith(doctor.known_digests[method])
 
 
 def test_a_missing_library_is_found(monkeypatch):
@@ -142,8 +142,8 @@ def test_an_error_is_a_finding(monkeypatch):
         raise RuntimeError("no locator\navailable")
         yield
 
-    monkeypatch.setattr(diagnosis, "_looks", {**diagnosis._looks, "machine": (broken, "Do this.")})
-    monkeypatch.setattr(diagnosis, "MAX_ERROR", -1.0)  # so that frames are wrong, too
+    monkeypatch.setattr(doctor, "_looks", {**doctor._looks, "machine": (broken, "Do this.")})
+    monkeypatch.setattr(doctor, "MAX_ERROR", -1.0)  # so that frames are wrong, too
     advised = [each for each in diagnose() if each.advice]
     assert advised[0] == Finding("machine", "error", "RuntimeError: no locator", "Do this.")
     assert [each.name for each in advised[1:]] == ["nlm", "nlm-fast"]
@@ -152,10 +152,10 @@ def test_an_error_is_a_finding(monkeypatch):
 def test_doctor_prints_and_exits(monkeypatch, fpsboost_):
     """A table, and 0 where everything works; else 1 and a sentence; the same as JSON."""
     good, bad = Finding("codecs", "FFmpeg", "8"), Finding("kernels", "level", "none", "Do this.")
-    monkeypatch.setattr(diagnosis, "diagnose", lambda: iter([good]))
+    monkeypatch.setattr(doctor, "diagnose", lambda: iter([good]))
     works = fpsboost_("doctor")
     assert (works.code, "Everything works." in works.out) == (0, True)
-    monkeypatch.setattr(diagnosis, "diagnose", lambda: iter([good, bad]))
+    monkeypatch.setattr(doctor, "diagnose", lambda: iter([good, bad]))
     table, data = fpsboost_("doctor"), fpsboost_("doctor", "--json")
     assert (table.code, "fails" in table.out, table.err) == (1, True, "fpsboost: Do this.\n")
     assert (data.code, json.loads(data.out)) == (1, {"works": False, "findings": [asdict(good), asdict(bad)]})

@@ -11,7 +11,7 @@ from vector_truth import constant, save_flows, save_translation
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.io.images.encoder import encode_image
-from fpsboost.render.convention import StoredVectors, VectorConvention, conventions
+from fpsboost.render import StoredVectors, VectorConvention, conventions
 from fpsboost.render.folder import RenderedPair, VectorFolder, find_vector_channels, fit_convention, fit_vectors
 
 SIZE = 48, 64

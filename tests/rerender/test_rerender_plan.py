@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as arrays
 
 from fpsboost import InputError, OptionError, OutputError, PlannedFrame, RerenderPlan, plan_rerender
 from fpsboost.io.images.files import read_image
-from fpsboost.rerender.options import PlanOptions, parse_budget
+from fpsboost.rerender import PlanOptions, parse_budget
 from fpsboost.rerender.regions import Rectangle, TileGrid, choose_regions, partition
 from fpsboost.rerender.score import comparable, squared_error
 
@@ -205,6 +205,6 @@ def test_the_command_says_what_it_planned(tmp_path, fpsboost_):
     unpredictable_clip(tmp_path / "in", range(1, 8, 2))
     told = fpsboost_("plan", "in", "plan", "--budget", "20%", "-m", "nlm-fast")
     assert (told.code, told.err) == (0, "")
-    assert "of 3 that are made" in told.out
+    assert "of 3 that are interpolated" in told.out
     assert "expected" in told.out
     assert fpsboost_("plan", "in", "more", "-m", "nlm-fast", "--quiet").out == ""
