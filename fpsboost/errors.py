@@ -7,6 +7,7 @@ only the command line prints and chooses an exit code (2 for `OptionError`, 1 fo
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from fpsboost.media.errors import (
     CompleteAlreadyError,
@@ -40,6 +41,7 @@ __all__ = [
     "explained",
     "format_duration",
     "notes_of",
+    "refuse",
     "rounded",
 ]
 
@@ -62,6 +64,18 @@ class ClusterError(FpsboostError):
 def notes_of(error: BaseException) -> str:
     """Return the notes added to an exception, such as how to resume."""
     return " ".join(getattr(error, "__notes__", ()))
+
+
+def refuse(reasons: Mapping[str, object], error: type[FpsboostError] = OptionError) -> None:
+    """Raise an error with the first of these sentences whose condition is met, if there is one.
+
+    Examples
+    --------
+    >>> refuse({"`threads` must be at least 1.": False, "`threads` needs `limit`; give both.": None})
+    """
+    for reason, applies in reasons.items():
+        if applies:
+            raise error(reason)
 
 
 def rounded(number: float, digits: int) -> str:

@@ -15,6 +15,7 @@ from .errors import explain as explain
 from .errors import explained as explained
 from .errors import format_duration as format_duration
 from .errors import notes_of as notes_of
+from .errors import refuse as refuse
 from .errors import rounded as rounded
 from .evaluation.report.self_contained import PlayerData as PlayerData
 from .evaluation.report.self_contained import as_heat as as_heat

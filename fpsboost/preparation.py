@@ -18,7 +18,7 @@ from typing import Protocol, runtime_checkable
 
 from fpsboost.analysis.scene_cuts import CutList, counts_frames
 from fpsboost.contracts import ClosesOnExit, FrameSource, RandomAccess
-from fpsboost.errors import InputError, OptionError
+from fpsboost.errors import InputError, OptionError, refuse
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.image import Image
@@ -439,11 +439,8 @@ def _check_layers(images: NumberedImages | None, interpolator: Interpolator, rat
         "`shutter`": rate.shutter is not None,
         "`uncertain`": interpolator.uncertain != "keep",
     }
-    for option in (option for option, is_given in given.items() if is_given):
-        raise OptionError(
-            f"{option} changes the picture alone, and {first} has layers ({names}); leave it out, or give "
-            "`passes='beauty'`."
-        )
+    alone = f"changes the picture alone, and {first} has layers ({names}); leave it out, or give `passes='beauty'`."
+    refuse({f"{option} {alone}": is_given for option, is_given in given.items()})
     raise OptionError(
         f"The method makes no layers, and {first} has some ({names}); choose nlm, nlm-fast, dis, farneback, tvl1, "
         "blend or nearest, or give `passes='beauty'` for the picture alone."
@@ -454,27 +451,33 @@ def _check_rate(rate: OutputRate, interpolator: Interpolator, run: RunOptions) -
     """Raise `OptionError` if the times of the output's frames exclude another option."""
     blurs, has_vectors, maps = rate.shutter is not None, interpolator.uses_vectors, " or ".join(run.side.given)
     any_time = "`retime` and `speed` show the source at any time, and"
-    refusals = {
-        "`shutter` blurs every frame, and `in_place` keeps the originals; write to another folder.": (
-            blurs and run.in_place
-        ),
-        "`shutter` needs frames at times that `vectors` says nothing of; leave one of them out.": blurs and has_vectors,
-        f"`shutter` averages frames, which have no one map of {maps}; leave one of them out.": blurs and maps,
-        f"{any_time} `in_place` only some; leave one of them out.": rate.retimes and run.in_place,
-        f"{any_time} `vectors` only some; leave one of them out.": rate.retimes and has_vectors,
-    }
-    for refusal in (refusal for refusal, applies in refusals.items() if applies):
-        raise OptionError(refusal)
+    refuse(
+        {
+            "`shutter` blurs every frame, and `in_place` keeps the originals; write to another folder.": (
+                blurs and run.in_place
+            ),
+            "`shutter` needs frames at times that `vectors` says nothing of; leave one of them out.": (
+                blurs and has_vectors
+            ),
+            f"`shutter` averages frames, which have no one map of {maps}; leave one of them out.": blurs and maps,
+            f"{any_time} `in_place` only some; leave one of them out.": rate.retimes and run.in_place,
+            f"{any_time} `vectors` only some; leave one of them out.": rate.retimes and has_vectors,
+        }
+    )
 
 
 def _resolve_output(job: ConversionJob, run: RunOptions) -> str:
     """Return the name of a job's output; in place, that of its input."""
     if not run.in_place:
         return output_beside(job.input, job.rate) if job.output is None else os.fspath(job.output)
-    if job.output is not None:
-        raise OptionError(f"`in_place` writes beside the images of {job.input}; leave the output {job.output} out.")
-    if run.overwrite:
-        raise OptionError("`in_place` replaces nothing; leave `overwrite` out.")
+    refuse(
+        {
+            f"`in_place` writes beside the images of {job.input}; leave the output {job.output} out.": (
+                job.output is not None
+            ),
+            "`in_place` replaces nothing; leave `overwrite` out.": run.overwrite,
+        }
+    )
     check_images(os.fspath(job.input), "`in_place`")
     return os.fspath(job.input)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 from fpsboost.contracts import FrameWatcher, Observer
-from fpsboost.errors import OptionError
+from fpsboost.errors import OptionError, refuse
 from fpsboost.io.side.options import SideOutputs
 from fpsboost.memory import MemoryLimit, parse_memory
 from fpsboost.options import Checked, PathName, Range, option
@@ -99,14 +99,14 @@ class RunOptions(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.chunk is not None and self.in_place:
-            raise OptionError(
-                "`chunk` writes its part into a folder, which does not work with `in_place`; leave one of them out."
-            )
-        if self.chunk is not None and self.side.given:
-            raise OptionError(f"`chunk` does not work with {' or '.join(self.side.given)}; leave one of them out.")
-        if self.resume and self.side.given:
-            raise OptionError(
-                f"`resume` does not compute finished frames again, which {' and '.join(self.side.given)} would need; "
-                "leave one of them out."
-            )
+        is_part, given = self.chunk is not None, self.side.given
+        refuse(
+            {
+                "`chunk` writes its part into a folder, which does not work with `in_place`; leave one of them out.": (
+                    is_part and self.in_place
+                ),
+                f"`chunk` does not work with {' or '.join(given)}; leave one of them out.": is_part and given,
+                f"`resume` does not compute finished frames again, which {' and '.join(given)} would need; leave one "
+                "of them out.": self.resume and given,
+            }
+        )

@@ -35,7 +35,7 @@ from fpsboost.cli.options import (
     check_named_once,
     with_flags,
 )
-from fpsboost.errors import OptionError, choose_one
+from fpsboost.errors import OptionError, choose_one, refuse
 from fpsboost.io.new_output import check_new_folder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.media.staging import check_writable
@@ -84,11 +84,17 @@ def compare(
     chosen = {clip: choose(method_options.methods, folder, at_cuts) for clip, folder in folders.items()}
     ours, skipped = chosen[input]
     if results.fail_under is not None:
-        if not math.isfinite(results.fail_under):
-            raise OptionError(f"--fail-under must be a number of decibels, not {results.fail_under}.")
         asked = split_methods(method_options.methods)[0]
-        if ours and asked in skipped:
-            raise OptionError(f"--fail-under checks {asked}, which cannot be run here; name another method first.")
+        refuse(
+            {
+                f"--fail-under must be a number of decibels, not {results.fail_under}.": (
+                    not math.isfinite(results.fail_under)
+                ),
+                f"--fail-under checks {asked}, which cannot be run here; name another method first.": (
+                    ours and asked in skipped
+                ),
+            }
+        )
     metrics = evaluation.choose_metrics(results.metrics)
     check_results(results)
     for clip in more:  # the first one is opened below anyway
@@ -163,13 +169,15 @@ def check_several(inputs: Sequence[str], method_options: ComparedMethodOptions) 
     """Raise `OptionError` if there are several clips and an option is about one, or one is named twice."""
     if len(inputs) == 1:
         return
-    if method_options.frames_of:
-        raise OptionError("--frames belongs to one clip; compare several clips one by one.")
-    rendered = method_options.rendered
-    if any("{in}" not in path for path in (rendered.vectors, rendered.depth) if path is not None):
-        raise OptionError(
-            "--vectors and --depth belong to one clip; with several, write {in} for it, as in {in}/vectors."
-        )
+    rendered = filter(None, (method_options.rendered.vectors, method_options.rendered.depth))
+    refuse(
+        {
+            "--frames belongs to one clip; compare several clips one by one.": method_options.frames_of,
+            "--vectors and --depth belong to one clip; with several, write {in} for it, as in {in}/vectors.": (
+                any("{in}" not in path for path in rendered)
+            ),
+        }
+    )
     check_named_once(inputs)
 
 
@@ -362,10 +370,14 @@ def name_others(frames: Sequence[str], peers: Sequence[str]) -> Others:
     ):
         for text in texts:
             name, _, rest = (word.strip() for word in text.partition("="))
-            if not (name and rest):
-                raise OptionError(f"{option} {text!r} lacks a name or a value; write {option} NAME={value}.")
-            if name in taken | others.folders.keys() | others.commands.keys() or ":" in name:
-                raise OptionError(f"{option} {name!r} is the name of another method; choose a different name.")
+            refuse(
+                {
+                    f"{option} {text!r} lacks a name or a value; write {option} NAME={value}.": not (name and rest),
+                    f"{option} {name!r} is the name of another method; choose a different name.": (
+                        name in taken | others.folders.keys() | others.commands.keys() or ":" in name
+                    ),
+                }
+            )
             found[name] = rest
     for name, command in others.commands.items():
         evaluation.split_command(name, command)

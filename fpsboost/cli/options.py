@@ -17,7 +17,7 @@ from cyclopts import Group, Parameter
 
 import fpsboost
 from fpsboost.cluster import ClusterOptions
-from fpsboost.errors import OptionError
+from fpsboost.errors import OptionError, refuse
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.memory import MemoryLimit, parse_memory
@@ -82,10 +82,17 @@ class RenderedOptions:
     vector_convention: ConventionName = option("auto", "Vector convention: blender, nuke...", flag="vectors-as")
 
     def __post_init__(self) -> None:
-        if self.depth is not None and self.vectors is None:
-            raise OptionError("--depth needs the motion vectors of --vectors; give both, or leave --depth out.")
-        if self.vector_convention != "auto" and self.vectors is None:
-            raise OptionError("--vectors-as describes the files of --vectors; give both, or leave --vectors-as out.")
+        if self.vectors is None:
+            refuse(
+                {
+                    "--depth needs the motion vectors of --vectors; give both, or leave --depth out.": (
+                        self.depth is not None
+                    ),
+                    "--vectors-as describes the files of --vectors; give both, or leave --vectors-as out.": (
+                        self.vector_convention != "auto"
+                    ),
+                }
+            )
 
     @property
     def folder(self) -> fpsboost.VectorFolder | None:

@@ -12,7 +12,7 @@ from rich.console import Console
 from fpsboost.cli.compare import split_methods
 from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import GROUPS, CutOptions, MethodOptions, PathName, PreviewOptions, in_flags, with_flags
-from fpsboost.errors import OptionError
+from fpsboost.errors import refuse
 from fpsboost.io.opening import PIPES, Target
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.media.staging import check_writable
@@ -45,11 +45,15 @@ def preview(
     from fpsboost.preview.page import check_video, estimate_sentence, write_page, write_video  # noqa: PLC0415
     from fpsboost.preview.page import preview as run  # noqa: PLC0415
 
-    if input in PIPES:
-        raise OptionError("Standard input can be read only once, and a preview reads several places; name a file.")
     place = Path(page or f"{clip_name(input) or 'clip'}-preview.html")
-    if place.suffix.lower() not in (".html", ".htm"):
-        raise OptionError(f"{place} is not the name of an HTML page; write {place}.html.")
+    refuse(
+        {
+            "Standard input can be read only once, and a preview reads several places; name a file.": input in PIPES,
+            f"{place} is not the name of an HTML page; write {place}.html.": (
+                place.suffix.lower() not in (".html", ".htm")
+            ),
+        }
+    )
     check_writable(place, str(place), [Path(input)], options.overwrite)
     if options.side_by_side is not None:
         check_video(Target.parse(options.side_by_side), [Path(input)], overwrite=options.overwrite)

@@ -98,20 +98,22 @@ def facts(result: Probe) -> dict[str, str]:
         tags = [f"{name} {tag}" for name in ("matrix", "primaries", "transfer") if (tag := getattr(look, name))]
         lines["pixels"] = f"{look.pixel_format}, aspect {look.pixel_aspect}, rotation {look.rotation:g} degrees"
         lines["colour"] = ", ".join([*(tags or ["no tags"]), "full range" if look.full_range else "limited range"])
-    lines["rate"] = f"{result.rate:.6g} fps ({result.exact_rate}), {'varies' if result.varies else 'constant'}"
+    numbers = {"numbers": f"in steps of {result.number_step}"} if (result.number_step or 1) > 1 else {}
     intervals = " / ".join(rounded(1000 * each, 4) for each in (result.shortest, result.median, result.longest))
-    lines["intervals"] = f"{intervals} ms (shortest / median / longest)"
-    lines["duration"] = f"{result.duration:.3f} s" + (f", starts at {result.start:.3f} s" if result.start else "")
-    lines["frames"] = f"{result.frames}{every}"
-    if result.number_step is not None and result.number_step > 1:
-        lines["numbers"] = f"in steps of {result.number_step}"
-    lines["duplicates"] = str(result.duplicates) if result.duplicates else "none"
     times = ", ".join(f"{cut:.3f}" for cut in result.cuts[:MAX_CUTS])
     more = f" and {len(result.cuts) - MAX_CUTS} more" if len(result.cuts) > MAX_CUTS else ""
-    lines["scene cuts"] = f"{len(result.cuts)}, at {times}{more} s" if result.cuts else "none"
     damaged = f"{len(result.damaged)} ({as_ranges(result.damaged[:MAX_CUTS])}); --replace auto interpolates them"
-    lines["damaged"] = damaged if result.damaged else "none"
     flagged = f"{result.interlaced} of {result.frames} frames flagged; --deinterlace makes two of each"
-    lines["interlaced"] = flagged if result.interlaced else "no"
-    lines["--factor 2"] = conversion.refused or f"{conversion.frames} frames at {conversion.rate:.6g} fps"
-    return lines
+    return {
+        **lines,
+        "rate": f"{result.rate:.6g} fps ({result.exact_rate}), {'varies' if result.varies else 'constant'}",
+        "intervals": f"{intervals} ms (shortest / median / longest)",
+        "duration": f"{result.duration:.3f} s" + (f", starts at {result.start:.3f} s" if result.start else ""),
+        "frames": f"{result.frames}{every}",
+        **numbers,
+        "duplicates": str(result.duplicates) if result.duplicates else "none",
+        "scene cuts": f"{len(result.cuts)}, at {times}{more} s" if result.cuts else "none",
+        "damaged": damaged if result.damaged else "none",
+        "interlaced": flagged if result.interlaced else "no",
+        "--factor 2": conversion.refused or f"{conversion.frames} frames at {conversion.rate:.6g} fps",
+    }

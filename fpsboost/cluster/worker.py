@@ -31,6 +31,7 @@ from fpsboost.extension import (
     job_facts,
     one_opencv_thread,
     program_facts,
+    refuse,
 )
 
 REPORT_INTERVAL = 0.5  # seconds between reports of a part's progress
@@ -159,19 +160,18 @@ def _check_job_once(order: WorkerOrder, job: ConversionJob, place: str) -> None:
     except InputError as error:
         raise ClusterError(f"The worker at {place} cannot read the input: {error}") from error
     difference = first_difference(order.facts, here)
-    if difference == "input":
-        raise ClusterError(
-            f"The worker at {place} has a different file under the name of the input; copy the input there."
-        )
-    if difference in ("self test", "first frame"):
-        raise ClusterError(
+    refuse(
+        {
+            f"The worker at {place} has a different file under the name of the input; copy the input there.": (
+                difference == "input"
+            ),
             f"The worker at {place} computes different pixels than the client; leave it out, or give all machines "
-            "processors and libraries of one kind."
-        )
-    if difference is not None:
-        raise ClusterError(
-            f"The worker at {place} differs from the client in the {difference}; install the same version everywhere."
-        )
+            "processors and libraries of one kind.": difference in ("self test", "first frame"),
+            f"The worker at {place} differs from the client in the {difference}; install the same version "
+            "everywhere.": difference,
+        },
+        ClusterError,
+    )
     _checked.add(order.topic)
 
 

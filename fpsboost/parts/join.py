@@ -10,7 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from fpsboost.contracts import Observer, SilentObserver, Summary
-from fpsboost.errors import InputError, OptionError, explained
+from fpsboost.errors import InputError, OptionError, explained, refuse
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.opening import Target
 from fpsboost.io.video.sink import VideoSink, traits_of_image
@@ -135,16 +135,18 @@ def check_complete(parts: Sequence[PartFiles]) -> list[PartFiles]:
     (folder0, manifest0), *_ = parts
     for folder, manifest in parts:
         other = by_number.setdefault(manifest.part.number, (folder, manifest))[0]
-        if other != folder:
-            raise InputError(f"{other} and {folder} are both part {manifest.part}; name one of them.")
-        if manifest.part.count != manifest0.part.count:
-            raise InputError(
-                f"{folder0} is one of {manifest0.part.count} parts and {folder} one of {manifest.part.count}; join "
-                "parts of one conversion."
-            )
         difference = first_difference(manifest0.facts, manifest.facts)
-        if difference is not None:
-            raise InputError(f"{folder0} and {folder} differ in their {difference}; make one of them again.")
+        count0, count = manifest0.part.count, manifest.part.count
+        refuse(
+            {
+                f"{other} and {folder} are both part {manifest.part}; name one of them.": other != folder,
+                f"{folder0} is one of {count0} parts and {folder} one of {count}; join parts of one conversion.": (
+                    count != count0
+                ),
+                f"{folder0} and {folder} differ in their {difference}; make one of them again.": difference,
+            },
+            InputError,
+        )
     missing = [str(number) for number in range(1, manifest0.part.count + 1) if number not in by_number]
     if missing:
         some = ", ".join(missing[:8]) + (", ..." if len(missing) > 8 else "")

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import normalised
-from fpsboost.errors import InputError, OptionError, explained
+from fpsboost.errors import InputError, OptionError, explained, refuse
 from fpsboost.image import Image, Pixels
 from fpsboost.io.images.exr import read_exr, read_exr_header
 from fpsboost.io.images.sequence import (
@@ -285,18 +285,30 @@ def _find_files(path: Path, what: str, *suffixes: str) -> FileSequence:
             return find_numbered(Numbering.parse(str(path)))
         kinds = {name: Path(name).suffix.lower() for name in list_files(path) if not name.startswith(".")}
     names = [name for name, kind in kinds.items() if kind in suffixes]
-    if not names:
-        raise InputError(f"{path} contains no {what} ({' or '.join(suffixes)}); name a folder that does.")
-    if len({kinds[name] for name in names}) > 1:
-        raise InputError(f"{path} contains both .exr and .flo files; keep one kind of motion vectors in it.")
+    refuse(
+        {
+            f"{path} contains no {what} ({' or '.join(suffixes)}); name a folder that does.": not names,
+            f"{path} contains both .exr and .flo files; keep one kind of motion vectors in it.": (
+                len({kinds[name] for name in names}) > 1
+            ),
+        },
+        InputError,
+    )
     if kinds[names[0]] == ".flo":
         for name in names:
-            if not name.endswith((BACKWARD, FORWARD)):
-                raise InputError(f"{path / name} is neither a *{BACKWARD} nor a *{FORWARD}; rename or remove it.")
             ending, other = (BACKWARD, FORWARD) if name.endswith(BACKWARD) else (FORWARD, BACKWARD)
             partner = name.removesuffix(ending) + other
-            if partner not in names:
-                raise InputError(f"{path / name} has no partner {partner}; write both directions for every frame.")
+            refuse(
+                {
+                    f"{path / name} is neither a *{BACKWARD} nor a *{FORWARD}; rename or remove it.": (
+                        not name.endswith((BACKWARD, FORWARD))
+                    ),
+                    f"{path / name} has no partner {partner}; write both directions for every frame.": (
+                        partner not in names
+                    ),
+                },
+                InputError,
+            )
         names = [name for name in names if name.endswith(BACKWARD)]
     return order_names(path, names)
 

@@ -15,7 +15,7 @@ from fractions import Fraction
 from itertools import groupby
 from typing import TYPE_CHECKING, Self
 
-from fpsboost.errors import InputError, OptionError, explained
+from fpsboost.errors import InputError, OptionError, explained, refuse
 from fpsboost.options import Checked, PathName, checked, option
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
@@ -212,12 +212,19 @@ class Replacement(Checked):
         super().__post_init__()
         for first, last in self.ranges:
             count = last.value - first.value + 1
-            if not first.value:
-                raise OptionError("`replace` needs a good frame on both sides, and frame 0 is the first; leave it out.")
-            if first.is_frame == last.is_frame and count < 1:
-                raise OptionError(f"`replace` has a range from {first} to {last}, which ends before it begins.")
-            if first.is_frame and last.is_frame and count > MAX_RUN:
-                raise OptionError(f"`replace` has {count} frames in a row ({first} to {last}), and {TOO_LONG}.")
+            refuse(
+                {
+                    "`replace` needs a good frame on both sides, and frame 0 is the first; leave it out.": (
+                        not first.value
+                    ),
+                    f"`replace` has a range from {first} to {last}, which ends before it begins.": (
+                        first.is_frame == last.is_frame and count < 1
+                    ),
+                    f"`replace` has {count} frames in a row ({first} to {last}), and {TOO_LONG}.": (
+                        first.is_frame and last.is_frame and count > MAX_RUN
+                    ),
+                }
+            )
 
     @classmethod
     @checked

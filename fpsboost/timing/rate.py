@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from fpsboost.errors import InputError, OptionError, rounded
+from fpsboost.errors import InputError, OptionError, refuse, rounded
 from fpsboost.media.info import OutputTiming, is_implausible
 from fpsboost.options import Checked, PathName, Range, Rate, option
 from fpsboost.timing.position import Replacement, format_time
@@ -115,22 +115,33 @@ class OutputRate(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.slow_motion_sound is not None and not self.slow_motion and not self.retimes:
-            raise OptionError("`slow_motion_sound` needs `slow_motion`; give both, or leave it out.")
         kinds = ("retime", "speed", "slow_motion", "keep_timing", "fill_gaps")
         given = [f"`{name}`" for name in kinds if getattr(self, name)]
-        if self.retimes and len(given) > 1:
-            raise OptionError(f"{' and '.join(given)} set the timing in different ways; give one of them.")
-        if self.factor is not None and self.fps is not None and not self.slow_motion:
-            raise OptionError("`factor` and `fps` both set the output rate; give one of them.")
-        if self.fps is not None and self.keep_timing:
-            raise OptionError("`fps` makes the rate constant and `keep_timing` does not; give one of them.")
-        if self.shutter_samples is not None and self.shutter is None:
-            raise OptionError("`shutter_samples` needs `shutter`; give both, or leave it out.")
-        _ = self.exposure
-        if self.fill_gaps and (self.keep_timing or self.replace is not None):
-            other = "`keep_timing` keeps a variable rate" if self.keep_timing else "`replace` those that are damaged"
-            raise OptionError(f"`fill_gaps` makes missing images at a constant rate, and {other}; give one of them.")
+        has_fps = self.fps is not None
+        refuse(
+            {
+                "`slow_motion_sound` needs `slow_motion`; give both, or leave it out.": (
+                    self.slow_motion_sound is not None and not self.slow_motion and not self.retimes
+                ),
+                f"{' and '.join(given)} set the timing in different ways; give one of them.": (
+                    self.retimes and len(given) > 1
+                ),
+                "`factor` and `fps` both set the output rate; give one of them.": (
+                    self.factor is not None and has_fps and not self.slow_motion
+                ),
+                "`fps` makes the rate constant and `keep_timing` does not; give one of them.": (
+                    has_fps and self.keep_timing
+                ),
+                "`shutter_samples` needs `shutter`; give both, or leave it out.": (
+                    self.shutter_samples is not None and self.shutter is None
+                ),
+                "`fill_gaps` makes missing images at a constant rate, and `keep_timing` keeps a variable rate; give "
+                "one of them.": self.fill_gaps and self.keep_timing,
+                "`fill_gaps` makes missing images at a constant rate, and `replace` those that are damaged; give one "
+                "of them.": self.fill_gaps and self.replace is not None,
+            }
+        )
+        _ = self.exposure  # raises an error for a wrong number of samples
 
     @property
     def replacement(self) -> Replacement | None:
