@@ -18,9 +18,11 @@ from numpy.typing import NDArray
 from fpsboost.analysis.duplicates import DuplicateDetector, compared_planes
 from fpsboost.evaluation.hidden_frames import Interval
 from fpsboost.frame_cache import FrameCache
+from fpsboost.motion.field import ends_inside
 from fpsboost.motion.opencv import Dis
 from fpsboost.motion.rendered import frame_number
 from fpsboost.render.folder import VectorFolder
+from fpsboost.synthesis.agreement import sample
 
 MOVES = 1.0
 """Shortest motion from one shown frame to the next that counts as moving, pixels."""
@@ -94,10 +96,8 @@ def _find(truth: FrameCache, others: Sequence[FrameCache], flows: Sequence[NDArr
     differences = []
     for other, flow in zip(others, flows, strict=True):
         there = _levels(other)
-        moved = cv2.remap(there, *_ends(flow), cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-        there_or_here = [_apart(here, each.reshape(here.shape)) for each in (moved, there)]
-        there_or_here[0][~_is_inside(flow)] = np.inf
-        differences.append(np.minimum(*there_or_here))
+        moved = np.where(ends_inside(flow), _apart(here, sample(there, flow, cv2.INTER_CUBIC)), np.float32(np.inf))
+        differences.append(np.minimum(moved, _apart(here, there)))
     first, second = differences
     limit = max(MAX_DIFFERENCE, NOISE_FACTOR * float(np.median(np.minimum(first, second))))
     return [first <= limit, second <= limit]
@@ -126,18 +126,5 @@ def _rendered_motion(here: FrameCache, there: FrameCache, vectors: VectorFolder)
 
 def _leads_back(flow: NDArray[Any], back: NDArray[Any]) -> NDArray[Any]:
     """Return where motion leads into another frame, and from there back to where it began, (H, W) bool."""
-    returned = cv2.remap(back, *_ends(flow), cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray((np.linalg.norm(flow + returned, axis=-1) <= CONSISTENT) & _is_inside(flow))
-
-
-def _ends(flow: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return columns and rows where motion ends, each (H, W) float32."""
-    y, x = np.mgrid[: flow.shape[0], : flow.shape[1]].astype(np.float32)
-    return x + flow[..., 0], y + flow[..., 1]
-
-
-def _is_inside(flow: NDArray[Any]) -> NDArray[Any]:
-    """Return where motion ends inside of the frame, (H, W) bool."""
-    x, y = _ends(flow)
-    height, width = flow.shape[:2]
-    return np.asarray((x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5))
+    round_trip = flow + sample(back, flow, cv2.INTER_NEAREST)
+    return np.asarray((np.linalg.norm(round_trip, axis=-1) <= CONSISTENT) & ends_inside(flow))

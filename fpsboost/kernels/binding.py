@@ -42,6 +42,9 @@ KINDS = ("uint8", "uint16", "float32", "int32", "int64", "float64", "bool")
 
 MAX_AXES = 5
 
+ALIGNMENT = 64
+"""Bytes of a cache line, at which every piece of scratch memory begins."""
+
 Convert = Callable[[Any], bytes]
 """Function that converts a value to the bytes of its field in a record."""
 
@@ -177,3 +180,11 @@ def array_converter(name: str, description: str) -> Convert:
         return address.to_bytes(8, sys.byteorder) + rest
 
     return convert
+
+
+def scratch_of(*sizes: int) -> Array:
+    """Return memory for pieces of these sizes, bytes, as ``fpsboost/native/scratch.h`` takes them from it.
+
+    Compiled kernels allocate no memory themselves.
+    """
+    return np.empty(sum(-(-size // ALIGNMENT) for size in sizes) * ALIGNMENT + ALIGNMENT, np.uint8)

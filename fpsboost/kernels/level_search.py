@@ -7,9 +7,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from fpsboost.kernels.binding import Array, compiled
+from fpsboost.kernels.binding import Array, compiled, scratch_of
 from fpsboost.kernels.planes import PlanePair
-from fpsboost.kernels.scratch import scratch_of
 from fpsboost.kernels.semi_global import EIGHT, label_scratch
 from fpsboost.kernels.tiles import tile_scratch
 

@@ -1,4 +1,4 @@
-"""In-between frame as a weighted mean of both frames along every candidate motion.
+"""In-between frame along the candidate motions: their weighted mean, or the motion with the largest weight.
 
 Each window is the mean of its samples along the candidates of its node, by the weights of the pixels. Windows are faded
 into each other, so that no borders are visible (overlapped block motion compensation, Orchard and Sullivan 1994,
@@ -12,7 +12,7 @@ import numpy as np
 
 from fpsboost.kernels.binding import Array, compiled
 from fpsboost.kernels.candidates import Candidates
-from fpsboost.kernels.fusion_features import PairContext
+from fpsboost.kernels.pair_context import PairContext
 from fpsboost.kernels.pixel_weights import Weighting
 from fpsboost.kernels.window_samples import SQUARES_PER_ROW, WINDOW, PlaneGroup, Samples, make_plane_group
 
@@ -87,6 +87,40 @@ def blend_hypotheses(
     further_channels, _, further_width = blended.further.shape
     further_group = make_plane_group(*further, subsampling, further_channels + 1, further_width)
     blend_nodes(full_group, further_group, t, candidates, weighting, context, value_range, blended)
+
+
+@compiled
+def compare_candidates(
+    layer: PlaneGroup,
+    t: np.float32,
+    candidates: Candidates,
+    weighting: Weighting,
+    weights: Annotated[Array, "float32 (height, width)"],
+    places: Annotated[Array, "float32 (4, height, width)"],
+) -> None:
+    """Write where each pixel lies along the candidate with the largest weight; see `find_dominant_motion`."""
+
+
+def find_dominant_motion(
+    samples0: Samples,
+    samples1: Samples,
+    t: np.float32,
+    candidates: Candidates,
+    weighting: Weighting,
+    weights: Array,
+    places: Array,
+) -> None:
+    """Write where each pixel lies in both frames along the candidate with the largest weight.
+
+    This is for values that must not be averaged, such as object numbers. Candidates are weighted as in
+    `blend_hypotheses`, but the weights of a motion that several nodes list are not added up.
+
+    - `weights`: the largest weights, (height, width) float32; zero at first
+    - `places`: column and row in frame 0, and in frame 1, (4, height, width) float32; not written where no candidate
+      has any weight
+    """
+    layer = make_plane_group(samples0, samples1, (1, 1), band_planes=0, width=0)
+    compare_candidates(layer, t, candidates, weighting, weights, places)
 
 
 @cache

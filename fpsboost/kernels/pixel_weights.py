@@ -6,7 +6,7 @@ import numpy as np
 
 from fpsboost.kernels.binding import Array, compiled
 from fpsboost.kernels.candidates import Candidates
-from fpsboost.kernels.fusion_features import PairContext
+from fpsboost.kernels.pair_context import PairContext
 from fpsboost.kernels.window_samples import PlaneGroup
 
 

@@ -13,9 +13,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.binding import Array, compiled
+from fpsboost.kernels.binding import Array, compiled, scratch_of
 from fpsboost.kernels.planes import LANES
-from fpsboost.kernels.scratch import scratch_of
 
 STRIP_WIDTH = 640
 """Columns per pass: wide enough for a small overhead of the patch margins, narrow enough for the caches."""

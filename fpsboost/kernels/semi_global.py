@@ -38,7 +38,7 @@ def choose_labels(
     - `smoothness`, `slope`: maximum cost of a change of motion between neighbours, and its cost per pixel
     - `costs`: of the paths to each label, out; `padded` is the capacity rounded up to a multiple of EIGHT
     - `flow`, `chosen`: motion and similarity of the chosen label, out
-    - `scratch`: by `fpsboost.kernels.scratch.scratch_of` of `label_scratch`
+    - `scratch`: by `fpsboost.kernels.binding.scratch_of` of `label_scratch`
     """
 
 

@@ -72,7 +72,7 @@ def search_tiles(
       x and y, pixels
     - `patch_radius`: radius r of the patch of (2r + 1) x (2r + 1) pixels, at most 10
     - `row_step`: 1, or 2 to compare every second row of the patches; then `step` is a multiple of 4
-    - `scratch`: by `fpsboost.kernels.scratch.scratch_of` of `tile_scratch`
+    - `scratch`: by `fpsboost.kernels.binding.scratch_of` of `tile_scratch`
     """
 
 

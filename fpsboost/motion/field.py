@@ -150,6 +150,14 @@ def forward_backward_error(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[An
     return distance
 
 
+def ends_inside(motion: NDArray[Any]) -> NDArray[Any]:
+    """Return whether the motion from each pixel, (H, W, 2), ends inside of the frame, (H, W) bool."""
+    height, width = motion.shape[:2]
+    y = np.arange(height, dtype=np.float32)[:, np.newaxis] + motion[..., 1]
+    x = np.arange(width, dtype=np.float32) + motion[..., 0]
+    return np.asarray((x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5))
+
+
 def motion_gradients(vectors: NDArray[Any], spacing: int) -> NDArray[Any]:
     """Return the motion gradients around points: those of zoom, rotation and perspective, not of object boundaries.
 

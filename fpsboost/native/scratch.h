@@ -4,7 +4,7 @@
 
 namespace {
 
-// Hands out the pieces of a block that `scratch_of` of fpsboost/kernels/scratch.py has made for them, in any order.
+// Hands out the pieces of a block that `scratch_of` of fpsboost/kernels/binding.py has made for them, in any order.
 struct Scratch {
   uint8_t *next;
 

@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.fusion_features import FEATURES
+from fpsboost.kernels.pair_context import FEATURES
 
 TABLE: Mapping[str, tuple[float, ...]] = {
     "similarity": (14.7, 15.3, -4.57, 3.66, 3.38, 5.31, -1.19, 1.26, 1.37, -10.9),
@@ -42,7 +42,7 @@ TABLE: Mapping[str, tuple[float, ...]] = {
     "gradient": (-0.124, 3.73, 4.14, 3.69, -7.82, 5.5, -0.574, 2.17, 7.42, 2.24),
     "support by neighbours": (-0.161, 0.425, 3.45, 3.06, 2.92, -2.58, 3.18, -0.818, 0.917, 0.616),
 }
-"""Coefficients by feature (see `fpsboost.kernels.fusion_features`): for a candidate that both frames show, for one that
+"""Coefficients by feature (see `fpsboost.kernels.pair_context`): for a candidate that both frames show, for one that
 a single frame shows, and for each hinge. "Own" is the frame whose sample is weighted, or that the hinge belongs to."""
 
 OUTPUTS: tuple[tuple[float, ...], ...] = (

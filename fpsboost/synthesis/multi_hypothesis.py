@@ -33,15 +33,15 @@ from fpsboost.kernels.candidates import (
     list_candidates,
     no_votes,
 )
-from fpsboost.kernels.dominant_motion import find_dominant_motion
-from fpsboost.kernels.fusion_features import PairContext
 from fpsboost.kernels.multi_hypothesis import (
     CONFIDENCE_POWER,
     Blended,
     ValueRange,
     blend_hypotheses,
+    find_dominant_motion,
     window_shape,
 )
+from fpsboost.kernels.pair_context import PairContext
 from fpsboost.kernels.pixel_weights import Weighting
 from fpsboost.kernels.planes import aligned_empty
 from fpsboost.kernels.spline import MARGIN, filter_weights, find_coefficients

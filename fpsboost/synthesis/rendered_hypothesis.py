@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.spline import Source, mix_along
-from fpsboost.motion.field import MotionField, forward_backward_error
+from fpsboost.motion.field import MotionField, ends_inside, forward_backward_error
 from fpsboost.motion.rendered import FrameVectors, RenderedVectors, frame_number, output_frame_between
 from fpsboost.synthesis.reproject import Reproject
 
@@ -99,12 +99,8 @@ def _seen_from(here: FrameVectors, there: FrameVectors, distance: int) -> tuple[
     """
     motion, back = _displacement(here, distance), _displacement(there, -distance)
     height, width = motion.shape[:2]
-    rows, columns = np.arange(height), np.arange(width)
-    error = forward_backward_error(motion, rows, columns, MotionField(back, back[..., 0]))
-    y, x = motion[..., 1] + rows[:, np.newaxis].astype(np.float32), motion[..., 0] + columns.astype(np.float32)
-    is_visible = error <= CONSISTENCY_TOLERANCE * abs(distance)
-    is_visible &= (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)
-    return motion, is_visible
+    error = forward_backward_error(motion, np.arange(height), np.arange(width), MotionField(back, back[..., 0]))
+    return motion, (error <= CONSISTENCY_TOLERANCE * abs(distance)) & ends_inside(motion)
 
 
 def _landed(there: FrameVectors, distance: int) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from fpsboost.colour import premultiplied
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, as_image
+from fpsboost.motion.field import ends_inside
 from fpsboost.motion.rendered import FrameVectors, RenderedVectors, frame_number, output_frame_between
 from fpsboost.options import Checked, Range
 from fpsboost.synthesis import FramePair, InterpolatedImage
@@ -95,7 +96,7 @@ class SceneAssisted(Checked):
             height, width = here.backward.shape[:2]
             y, x = np.mgrid[:height, :width].astype(np.float32)
             x, y = x + flow[..., 0], y + flow[..., 1]
-            seen = (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)
+            seen = ends_inside(flow)
             if here.depth is not None:
                 there = self.vectors.for_image(frame_number(image.output_position), image0.array).depth
                 assert there is not None, "all frames of a folder have depth, or none"

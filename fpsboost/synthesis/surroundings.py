@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.candidates import Candidates
-from fpsboost.kernels.fusion_features import PairContext
-from fpsboost.kernels.node_support import count_landings, measure_support
+from fpsboost.kernels.pair_context import PairContext, count_landings, measure_support
 from fpsboost.kernels.spline import MARGIN
 from fpsboost.kernels.window_samples import SQUARES_PER_ROW
 from fpsboost.motion.components import gray

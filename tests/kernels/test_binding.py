@@ -8,7 +8,7 @@ import pytest
 from recorded_calls import KERNELS
 
 from fpsboost.kernels import binding
-from fpsboost.kernels.node_support import count_landings
+from fpsboost.kernels.pair_context import count_landings
 
 NATIVE = binding.LIBRARY.parent
 SOURCES = "\n".join(path.read_text("utf-8") for path in sorted(NATIVE.glob("*.[ch]*")))

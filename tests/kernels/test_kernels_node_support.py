@@ -5,7 +5,7 @@ from truth import waves
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.candidates import VALUES_PER_MOTION, Candidates
-from fpsboost.kernels.node_support import count_landings
+from fpsboost.kernels.pair_context import count_landings
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.surroundings import at_time, find_surroundings

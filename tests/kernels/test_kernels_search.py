@@ -14,7 +14,7 @@ from twins import (
 )
 
 from fpsboost.kernels import tiles
-from fpsboost.kernels.scratch import scratch_of
+from fpsboost.kernels.binding import scratch_of
 from fpsboost.kernels.search import STRIP_WIDTH
 from fpsboost.kernels.tiles import PADDING, TILE, OffsetLists, Proposals
 from fpsboost.motion.field import MotionField

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from twins import smoothed
 
-from fpsboost.kernels.scratch import scratch_of
+from fpsboost.kernels.binding import scratch_of
 from fpsboost.kernels.semi_global import EIGHT, choose_labels, label_scratch
 
 

@@ -13,8 +13,14 @@ from twins import blended, finished, heaviest, spline_coefficients
 import fpsboost.native
 from fpsboost.kernels import spline, window_samples
 from fpsboost.kernels.candidates import VALUES_PER_MOTION, Candidates
-from fpsboost.kernels.dominant_motion import compare_candidates, find_dominant_motion
-from fpsboost.kernels.multi_hypothesis import Blended, ValueRange, blend_hypotheses, window_shape
+from fpsboost.kernels.multi_hypothesis import (
+    Blended,
+    ValueRange,
+    blend_hypotheses,
+    compare_candidates,
+    find_dominant_motion,
+    window_shape,
+)
 from fpsboost.kernels.pixel_weights import Weighting
 from fpsboost.kernels.spline import MARGIN
 from fpsboost.kernels.window_samples import BLOCK, SPARE, WINDOW, Samples, make_plane_group
