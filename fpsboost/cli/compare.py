@@ -14,6 +14,7 @@ from contextlib import ExitStack
 from functools import partial
 from itertools import chain
 from pathlib import Path
+from statistics import fmean
 from typing import Annotated, NamedTuple
 
 from cyclopts import Group, Parameter
@@ -123,12 +124,12 @@ def compare(
             compared.append(evaluation.ComparedClip(comparison, compared_methods))
         write_results(compared, results, console)
     if results.fail_under is not None:
-        first = next(evaluation.means_over_clips([clip.comparison for clip in compared]))
-        if first.mean < results.fail_under:
-            reached = (
-                f"{first.method} reaches {first.mean:.2f} dB, below the {results.fail_under:g} dB of --fail-under."
-            )
-            messages.console().print(f"[red]fpsboost:[/] {literal(reached)}")
+        psnr = evaluation.psnr_of_clips([clip.comparison for clip in compared])
+        first = next(iter(psnr))
+        reached = fmean(psnr[first])
+        if reached < results.fail_under:
+            reason = f"{first} reaches {reached:.2f} dB, below the {results.fail_under:g} dB of --fail-under."
+            messages.console().print(f"[red]fpsboost:[/] {literal(reason)}")
             sys.exit(EXIT_BELOW_LIMIT)
 
 

@@ -26,4 +26,4 @@ from .results import ComparedClip as ComparedClip
 from .results import Comparison as Comparison
 from .verdict import judge as judge
 from .verdict import judge_all as judge_all
-from .verdict import means_over_clips as means_over_clips
+from .verdict import psnr_of_clips as psnr_of_clips

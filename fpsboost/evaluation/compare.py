@@ -5,6 +5,7 @@ The clip is read once for the areas and the cuts and once per method, so that me
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 import tempfile
@@ -23,7 +24,7 @@ from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.evaluation.compared_methods import ComparedMethod, InterpolatedFrame
 from fpsboost.evaluation.further_metrics import Meters
 from fpsboost.evaluation.hidden_frames import HoldOut, Interval
-from fpsboost.evaluation.regions import AREAS, Regions, find_regions
+from fpsboost.evaluation.regions import AREAS, find_regions
 from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult, absolute_error, score
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import view
@@ -43,26 +44,6 @@ class ComparisonObserver(Protocol):
 
     def advance(self) -> None:
         """Count one more frame."""
-
-
-class _Areas:
-    """Areas of all hidden frames, stored in a file: one bit per pixel, in order."""
-
-    def __init__(self, file: IO[bytes]) -> None:
-        self._file = file
-        self._shape: tuple[int, ...] = ()
-
-    def add(self, regions: Regions) -> None:
-        """Store the areas of one more frame."""
-        self._shape = (len(regions), *regions[0].shape)
-        self._file.write(np.packbits(np.stack(regions)).tobytes())
-
-    def of(self, index: int) -> NDArray[Any]:
-        """Return the areas of the hidden frame with this index, (areas, H, W) bool."""
-        size = -(-int(np.prod(self._shape)) // 8)
-        self._file.seek(index * size)
-        packed = np.frombuffer(self._file.read(size), np.uint8)
-        return np.asarray(np.unpackbits(packed, count=int(np.prod(self._shape))).reshape(self._shape) > 0)
 
 
 def compare(
@@ -123,8 +104,8 @@ def compare(
     advice = "free some space there, or name another folder with TMPDIR"
     with explained(OutputError, "write to", tempfile.gettempdir(), advice), tempfile.TemporaryFile() as file:
         observer.begin("reading", None)
-        areas, facts = _Areas(file), _Facts()
-        pairs = _true_pairs(facts.passing(hold_out.intervals(path), areas, observer, vectors), cuts)
+        facts = _Facts()
+        pairs = _true_pairs(facts.passing(hold_out.intervals(path), file, observer, vectors), cuts)
         across_cuts, doubtful = _not_counted(path, facts, pairs)
         rate, results = facts.pictures / facts.seconds, []
         for name, compared_method in compared_methods.items():
@@ -132,7 +113,7 @@ def compare(
             # the true frames are read beside: a method may read far ahead
             truths = hold_out.intervals(path)
             interpolated = compared_method.interpolate(hold_out.intervals(path))
-            frames = list(_scored(interpolated, truths, areas, observer, meters := Meters(metrics, rate)))
+            frames = list(_scored(interpolated, truths, file, observer, meters := Meters(metrics, rate)))
             measured = meters.values(len(frames))
             frames = [replace(frame, metrics=row) for frame, row in zip(frames, measured, strict=True)]
             results.append(MethodResult(name, compared_method.describe(), frames))
@@ -218,12 +199,15 @@ class _Facts:
     """Duration of these frames, seconds."""
 
     def passing(
-        self, intervals: Iterable[Interval], areas: _Areas, observer: ComparisonObserver, vectors: VectorFolder | None
+        self, intervals: Iterable[Interval], file: IO[bytes], observer: ComparisonObserver, vectors: VectorFolder | None
     ) -> Iterator[Interval]:
-        """Yield the intervals, and store their facts and areas."""
+        """Yield the intervals, store their facts, and append the areas of each hidden frame to a file.
+
+        These are as many arrays one after the other, with one bit per pixel and area; see `_scored`.
+        """
         for interval in intervals:
             for hidden, regions in zip(interval.hidden, find_regions(interval, vectors), strict=True):
-                areas.add(regions)
+                np.save(file, np.packbits(regions))
                 self.hidden.append(hidden.number)
                 self.times.append(float(hidden.t))
                 self.shares.append([float(region.mean()) for region in regions])
@@ -256,15 +240,18 @@ def _true_pairs(intervals: Iterable[Interval], policy: CutPolicy | None) -> Iter
 def _scored(
     interpolated: Iterator[InterpolatedFrame],
     truths: Iterator[Interval],
-    areas: _Areas,
+    file: IO[bytes],
     observer: ComparisonObserver,
     meters: Meters,
 ) -> Iterator[FrameResult]:
-    """Yield the scores of a method's frames, in order."""
-    for index, (frame, truth) in enumerate(zip(interpolated, meters.passing(truths), strict=True)):
+    """Yield the scores of a method's frames, in order; `file` has the areas of `_Facts.passing`."""
+    file.seek(0)
+    for frame, truth in zip(interpolated, meters.passing(truths), strict=True):
         meters.add(truth.truth, frame.image)
         error = absolute_error(truth.truth, frame.image)
-        of_frame = dict(zip(AREAS, areas.of(index), strict=True))
+        shape = len(AREAS), *error.shape
+        areas = np.unpackbits(np.load(file), count=math.prod(shape)).reshape(shape) > 0
+        of_frame = dict(zip(AREAS, areas, strict=True))
         yield FrameResult(
             frame.number,
             score(truth.truth, frame.image),

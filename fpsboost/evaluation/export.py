@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fpsboost.evaluation.further_metrics import metrics
+from fpsboost.evaluation.further_metrics import Column, metrics
 from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
-from fpsboost.evaluation.results import Comparison, MethodResult
-from fpsboost.evaluation.verdict import judge, means_over_clips
+from fpsboost.evaluation.results import Comparison, mean
+from fpsboost.evaluation.verdict import judge, psnr_of_clips
 from fpsboost.io.new_output import write_whole
 
 DATA_VERSION = 1
@@ -32,7 +32,8 @@ def write_json(path: Path, comparisons: Sequence[Comparison]) -> None:
     For one clip these are those of `as_json`; for several, ``clips`` is a list of these, and ``mean`` has the means.
     """
     data = [as_json(comparison) for comparison in comparisons]
-    means = {each.method: {"psnr": each.mean, "psnr_of_clips": each.of_clips} for each in means_over_clips(comparisons)}
+    psnr = psnr_of_clips(comparisons)
+    means = {name: {"psnr": mean(of_clips), "psnr_of_clips": of_clips} for name, of_clips in psnr.items()}
     several = {"version": DATA_VERSION, "clips": data, "mean": means}
     write_whole(path, f"{json.dumps(data[0] if len(data) == 1 else several, indent=1)}\n".encode())
 
@@ -48,10 +49,8 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
     del plain["hold_out"]  # the data keep the name that they have had
     for row, method in zip(plain["methods"], comparison.methods, strict=True):
         row["mean"] = {
-            **asdict(comparison.means(method)),
-            "psnr_p5": comparison.low_psnr(method),
+            **comparison.mean_figures(method),
             "metrics": comparison.further(method),
-            **comparison.mean_seconds(method),
             "inside": {area: comparison.mean_error(method, area) for area in AREAS},
             "outside": {area: comparison.mean_error(method, area, inside=False) for area in AREAS},
         }
@@ -106,28 +105,16 @@ def without_nan(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-class Column(NamedTuple):
-    """A column of the summary table."""
-
-    title: str
-    unit: str
-    """Unit of the numbers; empty if they have none."""
-    digits: int
-    """Decimals of the numbers."""
-    high_is_good: bool
-    """Whether larger numbers are better."""
-
-
-COLUMNS = (
-    Column("PSNR", "dB", 2, True),
-    Column("PSNR P5", "dB", 2, True),
-    Column("SSIM", "", 4, True),
-    Column("MAE", "levels", 2, False),
-    Column("MSE", "levels²", 1, False),
-    Column("CPU time", "s a frame", 3, False),
-    Column("Wall time", "s a frame", 3, False),
-)
-"""Columns of the summary table, in its order."""
+COLUMNS = {
+    "psnr": Column("PSNR", "dB", 2, True),
+    "psnr_p5": Column("PSNR P5", "dB", 2, True),
+    "ssim": Column("SSIM", "", 4, True),
+    "mae": Column("MAE", "levels", 2, False),
+    "mse": Column("MSE", "levels²", 1, False),
+    "cpu_seconds": Column("CPU time", "s a frame", 3, False),
+    "seconds": Column("Wall time", "s a frame", 3, False),
+}
+"""Columns of the summary table in its order, by the names of `Comparison.mean_figures`."""
 
 
 class Cell(NamedTuple):
@@ -150,53 +137,49 @@ class Row(NamedTuple):
 
 
 def overall_rows(comparison: Comparison) -> list[Row]:
-    """Return quality and cost of every method, by decreasing PSNR."""
-    figures = []
-    for method in comparison.methods:
-        scores = comparison.means(method)
-        quality = scores.psnr, comparison.low_psnr(method), scores.ssim, scores.mae, scores.mse
-        figures.append([*quality, *comparison.mean_seconds(method).values()])
-    rows = _rows(comparison.methods, figures, [(each.digits, each.high_is_good) for each in COLUMNS])
-    return [rows[index] for index in sorted(range(len(rows)), key=lambda index: -figures[index][0])]
-
-
-def mean_rows(comparisons: Sequence[Comparison]) -> list[Row]:
-    """Return the PSNR of every method on every clip, and its mean over the clips, which have equal weights."""
-    figures = [[mean, *of_clips] for _, mean, of_clips in means_over_clips(comparisons)]
-    rows = _rows(comparisons[0].methods, figures, [(2, True)] * (1 + len(comparisons)))
-    return sorted(rows, key=lambda row: -figures[row.method][0])
+    """Return quality and cost of every method."""
+    figures = [comparison.mean_figures(method) for method in comparison.methods]
+    return _ranked_rows(comparison, list(COLUMNS.values()), [[each[name] for name in COLUMNS] for each in figures])
 
 
 def area_rows(comparison: Comparison) -> list[Row]:
-    """Return errors inside and outside of each area, in the order of `overall_rows`."""
+    """Return errors inside and outside of each area."""
     figures = [
         [comparison.mean_error(method, area, inside) for area, _ in comparison.areas for inside in (True, False)]
         for method in comparison.methods
     ]
-    rows = _rows(comparison.methods, figures, [(2, False)] * (2 * len(comparison.areas)))
-    return [rows[row.method] for row in overall_rows(comparison)]
+    return _ranked_rows(comparison, [COLUMNS["mae"]] * (2 * len(comparison.areas)), figures)
 
 
 def further_rows(comparison: Comparison) -> list[Row]:
-    """Return the further metrics, in the order of `overall_rows`."""
-    values = [[*comparison.further(method).values()] for method in comparison.methods]
-    formats = [(metrics[name].digits, metrics[name].high_is_good) for name in comparison.metrics]
-    rows = _rows(comparison.methods, values, formats)
-    return [rows[row.method] for row in overall_rows(comparison)]
+    """Return the further metrics."""
+    figures = [list(comparison.further(method).values()) for method in comparison.methods]
+    return _ranked_rows(comparison, [metrics[name] for name in comparison.metrics], figures)
+
+
+def mean_rows(comparisons: Sequence[Comparison]) -> list[Row]:
+    """Return the PSNR of every method on every clip, and its mean over the clips, which have equal weights."""
+    psnr = psnr_of_clips(comparisons)
+    figures = [[mean(of_clips), *of_clips] for of_clips in psnr.values()]
+    return _rows(list(psnr), [COLUMNS["psnr"]] * (1 + len(comparisons)), figures, [row[0] for row in figures])
+
+
+def _ranked_rows(comparison: Comparison, columns: Sequence[Column], figures: Sequence[Sequence[float]]) -> list[Row]:
+    """Return the rows of a table about one clip, by decreasing PSNR."""
+    psnr = [comparison.means(method).psnr for method in comparison.methods]
+    return _rows([method.name for method in comparison.methods], columns, figures, psnr)
 
 
 def _rows(
-    methods: Sequence[MethodResult], figures: Sequence[Sequence[float]], formats: Sequence[tuple[int, bool]]
+    names: Sequence[str], columns: Sequence[Column], figures: Sequence[Sequence[float]], psnr: Sequence[float]
 ) -> list[Row]:
-    """Return the rows of a table, by its figures and by (decimals, whether high is good) of each column."""
-    columns = [
-        _cells(values, digits, high_is_good)
-        for values, (digits, high_is_good) in zip(zip(*figures, strict=True), formats, strict=True)
-    ]
-    return [Row(index, method.name, [column[index] for column in columns]) for index, method in enumerate(methods)]
+    """Return the rows of a table, by decreasing PSNR; names, figures and PSNR are by method."""
+    cells = [_cells(values, column) for values, column in zip(zip(*figures, strict=True), columns, strict=True)]
+    rows = [Row(index, name, [each[index] for each in cells]) for index, name in enumerate(names)]
+    return sorted(rows, key=lambda row: -psnr[row.method])
 
 
-def _cells(values: Sequence[float], digits: int, high_is_good: bool) -> list[Cell]:
+def _cells(values: Sequence[float], column: Column) -> list[Cell]:
     """Return the cells of a column.
 
     A value that is displayed like the best is marked as best too; a single value is not. Up to two more digits are
@@ -204,8 +187,8 @@ def _cells(values: Sequence[float], digits: int, high_is_good: bool) -> list[Cel
     """
     finite = [value for value in values if math.isfinite(value)]
     smallest = min((abs(value) for value in finite if value), default=1)
-    digits += next((more for more in (0, 1) if smallest >= 2 * 10.0 ** -(digits + more)), 2)
-    best = f"{max(finite) if high_is_good else min(finite):.{digits}f}" if len(finite) > 1 else None
+    digits = next((more for more in (0, 1) if smallest >= 2 * 10.0 ** -(column.digits + more)), 2) + column.digits
+    best = f"{max(finite) if column.high_is_good else min(finite):.{digits}f}" if len(finite) > 1 else None
     texts = [f"{value:.{digits}f}" if math.isfinite(value) else None for value in values]
     return [
         Cell("-", None, False) if text is None else Cell(text, value, text == best)

@@ -54,14 +54,35 @@ def missing_filter(name: str) -> str | None:
     return f"the filter {name}, which the FFmpeg of this PyAV ({av.__version__}) was built without"
 
 
-class _Graph:
-    """Filter graph that compares two videos of one size, frame by frame."""
+class _FilterMeter:
+    """Meter by a filter of FFmpeg that compares two videos; values of interpolated frames count.
 
-    def __init__(self, image: Image, rate: Fraction, filter_name: str, options: dict[str, str]) -> None:
-        height, width = image.shape[:2]
-        self._matrix, self._passed = assumed_color_space(height), 0
+    It gets every frame. The graph is built for the size of the first one.
+    """
+
+    def __init__(self, rate: Fraction, filter_name: str, options: dict[str, str]) -> None:
         self._clock = Fraction(1, max(1, round(rate)))
+        self._filter_name, self._options = filter_name, options
         self._graph = av.filter.Graph()
+        self._entries: list[av.filter.FilterContext] = []
+        self._counts: list[bool] = []
+
+    def _push(self, first: Image, second: Image, *, counts: bool) -> list[av.VideoFrame]:
+        """Add two frames of one time, and return the pictures that the filter outputs."""
+        height, width = first.shape[:2]
+        if not self._entries:
+            self._build(width, height)
+        for entry, image in zip(self._entries, (first, second), strict=True):
+            if has_alpha(image):  # colours count as far as they are seen, as in the other scores
+                image = composite_on_black(image)[..., :-1]  # noqa: PLW2901
+            picture = from_bgr(image, PIXEL_FORMAT, assumed_color_space(height), full_range=False)
+            picture.pts, picture.time_base = len(self._counts), self._clock
+            entry.push(picture)
+        self._counts.append(counts)
+        return list(pulled(self._graph))
+
+    def _build(self, width: int, height: int) -> None:
+        """Build the graph for frames of a size."""
         picture = {
             "video_size": f"{width}x{height}",
             "pix_fmt": PIXEL_FORMAT,
@@ -69,53 +90,19 @@ class _Graph:
             "frame_rate": str(1 / self._clock),
             "pixel_aspect": "1/1",
         }
-        comparing = self._graph.add(filter_name, **options)
+        comparing = self._graph.add(self._filter_name, **self._options)
         self._entries = [self._graph.add("buffer", **picture) for _ in range(2)]
         for place, entry in enumerate(self._entries):
             entry.link_to(comparing, 0, place)
         comparing.link_to(self._graph.add("buffersink"))
         self._graph.configure()
 
-    def push(self, first: Image, second: Image) -> list[av.VideoFrame]:
-        """Add two frames of one time, and return the pictures that the filter outputs."""
-        for entry, image in zip(self._entries, (first, second), strict=True):
-            if has_alpha(image):  # colours count as far as they are seen, as in the other scores
-                image = composite_on_black(image)[..., :-1]  # noqa: PLW2901
-            picture = from_bgr(image, PIXEL_FORMAT, self._matrix, full_range=False)
-            picture.pts, picture.time_base = self._passed, self._clock
-            entry.push(picture)
-        self._passed += 1
-        return list(pulled(self._graph))
-
-    def end(self) -> list[av.VideoFrame]:
-        """End both videos, and return the last pictures."""
-        for entry in self._entries:
-            entry.push(None)
-        return list(pulled(self._graph))
-
-
-class _FilterMeter:
-    """Meter by a filter of FFmpeg, which gets every frame and whose values of interpolated frames count.
-
-    The graph is built for the size of the first frame.
-    """
-
-    def __init__(self, rate: Fraction, filter_name: str, options: dict[str, str]) -> None:
-        self._rate, self._filter_name, self._options = rate, filter_name, options
-        self._graph: _Graph | None = None
-        self._counts: list[bool] = []
-
-    def _push(self, first: Image, second: Image, *, counts: bool) -> list[av.VideoFrame]:
-        """Add two frames, and return the pictures that the filter outputs."""
-        self._counts.append(counts)
-        if self._graph is None:
-            self._graph = _Graph(first, self._rate, self._filter_name, self._options)
-        return self._graph.push(first, second)
-
     def _end(self) -> list[av.VideoFrame]:
         """End both videos, free the graph, and return the last pictures."""
-        pictures = [] if self._graph is None else self._graph.end()
-        self._graph = None
+        for entry in self._entries:
+            entry.push(None)
+        pictures = list(pulled(self._graph)) if self._entries else []
+        self._graph, self._entries = av.filter.Graph(), []
         return pictures
 
     def _counted(self, values: list[float]) -> list[float]:
@@ -201,17 +188,23 @@ class Meter(Protocol):
 
 
 @dataclass(frozen=True)
-class Metric:
-    """A metric, whose mean over the frames a method gets."""
+class Column:
+    """Column of a table with a figure for every method."""
 
     title: str
-    """Heading in tables."""
+    """Heading."""
     unit: str
-    """Unit in tables; empty if it has none."""
+    """Unit of the numbers; empty if they have none."""
     digits: int
-    """Decimals in tables."""
+    """Decimals of the numbers."""
     high_is_good: bool
-    """Whether larger values are better."""
+    """Whether larger numbers are better."""
+
+
+@dataclass(frozen=True)
+class Metric(Column):
+    """Metric, whose mean over its frames is the figure of a method."""
+
     start: Callable[[Fraction], Meter]
     """Function that returns a meter for a method, given the clip's frames per second."""
     meaning: str

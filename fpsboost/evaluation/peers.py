@@ -13,7 +13,7 @@ import tempfile
 import time
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import count, pairwise
+from itertools import count
 from pathlib import Path
 from typing import ClassVar
 
@@ -81,13 +81,13 @@ def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerF
         most = max(most, len(interval.hidden))
         last = interval.end.number
     assert first is not None
-    steps = _steps(own)
+    steps = np.diff(own).tolist()
     numbers: Iterable[int]
     if 0 <= count_of_images - (last - first + 1) <= most and len(set(steps)) <= 1:
         numbers = count(first)
     elif own[:1] in ([0], [1]) and set(steps) == {1} and count_of_images > last:
         numbers = count()
-    elif count_of_images == len(hidden) and (len(set(steps)) <= 1 or steps == _steps(hidden)):
+    elif count_of_images == len(hidden) and (len(set(steps)) <= 1 or steps == np.diff(hidden).tolist()):
         numbers = hidden
     else:
         numbers = own
@@ -100,11 +100,6 @@ def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerF
             "like the frames of the clip, counted from 0."
         )
     return PeerFrames({number: paths[number] for number in hidden}, f"images of {folder}")
-
-
-def _steps(numbers: Sequence[int]) -> list[int]:
-    """Return the differences of consecutive numbers."""
-    return [after - before for before, after in pairwise(numbers)]
 
 
 def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Path) -> PeerFrames:

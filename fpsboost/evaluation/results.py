@@ -246,9 +246,10 @@ class Comparison:
         """Return the mean scores of a method; PSNR as the mean of decibels, as benchmarks have it."""
         return Scores(**means([asdict(frame.scores) for frame in self.counted(method)]))
 
-    def low_psnr(self, method: MethodResult) -> float:
-        """Return the 5th percentile of a method's PSNR over the frames that count, dB."""
-        return low_percentile([frame.scores.psnr for frame in self.counted(method)])
+    def mean_figures(self, method: MethodResult) -> dict[str, float]:
+        """Return the mean scores and seconds of a method by name, and the 5th percentile of its PSNR, ``psnr_p5``."""
+        low_psnr = low_percentile([frame.scores.psnr for frame in self.counted(method)])
+        return {**asdict(self.means(method)), "psnr_p5": low_psnr, **self.mean_seconds(method)}
 
     def further(self, method: MethodResult) -> dict[str, float]:
         """Return the further metrics of a method by name, means over the frames that count."""

@@ -7,14 +7,13 @@ mean of the paired differences is known much more accurately than either mean. S
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from fpsboost.errors import format_duration
-from fpsboost.evaluation.results import Comparison
+from fpsboost.evaluation.results import Comparison, mean
 
 MAX_STANDARD_ERRORS = 2.0
 """Mean difference in standard errors up to which two methods are level: about 95 %."""
@@ -205,37 +204,30 @@ def listed(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-class MeanOverClips(NamedTuple):
-    """Mean PSNR of a method over the clips, and its PSNR on each, dB."""
-
-    method: str
-    mean: float
-    """Mean over the clips, which have equal weights, dB."""
-    of_clips: list[float]
-    """PSNR on each clip, dB."""
-
-
-def means_over_clips(comparisons: Sequence[Comparison]) -> Iterator[MeanOverClips]:
-    """Yield the means of every method, in the order of the comparisons."""
-    for place, method in enumerate(comparisons[0].methods):
-        of_clips = [comparison.means(comparison.methods[place]).psnr for comparison in comparisons]
-        yield MeanOverClips(method.name, float(np.mean(of_clips)), of_clips)
+def psnr_of_clips(comparisons: Sequence[Comparison]) -> dict[str, list[float]]:
+    """Return the mean PSNR of every method on each clip, dB, by the names of the methods in their order."""
+    return {
+        method.name: [comparison.means(comparison.methods[place]).psnr for comparison in comparisons]
+        for place, method in enumerate(comparisons[0].methods)
+    }
 
 
 def judge_all(comparisons: Sequence[Comparison]) -> list[str]:
     """Return recommendation and reasons for several clips, in sentences like those of `judge`."""
-    best, *others = sorted(means_over_clips(comparisons), key=lambda each: -each.mean)
+    psnr = psnr_of_clips(comparisons)
+    best, *others = sorted(psnr, key=lambda name: -mean(psnr[name]))
     clips = f"the mean of {len(comparisons)} clips"
-    reached = f"{best.method} reaches {best.mean:.2f} dB in {clips}"
+    reached = f"{best} reaches {mean(psnr[best]):.2f} dB in {clips}"
     if not others:
         return [f"{reached}."]
-    leads = ((other.method, np.subtract(best.of_clips, other.of_clips)) for other in others)
+    leads = {name: np.subtract(psnr[best], psnr[name]) for name in others}
     ahead = [
-        Difference(method, float(lead.mean()), float(lead.std(ddof=1)) / math.sqrt(len(lead))) for method, lead in leads
+        Difference(name, float(lead.mean()), float(lead.std(ddof=1)) / math.sqrt(len(lead)))
+        for name, lead in leads.items()
     ]
     each_seconds = [_cpu_seconds(comparison) for comparison in comparisons]
-    seconds = {each.method: sum(of_clip[each.method] for of_clip in each_seconds) for each in (best, *others)}
-    advice = _advise(best.method, ahead, _cheapest(best.method, ahead, seconds), seconds, f"in {clips}")
-    wins = int((np.argmax([each.of_clips for each in (best, *others)], axis=0) == 0).sum())
+    seconds = {name: sum(of_clip[name] for of_clip in each_seconds) for name in psnr}
+    advice = _advise(best, ahead, _cheapest(best, ahead, seconds), seconds, f"in {clips}")
+    wins = int((np.argmax([psnr[name] for name in (best, *others)], axis=0) == 0).sum())
     on = "all" if wins == len(comparisons) else str(wins)
     return [advice, f"{reached}, {_leads(ahead)}; it is best on {on} of them."]

@@ -53,7 +53,7 @@ def drag(page, begin, end):
 
 def opening_of(comparison):
     """The frame that the page opens with."""
-    return next(choice.number for choice in choose_frames(comparison) if DIFFERENT in choice.reasons)
+    return next(number for number, reasons in choose_frames(comparison).items() if DIFFERENT in reasons)
 
 
 @pytest.mark.parametrize(("width", "height"), [(1200, 900), (390, 844)])

@@ -62,14 +62,6 @@ class Plot(NamedTuple):
     """The figure in every form."""
 
 
-class Choice(NamedTuple):
-    """A frame that is shown, and the reasons for it."""
-
-    number: int
-    reasons: list[str]
-    """Reasons for showing it, such as "the worst"."""
-
-
 class FrameSection(NamedTuple):
     """A frame on the page."""
 
@@ -121,11 +113,12 @@ def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
     """Return the values for the sections about one of several clips; `at` is a suffix of its element names."""
     comparison, compared_methods = each
     choices = choose_frames(comparison)
-    opening = next((one for one in choices if DIFFERENT in one.reasons), choices[0]).number
+    first = next(iter(choices))
+    opening = next((number for number, reasons in choices.items() if DIFFERENT in reasons), first)
     sections, motion = _view_frames(comparison, compared_methods, choices)
     count = count_for(comparison, MAX_PIXELS // clips)
-    passages = choose_passages(comparison, count, [one.number for one in choices])
-    exact = choose_exact(comparison, [*dict.fromkeys([opening, choices[0].number])], MAX_EXACT_PIXELS // clips)
+    passages = choose_passages(comparison, count, list(choices))
+    exact = choose_exact(comparison, [*dict.fromkeys([opening, first])], MAX_EXACT_PIXELS // clips)
     played = view_passages(comparison, compared_methods, passages, exact)
     played.opening = opening
     return {
@@ -135,7 +128,7 @@ def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
         "hidden": describe_hidden(comparison),
         "verdict": judge(comparison),
         "notes": comparison.notes(compared_methods),
-        "columns": COLUMNS,
+        "columns": COLUMNS.values(),
         "overall": overall_rows(comparison),
         "areas": comparison.areas,
         "by_area": area_rows(comparison),
@@ -161,35 +154,37 @@ def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
 
 
 def _view_frames(
-    comparison: Comparison, compared_methods: Mapping[str, ComparedMethod], choices: Sequence[Choice]
+    comparison: Comparison, compared_methods: Mapping[str, ComparedMethod], choices: Mapping[int, Sequence[str]]
 ) -> tuple[list[FrameSection], MotionView | None]:
-    """Return views of the chosen frames and of the motion at the first of them.
+    """Return views of the frames of `choose_frames`, and of the motion at the first of them.
 
     Each frame is interpolated when it is needed, so that few are in memory.
     """
     names = [method.name for method in comparison.methods]
-    numbers = [each.number for each in choices]
     far: dict[str, dict[int, Image]] = {}
     for name in names:
         if compared_methods[name].looks_far:  # which sees the whole clip
-            interpolated = compared_methods[name].interpolate(comparison.hold_out.intervals(comparison.clip), numbers)
+            interpolated = compared_methods[name].interpolate(comparison.hold_out.intervals(comparison.clip), choices)
             far[name] = {frame.number: frame.image for frame in interpolated}
-    samples = read_samples(comparison.clip, comparison.hold_out, numbers)
+    samples = read_samples(comparison.clip, comparison.hold_out, list(choices))
     sections: list[FrameSection] = []
     motion: MotionView | None = None
-    for each, sample in zip(choices, samples, strict=True):
+    for (number, reasons), sample in zip(choices.items(), samples, strict=True):
         frames = {
-            name: far[name][each.number] if name in far else interpolate_sample(compared_methods[name], sample)
+            name: far[name][number] if name in far else interpolate_sample(compared_methods[name], sample)
             for name in names
         }
-        sections.append(FrameSection(_title(each, names[0]), each.number, view_frame(sample, frames)))
+        sections.append(FrameSection(_title(number, reasons, names[0]), number, view_frame(sample, frames)))
         if len(sections) == 1:
             motion = view_motion(sample, frames, compared_methods)
     return sections, motion
 
 
-def choose_frames(comparison: Comparison) -> list[Choice]:
-    """Choose the worst, the median and the best frame of the first method, and the one where methods differ most."""
+def choose_frames(comparison: Comparison) -> dict[int, list[str]]:
+    """Choose the worst, the median and the best frame of the first method, and the one where methods differ most.
+
+    Returns the reasons for showing each, such as "the worst", by the numbers of the frames.
+    """
     first = comparison.methods[0]
     ranked = sorted(comparison.counted(first), key=lambda frame: frame.scores.psnr)
     reasons = {
@@ -202,15 +197,14 @@ def choose_frames(comparison: Comparison) -> list[Choice]:
         errors = {each[0].number: [frame.scores.mae for frame in each] for each in frames}
         # not from the worst: a method that fails everywhere would decide alone
         reasons[DIFFERENT] = max(errors, key=lambda number: median(errors[number]) - min(errors[number]))
-    numbers = dict.fromkeys(reasons.values())
-    return [Choice(number, [why for why, which in reasons.items() if which == number]) for number in numbers]
+    return {number: [why for why, which in reasons.items() if which == number] for number in reasons.values()}
 
 
-def _title(choice: Choice, first: str) -> str:
+def _title(number: int, reasons: Sequence[str], first: str) -> str:
     """Return the heading of a chosen frame; `first` is the name of the first method."""
-    places = [reason for reason in choice.reasons if reason != DIFFERENT]
+    places = [reason for reason in reasons if reason != DIFFERENT]
     of_first = [f"{listed(places)} of {first}"] if places else []
-    return f"Frame {choice.number}: {listed(of_first + [each for each in choice.reasons if each == DIFFERENT])}"
+    return f"Frame {number}: {listed(of_first + [each for each in reasons if each == DIFFERENT])}"
 
 
 def describe_hidden(comparison: Comparison) -> str:
