@@ -23,8 +23,7 @@ from fpsboost.io.side.sink import with_side_outputs
 from fpsboost.io.video.capture import ArraySource, captured, rate_of
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.media.pyav import pyav_version
-from fpsboost.media.staging import JobFingerprint
+from fpsboost.media import JobFingerprint, pyav_version
 from fpsboost.method_table import find_method
 from fpsboost.options import PathName, Range, Rate, checked, flags_of, with_options
 from fpsboost.parts.plan import enter, plan_part, share_index

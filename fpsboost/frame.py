@@ -49,7 +49,7 @@ from numpy.typing import NDArray
 
 from fpsboost.image import Image, Pixels, view
 from fpsboost.layered import FrameImage
-from fpsboost.media.info import ClipInfo as ClipInfo  # noqa: PLC0414 (the public name)
+from fpsboost.media import ClipInfo as ClipInfo  # noqa: PLC0414 (the public name)
 
 
 class PairMotion(NamedTuple):

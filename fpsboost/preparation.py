@@ -32,9 +32,7 @@ from fpsboost.io.opening import PIPES, Target, check_images, open_source
 from fpsboost.io.output import Output, StreamInfo
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.media.clock import TIME_TOLERANCE, Window
-from fpsboost.media.encoding import VIDEO_SUFFIXES
-from fpsboost.media.info import FOREVER
+from fpsboost.media import FOREVER, TIME_TOLERANCE, VIDEO_SUFFIXES, Window
 from fpsboost.memory import BYTES_PER_PIXEL, MemoryLimit
 from fpsboost.method_table import BYTES_PER_PIXEL_OF
 from fpsboost.options import Checked, PathName

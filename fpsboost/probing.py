@@ -24,8 +24,7 @@ from fpsboost.io.animation.source import is_animation
 from fpsboost.io.opening import Target, TargetRequirements, open_source
 from fpsboost.io.output import Output
 from fpsboost.io.video.decode_options import DecodeOptions, SizeChange
-from fpsboost.media import Look, StreamFacts, list_streams, look_of
-from fpsboost.media.info import OutputTiming
+from fpsboost.media import Look, OutputTiming, StreamFacts, list_streams, look_of
 from fpsboost.method_table import methods
 from fpsboost.pair import Pair
 from fpsboost.preparation import Preparation

@@ -7,7 +7,7 @@ from typing import Any
 from fpsboost import DecodeOptions, Encoding, FrameSink, Interpolator, OutputRate, RunOptions, Target, convert, methods
 from fpsboost.io import DescribedSource
 from fpsboost.io.output import Output
-from fpsboost.media.info import OutputTiming
+from fpsboost.media import OutputTiming
 
 FAST = Encoding(preset="ultrafast")
 GROUPS = {"rate": OutputRate, "decoding": DecodeOptions, "run": RunOptions}

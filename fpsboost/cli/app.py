@@ -66,7 +66,7 @@ from fpsboost.errors import (
 )
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.media.staging import discard_unfinished
+from fpsboost.media import discard_unfinished
 from fpsboost.memory import address_space, limit_free_memory
 from fpsboost.run_options import RunOptions
 from fpsboost.threads import one_opencv_thread

@@ -39,7 +39,7 @@ from fpsboost.cli.options import (
 from fpsboost.errors import OptionError, choose_one, refuse
 from fpsboost.io.new_output import check_new_folder
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.media.staging import check_writable
+from fpsboost.media import check_writable
 from fpsboost.options import words_of_options
 
 EXIT_BELOW_LIMIT = 3  # exit code of a comparison that ends below ``--fail-under``

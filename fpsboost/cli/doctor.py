@@ -142,9 +142,7 @@ def _kernels() -> Iterator[Finding]:
 
 def _codecs() -> Iterator[Finding]:
     from fpsboost.io.animation.sink import types  # noqa: PLC0415
-    from fpsboost.media.encoded_sound import sound_encoders  # noqa: PLC0415
-    from fpsboost.media.encoding import encoders  # noqa: PLC0415
-    from fpsboost.media.pyav import ffmpeg_version, missing_codecs  # noqa: PLC0415
+    from fpsboost.media import encoders, ffmpeg_version, missing_codecs, sound_encoders  # noqa: PLC0415
 
     yield Finding("codecs", "FFmpeg", ffmpeg_version())
     kinds: dict[str, tuple[list[str], Literal["r", "w"]]] = {

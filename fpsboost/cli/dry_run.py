@@ -14,8 +14,7 @@ from fpsboost.cli.messages import fact_table, literal, sentence
 from fpsboost.errors import refuse
 from fpsboost.frame import ClipInfo
 from fpsboost.io.opening import PIPES
-from fpsboost.media import list_streams
-from fpsboost.media.remarks import counted
+from fpsboost.media import counted, list_streams
 from fpsboost.memory import readable_size
 from fpsboost.preparation import ConversionJob, Preparation, prepared, with_duration
 from fpsboost.preview.page import Preview, estimate_sentence, preview

@@ -15,7 +15,7 @@ from fpsboost.cli.options import GROUPS, CutOptions, MethodOptions, PathName, Pr
 from fpsboost.errors import refuse
 from fpsboost.io.opening import PIPES, Target
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.media.staging import check_writable
+from fpsboost.media import check_writable
 from fpsboost.options import words_of_options
 from fpsboost.preparation import ConversionJob, clip_name, output_beside
 from fpsboost.run_options import RunOptions

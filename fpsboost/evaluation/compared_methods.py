@@ -24,8 +24,7 @@ from fpsboost.evaluation.hidden_frames import HeldOutFrame, Interval, Sample
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, view
 from fpsboost.interpolator import Interpolator, with_neighbours
-from fpsboost.media.pixels import graph_of
-from fpsboost.media.pyav import pulled
+from fpsboost.media import graph_of, pulled
 from fpsboost.method_table import methods, vector_methods
 from fpsboost.pair import Pair
 

@@ -28,8 +28,7 @@ from fpsboost.evaluation.hidden_frames import HeldOutFrame, Interval
 from fpsboost.evaluation.steadiness import FrameMeter
 from fpsboost.image import Image
 from fpsboost.io.video.ycc import from_bgr
-from fpsboost.media.pixels import assumed_color_space
-from fpsboost.media.pyav import pulled
+from fpsboost.media import assumed_color_space, pulled
 
 HIGHEST = 120.0
 """XPSNR of equal frames, dB, the same as their PSNR; infinity would have no mean."""

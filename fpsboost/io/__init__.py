@@ -14,7 +14,7 @@ from fpsboost.contracts import FrameSource
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.io.output import StreamInfo
-    from fpsboost.media.frame_index import FrameIndex
+    from fpsboost.media import FrameIndex
 
 
 class DescribedSource(FrameSource, Protocol):

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from fpsboost.errors import ExistsError, OutputError, explained
-from fpsboost.media.staging import StagingDirectory, check_folder, hidden_place, move_all, sync, write_safely
+from fpsboost.media import StagingDirectory, check_folder, hidden_place, move_all, sync, write_safely
 
 if TYPE_CHECKING:
     from fpsboost.io.images.sequence import Numbering

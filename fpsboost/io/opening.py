@@ -27,9 +27,7 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pipe import PipeSink, PipeSource
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media.demuxer import check_is_no_playlist, open_video
-from fpsboost.media.encoding import VIDEO_SUFFIXES, containers, encodes_alpha
-from fpsboost.media.info import OutputTiming
+from fpsboost.media import VIDEO_SUFFIXES, OutputTiming, check_is_no_playlist, containers, encodes_alpha, open_video
 from fpsboost.memory import MemoryLimit
 from fpsboost.options import PathName, checked
 

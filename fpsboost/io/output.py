@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from fractions import Fraction
 
+from fpsboost import media
 from fpsboost.errors import OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import view
 from fpsboost.io.images.sequence import NumberedImages
-from fpsboost.media import output as media
-from fpsboost.media.traits import VideoTraits
+from fpsboost.media import VideoTraits
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ from fpsboost.errors import InputError, OptionError, explained, refuse
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.opening import Target
 from fpsboost.io.video.sink import VideoSink, traits_of_image
-from fpsboost.media.chunks import complete_chunk
-from fpsboost.media.staging import part_files
+from fpsboost.media import complete_chunk, part_files
 from fpsboost.method_table import find_method
 from fpsboost.options import PathName, checked
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, first_difference, input_identity, stored

@@ -29,9 +29,7 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.layered import FrameImage
-from fpsboost.media.clock import Window
-from fpsboost.media.pyav import pyav_version
-from fpsboost.media.staging import write_safely
+from fpsboost.media import Window, pyav_version, write_safely
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, opened_clip, prepared
 from fpsboost.run_options import Part, RunOptions
 from fpsboost.timing.rate import OutputRate

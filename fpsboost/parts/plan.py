@@ -31,9 +31,17 @@ from fpsboost.errors import OptionError, OutputError, explained
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.io import SeekableSource
-from fpsboost.media.chunks import CHUNK_FRAMES
-from fpsboost.media.frame_index import EntryPoint, FrameIndex
-from fpsboost.media.staging import INDEX_NAME, JobFingerprint, OutputPart, part_files, remove_if_empty, write_safely
+from fpsboost.media import (
+    CHUNK_FRAMES,
+    INDEX_NAME,
+    EntryPoint,
+    FrameIndex,
+    JobFingerprint,
+    OutputPart,
+    part_files,
+    remove_if_empty,
+    write_safely,
+)
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_difference, input_identity, stored
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, prepared, read_again
 from fpsboost.repair import CERTAIN_AFTER

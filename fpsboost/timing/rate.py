@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from fpsboost.errors import InputError, OptionError, refuse, rounded
-from fpsboost.media.info import OutputTiming, is_implausible
+from fpsboost.media import OutputTiming, is_implausible
 from fpsboost.options import Checked, PathName, Range, Rate, option
 from fpsboost.timing.position import Replacement, format_time
 from fpsboost.timing.retime import parse_curve, parse_speeds, read_curve

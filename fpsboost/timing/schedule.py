@@ -18,7 +18,7 @@ from fractions import Fraction
 from typing import Annotated, NamedTuple, Protocol, Self, runtime_checkable
 
 from fpsboost.errors import OptionError
-from fpsboost.media.info import ClipInfo
+from fpsboost.media import ClipInfo
 from fpsboost.options import Checked, Range, check_type
 from fpsboost.timing.time_map import TimeMap
 

@@ -15,7 +15,7 @@ from fractions import Fraction
 from functools import cached_property
 from itertools import accumulate, pairwise
 
-from fpsboost.media.info import FOREVER, Passage
+from fpsboost.media import FOREVER, Passage
 
 SOUND_SPEEDS = Fraction(1, 2), Fraction(2)
 """Lowest and highest speed at which sound is stretched at its pitch by default."""

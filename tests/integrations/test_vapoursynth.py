@@ -21,7 +21,7 @@ from video_truth import scene
 
 from fpsboost import Encoding, Interpolator, OutputRate, Pair, convert, methods, stream
 from fpsboost.io.video.ycc import from_bgr
-from fpsboost.media.pixels import plane_arrays
+from fpsboost.media import plane_arrays
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.synthesis.blend import Blend
 

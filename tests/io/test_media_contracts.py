@@ -18,8 +18,7 @@ from fpsboost import DecodeOptions, Encoding, FpsboostError, Frame, FrameSink, F
 from fpsboost.io.images import sink as numbered
 from fpsboost.io.opening import open_source
 from fpsboost.io.video.pipe import INPUT_NAME, PipeSource
-from fpsboost.media import staging
-from fpsboost.media.info import OutputTiming
+from fpsboost.media import OutputTiming, staging
 
 RATE = Fraction(24)
 COUNT = 6

@@ -16,8 +16,7 @@ from fpsboost.io.images.source import ImageSource
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, Target, TargetRequirements, open_source
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media.encoding import VIDEO_SUFFIXES
-from fpsboost.media.info import OutputTiming
+from fpsboost.media import VIDEO_SUFFIXES, OutputTiming
 
 
 @pytest.mark.parametrize(

@@ -40,11 +40,8 @@ from fpsboost.io.images.source import ImageSource
 from fpsboost.io.side.flow import encode_flow
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media import chunks
+from fpsboost.media import JobFingerprint, OutputTiming, StagingDirectory, Writer, chunks
 from fpsboost.media.chunks import ChunkWriter, find_chunks, timed_packets
-from fpsboost.media.info import OutputTiming
-from fpsboost.media.staging import JobFingerprint, StagingDirectory
-from fpsboost.media.writer import Writer
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.synthesis.blend import Blend
 

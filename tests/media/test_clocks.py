@@ -21,10 +21,8 @@ from video_truth import (
     write_clip,
 )
 
-from fpsboost import convert
+from fpsboost import DecodeOptions, Encoding, convert
 from fpsboost.cli.options import in_flags
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media.clock import in_rising_order, measured_cadence, nominal_rate
 from fpsboost.media.pictures import ReorderBuffer

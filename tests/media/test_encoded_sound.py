@@ -15,10 +15,7 @@ from numpy.typing import NDArray
 from test_stretched_sound import CLICK, CLICKS, clicks_of, heard, slow, write_sounds
 from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, sound_packets, tone, write_clip
 
-from fpsboost.conversion import convert
-from fpsboost.errors import OptionError, OutputError
-from fpsboost.io.video.encode_options import Encoding
-from fpsboost.run_options import RunOptions
+from fpsboost import Encoding, OptionError, OutputError, RunOptions, convert
 
 RATE = 48000
 SAMPLES = RATE + 1234  # of a sound that no encoder's frames divide

@@ -10,8 +10,7 @@ import av
 import pytest
 from video_truth import write_clip
 
-from fpsboost import media
-from fpsboost.errors import InputError, OutputError
+from fpsboost import InputError, OutputError, media
 
 ROOT = Path(__file__).parents[2]
 
@@ -21,8 +20,7 @@ def test_examples_of_the_page(tmp_path, monkeypatch):
     (tmp_path / "samples").symlink_to(ROOT / "samples")
     monkeypatch.chdir(tmp_path)
     results = doctest.testfile(str(ROOT / "docs" / "media.md"), module_relative=False)
-    assert results.attempted > 10
-    assert not results.failed
+    assert (results.failed, results.attempted) == (0, 13)
 
 
 def test_pictures_of_another_size_and_format_are_converted(tmp_path):

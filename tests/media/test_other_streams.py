@@ -11,12 +11,9 @@ import pytest
 from conversion_options import FAST, double
 from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, tone, write_clip
 
-from fpsboost.conversion import convert
-from fpsboost.errors import OutputError
-from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost import DecodeOptions, OutputError, RunOptions, convert
 from fpsboost.media.tags import timecode_at
 from fpsboost.probing import probe
-from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Trim, parse_position
 
 LINES = [(0, 100, b"one <b>bold</b> word"), (120, 80, "zwei\nZäune".encode()), (300, 90, b"three")]

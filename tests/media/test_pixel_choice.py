@@ -10,9 +10,7 @@ from comparison_truth import save_clip
 from numpy.typing import NDArray
 from video_truth import QUARTER_TURN, scene, write_clip
 
-from fpsboost.conversion import convert
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
+from fpsboost import DecodeOptions, Encoding, convert
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media.encoding import default_codec
 

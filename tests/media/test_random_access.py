@@ -10,11 +10,8 @@ import numpy as np
 import pytest
 from video_truth import bytes_of, copy_packets, spoil_packets, write_clip
 
-from fpsboost.contracts import FrameSource
-from fpsboost.errors import InputError
-from fpsboost.frame import Frame
+from fpsboost import DecodeOptions, Frame, FrameSource, InputError
 from fpsboost.io.images.source import ImageReading, ImageSource
-from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.source import VideoSource
 from fpsboost.preparation import TrimmedSource
 from fpsboost.streaming import beginning

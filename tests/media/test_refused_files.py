@@ -13,14 +13,10 @@ import pytest
 from fuzzing import KINDS
 from video_truth import add_pictures, copy_packets, pictures_of, read, write_clip
 
-from fpsboost import convert
-from fpsboost.errors import InputError
+from fpsboost import DecodeOptions, Encoding, InputError, Position, Trim, convert
 from fpsboost.io.opening import open_source
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media import clock, demuxer
-from fpsboost.timing.position import Position, Trim
 
 KEYS = {
     "encryption_scheme": "cenc-aes-ctr",

@@ -11,15 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fpsboost.frame import ClipInfo
+from fpsboost import ClipInfo, Encoding
 from fpsboost.io.output import Output
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.sink import traits_of_image
 from fpsboost.io.video.ycc import from_bgr
-from fpsboost.media.encoder import VideoEncoder
+from fpsboost.media import OutputTiming, VideoEncoder, VideoTraits
 from fpsboost.media.encoding import ENCODER_THREADS, choose_encoder, repeatable_parameters
-from fpsboost.media.info import OutputTiming
-from fpsboost.media.traits import VideoTraits
 
 RATE = Fraction(25)
 PIXELS = 96 * 128

@@ -13,12 +13,9 @@ import pytest
 from PIL import Image, ImageCms
 from video_truth import copy_packets, pictures_of, scene, write_clip
 
-from fpsboost.conversion import convert
-from fpsboost.errors import InputError
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
+from fpsboost import DecodeOptions, Encoding, InputError, convert
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media.pixels import plane_arrays
+from fpsboost.media import plane_arrays
 from fpsboost.media.side_data import described, is_ordinary, side_data_of
 from fpsboost.probing import probe
 

@@ -13,10 +13,8 @@ from conversion_options import grouped
 from numpy.typing import NDArray
 from video_truth import add_pictures, mux_in_order, packets_of, pictures_of, sound_packets, spoil_packets, write_clip
 
+from fpsboost import Encoding, Position, Trim, convert
 from fpsboost.contracts import SilentObserver, Summary
-from fpsboost.conversion import convert
-from fpsboost.io.video.encode_options import Encoding
-from fpsboost.timing.position import Position, Trim
 
 RATE = 48000
 CLICKS = (0.4, 1.0, 1.6)

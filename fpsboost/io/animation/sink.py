@@ -26,9 +26,7 @@ from fpsboost.image import Image, view
 from fpsboost.io.animation.source import MAX_DELAY_TERM, SHORTEST_GIF_DELAY, WEBP_ANIMATED, opened
 from fpsboost.io.output import Output, check_frame_size
 from fpsboost.io.video.ycc import straight_16_bit
-from fpsboost.media.pyav import missing_codecs
-from fpsboost.media.side_data import MASTERING
-from fpsboost.media.staging import StagedSink, check_writable
+from fpsboost.media import MASTERING, StagedSink, check_writable, missing_codecs
 
 OPAQUE = 128  # minimum alpha of a visible pixel of a GIF
 

@@ -22,7 +22,7 @@ from fpsboost.image import Image
 from fpsboost.io.images.encoder import colours_of
 from fpsboost.io.images.files import PNG_SIGNATURE, ImageMetadata, content_of, png_chunks
 from fpsboost.io.output import StreamInfo
-from fpsboost.media.pyav import as_fraction
+from fpsboost.media import as_fraction
 from fpsboost.memory import MemoryLimit
 
 if TYPE_CHECKING:

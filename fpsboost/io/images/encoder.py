@@ -38,8 +38,7 @@ from fpsboost.io.images.files import (
 from fpsboost.io.images.layers import encode_like, losses_like
 from fpsboost.io.images.library import image_library
 from fpsboost.io.images.sequence import NumberedImages
-from fpsboost.media.pixels import BT709, BT2020, UNSPECIFIED
-from fpsboost.media.traits import LINEAR, SRGB, VideoTraits, primaries, traits_of_png, transfers
+from fpsboost.media import BT709, BT2020, LINEAR, SRGB, UNSPECIFIED, VideoTraits, primaries, traits_of_png, transfers
 
 INCH = 0.0254  # metres
 MAX_SEGMENT, MAX_FILE = 65533, 2**31  # maximum size of EXIF or XMP, bytes: in a JPEG, elsewhere

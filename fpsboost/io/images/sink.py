@@ -21,7 +21,7 @@ from fpsboost.io.images.sequence import NumberedImages, Numbering
 from fpsboost.io.images.source import MOVING, is_pattern
 from fpsboost.io.new_output import ADVICE, reason_to_refuse
 from fpsboost.io.output import Output
-from fpsboost.media.staging import (
+from fpsboost.media import (
     IN_EXISTING_FOLDER,
     PartFolder,
     StagedSink,

@@ -35,9 +35,7 @@ from fpsboost.io.images.sequence import (
 from fpsboost.io.output import StreamInfo
 from fpsboost.io.video.decode_options import View
 from fpsboost.layered import LayeredImage
-from fpsboost.media.encoding import VIDEO_SUFFIXES
-from fpsboost.media.staging import hidden_place
-from fpsboost.media.traits import VideoTraits
+from fpsboost.media import VIDEO_SUFFIXES, VideoTraits, hidden_place
 from fpsboost.memory import MemoryLimit
 
 MAX_GAP = 1000

@@ -9,7 +9,7 @@ from fractions import Fraction
 from typing import Annotated
 
 from fpsboost.errors import OptionError
-from fpsboost.media.info import EncodeSettings
+from fpsboost.media import EncodeSettings
 from fpsboost.options import Checked, Range, option
 
 

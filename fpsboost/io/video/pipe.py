@@ -30,12 +30,19 @@ from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Pixels
 from fpsboost.io.output import Output, StreamInfo, check_frame_size
 from fpsboost.io.video.ycc import as_picture, coding_of, in_planes, to_bgr
-from fpsboost.media.clock import ASSUMED_RATE, assumed_rate_remark
-from fpsboost.media.encoding import depth_of
-from fpsboost.media.pixels import assumed_color_space, plane_arrays
-from fpsboost.media.pyav import as_fraction
-from fpsboost.media.remarks import interlaced_remark, lost_companions_remark, lost_shape_remark
-from fpsboost.media.traits import VideoTraits, read_traits
+from fpsboost.media import (
+    ASSUMED_RATE,
+    VideoTraits,
+    as_fraction,
+    assumed_color_space,
+    assumed_rate_remark,
+    depth_of,
+    interlaced_remark,
+    lost_companions_remark,
+    lost_shape_remark,
+    plane_arrays,
+    read_traits,
+)
 from fpsboost.memory import MemoryLimit
 
 T = TypeVar("T")

@@ -15,14 +15,22 @@ from fpsboost.frame import Frame
 from fpsboost.image import Pixels
 from fpsboost.io.output import Output, check_frame_size
 from fpsboost.io.video.ycc import as_picture
-from fpsboost.media import FileWriter, PartWriter
-from fpsboost.media.chunks import CHUNK_FRAMES, Chunk
-from fpsboost.media.encoder import VideoEncoder
-from fpsboost.media.encoding import depth_of
-from fpsboost.media.pixels import BT709, BT2020, has_alpha
-from fpsboost.media.side_data import MASTERING
-from fpsboost.media.traits import VideoTraits, primaries, transfers
-from fpsboost.media.writer import explained_writing
+from fpsboost.media import (
+    BT709,
+    BT2020,
+    CHUNK_FRAMES,
+    MASTERING,
+    Chunk,
+    FileWriter,
+    PartWriter,
+    VideoEncoder,
+    VideoTraits,
+    depth_of,
+    explained_writing,
+    has_alpha,
+    primaries,
+    transfers,
+)
 from fpsboost.memory import return_free_memory
 
 

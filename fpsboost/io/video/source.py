@@ -16,10 +16,7 @@ from fpsboost.image import Image
 from fpsboost.io.output import StreamInfo
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.ycc import coding_of, in_planes, is_on_its_side, to_bgr, turned_upright
-from fpsboost.media import Clip, Reading, TimedPicture
-from fpsboost.media.pixels import has_alpha
-from fpsboost.media.remarks import lost_companions_remark, lost_shape_remark
-from fpsboost.media.side_data import MASTERING
+from fpsboost.media import MASTERING, Clip, Reading, TimedPicture, has_alpha, lost_companions_remark, lost_shape_remark
 from fpsboost.memory import MemoryLimit
 from fpsboost.threads import available_cores
 

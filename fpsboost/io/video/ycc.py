@@ -17,10 +17,11 @@ from av.video.reformatter import VideoReformatter
 from fpsboost.colour import Coding, bgr_to_ycc
 from fpsboost.frame import Frame
 from fpsboost.image import Image, YCbCrImage, view
-from fpsboost.media.pixels import (
+from fpsboost.media import (
     FULL_RANGE,
     LIMITED_RANGE,
     SCALER_FLAGS,
+    VideoTraits,
     bits_of,
     color_space_of,
     full_chroma,
@@ -32,7 +33,6 @@ from fpsboost.media.pixels import (
     sample_type,
     with_chroma_location,
 )
-from fpsboost.media.traits import VideoTraits
 
 PLANAR_FORMATS = frozenset(
     [f"yuv{chroma}p{depth}" for chroma in (420, 422, 444) for depth in ("", "9le", "10le", "12le", "14le", "16le")]

@@ -17,7 +17,7 @@ from fpsboost.io.animation.sink import AnimationSink
 from fpsboost.io.animation.source import AnimationSource
 from fpsboost.io.opening import open_source
 from fpsboost.io.output import Output, StreamInfo
-from fpsboost.media.info import OutputTiming
+from fpsboost.media import OutputTiming
 
 RATE = Fraction(10)
 SUFFIXES = (".gif", ".apng", ".webp")

@@ -15,7 +15,7 @@ from fpsboost.io.images.exr import encode_exr, read_exr, read_exr_header
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageSource
-from fpsboost.media.info import OutputTiming
+from fpsboost.media import OutputTiming
 
 HEIGHT, WIDTH = 40, 60
 RATE = Fraction(24)

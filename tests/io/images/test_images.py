@@ -19,7 +19,7 @@ from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageReading, ImageSource, is_pattern
 from fpsboost.io.output import Output, StreamInfo
-from fpsboost.media.info import OutputTiming
+from fpsboost.media import OutputTiming
 
 RATE = Fraction(24000, 1001)
 HEIGHT, WIDTH = 12, 18

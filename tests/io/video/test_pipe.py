@@ -25,7 +25,7 @@ from fpsboost.cli import app
 from fpsboost.io.output import Output
 from fpsboost.io.video.pipe import PipeSink, PipeSource, formats
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media.info import OutputTiming
+from fpsboost.media import OutputTiming
 
 NAMES = tuple(formats)
 ODD = (47, 63)

@@ -16,7 +16,7 @@ from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding, parse_bitrate, parse_encoder_options
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media.info import OutputTiming
+from fpsboost.media import OutputTiming
 
 LOSSLESS = Encoding(crf=0, preset="ultrafast")
 B_FRAMES = Encoding(preset="veryfast")

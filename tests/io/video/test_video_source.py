@@ -22,7 +22,7 @@ from video_truth import (
     write_clip,
 )
 
-from fpsboost.errors import InputError
+from fpsboost import InputError
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import from_bgr, to_bgr, turned_upright
 from fpsboost.media.pixels import chroma_location_of
