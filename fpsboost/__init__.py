@@ -10,5 +10,7 @@ Four levels of interface, each built on the one below:
 
 import lazy_loader
 
+__version__ = "0.1.0"
+
 # on first use, so that `fpsboost --help` does not wait for OpenCV and FFmpeg
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -69,4 +69,5 @@ from .timing.rate import OutputRate as OutputRate
 from .timing.schedule import ByFactor as ByFactor
 from .timing.schedule import ByRate as ByRate
 from .timing.schedule import Schedule as Schedule
-from .version import __version__ as __version__
+
+__version__: str

@@ -11,9 +11,9 @@ from typing import Annotated, Any
 
 import cv2
 
+from fpsboost import __version__
 from fpsboost.contracts import FrameSource, HasCompletedFrames, OutputRange, SilentObserver, Summary
 from fpsboost.errors import InputError, OptionError, choose_one, explained
-from fpsboost.fingerprint import fingerprint_files, fingerprint_options
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import DescribedSource
@@ -26,6 +26,7 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.media import JobFingerprint, pyav_version
 from fpsboost.method_table import find_method
 from fpsboost.options import PathName, Range, Rate, checked, flags_of, with_options
+from fpsboost.parts.manifest import fingerprint_files, fingerprint_options
 from fpsboost.parts.plan import enter, plan_part, share_index
 from fpsboost.preparation import ConversionJob, closing_remarks, memory_limit, prepared
 from fpsboost.run_options import RunOptions
@@ -33,7 +34,6 @@ from fpsboost.streaming import interpolate_frames, run_conversion
 from fpsboost.threads import available_cores
 from fpsboost.timing.rate import OutputRate, exposed
 from fpsboost.timing.schedule import count_frames
-from fpsboost.version import __version__
 
 
 @checked

@@ -27,6 +27,7 @@ from cyclopts.exceptions import UnknownOptionError
 from rich.console import Console
 from rich.table import Table
 
+from fpsboost import __version__
 from fpsboost.cli import stop_signals
 from fpsboost.cli.messages import (
     LibraryTexts,
@@ -71,7 +72,6 @@ from fpsboost.memory import address_space, limit_free_memory
 from fpsboost.run_options import RunOptions
 from fpsboost.threads import one_opencv_thread
 from fpsboost.timing.rate import OutputRate
-from fpsboost.version import __version__
 
 EXAMPLES = """
 [bold]Examples[/]

@@ -23,10 +23,10 @@ from cyclopts import Group, Parameter
 from rich.console import Console
 from rich.table import Column, Table
 
+from fpsboost import __version__
 from fpsboost.cli.messages import console, literal
 from fpsboost.memory import available_memory
 from fpsboost.threads import available_cores
-from fpsboost.version import __version__
 
 MAX_WIDTH = 100
 

@@ -30,7 +30,6 @@ from fpsboost.cli.options import MessageOptions, in_flags
 from fpsboost.errors import notes_of, rounded
 from fpsboost.timing.position import as_ranges, format_time
 from fpsboost.timing.rate import readable
-from fpsboost.version import __version__
 
 STANDARD_ERROR = 2  # file descriptor
 WIDTHS = range(20, 2001)
@@ -275,7 +274,7 @@ class Reporter(ExitStack):
     def say_settings(self, method: str, interpolator: fpsboost.Interpolator) -> None:
         """Print the method and every option in use, if verbose."""
         if self._verbose:
-            self._say(f"fpsboost {__version__}, method {method}")
+            self._say(f"fpsboost {fpsboost.__version__}, method {method}")
             for part in (interpolator.estimator, interpolator.synthesizer, interpolator.cuts or "no scene cuts"):
                 self._say(f"  {part}")
 

@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost import __version__
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy, counts_frames
 from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.evaluation.compared_methods import ComparedMethod, InterpolatedFrame
@@ -33,7 +34,6 @@ from fpsboost.kernels.binding import processor_level
 from fpsboost.method_table import methods
 from fpsboost.pair import Pair
 from fpsboost.render.folder import VectorFolder
-from fpsboost.version import __version__
 
 
 class ComparisonObserver(Protocol):

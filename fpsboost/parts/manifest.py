@@ -1,28 +1,30 @@
 """Manifest of a part: the job that it belongs to, its files, and the facts by which it is joined with the others.
 
-One fact is a digest of in-between frames, by which two machines find out whether they compute the same bits. Processors
-differ in the instructions that a library such as OpenCV chooses for them, and with them in how results are rounded. The
-frames are made of random integers, so that at least the input is the same everywhere.
+Facts are the input files and the options of a job as text, by which a later run and other machines tell whether they
+would do the same. One fact is a digest of in-between frames, by which two machines find out whether they compute the
+same bits. Processors differ in the instructions that a library such as OpenCV chooses for them, and with them in how
+results are rounded. The frames are made of random integers, so that at least the input is the same everywhere.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Self, get_args, get_origin, get_type_hints
+from typing import Any, Protocol, Self, get_args, get_origin, get_type_hints, runtime_checkable
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost import __version__
 from fpsboost.contracts import Summary
 from fpsboost.errors import InputError, explained
-from fpsboost.fingerprint import fingerprint_options, identify_files
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import SAMPLE_BITS, view
 from fpsboost.interpolator import Interpolator
@@ -34,11 +36,11 @@ from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, opened_
 from fpsboost.run_options import Part, RunOptions
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.time_map import TimeMap
-from fpsboost.version import __version__
 
 MANIFEST_NAME = "part.json"
 """Name of the manifest in the folder of a part."""
 FORMAT = 4  # version of the manifest's fields
+IDENTIFYING_BYTES = 1 << 16  # bytes at the beginning and at the end of a file that identify it together with its size
 
 
 @dataclass(frozen=True)
@@ -121,6 +123,54 @@ def first_difference(facts: Mapping[str, str], others: Mapping[str, str]) -> str
     return None
 
 
+@runtime_checkable
+class ReadsFiles(Protocol):
+    """Contract: option that refers to files whose content determines the output."""
+
+    @property
+    def files(self) -> Sequence[Path]:
+        """All files."""
+
+
+def fingerprint_options(state_of: Callable[[Iterable[Path]], str] | None = None, /, **values: Any) -> dict[str, str]:
+    """Return the options of a job as text: the fields of dataclasses one by one, everything else by `str`.
+
+    Options that read files contribute the state of the files, too, by `fingerprint_files` or another function.
+    """
+    facts = (_facts(name, value, state_of or fingerprint_files) for name, value in values.items())
+    return dict(fact for facts_of_value in facts for fact in facts_of_value)
+
+
+def _facts(name: str, value: Any, state_of: Callable[[Iterable[Path]], str]) -> Iterator[tuple[str, str]]:
+    if isinstance(value, ReadsFiles):
+        yield f"{name}_files", state_of(value.files)
+    if not is_dataclass(value):
+        yield name, str(value)
+        return
+    yield name, type(value).__name__
+    for field in fields(value):
+        yield from _facts(f"{name}.{field.name}", getattr(value, field.name), state_of)
+
+
+def fingerprint_files(files: Iterable[Path]) -> str:
+    """Return a digest of names, sizes and modification times, which changes if a file is replaced."""
+    listed = json.dumps([(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in files])
+    return hashlib.sha256(listed.encode()).hexdigest()
+
+
+def identify_files(files: Iterable[Path]) -> str:
+    """Return a digest of sizes, beginnings and ends, which are the same for copies of the files on other machines."""
+    digest = hashlib.sha256()
+    for path in files:
+        with path.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            digest.update(f"{size}\n".encode())
+            for begin in (0, max(0, size - IDENTIFYING_BYTES)):
+                file.seek(begin)
+                digest.update(file.read(IDENTIFYING_BYTES))
+    return digest.hexdigest()
+
+
 def program_facts() -> dict[str, str]:
     """Return the versions that must be the same for the same result."""
     libraries = f"PyAV {pyav_version()}, OpenCV {cv2.__version__}"
@@ -128,7 +178,7 @@ def program_facts() -> dict[str, str]:
 
 
 def input_identity(clip: OpenedClip) -> str:
-    """Return the identity of a clip's files; see `fpsboost.fingerprint.identify_files`."""
+    """Return the identity of a clip's files; see `identify_files`."""
     with explained(InputError, "read", clip.whole.info.name, "check that it is still there"):
         return identify_files(clip.whole.stream_info.files)
 

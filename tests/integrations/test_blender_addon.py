@@ -26,7 +26,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from video_truth import scene
 
-from fpsboost.version import __version__
+from fpsboost import __version__
 
 TESTS = Path(__file__).parents[1]
 INTEGRATIONS = TESTS.parent / "integrations"

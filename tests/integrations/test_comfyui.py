@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from video_truth import scene
 
 import fpsboost
-from fpsboost.version import __version__
+from fpsboost import __version__
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "integrations" / "comfyui"

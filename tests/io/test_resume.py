@@ -34,7 +34,6 @@ from fpsboost import (
 )
 from fpsboost.contracts import ClosesOnExit, OutputRange, SilentObserver, Summary
 from fpsboost.errors import CompleteAlreadyError, OutputError
-from fpsboost.fingerprint import fingerprint_options
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageSource
 from fpsboost.io.side.flow import encode_flow
@@ -43,6 +42,7 @@ from fpsboost.io.video.source import VideoSource
 from fpsboost.media import JobFingerprint, OutputTiming, StagingDirectory, Writer, chunks
 from fpsboost.media.chunks import ChunkWriter, find_chunks, timed_packets
 from fpsboost.motion.field import ZeroMotion
+from fpsboost.parts.manifest import fingerprint_options
 from fpsboost.synthesis.blend import Blend
 
 FRAMES = 25

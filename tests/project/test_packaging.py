@@ -43,8 +43,8 @@ def test_the_source_distribution_leaves_the_rendered_scenes_out():
 
 def test_the_source_distribution_takes_nothing_else_that_lies_in_the_folder(tmp_path):
     """An environment, whatever its name is, and a clip that somebody tried are left out."""
-    wanted = {"LICENSE", "README.md", "pyproject.toml", "fpsboost/version.py"}
-    for path in (*wanted, "venv/lib/fpsboost/version.py", "env311/pyvenv.cfg", "my clip.mp4"):
+    wanted = {"LICENSE", "README.md", "pyproject.toml", "fpsboost/__init__.py"}
+    for path in (*wanted, "venv/lib/fpsboost/__init__.py", "env311/pyvenv.cfg", "my clip.mp4"):
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_bytes((ROOT / path).read_bytes() if path in wanted else b"")
     assert files_of("sdist", tmp_path) == wanted
