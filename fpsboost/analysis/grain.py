@@ -149,7 +149,9 @@ def match_grain(image: Pixels, grain: PairGrain, t: float, seed: Sequence[int]) 
         deviation[(plane.values <= lowest) | (plane.values >= highest)] = 0
         added = deviation * cv2.filter2D(noise, -1, missing.kernel, borderType=cv2.BORDER_REFLECT)
         grainy.append(_add_squared(plane, added, deviation) if image.dtype == np.float32 else plane.values + added)
-    return _with_planes(image, grainy)
+    if image.dtype != np.float32:
+        grainy = [np.rint(values.clip(lowest, highest)).astype(image.dtype) for values in grainy]
+    return view(image).with_channels(grainy)
 
 
 def _planes(image: Pixels) -> list[Plane]:
@@ -171,14 +173,6 @@ def _add_squared(plane: Plane, added: NDArray[Any], deviation: NDArray[Any]) -> 
     roots = np.where(deviation > 0, plane.samples, 0)  # infinity, which has no noise, times 0 is no number
     change = 2 * roots * added + np.square(added) - np.square(deviation)
     return np.asarray(np.maximum(plane.values + change, np.minimum(plane.values, 0)))
-
-
-def _with_planes(image: Pixels, planes: list[NDArray[Any]]) -> Pixels:
-    """Return an image with these planes, in its own type; alpha stays."""
-    lowest, highest = view(image).value_range
-    if image.dtype != np.float32:
-        planes = [np.rint(plane.clip(lowest, highest)).astype(image.dtype) for plane in planes]
-    return view(image).with_channels(planes)
 
 
 def _find_flat_blocks(plane: Plane, other: Plane, field: MotionField) -> FlatBlocks:
@@ -222,8 +216,6 @@ def _block_grid(size: tuple[int, ...], field: MotionField) -> tuple[NDArray[Any]
 
 def _residuals(plane: NDArray[Any], corners: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the samples of blocks without their linear trend, and whether each block lies within the plane."""
-    if not len(corners):  # such as in an image smaller than a block
-        return np.empty((0, BLOCK_SIZE, BLOCK_SIZE), np.float32), np.empty(0, bool)
     limit = np.array(plane.shape) - BLOCK_SIZE
     inside = ((corners >= 0) & (corners <= limit)).all(axis=1)
     blocks = _blocks(plane, corners.clip(0, limit))
@@ -239,7 +231,7 @@ def _residuals(plane: NDArray[Any], corners: NDArray[Any]) -> tuple[NDArray[Any]
 
 def _blocks(plane: NDArray[Any], corners: NDArray[Any]) -> NDArray[Any]:
     """Return a copy of the samples of blocks, (n, size, size) float32."""
-    if not len(corners):
+    if not len(corners):  # such as in an image smaller than a block
         return np.empty((0, BLOCK_SIZE, BLOCK_SIZE), np.float32)
     return np.asarray(sliding_window_view(plane, (BLOCK_SIZE, BLOCK_SIZE))[corners[:, 0], corners[:, 1]])
 

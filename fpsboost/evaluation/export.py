@@ -70,7 +70,7 @@ def write_csv(path: Path, comparisons: Sequence[Comparison]) -> None:
 
 
 def rows_of(comparison: Comparison) -> Iterator[dict[str, Any]]:
-    """Yield the rows of the table as dictionaries; a cell is empty where there is no number."""
+    """Yield the rows of the table as dictionaries, with None where there is no number: an empty cell."""
     for method in comparison.methods:
         counted = {frame.number for frame in comparison.counted(method)}
         for frame, t in zip(method.frames, comparison.times, strict=True):
@@ -82,12 +82,12 @@ def rows_of(comparison: Comparison) -> Iterator[dict[str, Any]]:
                 **{name: getattr(frame.scores, name) for name in ("psnr", "ssim", "mae", "mse")},
                 "seconds": frame.seconds,
                 "cpu_seconds": frame.cpu_seconds,
-                "search_radius": "" if frame.search_radius is None else frame.search_radius,
+                "search_radius": frame.search_radius,
                 **{f"mae_{area}": error for area, error in frame.inside.items()},
                 **{f"mae_{COMPLEMENTS[AREAS.index(area)]}": error for area, error in frame.outside.items()},
                 **frame.metrics,
             }
-            yield {name: "" if isinstance(each, float) and math.isnan(each) else each for name, each in row.items()}
+            yield without_nan(row)
 
 
 def without_nan(value: Any) -> Any:

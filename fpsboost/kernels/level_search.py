@@ -9,8 +9,7 @@ import numpy as np
 
 from fpsboost.kernels.binding import Array, compiled, scratch_of
 from fpsboost.kernels.planes import PlanePair
-from fpsboost.kernels.semi_global import EIGHT, label_scratch
-from fpsboost.kernels.tiles import tile_scratch
+from fpsboost.kernels.tiles import EIGHT, tile_scratch
 
 
 class CoarseMotion(NamedTuple):
@@ -28,7 +27,7 @@ class LevelSettings(NamedTuple):
     """How a level is searched.
 
     The radii, `max_offset` and `row_step` are described in `fpsboost.kernels.tiles.search_tiles`, `smoothness` and
-    `slope` in `fpsboost.kernels.semi_global.choose_labels`.
+    `slope` in `choose_labels`.
     """
 
     scale: np.float32
@@ -82,3 +81,39 @@ def level_scratch(coarse: CoarseMotion, settings: LevelSettings, points: Points)
         *tile_scratch(*radii, settings.spacing, labels),
         *label_scratch(rows * columns, labels),
     )
+
+
+@compiled
+def choose_labels(
+    count: Annotated[Array, "int32 (rows, columns)"],
+    motions: Annotated[Array, "float32 (rows, columns, capacity, 2)"],
+    similarity: Annotated[Array, "float32 (rows, columns, capacity)"],
+    ties: Annotated[Array, "float32 (rows, columns)"],
+    smoothness: np.float32,
+    slope: np.float32,
+    costs: Annotated[Array, "float32 (rows, columns, padded)"],
+    flow: Annotated[Array, "float32 (rows, columns, 2)"],
+    chosen: Annotated[Array, "float32 (rows, columns)"],
+    scratch: Annotated[Array, "uint8 (bytes)"],
+) -> None:
+    """Choose the label of every node with the lowest cost, aggregated over its neighbours; the first of several.
+
+    This is semi-global matching (Hirschmueller 2008, doi:10.1109/TPAMI.2007.1166, Eq. 13): the cost of a label is
+    aggregated along four paths, from the left, the right, above and below. Along each path, every change of motion has
+    a cost, up to a limit, so that motion may be discontinuous at the edge of an object. Every node has its own short
+    list of labels instead of a common one.
+
+    - `count`: labels of each node, at least one
+    - `motions`: ``(dx, dy)`` of each label, pixels; undefined beyond `count`
+    - `similarity`: of each label; its negative is the cost at the node
+    - `ties`: share of the smoothness that applies to a node, between two the smaller of both
+    - `smoothness`, `slope`: maximum cost of a change of motion between neighbours, and its cost per pixel
+    - `costs`: of the paths to each label, out; `padded` is the capacity rounded up to a multiple of EIGHT
+    - `flow`, `chosen`: motion and similarity of the chosen label, out
+    - `scratch`: by `fpsboost.kernels.binding.scratch_of` of `label_scratch`
+    """
+
+
+def label_scratch(nodes: int, capacity: int) -> tuple[int, int, int, int]:
+    """Return the bytes that `choose_labels` needs: motion along x and y and two costs of all labels and a node more."""
+    return (4 * (nodes + 1) * (-(-capacity // EIGHT) * EIGHT),) * 4

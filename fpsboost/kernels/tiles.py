@@ -26,7 +26,7 @@ VALUES_PER_ENTRY = 3
 """Number of values per entry of a list: similarity, dx, dy."""
 
 EIGHT = 8
-"""Points whose lists are kept together."""
+"""Numbers of a vector: points whose lists are kept together, and labels whose costs are computed together."""
 
 
 class Proposals(NamedTuple):

@@ -112,14 +112,11 @@ def colour_values(image: Image) -> NDArray[Any]:
     if not has_alpha(image):
         return np.ascontiguousarray(values)
     colours, alpha = values[..., :-1], values[..., -1:]
-    products: NDArray[Any]
     if image.dtype == np.uint8:
-        products = colours.astype(np.uint16) * alpha  # uint16 holds the products exactly
-    elif image.dtype == np.uint16:
-        products = (colours.astype(np.uint32) * alpha // np.iinfo(np.uint16).max).astype(np.uint16)
-    else:
-        products = colours * alpha
-    return products
+        return np.asarray(colours.astype(np.uint16) * alpha)  # uint16 holds the products exactly
+    if image.dtype == np.uint16:
+        return np.asarray((colours.astype(np.uint32) * alpha // np.iinfo(np.uint16).max).astype(np.uint16))
+    return np.asarray(colours * alpha)
 
 
 def white_of(image: Image) -> float:

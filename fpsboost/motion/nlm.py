@@ -30,8 +30,7 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels, check_pair, view
 from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, search_level
 from fpsboost.kernels.planes import PlanePair
-from fpsboost.kernels.refine import refine_bidirectional
-from fpsboost.kernels.residual_search import loosen_ties, search_residuals_bidirectional
+from fpsboost.kernels.residual_search import loosen_ties, refine_bidirectional, search_residuals_bidirectional
 from fpsboost.kernels.similarity import colour_scale, level_scale, truncation
 from fpsboost.kernels.tiles import PADDING
 from fpsboost.motion.components import contrast_components, contrast_planes

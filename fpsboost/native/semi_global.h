@@ -67,7 +67,7 @@ INLINE void copy_labels(const LabelLists &lists, const Lattice &lattice) {
 }
 
 // Chooses the label of every node with the lowest cost, the first of several; `choose_labels` of
-// fpsboost/kernels/semi_global.py.
+// fpsboost/kernels/level_search.py.
 INLINE void choose_labels(const LabelLists &lists, float smoothness, float slope, float *costs, float (*flow)[2],
                           float *chosen, Scratch scratch) {
   const Int rows = lists.rows, columns = lists.columns, nodes = rows * columns, room = (lists.capacity + 7) / 8 * 8;

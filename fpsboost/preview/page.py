@@ -209,8 +209,7 @@ def _convert_passage(
         encoding = replace(job.encoding, audio=False, audio_codec=None, subtitles=False, streams=None)
         part = replace(part, encoding=encoding, rate=replace(part.rate, slow_motion_sound=None))
     output = f"{place}/" if target.kind == "images" else f"{place}{target.file_type}"
-    needs_confidence = job.method.has_confidence
-    recorder = _Recorder(View(passage.before.traits), job.rate.stretch, needs_confidence)
+    recorder = _Recorder(View(passage.before.traits), job.rate.stretch, job.method.has_confidence)
     try:
         summary = convert_job(replace(part, output=output), replace(run, observer=recorder, watcher=recorder))
     except FpsboostError as error:
@@ -250,14 +249,10 @@ LABEL_HEIGHT = 32
 
 
 class LeastCertain(NamedTuple):
-    """Frame of a passage about which a method is least certain."""
+    """Frame of a passage about which the first method is least certain."""
 
-    method: str
-    """Name of the method."""
     time: str
     """Time in the clip, as text."""
-    passage: int
-    """Index of the passage."""
     place: int
     """Index of the frame in the player."""
     picture: str
@@ -300,7 +295,7 @@ def make_page(preview: Preview, command: str) -> str:
 
 def _least_certain(preview: Preview) -> Iterator[LeastCertain]:
     """Yield the least certain frame of every passage, by the first method."""
-    method, trials = next(iter(preview.trials.items()))
+    trials = next(iter(preview.trials.values()))
     for number, (passage, trial) in enumerate(zip(preview.selection.passages, trials, strict=True)):
         least, confidence = trial.least_certain, trial.confidence
         if least is None:
@@ -311,7 +306,7 @@ def _least_certain(preview: Preview) -> Iterator[LeastCertain]:
         picture = data_uri(trial.after.pictures[least.number], "jpeg")
         place = sum(_count(preview, each.before.end) for each in preview.selection.passages[:number])
         place += round(least.time * preview.stretch * preview.rate)
-        yield LeastCertain(method, time, number, place, picture, uncertainty, mean)
+        yield LeastCertain(time, place, picture, uncertainty, mean)
 
 
 def _count(preview: Preview, end: Fraction) -> int:

@@ -6,9 +6,15 @@ from planes import plane_pair, points
 from truth import noise
 
 from fpsboost.kernels.binding import scratch_of
-from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, search_level
-from fpsboost.kernels.semi_global import EIGHT, choose_labels, label_scratch
-from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals, search_tiles, tile_scratch
+from fpsboost.kernels.level_search import (
+    CoarseMotion,
+    LevelSettings,
+    Points,
+    choose_labels,
+    label_scratch,
+    search_level,
+)
+from fpsboost.kernels.tiles import EIGHT, PADDING, OffsetLists, Proposals, search_tiles, tile_scratch
 from fpsboost.motion.field import resample_points
 
 RADIUS, LABELS, MAX_OFFSET, MOST = 2, 3, 6, np.uint8(200)

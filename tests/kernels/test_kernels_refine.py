@@ -8,7 +8,7 @@ from planes import plane_pair, points
 from truth import noise, waves
 from twins import refined
 
-from fpsboost.kernels.refine import refine_bidirectional
+from fpsboost.kernels.residual_search import refine_bidirectional
 
 PADDING = 40
 

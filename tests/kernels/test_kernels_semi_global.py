@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 from twins import smoothed
 
 from fpsboost.kernels.binding import scratch_of
-from fpsboost.kernels.semi_global import EIGHT, choose_labels, label_scratch
+from fpsboost.kernels.level_search import choose_labels, label_scratch
+from fpsboost.kernels.tiles import EIGHT
 
 
 def smooth(motions, energies, smoothness, slope, room=0, ties=None):

@@ -211,9 +211,8 @@ def describe_hidden(comparison: Comparison) -> str:
     """Return a sentence on which frames were hidden."""
     skip, count = comparison.hold_out.skip, len(comparison.hidden)
     each = "one was" if skip == 1 else f"{skip} were"
-    size, _, rest = comparison.kind.partition(", ")
     frames = "frame" if count == 1 else "frames"
-    return f"Between every two frames shown, {each} hidden: {count} {frames} of {size}, {rest}."
+    return f"Between every two frames shown, {each} hidden: {count} {frames} of {comparison.kind}."
 
 
 def frame_plots(comparison: Comparison) -> list[Plot]:

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from statistics import median
-from typing import Any, NamedTuple, TypeGuard
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -149,7 +150,13 @@ def view_motion(
     """
     interval = sample.interval
     places = {name: index for index, name in enumerate(frames)}
-    moving = {name: each.interpolator for name, each in compared_methods.items() if name in places and _moves(each)}
+    moving = {
+        name: each.interpolator
+        for name, each in compared_methods.items()
+        if name in places
+        and isinstance(each, ComparedInterpolator)
+        and not isinstance(each.interpolator.estimator, ZeroMotion)
+    }
     pairs = {name: each.pair(*interval.prepared(with_layers=each.takes_layers)) for name, each in moving.items()}
     if not pairs:
         return None
@@ -178,13 +185,6 @@ def view_motion(
         stretch=stretch,
         fields=fields,
         doubts=list(_doubts(sample, frames, moving, pairs)),
-    )
-
-
-def _moves(compared_method: ComparedMethod) -> TypeGuard[ComparedInterpolator]:
-    """Return whether a method is one of this package that estimates motion."""
-    return isinstance(compared_method, ComparedInterpolator) and not isinstance(
-        compared_method.interpolator.estimator, ZeroMotion
     )
 
 
@@ -341,9 +341,7 @@ def view_passages(
         frame = {"number": number, "passage": passage, "note": note, "images": [], "loss": loss}
         frames.setdefault((passage, number), frame)["images"].append(data.add_picture(data_uri(picture, "webp")))
 
-    def intervals() -> Iterator[Interval]:
-        return comparison.hold_out.intervals(comparison.clip)
-
+    intervals = partial(comparison.hold_out.intervals, comparison.clip)
     for interval in _until(intervals(), last, 0):
         for hidden in interval.hidden:
             if hidden.number not in passage_of:
