@@ -25,9 +25,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
-from fpsboost.kernels.multi_hypothesis import window_shape
+from fpsboost.kernels.multi_hypothesis import describe_node, window_shape
 from fpsboost.kernels.pair_context import FEATURES
-from fpsboost.kernels.pixel_weights import describe_node
 from fpsboost.kernels.window_samples import SQUARES_PER_ROW, WINDOW, make_plane_group
 from fpsboost.method_table import configure, methods
 from fpsboost.synthesis import FramePair

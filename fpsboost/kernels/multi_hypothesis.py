@@ -13,12 +13,34 @@ import numpy as np
 from fpsboost.kernels.binding import Array, compiled
 from fpsboost.kernels.candidates import Candidates
 from fpsboost.kernels.pair_context import PairContext
-from fpsboost.kernels.pixel_weights import Weighting
 from fpsboost.kernels.window_samples import SQUARES_PER_ROW, WINDOW, PlaneGroup, Samples, make_plane_group
 
 CONFIDENCE_POWER = 8
 """Power of the similarity that is the confidence: eight corresponds to a bandwidth of about a third, as a few levels
 hardly change the weights, but are visible."""
+
+
+class Weighting(NamedTuple):
+    """Parameters of the weights of a node's candidates at each square of its window; see ``pixel_weights.h``."""
+
+    scale: np.float32
+    """Factor on squared colour differences."""
+    sharpness: np.float32
+    """Rate at which a candidate's weight decays as its similarity falls."""
+    sufficient_similarity: np.float32
+    """Similarity at which, once every pixel of a window has it, the candidates with fewer votes are skipped."""
+    min_vote_share: np.float32
+    """Remaining candidates are also skipped once the votes of the next one are below this share of the least
+    accumulated weight of any pixel."""
+    window_shape: Annotated[Array, "float32 (256,)"]
+    """Weight of each square of a window, by `window_shape`."""
+    even: Annotated[Array, "float32 (10, 24)"]
+    """Coefficients of the features of sums of them: for both frames along a candidate, for either alone, and for each
+    hinge; plain weights need none."""
+    odd: Annotated[Array, "float32 (10, 24)"]
+    """What is added to these coefficients for frame 0, and subtracted for frame 1."""
+    factors: Annotated[Array, "float32 (10, 2)"]
+    """Factors of these sums in the logarithm of the weight of both frames, and of either alone."""
 
 
 class ValueRange(NamedTuple):
@@ -134,3 +156,26 @@ def window_shape(spacing: int) -> np.ndarray:
     way = np.minimum(from_border * 2 / (WINDOW - spacing), 1)
     smooth = way**2 * (3 - 2 * way) if spacing <= WINDOW // 2 else way**3 * (10 - 15 * way + 6 * way**2)
     return np.outer(smooth, smooth).ravel().astype(np.float32)
+
+
+@compiled
+def describe_node(  # type: ignore[empty-body]
+    layer: PlaneGroup,
+    row: int,
+    column: int,
+    t: np.float32,
+    candidates: Candidates,
+    weighting: Weighting,
+    context: PairContext,
+    features: Annotated[Array, "float32 (capacity, 24, 256)"],
+    gains: Annotated[Array, "float32 (capacity, 256)"],
+    mixed: Annotated[Array, "float32 (capacity, planes, samples)"],
+    change: Annotated[Array, "float32 (capacity, planes, samples)"],
+) -> int:
+    """Write what learnt weights are made of for the candidates of a node that are compared; return their number.
+
+    - `layer`: whose planes have the frame's full size
+    - `features`: of each square of the window; see `fpsboost.synthesis.fusion_table`
+    - `gains`: factors on the weights of what is in front of the dominant motion of the window
+    - `mixed`, `change`: samples, as those of `fpsboost.kernels.window_samples.PlaneGroup`
+    """

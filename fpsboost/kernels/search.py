@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.kernels.binding import Array, compiled, scratch_of
-from fpsboost.kernels.planes import LANES
+from fpsboost.kernels.planes import LANES, PlanePair
 
 STRIP_WIDTH = 640
 """Columns per pass: wide enough for a small overhead of the patch margins, narrow enough for the caches."""
@@ -101,3 +101,40 @@ def search_scratch(size: int, width: int, is_box: bool) -> list[int]:
     columns = (min(width, STRIP_WIDTH) + size + 4 * LANES) // (2 * LANES) * (2 * LANES)
     rows = 4 * (size + at_once - 1) * columns, 4 * columns
     return [*rows * OFFSETS_PER_PASS, 4 * at_once * OFFSETS_PER_PASS * (columns + 4 * LANES)]
+
+
+class ShortestMotion(NamedTuple):
+    """Motion that explains each point."""
+
+    own: Annotated[Array, "float32 (points down, points across)"]
+    """Similarity of the point's own motion, 0 to 1; negative where it leads out of the frame."""
+    best: Annotated[Array, "float32 (points down, points across)"]
+    """Largest similarity of all motions compared."""
+    shortest: Annotated[Array, "float32 (points down, points across)"]
+    """Larger component of the shortest motion whose similarity is sufficient, pixels."""
+
+
+@compiled
+def find_shortest(
+    pair: PlanePair,
+    step: int,
+    patch_radius: int,
+    support_radius: int,
+    tolerance: np.float32,
+    flow: Annotated[Array, "float32 (points down, points across, 2)"],
+    motion: ShortestMotion,
+) -> None:
+    """Compare each point's motion with the motions of the points around it, and with zero motion.
+
+    In a repeated pattern, many motions are equally similar, and a search for the most similar patch returns any of
+    them. Comparison with the shorter motions of the surroundings shows which length is necessary.
+
+    - `pair`: float32, scaled by `colour_scale`; the padding is larger than the radius, and there are LANES columns more
+      on the right
+    - `step`: distance between points, pixels
+    - `patch_radius`: radius r of the compared patch, at most 7 pixels
+    - `support_radius`: points in each direction whose motion is compared
+    - `tolerance`: amount by which the similarity of a shorter motion may be lower
+    - `flow`: rounded to whole pixels for the comparison
+    - `motion`: out
+    """

@@ -22,12 +22,12 @@ from fpsboost.kernels.planes import (
     LANES,
     CodeLevels,
     aligned_empty,
+    level_scale,
     make_work_arrays,
     shrink,
     split_colours,
     split_planes,
 )
-from fpsboost.kernels.similarity import level_scale
 
 Components = NDArray[Any]
 """Components of an image, (H, W, 3) float32."""
@@ -89,7 +89,7 @@ def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> NDArray[An
     padding : int
         Width of the repeated edges, pixels.
     bandwidth : float
-        Bandwidth v of the similarity, by which values are scaled; see `fpsboost.kernels.similarity.level_scale`.
+        Bandwidth v of the similarity, by which values are scaled; see `fpsboost.kernels.planes.level_scale`.
 
     Returns
     -------
@@ -147,7 +147,7 @@ def padded_planes(
     """Return scaled planes with repeated edges for the search kernels.
 
     They are (3, H + 2 padding, W + 2 padding + both extras) float32: the extra columns let the kernels read whole
-    vectors beyond the edges. `scale` is that of `fpsboost.kernels.similarity.colour_scale`.
+    vectors beyond the edges. `scale` is that of `fpsboost.kernels.planes.colour_scale`.
     """
     height, width = components.shape[:2]
     left = padding + extra_left

@@ -16,9 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.planes import LANES
+from fpsboost.kernels.planes import LANES, UNIT, colour_scale
 from fpsboost.kernels.search import BestOffsets, rank_offsets, search
-from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.motion.components import Components, padded_planes
 from fpsboost.motion.field import MotionField
 

@@ -1,7 +1,7 @@
 """The default search: patch similarity, coarse to fine.
 
 The coarsest level is searched in full by the report's similarity, and each finer level around the proposals of the
-coarser one in the neighbourhood of a tile, by a linear form of the similarity (`fpsboost.kernels.similarity`). The
+coarser one in the neighbourhood of a tile, by a linear form of the similarity (`fpsboost.kernels.planes`). The
 components are chosen for sensitivity to low contrast.
 
 In flat areas and repeated patterns, many offsets are equally similar. Every point therefore keeps several, and
@@ -29,9 +29,8 @@ from fpsboost.colour import normalised
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels, check_pair, view
 from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, search_level
-from fpsboost.kernels.planes import PlanePair
+from fpsboost.kernels.planes import PlanePair, colour_scale, level_scale, truncation
 from fpsboost.kernels.residual_search import loosen_ties, refine_bidirectional, search_residuals_bidirectional
-from fpsboost.kernels.similarity import colour_scale, level_scale, truncation
 from fpsboost.kernels.tiles import PADDING
 from fpsboost.motion.components import contrast_components, contrast_planes
 from fpsboost.motion.field import MotionField, spread_points

@@ -24,7 +24,7 @@ enum { SIMILARITY, FINE_SIMILARITY, COARSE_SIMILARITY, FLATNESS, ONWARD0, ONWARD
 enum { SEARCH_SIMILARITY = 0, AGREEMENT = 3, CONSISTENCY = 6, LANDINGS = 9, CELL_FEATURES = 12 };
 enum { CONSTANT, VOTES, ACCELERATION, GRADIENT, SUPPORT, SCALAR_FEATURES };  // features of the whole window
 constexpr int FEATURES = SQUARE_FEATURES + CELL_FEATURES + SCALAR_FEATURES;
-static_assert(FEATURES == 24, "as Weighting of pixel_weights.py says");
+static_assert(FEATURES == 24, "as Weighting of multi_hypothesis.py says");
 
 constexpr float FINE = 100, COARSE = 9;  // factors on squared differences for bandwidths of 0.03 and 0.1 instead of 0.3
 constexpr float LUMA_SCALE =

@@ -3,7 +3,7 @@
 
 namespace {
 
-constexpr float WHITE = 255;                   // of kernels/similarity.py
+constexpr float WHITE = 255;                   // of kernels/planes.py
 constexpr int HIGH_PASS_SIZE = 9;              // side of the box whose mean luma is subtracted, pixels
 constexpr int RADIUS = HIGH_PASS_SIZE / 2;
 constexpr int KEPT_ROWS = HIGH_PASS_SIZE + 1;  // rows of luma that a running sum over boxes needs

@@ -5,7 +5,7 @@
 #include "plane_pair.h"
 #include "similarity.h"
 
-struct ShortestMotion {  // of fpsboost/kernels/shortest.py
+struct ShortestMotion {  // of fpsboost/kernels/search.py
   Array own, best, shortest;
 };
 

@@ -18,7 +18,7 @@ INLINE U16 linear_similarity(const B16 (&pixels)[3], const uint8_t *second, Int 
 
 INLINE B16 broadcast_byte(uint8_t value) { return value - B16{}; }
 
-constexpr int UNIT_BITS = 20;  // FRACTION_BITS of fpsboost/kernels/similarity.py
+constexpr int UNIT_BITS = 20;  // FRACTION_BITS of fpsboost/kernels/planes.py
 
 // Polynomial that approximates 2^20 times 2^-f for a fraction f: Chebyshev's interpolation of degree 5 on [0, 1], with
 // a half added to the constant, so that truncation rounds.

@@ -3,7 +3,7 @@
 ``samples/fit_fusion.py`` fits the table to scenes that ``samples/construct_clips.py`` draws; no film is among them, and
 these numbers are all that is learnt from images. The logarithm of the weight of a candidate, beside that of its votes,
 is a sum of its features times coefficients, plus eight hinges: such sums where they are above 0, each times a factor
-(see `fpsboost.kernels.pixel_weights`). `docs/method.md` describes the features.
+(see `fpsboost.kernels.multi_hypothesis`). `docs/method.md` describes the features.
 """
 
 from __future__ import annotations

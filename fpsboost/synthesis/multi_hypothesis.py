@@ -37,12 +37,12 @@ from fpsboost.kernels.multi_hypothesis import (
     CONFIDENCE_POWER,
     Blended,
     ValueRange,
+    Weighting,
     blend_hypotheses,
     find_dominant_motion,
     window_shape,
 )
 from fpsboost.kernels.pair_context import PairContext
-from fpsboost.kernels.pixel_weights import Weighting
 from fpsboost.kernels.planes import aligned_empty
 from fpsboost.kernels.spline import MARGIN, filter_weights, find_coefficients
 from fpsboost.kernels.window_samples import SPARE, Samples

@@ -100,19 +100,15 @@ class SceneAssisted(Checked):
             if here.depth is not None:
                 there = self.vectors.for_image(frame_number(image.output_position), image0.array).depth
                 assert there is not None, "all frames of a folder have depth, or none"
-                seen &= _at_nearest(there, x, y) >= here.depth * np.float32(1 - self.depth_tolerance)
+                # the nearest pixel, since depth must not be mixed across an edge
+                nearest = there[_index(np.rint(y), height), _index(np.rint(x), width)]
+                seen &= nearest >= here.depth * np.float32(1 - self.depth_tolerance)
             weights.append(seen * np.float32(weight))
             colours.append(_between_pixels(image.cached(premultiplied), x, y))
         total = weights[0] + weights[1]
         share = np.divide(weights[1], total, out=np.full_like(total, t), where=total > 0)[..., np.newaxis]
         mixed = (1 - share) * colours[0] + share * colours[1]
         return as_image(mixed, image0.array, image1.array, t)
-
-
-def _at_nearest(plane: NDArray[Any], x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:
-    """Return the values of a plane at the pixels nearest to positions; depth must not be mixed across an edge."""
-    height, width = plane.shape
-    return np.asarray(plane[_index(np.rint(y), height), _index(np.rint(x), width)])
 
 
 def _between_pixels(values: NDArray[Any], x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:

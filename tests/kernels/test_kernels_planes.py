@@ -6,8 +6,17 @@ import pytest
 from truth import noise
 from twins import split_codes, split_levels
 
-from fpsboost.kernels.planes import HIGH_PASS_SIZE, CodeLevels, make_work_arrays, shrink, split_colours, split_planes
-from fpsboost.kernels.similarity import WHITE, level_scale, truncation
+from fpsboost.kernels.planes import (
+    HIGH_PASS_SIZE,
+    WHITE,
+    CodeLevels,
+    level_scale,
+    make_work_arrays,
+    shrink,
+    split_colours,
+    split_planes,
+    truncation,
+)
 from fpsboost.motion.components import contrast_components, contrast_planes
 
 PADDING = 3

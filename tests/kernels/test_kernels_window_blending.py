@@ -16,12 +16,12 @@ from fpsboost.kernels.candidates import VALUES_PER_MOTION, Candidates
 from fpsboost.kernels.multi_hypothesis import (
     Blended,
     ValueRange,
+    Weighting,
     blend_hypotheses,
     compare_candidates,
     find_dominant_motion,
     window_shape,
 )
-from fpsboost.kernels.pixel_weights import Weighting
 from fpsboost.kernels.spline import MARGIN
 from fpsboost.kernels.window_samples import BLOCK, SPARE, WINDOW, Samples, make_plane_group
 from fpsboost.synthesis.fusion_table import fusion_coefficients

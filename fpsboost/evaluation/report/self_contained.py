@@ -54,8 +54,7 @@ class PlayerData:
 
     def as_json(self) -> dict[str, Any]:
         """Return the data for player.js."""
-        names = ("names", "fps", "uris", "frames", "opening")
-        return {name: getattr(self, name) for name in names}
+        return {name: getattr(self, name) for name in ("names", "fps", "uris", "frames", "opening")}
 
 
 def templates_of(*packages: str) -> Environment:
