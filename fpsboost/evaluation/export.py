@@ -74,20 +74,21 @@ def rows_of(comparison: Comparison) -> Iterator[dict[str, Any]]:
     for method in comparison.methods:
         counted = {frame.number for frame in comparison.counted(method)}
         for frame, t in zip(method.frames, comparison.times, strict=True):
-            row = {
-                "method": method.name,
-                "frame": frame.number,
-                "t": t,
-                "counted": int(frame.number in counted),
-                **{name: getattr(frame.scores, name) for name in ("psnr", "ssim", "mae", "mse")},
-                "seconds": frame.seconds,
-                "cpu_seconds": frame.cpu_seconds,
-                "search_radius": frame.search_radius,
-                **{f"mae_{area}": error for area, error in frame.inside.items()},
-                **{f"mae_{COMPLEMENTS[AREAS.index(area)]}": error for area, error in frame.outside.items()},
-                **frame.metrics,
-            }
-            yield without_nan(row)
+            yield without_nan(
+                {
+                    "method": method.name,
+                    "frame": frame.number,
+                    "t": t,
+                    "counted": int(frame.number in counted),
+                    **{name: getattr(frame.scores, name) for name in ("psnr", "ssim", "mae", "mse")},
+                    "seconds": frame.seconds,
+                    "cpu_seconds": frame.cpu_seconds,
+                    "search_radius": frame.search_radius,
+                    **{f"mae_{area}": error for area, error in frame.inside.items()},
+                    **{f"mae_{COMPLEMENTS[AREAS.index(area)]}": error for area, error in frame.outside.items()},
+                    **frame.metrics,
+                }
+            )
 
 
 def without_nan(value: Any) -> Any:

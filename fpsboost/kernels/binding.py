@@ -61,7 +61,7 @@ class ArrayRecord(ctypes.Structure):
 
 
 Start = ctypes.c_char * 0
-"""Where an array begins, also one without elements."""
+"""Start of an array, also of one without elements."""
 
 
 @cache

@@ -28,7 +28,7 @@ class Votes(NamedTuple):
     vectors: Annotated[Array, "float32 (points down, points across, 2)"]
     """Motion to the other frame."""
     gradients: Annotated[Array, "float32 (points down, points across, 2, 2)"]
-    """Of dx and dy along x, then along y, pixels per pixel."""
+    """Gradients of dx and dy along x, then along y, pixels per pixel."""
     accelerations: Annotated[Array, "float32 (points down, points across, 3)"]
     """Whether it is known, 0 or 1, and pixels per interval squared, or 0."""
     trust: Annotated[Array, "float32 (points down, points across)"]
@@ -43,7 +43,7 @@ class CollectedVotes(NamedTuple):
     votes: Annotated[Array, "float32 (rows, columns, capacity)"]
     """Votes of each listed candidate."""
     places: Annotated[Array, "int32 (rows, columns, capacity)"]
-    """Where the sums of each listed candidate are."""
+    """Index of each listed candidate in `sums`."""
     sums: Annotated[Array, "float32 (candidates, 10)"]
     """Sums over the votes of all candidates in the order in which they were found, (rows * columns * capacity,
     SUMS_PER_CANDIDATE); as most nodes have few candidates, most of it is never touched."""

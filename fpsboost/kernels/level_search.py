@@ -1,4 +1,4 @@
-"""Search of one level of the pyramid in both directions: compare what is proposed, and choose among it.
+"""Search of one level of the pyramid in both directions: compare the proposed motions, and choose among them.
 
 It is one kernel, as Python would take as long as the kernel between its steps where levels are small.
 """
@@ -24,7 +24,7 @@ class CoarseMotion(NamedTuple):
 
 
 class LevelSettings(NamedTuple):
-    """How a level is searched.
+    """Settings of the search of a level.
 
     The radii, `max_offset` and `row_step` are described in `fpsboost.kernels.tiles.search_tiles`, `smoothness` and
     `slope` in `choose_labels`.
@@ -53,7 +53,7 @@ class Points(NamedTuple):
 
 
 def search_level(pair: PlanePair, coarse: CoarseMotion, settings: LevelSettings, points: Points) -> None:
-    """Find the motion of points in both directions, in whole pixels, around what a coarser level proposes.
+    """Find the motion of points in both directions, in whole pixels, around the motion that a coarser level proposes.
 
     The pair is as for `fpsboost.kernels.tiles.search_tiles`; the points are written.
     """

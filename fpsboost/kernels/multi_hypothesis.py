@@ -38,7 +38,7 @@ class Weighting(NamedTuple):
     """Coefficients of the features of sums of them: for both frames along a candidate, for either alone, and for each
     hinge; plain weights need none."""
     odd: Annotated[Array, "float32 (10, 24)"]
-    """What is added to these coefficients for frame 0, and subtracted for frame 1."""
+    """Offsets that are added to these coefficients for frame 0, and subtracted for frame 1."""
     factors: Annotated[Array, "float32 (10, 2)"]
     """Factors of these sums in the logarithm of the weight of both frames, and of either alone."""
 
@@ -172,10 +172,10 @@ def describe_node(  # type: ignore[empty-body]
     mixed: Annotated[Array, "float32 (capacity, planes, samples)"],
     change: Annotated[Array, "float32 (capacity, planes, samples)"],
 ) -> int:
-    """Write what learnt weights are made of for the candidates of a node that are compared; return their number.
+    """Write the inputs of the learnt weights for the compared candidates of a node; return their number.
 
     - `layer`: whose planes have the frame's full size
     - `features`: of each square of the window; see `fpsboost.synthesis.fusion_table`
-    - `gains`: factors on the weights of what is in front of the dominant motion of the window
+    - `gains`: factors on the weights of the foreground of the dominant motion of the window
     - `mixed`, `change`: samples, as those of `fpsboost.kernels.window_samples.PlaneGroup`
     """

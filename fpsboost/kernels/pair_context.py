@@ -31,12 +31,12 @@ class PairContext(NamedTuple):
     times: tuple[np.float32, np.float32, np.float32, np.float32]
     """Times of the four frames, in intervals from the first of the pair."""
     points: tuple[Points, Points]
-    """Of the points of both frames: motion (dx, dy), similarity, 1 over 1 + the forward-backward error in pixels,
+    """Features of the points of both frames: motion (dx, dy), similarity, 1 over 1 + the forward-backward error in pixels,
     flatness."""
     step: int
     """Pixels between points."""
     landings: Annotated[Array, "float32 (2, rows, columns)"]
-    """How many points of either frame land around each point of the in-between frame."""
+    """Number of points of either frame that land around each point of the in-between frame."""
     support: Annotated[Array, "float32 (rows, columns, capacity)"]
     """Support of each candidate by those of the neighbouring nodes, 0 to 1."""
 

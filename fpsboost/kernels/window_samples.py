@@ -1,7 +1,7 @@
 """Windows of frames around nodes, and the planes of both frames that are sampled along a candidate.
 
 Each node of an in-between frame has a window, which overlaps those of its neighbours. A candidate is one motion for a
-whole window; ``window_samples.h`` says how both frames are sampled along it.
+whole window; ``window_samples.h`` samples both frames along it.
 """
 
 from typing import Annotated, NamedTuple

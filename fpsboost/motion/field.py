@@ -77,10 +77,8 @@ class MotionField:
 
         The points are those of `point_places`. The arrays may be those of the field, and must not be written to.
         """
-        vectors, similarities = (
-            resample_points(each, self.shape, self.spacing, spacing) for each in (self.vectors, self.similarities)
-        )
-        return vectors, similarities
+        layout = self.shape, self.spacing, spacing
+        return resample_points(self.vectors, *layout), resample_points(self.similarities, *layout)
 
     def errors_at_points(self, spacing: int, back: MotionField) -> NDArray[Any]:
         """Return the forward-backward errors of the vectors of `at_points`, (rows, columns) float32, pixels.

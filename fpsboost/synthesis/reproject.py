@@ -67,8 +67,7 @@ class Reproject(Checked):
             source0, found0 = self.find_sources(frame_pair.field01.flow, t)
             source1, found1 = self.find_sources(frame_pair.field10.flow, 1 - t)
             out = np.empty_like(image0)
-            half = rounding_offset(image0)
-            fetch_both(image0, image1, np.float32(t), half, source0, found0, source1, found1, out)
+            fetch_both(image0, image1, np.float32(t), rounding_offset(image0), source0, found0, source1, found1, out)
             yield out
 
     def find_sources(self, flow: NDArray[Any], t: float) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -131,7 +131,7 @@ class Chart(NamedTuple):
     title: list[str]
     """Lines of the title, which names what y is."""
     across: str
-    """What x is."""
+    """Label of x."""
     x: Axis
     y: Axis
     x_labels: list[float]
