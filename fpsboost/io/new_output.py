@@ -2,19 +2,36 @@
 
 from __future__ import annotations
 
+import errno
+import json
 import os
+import shutil
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
-from fpsboost.errors import ExistsError, OutputError, explained
-from fpsboost.media import StagingDirectory, check_folder, hidden_place, move_all, sync, write_safely
+from fpsboost.errors import CompleteAlreadyError, ExistsError, OutputError, explained
+from fpsboost.media import (
+    MANIFEST,
+    REPLACED,
+    JobFingerprint,
+    StagingDirectory,
+    check_folder,
+    complete_already,
+    hidden_place,
+    move_all,
+    sync,
+    write_safely,
+)
 
 if TYPE_CHECKING:
     from fpsboost.io.images.sequence import Numbering
 
 ADVICE = "check the free space and the permissions"
+
+STAGED, MOVING = "output", "moving.json"
+"""In a hidden folder: the folder of the files that are written, and a list of those to be moved to their names."""
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -40,7 +57,7 @@ def new_folder(path: Path) -> Iterator[Path]:
     """Yield a hidden folder to write to, which gets its name at the end of the block, or is removed by an exception."""
     check_new_folder(path)
     with explained(OutputError, "write to", path, ADVICE):
-        staging = StagingDirectory(hidden_place(path.absolute().parent, path.name), "output", str(path), None)
+        staging = StagingDirectory(hidden_place(path.absolute().parent, path.name), STAGED, str(path), None)
         staging.open()
         try:
             staging.staged.mkdir()
@@ -53,102 +70,163 @@ def new_folder(path: Path) -> Iterator[Path]:
             staging.close(keep=False)
 
 
-def reason_to_refuse(folder: Path, old: Sequence[Path], *, alone: bool) -> str:
-    """Return why files are not written to a folder without `overwrite`, which holds `old` ones; empty if they are."""
-    if alone and any(not name.startswith(".") for name in os.listdir(folder)):
-        return f"{folder} is not empty; add `overwrite=True` to replace the files in it, or name another."
-    return f"{old[0]} exists; add `overwrite=True` to replace such files, or choose another pattern." if old else ""
+class StagedFiles(StagingDirectory):
+    """Hidden folder of files that get their names at the end, all of them or none, in a new folder or an existing one.
 
+    A new folder gets its name by one renaming. Into an existing one the files are moved, and moved back if that fails;
+    files that they replace are set aside until all are moved. A list of the files to be moved lets a later run go on
+    when this one is killed in between.
 
-class StagedFiles:
-    """Files that are written in a hidden folder and get their names at the end, all of them or none.
-
-    Use `open`, `write` for each file, `publish` if all went well, and `close` in any case.
+    Use `check` and `open`, write to `staged`, `publish_files` if all went well, and `close` or `leave` in any case.
 
     Parameters
     ----------
     path : str
         Folder or pattern as the user has given it, for messages.
-    folder : Path
-        Final folder of the files.
     namings : sequence of Numbering
-        Names that the files may have; with `overwrite`, all existing files of such names are replaced, and others stay.
+        Names that the files may have, all in one folder; with `overwrite`, all existing files of such names are
+        replaced, and others stay.
+    called : str
+        Name of the hidden folder in an existing one.
     overwrite : bool
         Replace existing files.
     alone : bool
         Make a new folder, or take an empty one; one with any file only with `overwrite`. Otherwise the folder must
         exist.
+    job : JobFingerprint, optional
+        Inputs and options that a run which resumes must share; without a job nothing is kept for a later run.
+    adds_only : bool
+        Add files between others of the same naming, and replace none.
 
     Raises
     ------
-    ExistsError
-        There are files that only `overwrite` would replace.
     OutputError
         The folder cannot be made or written to.
     """
 
-    def __init__(self, path: str, folder: Path, namings: Sequence[Numbering], *, overwrite: bool, alone: bool) -> None:
-        self._path, self._folder, self._namings = path, folder, namings
-        self._overwrite, self._alone = overwrite, alone
+    def __init__(
+        self,
+        path: str,
+        namings: Sequence[Numbering],
+        called: str,
+        *,
+        overwrite: bool,
+        alone: bool,
+        job: JobFingerprint | None = None,
+        adds_only: bool = False,
+    ) -> None:
+        self._namings, self._target = namings, namings[0].folder
+        self._overwrite, self._alone, self._adds_only = overwrite, alone, adds_only
         with explained(OutputError, "write to", path, "check the path and the permissions"):
-            self._is_new = not folder.is_dir()
-            check_folder(folder, may_be_new=alone)
-            self.check()
-        place = hidden_place(folder.absolute().parent, folder.absolute().name) if self._is_new else None
-        self._staging = StagingDirectory(place or hidden_place(folder, "fpsboost-side"), "output", path, None)
-        self._names, self._remarks = list[str](), list[str]()
-
-    @property
-    def remarks(self) -> list[str]:
-        """Sentences about the hidden folder, and that no file was written."""
-        return [*self._staging.remarks, *self._remarks]
+            check_folder(self._target, may_be_new=alone)
+            # Inside an existing folder rather than beside it: the folder may be a mount point, the parent read-only.
+            self._is_new = not self._target.is_dir()
+            beside = self._target.parent, self._target.name
+            super().__init__(hidden_place(*(beside if self._is_new else (self._target, called))), STAGED, path, job)
+            self._replaced, self._moving = self.folder / REPLACED, self.folder / MOVING
 
     def check(self) -> None:
-        """Raise `ExistsError` if there are files that only `overwrite` would replace."""
-        if not self._overwrite and self._folder.is_dir():
-            reason = reason_to_refuse(self._folder, self._find_old(), alone=self._alone)
-            if reason:
-                raise ExistsError(reason)
+        """Raise an error if there are files that this run must not replace, or that an earlier run has left unmoved.
 
-    def _find_old(self) -> list[Path]:
+        That is `CompleteAlreadyError` if the job is to be resumed but is complete, `ExistsError` for other files that
+        only `overwrite` would replace, and `OutputError` if a run that adds files was stopped while it moved them.
+        """
+        is_moving = bool(names_to_move(self.folder))
+        if self._adds_only and is_moving and not self.goes_on:
+            raise OutputError(
+                f"A run in {self.name} was stopped while its frames got their names; `resume` goes on with that."
+            )
+        if self._adds_only or self._overwrite or not self._target.is_dir() or (is_moving and self.goes_on):
+            return
+        old, reason = self.find_old(), ""
+        if self._alone and any(not name.startswith(".") for name in os.listdir(self._target)):
+            reason = f"{self._target} is not empty; add `overwrite=True` to replace the files in it, or name another."
+        elif old:
+            reason = f"{old[0]} exists; add `overwrite=True` to replace such files, or choose another pattern."
+        if reason and self._job is not None and self._job.resume and not self.is_pending:
+            raise CompleteAlreadyError(complete_already(self.name))
+        if reason:
+            raise ExistsError(reason)
+
+    def find_old(self) -> list[Path]:
         """Return the existing files that `overwrite` replaces."""
+        # In a folder the digits are this program's choice, so files of an earlier run may have fewer or more.
         return [path for naming in self._namings for _, path in naming.find(any_padding=self._alone)]
 
-    def open(self) -> Self:
-        """Lock the hidden folder for this run, before any `write`; raise `InUseError` if another run has it."""
-        with explained(OutputError, "write to", self._path, ADVICE):
-            self._staging.open()
-            self._staging.staged.mkdir()
-        return self
+    def open(self) -> None:
+        """Lock the hidden folder for this run; keep its files if the job resumes them, otherwise remove them.
 
-    def write(self, name: str, data: bytes) -> None:
-        """Write a file by its final name, in any order; it appears when `publish` is called."""
-        with explained(OutputError, "write", self._folder / name, ADVICE):
-            write_safely(self._staging.staged / name, data)
-        self._names.append(name)
-
-    def publish(self) -> None:
-        """Give all files their names; if one cannot be moved, none is.
-
-        Raises `ExistsError` if files have appeared there meanwhile. Without any file, there is only a remark.
+        Raises `InUseError` if another run has it, and `OutputError` if it holds the only copies of files that a stopped
+        run has set aside, and this one does not resume it.
         """
-        if not self._names:
-            self._remarks.append(f"No frame was made, so that nothing was written to {self._path}.")
-            return
-        with explained(OutputError, "write to", self._path, ADVICE):
-            self.check()
-            if not self._folder.exists():
-                self._staging.publish(self._folder)
-                return
-            replaced = self._staging.folder / "replaced"
-            replaced.mkdir()
-            old = {path.name for path in self._find_old()}
-            old |= {name for name in self._names if (self._folder / name).exists()}
-            moves = [(self._folder / name, replaced / name) for name in sorted(old)]
-            moves += [(self._staging.staged / name, self._folder / name) for name in self._names]
-            move_all(moves)
-            sync(self._folder)
+        with explained(OutputError, "write to", self.name, ADVICE):
+            if not self.goes_on and self._replaced.is_dir() and os.listdir(self._replaced):
+                way = "let that run finish with `resume`, or move" if self.is_pending else "move"
+                raise OutputError(
+                    f"{self._replaced} holds files that a run had set aside to replace them; {way} them to where they "
+                    "belong."
+                )
+            super().open()
+            self.staged.mkdir(exist_ok=True)
 
-    def close(self) -> None:
-        """Release and remove the hidden folder, with files that were not published."""
-        self._staging.close(keep=False)
+    @property
+    def finished(self) -> set[str]:
+        """Names of the files that are written, also of those that a run has moved before it was killed."""
+        return {*os.listdir(self.staged), *names_to_move(self.folder)}
+
+    def publish_files(self) -> None:
+        """Give all files in `staged` their names; if one cannot be moved, none is. Without files, nothing happens.
+
+        Raises `ExistsError` or `OutputError` if files have appeared there meanwhile.
+        """
+        with explained(OutputError, "write to", self.name, ADVICE):
+            staged, finished = sorted(os.listdir(self.staged)), sorted(self.finished)
+            if not finished:
+                return
+            self.check()
+            if self._is_new and not self._target.exists():
+                self.publish(self._target)
+                return
+            taken = [name for name in staged if (self._target / name).exists()]
+            if self._adds_only and taken:
+                raise OutputError(f"{self._target / taken[0]} has appeared meanwhile; move it away, and use `resume`.")
+            self._replaced.mkdir(exist_ok=True)
+            moves = [(self.staged / name, self._target / name) for name in staged]
+            if staged == finished and not self._adds_only:  # else an earlier run has set all of them aside
+                old = {*taken, *(path.name for path in self.find_old())}
+                moves = [(self._target / name, self._replaced / name) for name in sorted(old)] + moves
+            write_safely(self._moving, json.dumps({"names": finished}).encode())
+            try:
+                move_all(moves, _move_new if self._adds_only else None)
+            except BaseException:
+                if sorted(os.listdir(self.staged)) == finished:
+                    self._moving.unlink()
+                raise
+            sync(self._target)
+            shutil.rmtree(self._replaced, ignore_errors=True)
+
+    def close(self, *, keep: bool = False) -> None:
+        """Release the folder, and remove it unless it is to be kept.
+
+        It is kept in any case if it holds files that were set aside, or are to be moved where others are already.
+        """
+        if self._lock is None:
+            return
+        with suppress(OSError):
+            self._replaced.rmdir()  # fails where it is not empty
+        is_torn = bool(names_to_move(self.folder)) and any(self.staged.glob("*"))
+        super().close(keep=keep or is_torn or self._replaced.exists())
+
+
+def names_to_move(hidden: Path) -> list[str]:
+    """Return the names of files that a run has begun to move from a hidden folder; empty if none has, or it is done."""
+    moving, is_pending = hidden / MOVING, (hidden / MANIFEST).exists()  # which goes first when a run is done
+    is_due = moving.exists() and (is_pending or any((hidden / STAGED).glob("*")))
+    return list(json.loads(moving.read_bytes())["names"]) if is_due else []
+
+
+def _move_new(here: Path, there: Path) -> None:
+    """Move a file to a name that nothing has, also where capital letters make no difference."""
+    if there.exists():
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(there))
+    os.rename(here, there)

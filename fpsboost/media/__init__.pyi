@@ -67,6 +67,8 @@ from .remarks import lost_shape_remark as lost_shape_remark
 from .side_data import MASTERING as MASTERING
 from .staging import IN_EXISTING_FOLDER as IN_EXISTING_FOLDER
 from .staging import INDEX_NAME as INDEX_NAME
+from .staging import MANIFEST as MANIFEST
+from .staging import REPLACED as REPLACED
 from .staging import JobFingerprint as JobFingerprint
 from .staging import OutputPart as OutputPart
 from .staging import PartFolder as PartFolder

@@ -148,8 +148,8 @@ class StagingDirectory:
         write_safely(self.folder / COMPLETE, b"")
         rename_safely(self.staged, path)
 
-    def leave(self, error: BaseException | None, frames: int, expected: int | None, *, stays: bool = False) -> None:
-        """Release the folder, and remove it unless a later run can resume from it, or it `stays`.
+    def leave(self, error: BaseException | None, frames: int, expected: int | None) -> None:
+        """Release the folder, and remove it unless a later run can resume from it.
 
         It is kept if a run with a job stops after at least one finished frame; then a note is added to the error. An
         error in an input or option keeps nothing, since its correction makes another job.
@@ -160,12 +160,10 @@ class StagingDirectory:
             Exception that ends the run.
         frames, expected : int
             Number of finished frames, and of all, None if unknown.
-        stays : bool
-            Keep the folder in any case.
         """
         is_cut_short = error is not None and not isinstance(error, InputError | OptionError)
         keep = is_cut_short and frames > 0 and self._lock is not None and self._job is not None
-        self.close(keep=keep or stays)
+        self.close(keep=keep)
         if keep and error is not None:
             of_all = "" if expected is None else f" of {expected}"
             error.add_note(f"{frames}{of_all} frames are finished, and `resume` goes on from there.")
@@ -367,9 +365,9 @@ class PartFolder(StagingDirectory):
             os.replace(self._part.folder, self.folder / REPLACED)
         self.publish(self._part.folder)
 
-    def leave(self, error: BaseException | None, frames: int, expected: int | None, *, stays: bool = False) -> None:
+    def leave(self, error: BaseException | None, frames: int, expected: int | None) -> None:
         """Release the hidden folder, and also remove the folder of all parts if it is empty."""
-        super().leave(error, frames, expected, stays=stays)
+        super().leave(error, frames, expected)
         remove_if_empty(self._part.folder.parent)
 
 

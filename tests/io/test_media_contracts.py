@@ -15,7 +15,7 @@ from conversion_options import open_output
 from video_truth import packets_of, scene, write_clip, write_stream
 
 from fpsboost import DecodeOptions, Encoding, FpsboostError, Frame, FrameSink, FrameSource, OutputError
-from fpsboost.io.images import sink as numbered
+from fpsboost.io import new_output
 from fpsboost.io.opening import open_source
 from fpsboost.io.video.pipe import INPUT_NAME, PipeSource
 from fpsboost.media import OutputTiming, staging
@@ -196,7 +196,7 @@ def copy(
     """Write all frames of a clip unchanged; raise after `fail_at`; act after each and before names are given."""
     source, sink = open_pair(source_path, target, overwrite)
     with pytest.MonkeyPatch.context() as patch, source, sink:
-        for module, name in ((staging.StagingDirectory, "publish"), (numbered, "move_all")):
+        for module, name in ((staging.StagingDirectory, "publish"), (new_output, "move_all")):
             patch.setattr(module, name, after(while_writing, getattr(module, name)))
         for index, frame in enumerate(source):
             if index == fail_at:

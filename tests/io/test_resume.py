@@ -479,7 +479,7 @@ def test_images_go_on(tmp_path, images, snapshot, name):
 
 @pytest.mark.parametrize("moved", [0, 3, 10])
 def test_moving_goes_on(tmp_path, images, snapshot, monkeypatch, moved):
-    """A run that is killed while its images get their names in a folder goes on with that."""
+    """A run that is killed while its images get their names in a folder goes on with that, also at a second attempt."""
     (tmp_path / "out").mkdir()
 
     class Killed(BaseException): ...
@@ -491,11 +491,13 @@ def test_moving_goes_on(tmp_path, images, snapshot, monkeypatch, moved):
         raise Killed
 
     with monkeypatch.context() as patch:
-        patch.setattr("fpsboost.io.images.sink.move_all", move_some)
+        patch.setattr("fpsboost.io.new_output.move_all", move_some)
         patch.setattr(Path, "unlink", lambda *_, **__: None)
         with pytest.raises(Killed):
             write_images(images, tmp_path / "out")
     monkeypatch.undo()
+    with pytest.raises(StoppedError):
+        write_images(images, tmp_path / "out", resume=True, stop_after=0)
     assert write_images(images, tmp_path / "out", resume=True).completed_frames == 10
     assert sorted(snapshot(tmp_path / "out").values()) == sorted(snapshot(images).values())
 

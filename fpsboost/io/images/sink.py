@@ -2,37 +2,23 @@
 
 from __future__ import annotations
 
-import errno
 import itertools
-import json
 import os
 import shutil
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
-from fpsboost.errors import CompleteAlreadyError, ExistsError, OptionError, OutputError, explained
+from fpsboost.errors import CompleteAlreadyError, OptionError, OutputError, explained
 from fpsboost.frame import Frame
 from fpsboost.io.images.encoder import ImageEncoder
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
 from fpsboost.io.images.sequence import NumberedImages, Numbering
-from fpsboost.io.images.source import MOVING, is_pattern
-from fpsboost.io.new_output import ADVICE, reason_to_refuse
+from fpsboost.io.images.source import is_pattern
+from fpsboost.io.new_output import ADVICE, StagedFiles
 from fpsboost.io.output import Output
-from fpsboost.media import (
-    IN_EXISTING_FOLDER,
-    PartFolder,
-    StagedSink,
-    StagingDirectory,
-    check_folder,
-    complete_already,
-    hidden_place,
-    move_all,
-    sync,
-    write_safely,
-)
+from fpsboost.media import IN_EXISTING_FOLDER, PartFolder, StagedSink, StagingDirectory, write_safely
 
 VIDEO_DIGITS = 6  # where the source has no numbers: 999999 frames are more than four hours at 60 per second
 
@@ -111,10 +97,25 @@ class NumberedSink(StagedSink):
         """Number of `completed_frames` that are images of the input, which stay where they are."""
         return sum(self.names.path(place).name in self._originals for place in range(self.completed_frames))
 
-    def _count_finished(self) -> int:
-        """Return the number of images, from the first without a gap, that an earlier run has written."""
-        there = {*os.listdir(self._staged), *self._originals}
-        return next(place for place in itertools.count() if self.names.path(place).name not in there)
+    def __enter__(self) -> Self:
+        """Lock the hidden folder, and count the images, from the first without a gap, that an earlier run has written.
+
+        Raises `OutputError` if that folder holds frames which a stopped run had set aside, and this one does not resume
+        it.
+        """
+        with self._explained():
+            self._unfinished.open()
+            try:
+                there = self._finished() | self._originals
+            except BaseException:
+                self._unfinished.close(keep=True)
+                raise
+        self.completed_frames = next(place for place in itertools.count() if self.names.path(place).name not in there)
+        return self
+
+    def _finished(self) -> set[str]:
+        """Return the names of the images that an earlier run has written."""
+        return set(os.listdir(self._staged))
 
     def write(self, frame: Frame) -> None:
         """Encode the next frame and write its file, synced to disk, in the hidden folder.
@@ -135,10 +136,17 @@ class NumberedSink(StagedSink):
                 write_safely(self._staged / path.name, data)
         self._written.append(path.name)
 
-    def _remove_torn(self) -> None:
+    def _finish(self) -> None:
         """Remove files from the hidden folder that this run has not passed, such as half-written ones."""
         for extra in set(os.listdir(self._staged)) - set(self._written):
             (self._staged / extra).unlink()
+
+    def _leave(self, error: BaseException | None) -> None:
+        """Remove the hidden folder, unless a later run can resume from it."""
+        written = self._frames if self._written else 0
+        part = self._output.part
+        expected = self._output.expected_frames if part is None else part.frames
+        self._unfinished.leave(error, max(self.completed_frames, written), expected)
 
 
 class ImageSink(NumberedSink):
@@ -175,26 +183,29 @@ class ImageSink(NumberedSink):
         with explained(OutputError, "write to", path, "check the path and the permissions"):
             self._is_folder = _is_folder(path)
             names = _names_in_place(output) if output.in_place else _names_of(output)
-            self._numbering, folder = names.numbering, names.numbering.folder
-            check_folder(folder, may_be_new=self._is_folder)
+            self._numbering, called = names.numbering, names.numbering.pattern
+            if self._is_folder and not output.in_place:
+                called = IN_EXISTING_FOLDER
+            self._files = StagedFiles(
+                path,
+                [names.numbering],
+                called,
+                overwrite=output.overwrite,
+                alone=self._is_folder,
+                job=output.job,
+                adds_only=output.in_place,
+            )
             if images is not None and not output.in_place:
                 self._refuse_inputs(path, images)
-            # Inside an existing folder rather than beside it: the folder may be a mount point, the parent read-only.
-            self._is_new = not folder.is_dir()
-            called = folder.name if self._is_new else IN_EXISTING_FOLDER
-            if output.in_place or not (self._is_new or self._is_folder):
-                called = self._numbering.pattern
-            place = hidden_place(folder.parent if self._is_new else folder, called)
-            self._replaced, self._moving = place / "replaced", place / MOVING
-            super().__init__(output, names, StagingDirectory(place, "output", path, output.job))
-            self._refuse_existing()
+            super().__init__(output, names, self._files)
+            self._files.check()
 
     def _refuse_inputs(self, path: str, images: NumberedImages) -> None:
         """Raise `OutputError` if the output would overwrite an input, also via links or case."""
         folder = self._numbering.folder
         if not folder.is_dir():
             return
-        old, inputs = set(map(os.path.realpath, self._find_old())), images.files
+        old, inputs = set(map(os.path.realpath, self._files.find_old())), images.files
         clash = next((file for file in inputs if os.path.realpath(file) in old), None) if old else None
         if folder.samefile(inputs[0].parent):
             if self._is_folder:
@@ -205,54 +216,8 @@ class ImageSink(NumberedSink):
         if clash is not None:
             raise OutputError(f"{path} would replace the input {clash}; write to another folder or pattern.")
 
-    def _find_old(self) -> list[Path]:
-        """Return the existing images of the output's naming."""
-        # In a folder the digits are this program's choice, so frames of an earlier run may have fewer or more.
-        return [path for _, path in self._numbering.find(any_padding=self._is_folder)]
-
-    def _refuse_existing(self) -> None:
-        """Raise `OutputError` if there are files that this run must not replace, or a run left unmoved images."""
-        folder = self._numbering.folder
-        is_moving = self._unfinished.goes_on and self._moving.exists()
-        if self._output.in_place:
-            if self._moving.exists() and not is_moving:
-                raise OutputError(
-                    f"A run in {self._name} was stopped while its frames got their names; `resume` goes on with that."
-                )
-            for name in self._written:
-                if (self._staged / name).exists() and (folder / name).exists():
-                    raise OutputError(f"{folder / name} has appeared meanwhile; move it away, and use `resume`.")
-            return
-        if self._output.overwrite or not folder.is_dir() or is_moving:
-            return
-        reason = reason_to_refuse(folder, self._find_old(), alone=self._is_folder)
-        if reason and self._output.job is not None and self._output.job.resume and not self._unfinished.is_pending:
-            raise CompleteAlreadyError(complete_already(self._name))
-        if reason:
-            raise ExistsError(reason)
-
-    def __enter__(self) -> Self:
-        """Lock the hidden folder, and count the images that an earlier run has finished.
-
-        Raises `OutputError` if that folder holds frames which a stopped run had set aside, and this one does not resume
-        it.
-        """
-        with self._explained():
-            if not self._unfinished.goes_on and self._replaced.is_dir() and os.listdir(self._replaced):
-                raise OutputError(
-                    f"{self._replaced} holds frames that a run had set aside to replace them; let that run finish with "
-                    "`resume`, or move them to where they belong."
-                )
-            self._unfinished.open()
-            try:
-                self._staged.mkdir(exist_ok=True)
-                is_moving = self._moving.exists()
-                said = json.loads(self._moving.read_bytes())["frames"] if is_moving else self._count_finished()
-                self.completed_frames = int(said)
-            except BaseException:
-                self._unfinished.close(keep=True)
-                raise
-        return self
+    def _finished(self) -> set[str]:
+        return self._files.finished
 
     def join(self, files: Sequence[Path]) -> None:
         """Take image files that were written elsewhere, in order, instead of frames; they stay where they are.
@@ -276,36 +241,8 @@ class ImageSink(NumberedSink):
 
     def _finish(self) -> None:
         """Give the images their names, replaced ones set aside until all are moved; nothing without frames."""
-        if not self._written:
-            return
-        self._refuse_existing()  # once more: hours may have passed
-        folder, staged = self._numbering.folder, self._staged
-        self._remove_torn()
-        if self._is_new and not folder.exists():
-            self._unfinished.publish(folder)
-            return
-        self._replaced.mkdir(exist_ok=True)
-        moves = [(staged / name, folder / name) for name in self._written if (staged / name).exists()]
-        is_begun = len(moves) < len(self._written)  # an earlier run has moved some, and the old ones before them
-        if not is_begun and not self._output.in_place:
-            moves = [(path, self._replaced / path.name) for path in self._find_old()] + moves
-        write_safely(self._moving, json.dumps({"frames": self._frames, "names": self._written}).encode())
-        try:
-            move_all(moves, _move_new if self._output.in_place else None)
-        except BaseException:
-            if all((staged / name).exists() for name in self._written):
-                self._moving.unlink()
-            raise
-        sync(folder)
-        shutil.rmtree(self._replaced, ignore_errors=True)
-
-    def _leave(self, error: BaseException | None) -> None:
-        """Remove the hidden folder, unless it holds resumable frames or originals not restored."""
-        with suppress(OSError):
-            self._replaced.rmdir()  # fails where it is not empty
-        written = self._frames if self._written else 0
-        count = self._frames if self._moving.exists() else max(self.completed_frames, written)
-        self._unfinished.leave(error, count, self._output.expected_frames, stays=self._replaced.exists())
+        super()._finish()
+        self._files.publish_files()
 
 
 class ImagePartSink(NumberedSink):
@@ -319,24 +256,14 @@ class ImagePartSink(NumberedSink):
 
     def __init__(self, output: Output) -> None:
         assert output.part is not None
-        self._part = output.part
         names = _names_of(output)
         self._folder = PartFolder(output.part, output.job, overwrite=output.overwrite)
         names = replace(names, first=names.first + output.part.first * names.step)
         super().__init__(output, names, self._folder)
 
-    def __enter__(self) -> Self:
-        with self._explained():
-            self._folder.open()
-            self.completed_frames = self._count_finished()
-        return self
-
     def _finish(self) -> None:
-        self._remove_torn()
+        super()._finish()
         self._folder.publish_part()
-
-    def _leave(self, error: BaseException | None) -> None:
-        self._folder.leave(error, max(self.completed_frames, self._frames), self._part.frames)
 
 
 def _is_folder(path: str) -> bool:
@@ -388,10 +315,3 @@ def _names_in_place(output: Output) -> ImageNames:
             f"{factor} times the frames of {path} do not fit between its numbers, which `in_place` keeps; {way}."
         )
     return ImageNames(images.numbering, *kept, is_anew=False)
-
-
-def _move_new(here: Path, there: Path) -> None:
-    """Move a file to a name that nothing has, also where capital letters make no difference."""
-    if there.exists():
-        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(there))
-    os.rename(here, there)

@@ -6,7 +6,6 @@ that are missing, where the factor divides the step; otherwise all are numbered 
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -32,6 +31,7 @@ from fpsboost.io.images.sequence import (
     list_files,
     order_names,
 )
+from fpsboost.io.new_output import names_to_move
 from fpsboost.io.output import StreamInfo
 from fpsboost.io.video.decode_options import View
 from fpsboost.layered import LayeredImage
@@ -40,9 +40,6 @@ from fpsboost.memory import MemoryLimit
 
 MAX_GAP = 1000
 """Frames that are made between two images at most, as with the largest factor; names that are dates end here."""
-
-MOVING = "moving.json"
-"""File in the hidden folder that lists the images to be moved to their names, and the number of frames."""
 
 SCENE_LINEAR = (".exr", ".hdr")  # types of files whose values are scene-linear
 
@@ -259,8 +256,7 @@ def _without_moved(sequence: FileSequence) -> FileSequence:
     """Return the images without those that an interrupted run in place has begun to move among them."""
     if sequence.numbering is None:
         return sequence
-    moving = hidden_place(sequence.numbering.folder, sequence.numbering.pattern) / MOVING
-    moved = set(json.loads(moving.read_bytes())["names"]) if moving.exists() else set()
+    moved = set(names_to_move(hidden_place(sequence.numbering.folder, sequence.numbering.pattern)))
     kept = [each for each in zip(sequence.files, sequence.numbers, strict=True) if each[0].name not in moved]
     return FileSequence([file for file, _ in kept], sequence.numbering, [number for _, number in kept])
 

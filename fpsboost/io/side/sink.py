@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.contracts import Cancellable, FrameSink, FrameWatcher, HasDetails
-from fpsboost.errors import OptionError
+from fpsboost.errors import OptionError, OutputError, explained
 from fpsboost.frame import Frame, PairMotion
 from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.exr import encode_exr
@@ -23,9 +23,10 @@ from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
 from fpsboost.io.images.sequence import NumberedImages, Numbering
 from fpsboost.io.images.sink import VIDEO_DIGITS, ImageSink
 from fpsboost.io.images.source import is_pattern
-from fpsboost.io.new_output import StagedFiles
+from fpsboost.io.new_output import ADVICE, StagedFiles
 from fpsboost.io.side.flow import BACKWARD, FORWARD, encode_flow, flow_picture
 from fpsboost.io.side.options import SideOutputs
+from fpsboost.media.files import write_safely
 
 PICTURE, EXR, FLO = ".png", ".exr", ".flo"
 FLOW_PICTURES = ("_backward.png", "_forward.png")
@@ -113,7 +114,7 @@ class SideSink:
             self._sink.__exit__(kind, error, trace)
             if kind is None:
                 for writer in self._writers:
-                    writer.files.publish()
+                    writer.publish()
 
 
 def with_side_outputs(
@@ -196,7 +197,8 @@ class SideWriter:
             )
         self._naming = replace(naming, suffix=naming.suffix.rpartition(".")[0])
         names = [replace(self._naming, suffix=self._naming.suffix + ending) for ending in self.endings[self._suffix]]
-        self.files = StagedFiles(path, self.folder, names, overwrite=overwrite, alone=not is_pattern(path))
+        self.files = StagedFiles(path, names, "fpsboost-side", overwrite=overwrite, alone=not is_pattern(path))
+        self.files.check()
 
     def _parse(self, path: str, naming: Numbering | None) -> tuple[str, Numbering]:
         """Return the type of file and the naming for a path; raise `OptionError` if it is no folder or pattern."""
@@ -227,8 +229,19 @@ class SideWriter:
         """Write the files about the next frame of the output, if there are any."""
         raise NotImplementedError
 
+    def _write_file(self, name: str, data: bytes) -> None:
+        """Write a file by its final name, in any order; it appears when `publish` is called."""
+        with explained(OutputError, "write", self.folder / name, ADVICE):
+            write_safely(self.files.staged / name, data)
+
     def finish(self) -> None:
         """Write files that waited for the next frame; called once, after the last."""
+
+    def publish(self) -> None:
+        """Give all files their names; without any, there is only a remark."""
+        if not os.listdir(self.files.staged):
+            self.files.remarks.append(f"No frame was made, so that nothing was written to {self.path}.")
+        self.files.publish_files()
 
 
 class ConfidenceWriter(SideWriter):
@@ -249,7 +262,7 @@ class ConfidenceWriter(SideWriter):
         if self._suffix == PICTURE:
             values = np.rint(values.clip(0, 1) * 255).astype(np.uint8)
         path = Path(self._stem(place) + self._suffix)
-        self.files.write(path.name, encode_image(path, values))
+        self._write_file(path.name, encode_image(path, values))
 
 
 class MotionWriter(SideWriter):
@@ -294,8 +307,8 @@ class MotionWriter(SideWriter):
         if self._suffix == EXR:
             x, y, z, w = *np.moveaxis(backward, -1, 0), *np.moveaxis(forward, -1, 0)
             # Blender: the place in the previous frame minus that here, that here minus that in the next, y up
-            self.files.write(stem + EXR, encode_exr({"X": x, "Y": -y, "Z": -z, "W": w}, half=False))
+            self._write_file(stem + EXR, encode_exr({"X": x, "Y": -y, "Z": -z, "W": w}, half=False))
         for ending, picture, flow in zip((BACKWARD, FORWARD), FLOW_PICTURES, (backward, forward), strict=True):
             if self._suffix == FLO:
-                self.files.write(stem + ending, encode_flow(flow))
-            self.files.write(stem + picture, encode_image(Path(picture), flow_picture(flow)))
+                self._write_file(stem + ending, encode_flow(flow))
+            self._write_file(stem + picture, encode_image(Path(picture), flow_picture(flow)))

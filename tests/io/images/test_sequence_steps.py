@@ -20,7 +20,7 @@ from fpsboost import VectorFolder, convert, find_method, methods
 from fpsboost.cli.compare import match_vectors
 from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
-from fpsboost.io.images import sink as numbered
+from fpsboost.io import new_output
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.images.source import find_numbers
@@ -286,7 +286,7 @@ def stop_moving(monkeypatch: pytest.MonkeyPatch, after: int, error: BaseExceptio
             os.rename(here, there)
         raise error
 
-    monkeypatch.setattr(numbered, "move_all", move_some)
+    monkeypatch.setattr(new_output, "move_all", move_some)
 
 
 @pytest.mark.parametrize("moved", [0, 1, 3, 5])

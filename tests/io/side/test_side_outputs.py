@@ -37,7 +37,6 @@ from fpsboost import (
 )
 from fpsboost.io.images.exr import read_exr
 from fpsboost.io.images.files import read_image
-from fpsboost.io.new_output import StagedFiles
 from fpsboost.io.side.flow import flow_picture
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.synthesis.blend import Blend
@@ -270,14 +269,13 @@ def test_what_fails_in_the_middle_leaves_nothing(tmp_path, snapshot, output):
 def test_files_that_appear_meanwhile_stop_the_output(tmp_path, monkeypatch):
     """They are looked for once more before anything gets its name."""
     source, conf = save_pan(tmp_path / "in", range(1, 4)), tmp_path / "conf"
-    before = StagedFiles.write
 
-    def write(files: StagedFiles, name: str, data: bytes) -> None:
+    def write(path: Path, data: bytes) -> None:
         conf.mkdir(exist_ok=True)
         (conf / "mine.txt").write_text("here first")
-        before(files, name, data)
+        path.write_bytes(data)
 
-    monkeypatch.setattr(StagedFiles, "write", write)
+    monkeypatch.setattr("fpsboost.io.side.sink.write_safely", write)
     with pytest.raises(OutputError, match="not empty"):
         convert(str(source), str(tmp_path / "out"), method="blend", run=beside(confidence=conf))
     assert [name for name in names_in(tmp_path) if not name.startswith(".")] == ["conf", "in"]
@@ -295,6 +293,24 @@ def test_overwrite_replaces_files_of_the_same_names_alone(tmp_path):
     convert(str(source), str(tmp_path / "out"), method="blend", run=beside(True, confidence=conf))
     assert names_in(conf) == ["notes.txt", "shot_0002.png", "shot_0004.png"]
     assert (conf / "shot_0002.png").read_bytes() != b"old"
+
+
+def test_files_that_were_set_aside_are_kept(tmp_path, monkeypatch):
+    """A run that is killed while it replaces files leaves them where it has put them, and the next one says where."""
+    source, conf = save_pan(tmp_path / "in", range(1, 4)), tmp_path / "conf"
+    conf.mkdir()
+    (conf / "shot_0002.png").write_bytes(b"old")
+
+    def move_some(moves: list[tuple[Path, Path]], _: object) -> None:
+        moves[0][0].rename(moves[0][1])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fpsboost.io.new_output.move_all", move_some)
+    with pytest.raises(KeyboardInterrupt):
+        convert(str(source), str(tmp_path / "out"), method="blend", run=beside(True, confidence=conf))
+    with pytest.raises(OutputError, match="replaced holds files that a run had set aside to replace them; move them"):
+        convert(str(source), str(tmp_path / "out2"), method="blend", run=beside(True, confidence=conf))
+    assert [path.read_bytes() for path in conf.rglob("shot_0002.png") if path.parent.name == "replaced"] == [b"old"]
 
 
 @pytest.mark.parametrize(
