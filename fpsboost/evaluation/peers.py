@@ -73,7 +73,7 @@ def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerF
     """
     with explained(InputError, "read", folder, "name a folder of images"):
         images = find_images(str(folder))
-    count_of_images, own = len(images.files), list(images.numbers)
+    count_of_images, own = len(images.files), images.numbers
     hidden, first, last, most = [], None, 0, 0
     for interval in intervals:
         first = interval.begin.number if first is None else first

@@ -31,7 +31,7 @@ from fpsboost.errors import InputError, OptionError, explained, refuse
 from fpsboost.image import Image, Pixels
 from fpsboost.io.images.exr import read_exr, read_exr_header
 from fpsboost.io.images.sequence import (
-    FileSequence,
+    NumberedImages,
     Numbering,
     find_numbered,
     find_placeholder,
@@ -247,7 +247,7 @@ class VectorFolder:
             )
         return FrameVectors(backward, forward, depth)
 
-    def _file_of(self, files: FileSequence, number: int, path: Path, what: str) -> Path:
+    def _file_of(self, files: NumberedImages, number: int, path: Path, what: str) -> Path:
         """Return the file of an output frame, counted from 0."""
         place = self._place_of(files, number)
         if self._numbers is None or files.numbering is None:
@@ -264,7 +264,7 @@ class VectorFolder:
             )
         return files.files[place]
 
-    def _place_of(self, files: FileSequence, number: int) -> int | None:
+    def _place_of(self, files: NumberedImages, number: int) -> int | None:
         """Return the index of an output frame's file; None if it has none."""
         if self._numbers is None or files.numbering is None:
             return number if 0 <= number < len(files.files) else None
@@ -273,7 +273,7 @@ class VectorFolder:
         return place if place < len(files.numbers) and files.numbers[place] == wanted else None
 
 
-def _find_files(path: Path, what: str, *suffixes: str) -> FileSequence:
+def _find_files(path: Path, what: str, *suffixes: str) -> NumberedImages:
     """Return the file of each frame, of a pair of ``.flo`` files the one with backward vectors.
 
     `what` names the content in messages, `suffixes` are the types of files that are taken.

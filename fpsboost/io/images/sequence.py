@@ -10,9 +10,8 @@ import os
 import re
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Self
@@ -81,8 +80,8 @@ class Numbering:
 
 
 @dataclass(frozen=True)
-class FileSequence:
-    """Files of one sequence.
+class NumberedImages:
+    """Files of one sequence, or those of them that are read as a clip.
 
     Parameters
     ----------
@@ -90,18 +89,36 @@ class FileSequence:
         Files in order, at least one.
     numbering : Numbering, optional
         Naming of the files; None if names have no numbers.
-    numbers : sequence of int
+    numbers : list of int
         Their numbers, rising; empty if names have none.
+    step : int
+        Difference of successive numbers, where some are missing the largest that leads to all of them; 1 for a single
+        image, and with `fills_gaps`.
+    first_number : int
+        Number of the first image of the whole sequence.
+    skipped : int
+        Images of the whole sequence before these.
+    fills_gaps : bool
+        Whether numbers are the clock, so that images may be missing.
+    layers : tuple of LayerNames
+        Layers of OpenEXR files that are read beside the picture.
     """
 
     files: list[Path]
     numbering: Numbering | None = None
-    numbers: Sequence[int] = ()
+    numbers: list[int] = field(default_factory=list)
+    step: int = 1
+    first_number: int = 1
+    skipped: int = 0
+    fills_gaps: bool = False
+    layers: tuple[LayerNames, ...] = ()
 
-    @cached_property
-    def step(self) -> int:
-        """Difference of successive numbers; where some are missing, the largest step that leads to all of them."""
-        return math.gcd(*(later - earlier for earlier, later in pairwise(self.numbers))) or 1
+    @classmethod
+    def numbered(cls, numbering: Numbering, files: Sequence[tuple[int, Path]]) -> Self:
+        """Return a whole sequence of files, at least one, of a naming with their numbers in order."""
+        numbers = [number for number, _ in files]
+        step = math.gcd(*(later - earlier for earlier, later in pairwise(numbers))) or 1
+        return cls([path for _, path in files], numbering, numbers, step, numbers[0])
 
     def missing(self, step: int) -> int:
         """Return the number of files that are missing between others at a step."""
@@ -116,40 +133,6 @@ class FileSequence:
         steps = f" (in steps of {step})" if step > 1 else ""
         more = f", and {missing - 1} more are" if missing > 1 else ""
         raise InputError(f"{self.numbering.path(gap + step)} is missing from its sequence{steps}{more}; {advice}.")
-
-
-@dataclass(frozen=True)
-class NumberedImages:
-    """Images that are read as a clip.
-
-    Parameters
-    ----------
-    files : list of Path
-        Files in order, at least one.
-    numbering : Numbering or None
-        Naming of the files; None if names have no numbers.
-    numbers : list of int
-        Their numbers; empty if names have none.
-    step : int
-        Difference of successive numbers; 1 for a single image, and with `fills_gaps`.
-    first_number : int
-        Number of the first image of the whole sequence.
-    skipped : int
-        Images of the whole sequence before these.
-    fills_gaps : bool
-        Whether numbers are the clock, so that images may be missing.
-    layers : tuple of LayerNames
-        Layers of OpenEXR files that are read beside the picture.
-    """
-
-    files: list[Path]
-    numbering: Numbering | None
-    numbers: list[int]
-    step: int
-    first_number: int
-    skipped: int = 0
-    fills_gaps: bool = False
-    layers: tuple[LayerNames, ...] = ()
 
     @property
     def planes(self) -> int:
@@ -168,7 +151,7 @@ class NumberedImages:
         return self.numbers[0], int(step)
 
 
-def order_names(folder: Path, names: Sequence[str]) -> FileSequence:
+def order_names(folder: Path, names: Sequence[str]) -> NumberedImages:
     """Put the files of one sequence, at least one, in order; names without any number go by the alphabet.
 
     Some numbers may be missing. `InputError` if there are several sequences, or numbers of different widths.
@@ -183,7 +166,7 @@ def order_names(folder: Path, names: Sequence[str]) -> FileSequence:
         advice = f"choose one with a pattern such as {folder / patterns[0]}" if patterns else "keep one type of file"
         raise InputError(f"{folder} holds several sequences of images ({listed}); {advice}.")
     if plain:
-        return FileSequence([folder / name for name in sorted(plain, key=lambda name: (name.casefold(), name))])
+        return NumberedImages([folder / name for name in sorted(plain, key=lambda name: (name.casefold(), name))])
     (prefix, suffix), numbers = groups.popitem()
     numbering = Numbering(folder, prefix, min(map(len, numbers)), suffix)
     for name in names:
@@ -195,12 +178,12 @@ def order_names(folder: Path, names: Sequence[str]) -> FileSequence:
     return find_numbered(numbering)
 
 
-def find_numbered(numbering: Numbering) -> FileSequence:
+def find_numbered(numbering: Numbering) -> NumberedImages:
     """List the existing files of a naming in the order of their numbers; `InputError` if there are none."""
     files = numbering.find()
     if not files:
         raise InputError(f"No image is named like {numbering.folder / numbering.pattern}; check the pattern.")
-    return FileSequence([path for _, path in files], numbering, [number for number, _ in files])
+    return NumberedImages.numbered(numbering, files)
 
 
 def list_files(folder: Path) -> list[str]:

@@ -23,7 +23,6 @@ from fpsboost.io.images.encoder import colours_of
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, metadata_of, read_image
 from fpsboost.io.images.layers import ALL, BEAUTY, Passes
 from fpsboost.io.images.sequence import (
-    FileSequence,
     NumberedImages,
     Numbering,
     find_numbered,
@@ -112,7 +111,7 @@ class ImageSource(ClosesOnExit):
             sequence.check_complete(
                 sequence.step, "add it, or convert with `fill_gaps`, which makes just those that are missing"
             )
-        numbers, first = list(sequence.numbers), sequence.files[0]
+        numbers, first = sequence.numbers, sequence.files[0]
         self._places = [number - numbers[0] for number in numbers] if fills_gaps else range(len(sequence.files))
         self._first = 0
         if extension_of(first.name) not in IMAGE_SUFFIXES:
@@ -129,12 +128,9 @@ class ImageSource(ClosesOnExit):
                 f"`view` is for OpenEXR and HDR, whose numbers are light, and {path} is another type; leave it out."
             )
         image = self._read(first)
-        self.images = NumberedImages(
-            sequence.files,
-            sequence.numbering,
-            numbers,
-            1 if fills_gaps else sequence.step,
-            numbers[0] if numbers else 1,
+        self.images = replace(
+            sequence,
+            step=1 if fills_gaps else sequence.step,
             fills_gaps=fills_gaps,
             layers=() if self._passes is None else self._passes.layers,
         )
@@ -240,7 +236,7 @@ class ImageSource(ClosesOnExit):
         self.info = replace(self.info, frame_count=len(files), duration=self._duration(self.info.rate))
 
 
-def _check_gaps(path: str, sequence: FileSequence) -> None:
+def _check_gaps(path: str, sequence: NumberedImages) -> None:
     """Raise `OptionError` if images without numbers are to get gaps filled, `InputError` for too large a gap."""
     if not sequence.numbers:
         raise OptionError(f"`fill_gaps` goes by numbers, and the images of {path} have none; leave it out.")
@@ -252,13 +248,13 @@ def _check_gaps(path: str, sequence: FileSequence) -> None:
             )
 
 
-def _without_moved(sequence: FileSequence) -> FileSequence:
+def _without_moved(sequence: NumberedImages) -> NumberedImages:
     """Return the images without those that an interrupted run in place has begun to move among them."""
     if sequence.numbering is None:
         return sequence
     moved = set(names_to_move(hidden_place(sequence.numbering.folder, sequence.numbering.pattern)))
-    kept = [each for each in zip(sequence.files, sequence.numbers, strict=True) if each[0].name not in moved]
-    return FileSequence([file for file, _ in kept], sequence.numbering, [number for _, number in kept])
+    pairs = zip(sequence.numbers, sequence.files, strict=True)
+    return NumberedImages.numbered(sequence.numbering, [pair for pair in pairs if pair[1].name not in moved])
 
 
 def is_pattern(path: str) -> bool:
@@ -275,7 +271,7 @@ def is_pattern(path: str) -> bool:
     return extension in IMAGE_SUFFIXES or (place[0] not in ("%d", "#") and extension not in VIDEO_SUFFIXES)
 
 
-def find_images(path: str) -> FileSequence:
+def find_images(path: str) -> NumberedImages:
     """Find the images of a folder or a pattern, some of which may be missing; raise `InputError` if there is none."""
     place = Path(path)
     if place.is_dir():
