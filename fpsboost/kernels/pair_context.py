@@ -31,8 +31,8 @@ class PairContext(NamedTuple):
     times: tuple[np.float32, np.float32, np.float32, np.float32]
     """Times of the four frames, in intervals from the first of the pair."""
     points: tuple[Points, Points]
-    """Features of the points of both frames: motion (dx, dy), similarity, 1 over 1 + the forward-backward error in pixels,
-    flatness."""
+    """Features of the points of both frames: motion (dx, dy), similarity, 1 over 1 + the forward-backward error in
+    pixels, flatness."""
     step: int
     """Pixels between points."""
     landings: Annotated[Array, "float32 (2, rows, columns)"]

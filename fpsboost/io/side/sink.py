@@ -26,7 +26,7 @@ from fpsboost.io.images.source import is_pattern
 from fpsboost.io.new_output import ADVICE, StagedFiles
 from fpsboost.io.side.flow import BACKWARD, FORWARD, encode_flow, flow_picture
 from fpsboost.io.side.options import SideOutputs
-from fpsboost.media.files import write_safely
+from fpsboost.media import write_safely
 
 PICTURE, EXR, FLO = ".png", ".exr", ".flo"
 FLOW_PICTURES = ("_backward.png", "_forward.png")
