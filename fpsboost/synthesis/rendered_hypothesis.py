@@ -1,8 +1,8 @@
 """A renderer's motion as one more hypothesis beside those that are found in the images.
 
-Surfaces move by the renderer's vectors; shadows, reflections and what is seen through glass move as the images show.
-Neither is known to hold at a pixel, so both in-between images are generated, and weighted there by how well the two
-frames agree along each motion: by the same measure that weights the candidate motions of `MultiHypothesis`.
+Surfaces move by the renderer's vectors; shadows, reflections and objects behind glass move as the images show. Neither
+is known to hold at a pixel, so both in-between images are generated, and weighted there by how well the two frames
+agree along each motion: by the same measure that weights the candidate motions of `MultiHypothesis`.
 """
 
 from __future__ import annotations
