@@ -31,14 +31,14 @@ def judge(images: list[NDArray[Any]], method: str, tile: int) -> list[dict[str, 
     made = list(make_between(interpolator, shown))
     true = np.stack([grid.means(squared_error(*pair)) for pair in zip(made, truths, strict=True)])
     frames = [Frame(image, index) for index, image in enumerate(shown)]
-    expected = expect_errors(frames, interpolator, 2, grid, lambda jobs: (job() for job in jobs))
+    expected, scenes = expect_errors(frames, interpolator, 2, grid, lambda jobs: (job() for job in jobs))
     areas = np.broadcast_to(grid.areas, true.shape)
     sums, pixels = true * areas, areas.sum()
     rows = []
     for share in SHARES:
-        masks = choose_regions(expected.errors, grid, share * pixels, expected.scenes)
+        masks = choose_regions(expected, grid, share * pixels, scenes)
         oracle = best_tiles(true, areas, share * pixels)
-        plain = best_tiles(expected.errors, areas, share * pixels)
+        plain = best_tiles(expected, areas, share * pixels)
         changes = (masks[1:] != masks[:-1]).sum() / max(masks.sum(), 1) / 2
         rows.append(
             {
@@ -52,8 +52,8 @@ def judge(images: list[NDArray[Any]], method: str, tile: int) -> list[dict[str, 
                 "of_oracle": float(sums[masks].sum() / sums[oracle].sum()),
                 "rectangles": float(np.mean([len(partition(mask)) for mask in masks])),
                 "changing": float(changes),
-                "expected_before": LEVELS * float((expected.errors * areas).sum() / pixels),
-                "expected_after": LEVELS * float((expected.errors * areas)[~masks].sum() / pixels),
+                "expected_before": LEVELS * float((expected * areas).sum() / pixels),
+                "expected_after": LEVELS * float((expected * areas)[~masks].sum() / pixels),
             }
         )
     return rows

@@ -62,7 +62,7 @@ def test_frames_are_listed_by_numbers_and_times(tmp_path, text, numbers):
         ("0-2", "frame 0 is the first"),
         ("5-3", "ends before"),
         ("5-13", "9 frames in a row .* at most 8"),
-        ("x", "names no"),
+        ("x", "contains no"),
     ],
 )
 def test_wrong_lists_are_refused(text, says):

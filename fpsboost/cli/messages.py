@@ -235,21 +235,18 @@ class Reporter(ExitStack):
         self._console = console(quiet=quiet)
         self._output, self._verbose = output, verbose
         self._task: TaskID | None = None
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TextColumn("{task.completed}/{task.fields[frames]}"),
-            FramesPerSecondColumn(),
-            TimeRemainingColumn(compact=True),
-            console=self._console,
-            transient=True,
-            disable=quiet or not self._console.is_terminal,
+        self._progress = self.enter_context(
+            Progress(
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TextColumn("{task.completed}/{task.fields[frames]}"),
+                FramesPerSecondColumn(),
+                TimeRemainingColumn(compact=True),
+                console=self._console,
+                transient=True,
+                disable=quiet or not self._console.is_terminal,
+            )
         )
-
-    def __enter__(self) -> Self:
-        """Start the progress bar."""
-        self.enter_context(self._progress)
-        return self
 
     def opened(self, info: fpsboost.ClipInfo, expected_frames: int | None) -> None:
         """Print the properties of the clip, if verbose, and prepare the bar for `expected_frames`, None if unknown."""
@@ -287,10 +284,8 @@ class Reporter(ExitStack):
         frames += f", {summary.frames_out - summary.frames_in} added" * in_place
         for count, what in ((summary.duplicates, "duplicate frame"), (summary.scene_cuts, "scene cut")):
             frames += f", {count} {what}{'s' if count > 1 else ''}" if count else ""
-        if summary.replaced:
-            frames += f", {len(summary.replaced)} replaced"
-        if summary.completed_frames:
-            frames += f", {summary.completed_frames} of which were there already"
+        frames += f", {len(summary.replaced)} replaced" if summary.replaced else ""
+        frames += f", {summary.completed_frames} of which were there already" if summary.completed_frames else ""
         if self._verbose and summary.search_radii:
             least, largest = min(summary.search_radii), max(summary.search_radii)
             self._say(f"Search radius: {least if least == largest else f'{least} to {largest}'} pixels.")

@@ -135,8 +135,7 @@ def _join(output: str, parts: Sequence[Path], *, overwrite: bool) -> Summary:
                 raise
             raise CompleteAlreadyError(f"{output} was written by another run of the same job.") from None
     with suppress(OSError):  # all parts at once, so that another run does not find only some of them
-        removed = folder.rename(folder.with_name(f".{folder.name}.joined"))
-        shutil.rmtree(removed)
+        shutil.rmtree(folder.rename(folder.with_name(f".{folder.name}.joined")))
     return summary
 
 
@@ -378,8 +377,7 @@ class _Parts:
                 except Exception as error:
                     raise _WorkerLostError from error
                 file.write(pieces[worker])
-            file.flush()
-            os.fsync(file.fileno())
+        sync(target)
 
     def _scheduler_gone(self) -> ClusterError:
         """Return the error for a scheduler that does not answer any more."""

@@ -64,8 +64,7 @@ def join(
     """
     begin = time.perf_counter()
     folders = find_parts([parts] if isinstance(parts, str | os.PathLike) else parts)
-    manifests = [Manifest.read(folder) for folder in folders]
-    ordered = check_complete(list(zip(folders, manifests, strict=True)))
+    ordered = check_complete([(folder, Manifest.read(folder)) for folder in folders])
     first = ordered[0][1]
     if Target.parse(output).file_type != first.facts.get("output_type"):
         raise OptionError(f"{output} is of another type than {first.output}; name one of that type.")
@@ -94,9 +93,8 @@ def join(
                 sink.join([complete_chunk(file) for file in files], traits)
             elif isinstance(sink, ImageSink):
                 sink.join(files)
-        summary.remarks += [remark for remark in sink.remarks if remark not in summary.remarks]
         closing = closing_remarks(ready, summary.frame_intervals)
-        summary.remarks += [remark for remark in closing if remark not in summary.remarks]
+        summary.remarks = list(dict.fromkeys([*summary.remarks, *sink.remarks, *closing]))
     summary.seconds = time.perf_counter() - begin
     return summary
 

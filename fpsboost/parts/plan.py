@@ -18,7 +18,7 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property, partial
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -100,13 +100,10 @@ def plan_part(ready: Preparation) -> PartPlan:
     folder = run.chunk.folder(ready.target.path)
     times, total, unit = _measured(ready)
     outputs = outputs_of(run.chunk, total, unit)
-    plan: PartPlan
-
-    def complete(folder: Path) -> None:
-        manifest_of(plan, ready, folder).write(folder)
-
     frames = (total if outputs.stop is None else outputs.stop) - outputs.first
-    plan = PartPlan(run.chunk, outputs, OutputPart(folder, outputs.first, frames, complete))
+    # the manifest follows the files, when the loop has run
+    output = OutputPart(folder, outputs.first, frames, lambda folder: manifest_of(plan, ready, folder).write(folder))
+    plan = PartPlan(run.chunk, outputs, output)
     if not plan.is_empty:
         plan.outputs = enter(ready, outputs)
     if outputs.first > 0 and not plan.is_empty and times is None:
@@ -186,9 +183,7 @@ def _presented(
 ) -> Iterator[SourceFrame]:
     """Yield the frames from `first` to `last` as the loop presents them; the time of the first must be certain."""
     before: Fraction | None = None
-    for number, frame in enumerate(frames, first):
-        if number > last:
-            return
+    for number, frame in enumerate(islice(frames, last + 1 - first), first):
         time = rising_time(schedule, times[0], frame.time, before)
         if time is not None:
             before = time
@@ -224,8 +219,7 @@ def planned_job(job: ConversionJob, run: RunOptions, count: int) -> Iterator[tup
         names = [path.name for path in folder.iterdir()] if folder.is_dir() else []
         cut = {int(match[1]) for name in names if (match := re.search(r"\d{4}-of-(\d{4})\b", name))}
         planned = _plan_parts(ready, max(cut, default=0) or count)
-        fingerprint = JobFingerprint({}, resume=run.resume)
-        ready.target.open(replace(ready.output, job=fingerprint))  # checks the place
+        ready.target.open(replace(ready.output, job=JobFingerprint({}, resume=run.resume)))  # checks the place
         with explained(OutputError, "write to", folder, "check the path and the permissions"):
             folder.mkdir(exist_ok=True)
         share_index(ready.clip, folder)
@@ -237,16 +231,14 @@ def planned_job(job: ConversionJob, run: RunOptions, count: int) -> Iterator[tup
 
 def _refuse_others(folder: Path, facts: Mapping[str, str], *, overwrite: bool) -> None:
     """Remove parts of another job if the output may be replaced; raise `OutputError` if not."""
-    for manifest in map(Manifest.read, (path.parent for path in folder.glob(f"*/{MANIFEST_NAME}"))):
-        difference = first_difference(facts, manifest.facts)
-        if difference is None:
-            continue
-        if not overwrite:
-            raise OutputError(
-                f"{folder} contains parts with a different {difference}; remove it, or give `overwrite=True`."
-            )
+    manifests = (Manifest.read(path.parent) for path in folder.glob(f"*/{MANIFEST_NAME}"))
+    difference = next(filter(None, (first_difference(facts, each.facts) for each in manifests)), None)
+    if difference is not None and not overwrite:
+        raise OutputError(
+            f"{folder} contains parts with a different {difference}; remove it, or give `overwrite=True`."
+        )
+    if difference is not None:
         shutil.rmtree(folder)
-        return
 
 
 def _plan_parts(ready: Preparation, count: int) -> list[PlannedPart]:

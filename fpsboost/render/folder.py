@@ -107,8 +107,7 @@ class VectorFolder:
             )
         self._depth = None if self.depth_path is None else _find_files(self.depth_path, "depth", ".exr")
         depth_files = [] if self._depth is None else self._depth.files
-        partners = [_partners(file) for file in self._vectors.files]
-        self.files = [*chain.from_iterable(partners), *depth_files]
+        self.files = [*chain.from_iterable(map(_partners, self._vectors.files)), *depth_files]
         self.step, self.remarks = 1, list[str]()
         self._numbers: Sequence[int] | None = None
         self._cached = lru_cache(CACHED_FRAMES)(self._read)

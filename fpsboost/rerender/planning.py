@@ -161,12 +161,17 @@ class RerenderPlan:
             content_of(path, "plan again, or put it back")
             mask = read_image(path)
             height, width = mask.shape[:2]
-            if (height, width) != (self.height, self.width):
-                raise InputError(
-                    f"{path} has {width}x{height} pixels and its plan {self.width}x{self.height}; plan again."
-                )
-            if ((mask[..., 0] > 0) != frame.mask(height, width)).any():
-                raise InputError(f"{path} marks other pixels than the rectangles of {PLAN_FILE}; plan again.")
+            refuse(
+                {
+                    f"{path} has {width}x{height} pixels and its plan {self.width}x{self.height}; plan again.": (
+                        (height, width) != (self.height, self.width)
+                    ),
+                    f"{path} marks other pixels than the rectangles of {PLAN_FILE}; plan again.": (
+                        ((mask[..., 0] > 0) != frame.mask(height, width)).any()
+                    ),
+                },
+                InputError,
+            )
 
 
 def mask_numbering(folder: Path, numbers: Sequence[int]) -> Numbering:
@@ -240,13 +245,13 @@ def plan_rerender(
         grid = TileGrid(info.height, info.width, options.tile)
         threads = MemoryLimit().affordable_threads(info.width, info.height, available_cores())
         with run_in_parallel(threads) as in_order:
-            expected = expect_errors(source, interpolator, factor, grid, in_order)
+            expected, scenes = expect_errors(source, interpolator, factor, grid, in_order)
     pixels = info.height * info.width
-    budget = options.budget * pixels * len(expected.errors)
-    masks = choose_regions(expected.errors, grid, budget, expected.scenes)
+    budget = options.budget * pixels * len(expected)
+    masks = choose_regions(expected, grid, budget, scenes)
     between = [number for place, number in enumerate(numbers) if place % factor]
     frames = []
-    for number, errors, mask in zip(between, expected.errors * grid.areas * LEVELS / pixels, masks, strict=True):
+    for number, errors, mask in zip(between, expected * grid.areas * LEVELS / pixels, masks, strict=True):
         regions = tuple(map(grid.in_pixels, partition(mask)))
         whole = regions == (Rectangle(0, 0, info.width, info.height),)
         frames.append(PlannedFrame(number, regions, whole, float(errors.sum()), float(errors[~mask].sum())))

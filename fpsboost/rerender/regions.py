@@ -200,17 +200,16 @@ def choose_regions(
         areas = (masks * grid.areas).sum(axis=(1, 2))
         return _Choice(masks, areas, (masks * steady * grid.areas).sum(axis=(1, 2)))
 
-    fits, too_many = 0, int((steady > 0).sum()) + 1
+    largest = int((steady > 0).sum())
+    fits, too_many = 0, largest + 1
     while too_many - fits > 1:
         middle = (fits + too_many) // 2
         if choose(middle).areas.sum() <= budget:
             fits = middle
         else:
             too_many = middle
-    best = choose(fits)
-    largest = int((steady > 0).sum())
     counts = {min(largest, int((fits + 1) * factor)) for factor in LARGER}
-    return _filled_up(best, [choose(count) for count in sorted(counts)], budget)
+    return _filled_up(choose(fits), [choose(count) for count in sorted(counts)], budget)
 
 
 def _filled_up(base: _Choice, options: Sequence[_Choice], budget: float) -> NDArray[Any]:

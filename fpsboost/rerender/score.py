@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
+from itertools import islice
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -44,15 +45,6 @@ class Trial(NamedTuple):
     """1 - confidence of each frame; half the squared difference of the two images across a scene cut."""
     error: Tiles | None
     """Squared error of the only frame, where its truth was hidden and no scene ends."""
-
-
-class ExpectedErrors(NamedTuple):
-    """Expected errors of all frames between the images of a clip, in order."""
-
-    errors: NDArray[Any]
-    """Mean squared error of each tile, (F, rows, columns) float64, for white = 1."""
-    scenes: list[int]
-    """Number of the scene of each frame; one that is interpolated across a cut is a scene of its own."""
 
 
 _Trio = tuple[Pair, Image | None]
@@ -102,7 +94,7 @@ class ErrorCurve:
 
 def expect_errors(
     frames: Iterable[Frame], interpolator: Interpolator, factor: int, grid: TileGrid, in_order: InOrder
-) -> ExpectedErrors:
+) -> tuple[NDArray[Any], list[int]]:
     """Predict the squared error of the frames of a conversion.
 
     Parameters
@@ -117,6 +109,13 @@ def expect_errors(
         Tiles in which errors are averaged.
     in_order : callable
         That of `fpsboost.threads.run_in_parallel`.
+
+    Returns
+    -------
+    errors : (F, rows, columns) float64
+        Mean squared error of each tile of all frames between the images, in order, for white = 1.
+    scenes : list of int
+        Number of the scene of each frame; one that is interpolated across a cut is a scene of its own.
     """
 
     def trials(distance: int, first: int) -> list[Trial]:
@@ -139,7 +138,7 @@ def expect_errors(
     scenes = np.repeat(np.cumsum([trial.scene_cut for trial in between]) * 2, factor - 1) - cut
     measured = [trial for trial in hidden if trial is not None and trial.error is not None]
     if not measured:  # such as scenes of two images each, of which none can be hidden
-        return ExpectedErrors(np.where(cut[:, np.newaxis, np.newaxis], doubts, 0), scenes.tolist())
+        return np.where(cut[:, np.newaxis, np.newaxis], doubts, 0), scenes.tolist()
     expected = ErrorCurve.fitted(measured).at(doubts)
     farther = [trial for trial in trials(4, 0) if trial.error is not None]
     if farther:
@@ -150,7 +149,7 @@ def expect_errors(
     total = product.sum()
     expected[follows] = product * (expected[follows].sum() / total) if total > 0 else product
     expected[cut] = doubts[cut]
-    return ExpectedErrors(expected, scenes.tolist())
+    return expected, scenes.tolist()
 
 
 def comparable(image: Image) -> Image:
@@ -170,17 +169,16 @@ def _trios(
     """Yield pairs of images that are `distance` apart, from the image `first` on, with the one in their middle."""
     before: FrameCache | None = None
     truth: Image | None = None
-    for index, frame in enumerate(frames):
-        place = index - first
-        if place < 0 or place % distance:
-            if place > 0 and place % distance == distance // 2:
-                truth = comparable(frame.array)
-            continue
-        position = SourcePosition(index, frame.time)
-        image = FrameCache(comparable(frame.array), Fraction(index * factor), position)
-        if before is not None:
-            yield interpolator.pair(before, image), truth
-        before = image
+    for index, frame in enumerate(islice(frames, first, None), first):
+        place = (index - first) % distance
+        if place == 0:
+            position = SourcePosition(index, frame.time)
+            image = FrameCache(comparable(frame.array), Fraction(index * factor), position)
+            if before is not None:
+                yield interpolator.pair(before, image), truth
+            before = image
+        elif place == distance // 2:
+            truth = comparable(frame.array)
 
 
 def _try(
