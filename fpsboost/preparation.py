@@ -24,7 +24,7 @@ from fpsboost.frame_cache import SourcePosition
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import DescribedSource, SeekableSource
-from fpsboost.io.animation.sink import ANIMATION_SUFFIXES
+from fpsboost.io.animation import ANIMATION_SUFFIXES
 from fpsboost.io.images.files import extension_of, read_image
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.images.source import is_pattern

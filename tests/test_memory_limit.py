@@ -14,7 +14,7 @@ from command_line import assert_refused
 from video_truth import scene, write_clip
 
 from fpsboost import InputError, OptionError, RunOptions, convert, memory
-from fpsboost.io.animation.source import AnimationSource
+from fpsboost.io.animation import AnimationSource
 from fpsboost.io.images.exr import encode_exr, read_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.io.video.pipe import PipeSource

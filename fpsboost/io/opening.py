@@ -14,8 +14,7 @@ from fpsboost.contracts import FrameSink
 from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.frame import ClipInfo
 from fpsboost.io import DescribedSource
-from fpsboost.io.animation.sink import ANIMATION_SUFFIXES, AnimationSink
-from fpsboost.io.animation.source import AnimationSource, is_animation
+from fpsboost.io.animation import ANIMATION_SUFFIXES, AnimationSink, AnimationSource, is_animation
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, keeps_alpha
 from fpsboost.io.images.layers import ALL, BEAUTY
 from fpsboost.io.images.sink import ImagePartSink, ImageSink

@@ -8,8 +8,7 @@ from conversion_options import open_output
 from video_truth import scene, write_clip
 
 from fpsboost import DecodeOptions, InputError, OptionError
-from fpsboost.io.animation.sink import ANIMATION_SUFFIXES, AnimationSink
-from fpsboost.io.animation.source import AnimationSource
+from fpsboost.io.animation import ANIMATION_SUFFIXES, AnimationSink, AnimationSource
 from fpsboost.io.images.files import IMAGE_SUFFIXES
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageSource
