@@ -115,7 +115,7 @@ class StagedFiles(StagingDirectory):
         job: JobFingerprint | None = None,
         adds_only: bool = False,
     ) -> None:
-        self._namings, self._target = namings, namings[0].folder
+        self.namings, self._target = namings, namings[0].folder
         self._overwrite, self._alone, self._adds_only = overwrite, alone, adds_only
         with explained(OutputError, "write to", path, "check the path and the permissions"):
             check_folder(self._target, may_be_new=alone)
@@ -151,7 +151,7 @@ class StagedFiles(StagingDirectory):
     def find_old(self) -> list[Path]:
         """Return the existing files that `overwrite` replaces."""
         # In a folder the digits are this program's choice, so files of an earlier run may have fewer or more.
-        return [path for naming in self._namings for _, path in naming.find(any_padding=self._alone)]
+        return [path for naming in self.namings for _, path in naming.find(any_padding=self._alone)]
 
     def open(self) -> None:
         """Lock the hidden folder for this run; keep its files if the job resumes them, otherwise remove them.

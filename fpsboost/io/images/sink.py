@@ -183,13 +183,10 @@ class ImageSink(NumberedSink):
         with explained(OutputError, "write to", path, "check the path and the permissions"):
             self._is_folder = _is_folder(path)
             names = _names_in_place(output) if output.in_place else _names_of(output)
-            self._numbering, called = names.numbering, names.numbering.pattern
-            if self._is_folder and not output.in_place:
-                called = IN_EXISTING_FOLDER
             self._files = StagedFiles(
                 path,
                 [names.numbering],
-                called,
+                IN_EXISTING_FOLDER if self._is_folder and not output.in_place else names.numbering.pattern,
                 overwrite=output.overwrite,
                 alone=self._is_folder,
                 job=output.job,
@@ -202,7 +199,8 @@ class ImageSink(NumberedSink):
 
     def _refuse_inputs(self, path: str, images: NumberedImages) -> None:
         """Raise `OutputError` if the output would overwrite an input, also via links or case."""
-        folder = self._numbering.folder
+        numbering = self._files.namings[0]
+        folder = numbering.folder
         if not folder.is_dir():
             return
         old, inputs = set(map(os.path.realpath, self._files.find_old())), images.files
@@ -210,8 +208,7 @@ class ImageSink(NumberedSink):
         if folder.samefile(inputs[0].parent):
             if self._is_folder:
                 raise OutputError(f"{path} is also the input; write to another folder.")
-            prefix, suffix = self._numbering.prefix.casefold(), self._numbering.suffix.casefold()
-            folded = replace(self._numbering, prefix=prefix, suffix=suffix)
+            folded = replace(numbering, prefix=numbering.prefix.casefold(), suffix=numbering.suffix.casefold())
             clash = next((file for file in inputs if folded.number_in(file.name.casefold()) is not None), clash)
         if clash is not None:
             raise OutputError(f"{path} would replace the input {clash}; write to another folder or pattern.")
