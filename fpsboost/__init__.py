@@ -1,9 +1,10 @@
 """Frame-rate conversion by non-local means motion.
 
-Four levels of interface, each built on the one below:
+Levels of interface, each built on the one below:
 
 - `convert` ``("in.mp4", "out.mp4", factor=2)``: files in, files out;
 - `stream` ``(source, factor=2)``: from a path, a ``cv2.VideoCapture`` or arrays, to arrays as they are made;
+- `interpolate_clip` ``(clip, fps=16, to_fps=60)``: the same over one array, such as a generated clip or a loop;
 - `run_conversion` ``(source, interpolator, sink, schedule)``: the same over objects;
 - `Interpolator.interpolate` ``(frame0, frame1, times)``, or `interpolate` for one image: arrays in, arrays out.
 """

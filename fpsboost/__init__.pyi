@@ -15,6 +15,7 @@ from .contracts import SourceMoment as SourceMoment
 from .contracts import Summary as Summary
 from .conversion import convert as convert
 from .conversion import convert_job as convert_job
+from .conversion import interpolate_clip as interpolate_clip
 from .conversion import stream as stream
 from .errors import FpsboostError as FpsboostError
 from .errors import InputError as InputError

@@ -1,20 +1,27 @@
-"""Conversion of files, or of any source of frames to arrays: a job -> source, interpolator, sink, and the loop."""
+"""Conversion of files, or of any source of frames to arrays: a job -> source, interpolator, sink, and the loop.
+
+Of a clip that loops, frames are made as if it went on with its first frames after its last one, and came from its last
+ones; one round of them is kept. So the seam has a pair before it and a pair after it like any other.
+"""
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import chain, count, cycle, islice, takewhile
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import cv2
+import numpy as np
 
 from fpsboost import __version__
-from fpsboost.contracts import FrameSource, HasCompletedFrames, OutputRange, SilentObserver, Summary
-from fpsboost.errors import InputError, OptionError, choose_one, explained
-from fpsboost.image import Image
+from fpsboost.contracts import Entry, FrameSource, HasCompletedFrames, OutputRange, SilentObserver, Summary
+from fpsboost.errors import InputError, OptionError, choose_one, explained, refuse
+from fpsboost.image import Image, check_image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import DescribedSource
 from fpsboost.io.images.sink import ImageSink
@@ -33,7 +40,16 @@ from fpsboost.run_options import RunOptions
 from fpsboost.streaming import interpolate_frames, run_conversion
 from fpsboost.threads import available_cores
 from fpsboost.timing.rate import OutputRate, exposed
-from fpsboost.timing.schedule import count_frames
+from fpsboost.timing.schedule import MAX_FACTOR, MAX_RATE, count_frames, parse_rate
+
+LOOP_CONTEXT = 12
+"""Frames of a loop that are read again before its first and after its last one.
+
+Repeated frames are found within `DuplicateDetector.most` frames, and motion within two more.
+"""
+
+SWAPS = {3: cv2.COLOR_RGB2BGR, 4: cv2.COLOR_RGBA2BGRA}
+"""Conversions of OpenCV that turn RGB into BGR and back, by the number of channels."""
 
 
 @checked
@@ -267,3 +283,181 @@ def _as_source(
     if rate is None and needs_rate:
         raise OptionError("fps needs the source's own frame rate; say it with input_fps, or give factor instead.")
     return ArraySource(images, rate or ASSUMED_IMAGE_RATE)
+
+
+@checked
+def interpolate_clip(
+    frames: Any,
+    fps: Annotated[Rate, Range(above=0, most=MAX_RATE)],
+    to_fps: Annotated[Rate, Range(above=0, most=MAX_RATE)] | None = None,
+    factor: Annotated[Rate, Range(above=0, most=MAX_FACTOR)] | None = None,
+    loop: bool = False,
+    method: str | Interpolator = "nlm",
+    *,
+    order: Literal["rgb", "bgr"] = "rgb",
+    layout: Literal["nhwc", "nchw"] = "nhwc",
+    threads: Annotated[int, Range(1)] | None = None,
+    progress: Callable[[int, int | None], object] | None = None,
+) -> Any:
+    """Raise the frame rate of a whole clip of arrays, such as one that a program has generated.
+
+    The frames are those of `fpsboost.stream`, to the bit: scene cuts and repeated frames are treated as in a
+    conversion, and n frames give n times the factor, rounded up: the last one is shown as long as any other.
+
+    Parameters
+    ----------
+    frames : array-like, sequence or iterator
+        Frames of uint8, uint16, or float32 from 0 to 1, with 1 to 4 channels: one array (N, H, W, C), of NumPy or
+        anything else with DLPack or NumPy's array protocol, such as a tensor of PyTorch on the CPU; a list of images,
+        such as PIL's; or an iterator of images, which is read as frames are made. Arrays must not be written to while
+        they are used.
+    fps : Fraction, int, float or str
+        Frames per second of the clip.
+    to_fps : Fraction, int, float or str, optional
+        Output frames per second.
+    factor : Fraction, int, float or str, optional
+        Output frames per frame, instead of `to_fps`; 2 if neither is given.
+    loop : bool
+        The last frame leads to the first one again, and the frames between these two are made, too. Every frame has
+        the same place in the loop whichever frame comes first, if n times the factor is a whole number; otherwise the
+        last step is shorter. What comes before the first frame of an iterator is not known when it is read: frames of
+        its first interval may differ slightly from those of a whole clip, and a picture that is repeated across the
+        seam is not found.
+    method : str or Interpolator
+        A name from `fpsboost.methods`, or an object.
+    order : {'rgb', 'bgr'}
+        Order of the colours in `frames` and in the result; alpha is last in both.
+    layout : {'nhwc', 'nchw'}
+        Axes of `frames` and of the result; each image of a list or an iterator lacks the first one.
+    threads : int, optional
+        Pairs of frames processed in parallel; one per core by default. Frames are the same with any number.
+    progress : callable, optional
+        Called after each frame with the number of frames that are done, and the number of all, which is None for an
+        iterator.
+
+    Returns
+    -------
+    frames : (M, H, W, C) or (M, C, H, W) ndarray
+        The output frames, in the layout, order and type of the clip.
+    times : list of Fraction
+        Their presentation times, seconds from the first frame.
+
+    For an iterator, an iterator over pairs of a frame and its time instead; memory does not grow with its length.
+
+    Raises
+    ------
+    OptionError
+        `to_fps` and `factor` are both given, or an argument is out of range.
+    InputError
+        `frames` has fewer than two frames (of a loop, none), frames that are no images or that differ in size or type,
+        or a tensor that is not in the computer's own memory.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> clip = np.stack([np.full((32, 48, 3), level, np.uint8) for level in (0, 40, 80)])
+    >>> frames, times = interpolate_clip(clip, fps=16, factor=2, method="blend")
+    >>> frames.shape, [str(time) for time in times]
+    ((6, 32, 48, 3), ['0', '1/32', '1/16', '3/32', '1/8', '5/32'])
+    >>> frames, times = interpolate_clip(clip, fps=16, factor=2, loop=True, method="blend")
+    >>> [int(frame.mean()) for frame in frames]
+    [0, 20, 40, 60, 80, 40]
+    """
+    rate = parse_rate(str(fps), "`fps`")
+    target = rate * OutputRate(factor).multiple if to_fps is None else parse_rate(str(to_fps), "`to_fps`")
+    refuse(
+        {
+            "`to_fps` and `factor` both set the output rate; give one of them.": None not in (to_fps, factor),
+            "`fps` and `to_fps` must be above 0.": min(rate, target) <= 0,
+        }
+    )
+    pixels = _Pixels(order, layout)
+    clip = frames if isinstance(frames, Iterator | list | tuple) else np.atleast_1d(_as_array(frames))
+    before, total = list[Image](), None
+    if not isinstance(clip, Iterator):
+        refuse({"`frames` gives no frame; give at least two.": len(clip) == 0}, InputError)
+        total = math.ceil(len(clip) * target / rate)
+        if loop:
+            before = [pixels.read(clip[number % len(clip)]) for number in range(-LOOP_CONTEXT, 0)]
+    made = _clip_frames(
+        *(clip, pixels, before, total, rate, target, find_method(method)), loop=loop, threads=threads, progress=progress
+    )
+    if total is None:
+        return made
+    like = pixels.write(pixels.read(next(iter(clip))))
+    arrays = np.fromiter((image for image, _ in made), np.dtype((like.dtype, like.shape)), total)
+    return arrays, [number / target for number in range(total)]
+
+
+@dataclass(frozen=True)
+class _Pixels:
+    """How a clip holds its pixels, which are (H, W, C) and BGR here."""
+
+    order: str
+    layout: str
+
+    def read(self, frame: Any) -> Image:
+        """Return a frame of the clip as an image; raises `InputError` if it is none."""
+        array = _as_array(frame)
+        image = np.moveaxis(array, 0, -1) if self.layout == "nchw" and array.ndim == 3 else array
+        check_image(image, f"Each of `frames`, read as `layout={self.layout}`,")
+        return self._swapped(image)
+
+    def write(self, image: Image) -> Image:
+        """Return an image as a frame of the clip."""
+        frame = self._swapped(image)
+        return np.ascontiguousarray(np.moveaxis(frame, -1, 0)) if self.layout == "nchw" else frame
+
+    def _swapped(self, image: Image) -> Image:
+        swap = SWAPS.get(image.shape[2]) if self.order == "rgb" else None
+        return image if swap is None else cv2.cvtColor(np.ascontiguousarray(image), swap)
+
+
+def _as_array(frames: Any) -> Image:
+    """Return an array or a tensor of any library as one of NumPy, which shares its memory where it can."""
+    try:
+        is_numpy = isinstance(frames, np.ndarray) or not hasattr(frames, "__dlpack__")
+        return np.asarray(frames) if is_numpy else np.from_dlpack(frames)
+    except (BufferError, RuntimeError, TypeError, ValueError) as error:
+        raise InputError(
+            "`frames` cannot be read as an array; of a tensor, give `frames.detach().float().cpu()`."
+        ) from error
+
+
+def _clip_frames(
+    clip: Iterable[Any],
+    pixels: _Pixels,
+    before: Sequence[Image],
+    total: int | None,
+    rate: Fraction,
+    target: Fraction,
+    interpolator: Interpolator,
+    *,
+    loop: bool,
+    threads: int | None,
+    progress: Callable[[int, int | None], object] | None,
+) -> Iterator[tuple[Image, Fraction]]:
+    """Yield the output frames of a clip with their times; see `interpolate_clip`.
+
+    Of a loop, `before` are its last images, if they are known. `total` is the number of output frames, or None.
+    """
+    images, start, ends = map(pixels.read, clip), len(before) / rate, list[Fraction]()
+    source = ArraySource(chain(before, _continued(images, rate, ends)) if loop else images, rate, "`frames`")
+    with interpolate_frames(
+        *(source, interpolator, OutputRate(fps=target).schedule(source.info), Summary()),
+        holds_last_frame=True,
+        threads=threads,
+        outputs=OutputRange(stop=total, entry=Entry(-len(before), start, math.ceil(-start * target))),
+    ) as frames:
+        for done, frame in enumerate(takewhile(lambda each: not ends or each.time < start + ends[0], frames), 1):
+            if progress is not None:
+                progress(done, total)
+            yield pixels.write(frame.array), frame.time - start
+
+
+def _continued(images: Iterator[Image], rate: Fraction, ends: list[Fraction]) -> Iterator[Image]:
+    """Yield the images of a loop, and then its first ones again; before these, append the time when a round ends."""
+    first, numbers = list(islice(images, LOOP_CONTEXT)), count()
+    yield from (image for image, _ in zip(chain(first, images), numbers, strict=False))
+    ends.append(next(numbers) / rate)  # of the image after the last one
+    yield from islice(cycle(first), LOOP_CONTEXT)
