@@ -15,12 +15,13 @@ from fpsboost import InputError, OutputError, media
 ROOT = Path(__file__).parents[2]
 
 
-def test_examples_of_the_page(tmp_path, monkeypatch):
+@pytest.mark.parametrize(("page", "count"), [("media.md", 13), ("generated.md", 35)])
+def test_examples_of_the_pages(tmp_path, monkeypatch, page, count):
     """They run as they stand, and print what they show."""
     (tmp_path / "samples").symlink_to(ROOT / "samples")
     monkeypatch.chdir(tmp_path)
-    results = doctest.testfile(str(ROOT / "docs" / "media.md"), module_relative=False)
-    assert (results.failed, results.attempted) == (0, 13)
+    results = doctest.testfile(str(ROOT / "docs" / page), module_relative=False)
+    assert (results.failed, results.attempted) == (0, count)
 
 
 def test_pictures_of_another_size_and_format_are_converted(tmp_path):
