@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from fpsboost import CutDetector, Interpolator, methods
+from fpsboost import CutDetector, Interpolator, interpolate_clip, methods
 from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.colour import colour_components
 from fpsboost.evaluation.report.pictures import draw_wheel, in_colour
@@ -62,7 +62,7 @@ def main() -> None:
     FIGURES.mkdir(exist_ok=True)
     for draw in (
         draw_before_and_after, draw_motion, draw_similarity, draw_choice, draw_residual_search, draw_candidates,
-        draw_confidence, draw_cut, draw_repair, draw_arrays,
+        draw_confidence, draw_cut, draw_repair, draw_arrays, draw_loop,
     ):  # fmt: skip
         path = draw()
         print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1000:.0f} kB")
@@ -296,6 +296,36 @@ def draw_arrays() -> Path:
         picture[np.isnan(dbz)] = 160
         panels.append(Panel(f"{minute} minutes, {'measured' if minute in page['scans'] else 'interpolated'}", picture))
     return save("arrays", [panels])
+
+
+def turntable(frames: int, width: int = 160) -> NDArray[np.uint8]:
+    """Return the frames of one turn of a plate with discs, seen from above at an angle, (N, H, W, 3) BGR."""
+    side, random = 4 * width, np.random.default_rng(3)
+    plate = np.full((side, side, 3), 235, np.uint8)
+    for share, colour in ((0.46, (120, 150, 170)), (0.4, (200, 215, 225))):
+        cv2.circle(plate, (side // 2, side // 2), int(side * share), colour, -1, cv2.LINE_AA)
+    for k in range(9):
+        reach, angle = (0.18 + 0.13 * (k % 2)) * side, 2 * np.pi * k / 9
+        centre = int(side / 2 + reach * np.cos(angle)), int(side / 2 + reach * np.sin(angle))
+        colour = random.integers(30, 220, 3)
+        cv2.circle(plate, centre, int(side * 0.06), colour.tolist(), -1, cv2.LINE_AA)
+        cv2.circle(plate, centre, int(side * 0.025), (255 - colour).tolist(), -1, cv2.LINE_AA)
+    plate, turned = cv2.GaussianBlur(plate, (0, 0), 1.6), list[Picture]()
+    for number in range(frames):
+        matrix = cv2.getRotationMatrix2D((side / 2, side / 2), 360 * number / frames, 1) / 4
+        matrix[1] *= 0.55
+        turned.append(cv2.warpAffine(plate, matrix, (width, int(width * 0.56)), borderValue=(235, 235, 235)))
+    return np.stack(turned)
+
+
+def draw_loop() -> Path:
+    """Draw what is shown from the last frame of a loop to its first one, with and without `loop`."""
+    frames, rows = turntable(24), list[list[Panel]]()
+    for loop in (False, True):
+        made, _ = interpolate_clip(frames, 16, factor=4, loop=loop, order="bgr")
+        titles = ["last frame, 1.44 s", "1.45 s", f"1.47 s, loop={loop}", "1.48 s", "first frame, 1.5 s"]
+        rows.append([Panel(*each) for each in zip(titles, [*made[-4:], frames[0]], strict=True)])
+    return save("loop", rows)
 
 
 # ------------------------------------------------------------------------------------------------- similarity in numpy
