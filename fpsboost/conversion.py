@@ -380,7 +380,16 @@ def interpolate_clip(
         if loop:
             before = [pixels.read(clip[number % len(clip)]) for number in range(-LOOP_CONTEXT, 0)]
     made = _clip_frames(
-        *(clip, pixels, before, total, rate, target, find_method(method)), loop=loop, threads=threads, progress=progress
+        clip,
+        pixels,
+        before,
+        total,
+        rate,
+        target,
+        find_method(method),
+        loop=loop,
+        threads=threads,
+        progress=progress,
     )
     if total is None:
         return made
@@ -444,7 +453,10 @@ def _clip_frames(
     images, start, ends = map(pixels.read, clip), len(before) / rate, list[Fraction]()
     source = ArraySource(chain(before, _continued(images, rate, ends)) if loop else images, rate, "`frames`")
     with interpolate_frames(
-        *(source, interpolator, OutputRate(fps=target).schedule(source.info), Summary()),
+        source,
+        interpolator,
+        OutputRate(fps=target).schedule(source.info),
+        Summary(),
         holds_last_frame=True,
         threads=threads,
         outputs=OutputRange(stop=total, entry=Entry(-len(before), start, math.ceil(-start * target))),
