@@ -36,6 +36,12 @@ def has_alpha(image: Any) -> bool:
     return bool(image.shape[2] in {2, 4})
 
 
+def with_red_and_blue_swapped(image: NDArray[Any]) -> NDArray[Any]:
+    """Return an image, (H, W, C), with BGR(A) for RGB(A), or the other way round; one without colours as it is."""
+    conversion = {3: cv2.COLOR_RGB2BGR, 4: cv2.COLOR_RGBA2BGRA}.get(image.shape[2])
+    return image if conversion is None else cv2.cvtColor(np.ascontiguousarray(image), conversion)
+
+
 def normalised(image: NDArray[Any]) -> NDArray[Any]:
     """Return the image as float32 with 1.0 for white and unchanged shape; NaN becomes black, infinity white."""
     if image.dtype == np.float32:

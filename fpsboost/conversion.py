@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 
 from fpsboost import __version__
+from fpsboost.colour import with_red_and_blue_swapped
 from fpsboost.contracts import Entry, FrameSource, HasCompletedFrames, OutputRange, SilentObserver, Summary
 from fpsboost.errors import InputError, OptionError, choose_one, explained, refuse
 from fpsboost.image import Image, check_image
@@ -47,9 +48,6 @@ LOOP_CONTEXT = 12
 
 Repeated frames are found within `DuplicateDetector.most` frames, and motion within two more.
 """
-
-SWAPS = {3: cv2.COLOR_RGB2BGR, 4: cv2.COLOR_RGBA2BGRA}
-"""Conversions of OpenCV that turn RGB into BGR and back, by the number of channels."""
 
 
 @checked
@@ -394,8 +392,8 @@ def interpolate_clip(
     if total is None:
         return made
     like = pixels.write(pixels.read(next(iter(clip))))
-    arrays = np.fromiter((image for image, _ in made), np.dtype((like.dtype, like.shape)), total)
-    return arrays, [number / target for number in range(total)]
+    frames = np.fromiter((image for image, _ in made), (like.dtype, like.shape), total)
+    return frames, [number / target for number in range(total)]
 
 
 @dataclass(frozen=True)
@@ -418,8 +416,7 @@ class _Pixels:
         return np.ascontiguousarray(np.moveaxis(frame, -1, 0)) if self.layout == "nchw" else frame
 
     def _swapped(self, image: Image) -> Image:
-        swap = SWAPS.get(image.shape[2]) if self.order == "rgb" else None
-        return image if swap is None else cv2.cvtColor(np.ascontiguousarray(image), swap)
+        return with_red_and_blue_swapped(image) if self.order == "rgb" else image
 
 
 def _as_array(frames: Any) -> Image:

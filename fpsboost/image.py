@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import MAX_VALUE, Coding, clipped, colour_components, has_alpha, normalised, premultiplied
-from fpsboost.errors import InputError, refuse
+from fpsboost.errors import InputError
 
 type_names = {np.dtype(np.uint8): "8-bit", np.dtype(np.uint16): "16-bit", np.dtype(np.float32): "float"}
 
@@ -369,17 +369,10 @@ def view(image: Image | ImageView) -> ImageView:
 
 def check_image(image: Image | ImageView, name: str = "An image") -> None:
     """Raise `InputError`, which calls an image by its name, unless it is one."""
-    refuse(
-        {
-            f"{name} must have the shape (height, width, 1 to 4), not {image.shape}.": (
-                len(image.shape) != 3 or image.shape[2] not in (1, 2, 3, 4) or 0 in image.shape
-            ),
-            f"{name} must be uint8, uint16 or float32, not {image.dtype}; convert it first.": (
-                image.dtype not in type_names
-            ),
-        },
-        InputError,
-    )
+    if len(image.shape) != 3 or image.shape[2] not in (1, 2, 3, 4) or 0 in image.shape:
+        raise InputError(f"{name} must have the shape (height, width, 1 to 4), not {image.shape}.")
+    if image.dtype not in type_names:
+        raise InputError(f"{name} must be uint8, uint16 or float32, not {image.dtype}; convert it first.")
 
 
 def check_pair(

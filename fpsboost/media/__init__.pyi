@@ -57,7 +57,6 @@ from .pixels import with_chroma_location as with_chroma_location
 from .pyav import as_fraction as as_fraction
 from .pyav import ffmpeg_version as ffmpeg_version
 from .pyav import missing_codecs as missing_codecs
-from .pyav import open_input as open_input
 from .pyav import pulled as pulled
 from .pyav import pyav_version as pyav_version
 from .remarks import counted as counted

@@ -20,6 +20,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from fpsboost.colour import with_red_and_blue_swapped
 from fpsboost.errors import OutputError
 from fpsboost.frame import Frame
 from fpsboost.image import Image, type_names, view
@@ -143,8 +144,7 @@ def _encode_by_openimageio(extension: str, image: Image, metadata: ImageMetadata
             spec.attribute("ICCProfile", library.TypeDesc(f"uint8[{len(profile)}]"), np.frombuffer(profile, np.uint8))
     for name, value in attributes.items():
         spec.attribute(name, value)
-    if channels > 2:
-        image = cv2.cvtColor(image, {3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGBA}[channels])
+    image = with_red_and_blue_swapped(image)
     with tempfile.TemporaryDirectory() as folder:
         name = str(Path(folder) / f"image{extension}")
         file = library.ImageOutput.create(name)

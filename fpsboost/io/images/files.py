@@ -21,10 +21,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.colour import with_red_and_blue_swapped
 from fpsboost.errors import InputError, explained
 from fpsboost.image import Image
 from fpsboost.io.images.exr import read_exr_header
@@ -61,7 +61,6 @@ _other_colours = {"CMYK": "CMYK", "YCCK": "CMYK", "CIELAB": "CIELab", "YCbCr": "
 """Colours that are converted to RGB as they are read, by OpenImageIO's names of them."""
 _per_inch = {"in": 1.0, "inch": 1.0, "cm": 2.54}
 _types_read = {"uint8": "uint8", "uint16": "uint16", "float": "float", "half": "float"}
-_orders = {3: cv2.COLOR_RGB2BGR, 4: cv2.COLOR_RGBA2BGRA}
 
 
 def extension_of(name: str) -> str:
@@ -120,9 +119,8 @@ def read_image(path: Path, limit: MemoryLimit | None = None, *, upright: bool = 
         photometric, orientation = tiff_tags(spec)
         if upright:
             orientation = spec.get_int_attribute("Orientation", 1)
+    stored = with_red_and_blue_swapped(stored)
     image: NDArray[Any] = stored[..., [0, 0, 0, 1]] if channels == 2 else stored
-    if channels > 2:
-        image = cv2.cvtColor(image, _orders[channels])
     if photometric == WHITE_IS_0 and image.dtype == np.uint16:  # the library turns 8 bits, but not 16
         image = np.uint16(0xFFFF) - image
     if orientation in (2, 4, 5, 7):  # as EXIF numbers them
