@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain
 from types import MappingProxyType
-from typing import Annotated, Any, NamedTuple, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,13 +47,6 @@ CUT_WARNINGS: Mapping[AtCuts, str] = MappingProxyType(
     }
 )
 """Warnings on what was done with two images across a cut."""
-
-
-class InBetween(NamedTuple):
-    """Deprecated: what `Interpolator.between` returned until `Interpolator.images` took its place."""
-
-    images: Iterator[Any]
-    scene_cut: bool
 
 
 @dataclass(frozen=True)
@@ -251,23 +244,6 @@ class Interpolator(Checked):
             if not 0 <= t <= 1:
                 raise OptionError(f"A time between two frames must lie in [0, 1], not at {t}.")
         return self._images(pair, times, before, after, with_confidence=with_confidence)
-
-    def between(
-        self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None = None, after: Pair | None = None
-    ) -> InBetween:
-        """Return images and whether a scene ends; deprecated, as `images` and `Pair.is_cut` return these."""
-        warnings.warn("Interpolator.between is deprecated; use Interpolator.images.", DeprecationWarning, stacklevel=2)
-        images = self.images(pair, times, before, after)
-        return InBetween((image for image, _ in images), pair.is_cut(before, after))
-
-    def between_with_confidence(
-        self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None = None, after: Pair | None = None
-    ) -> InBetween:
-        """Return images with confidence, and whether a scene ends; deprecated, see `between`."""
-        text = "Interpolator.between_with_confidence is deprecated; use Interpolator.images(..., with_confidence=True)."
-        warnings.warn(text, DeprecationWarning, stacklevel=2)
-        images = self.images(pair, times, before, after, with_confidence=True)
-        return InBetween(images, pair.is_cut(before, after))
 
     def _images(
         self,

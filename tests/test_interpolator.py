@@ -236,15 +236,6 @@ def test_neighbouring_pairs_bend_the_path(motion):
     assert bent[2] < straight * 0.9
 
 
-@pytest.mark.parametrize("name", ["between", "between_with_confidence"])
-def test_former_names_say_so(name):
-    """And still return the images, with whether a scene ends."""
-    blend = methods["blend"]
-    with pytest.warns(DeprecationWarning, match=f"Interpolator.{name} is deprecated"):
-        images, scene_cut = getattr(blend, name)(blend.pair(*prepared(noise(8, 8), noise(8, 8))), [0.5])
-    assert (len(list(images)), scene_cut) == (1, False)
-
-
 @plain_methods
 def test_methods_that_go_straight_ignore_their_neighbours(method):
     """The report's method, what others do, and those without motion make the same image with neighbours and without."""

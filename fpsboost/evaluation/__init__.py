@@ -14,31 +14,7 @@ writes tables and data, and `report` writes the page. `compare` runs all of it:
 The names that other packages use are listed in ``__init__.pyi`` and loaded at first use.
 """
 
-import warnings
-
 import lazy_loader
 
-RENAMED = {
-    "Contestant": "ComparedMethod",
-    "InterpolatorContestant": "ComparedInterpolator",
-    "Hiding": "HoldOut",
-    "Hidden": "HeldOutFrame",
-}
-"""Former names, which the next release will no longer have."""
-
-_load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-
-
-def __getattr__(name: str) -> object:
-    """Load a name at its first use; a former one gives a `DeprecationWarning`.
-
-    Examples
-    --------
-    >>> import fpsboost.evaluation
-    >>> with warnings.catch_warnings(action="ignore"):
-    ...     fpsboost.evaluation.Hiding.__name__
-    'HoldOut'
-    """
-    if name in RENAMED:
-        warnings.warn(f"{name} is deprecated; use {RENAMED[name]}.", DeprecationWarning, stacklevel=2)
-    return _load(RENAMED.get(name, name))
+# on first use, so that `fpsboost --help` does not wait for any of them
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
