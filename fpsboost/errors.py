@@ -7,7 +7,6 @@ only the command line prints and chooses an exit code (2 for `OptionError`, 1 fo
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 from fpsboost.media.errors import (
     CompleteAlreadyError,
@@ -20,6 +19,8 @@ from fpsboost.media.errors import (
     OutputError,
     choose_one,
     explained,
+    refuse,
+    undone_by,
 )
 
 __all__ = [
@@ -43,6 +44,7 @@ __all__ = [
     "notes_of",
     "refuse",
     "rounded",
+    "undone_by",
 ]
 
 
@@ -64,18 +66,6 @@ class ClusterError(FpsboostError):
 def notes_of(error: BaseException) -> str:
     """Return the notes added to an exception, such as how to resume."""
     return " ".join(getattr(error, "__notes__", ()))
-
-
-def refuse(reasons: Mapping[str, object], error: type[FpsboostError] = OptionError) -> None:
-    """Raise an error with the first of these sentences whose condition is met, if there is one.
-
-    Examples
-    --------
-    >>> refuse({"`threads` must be at least 1.": False, "`threads` needs `limit`; give both.": None})
-    """
-    for reason, applies in reasons.items():
-        if applies:
-            raise error(reason)
 
 
 def rounded(number: float, digits: int) -> str:

@@ -22,7 +22,7 @@ import av
 from av.packet import PacketSideData, PktSideDataT
 
 from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS
-from fpsboost.media.errors import OutputError
+from fpsboost.media.errors import OutputError, undone_by
 from fpsboost.media.fitting import Fitting, check_readable, open_muxer
 from fpsboost.media.other_streams import OtherStreams
 from fpsboost.media.staging import rename_safely, sync
@@ -179,7 +179,7 @@ class Assembly:
         self._container = container = fitting.container
         self._output: av.container.OutputContainer | None = open_muxer(path, container, any_codec=fitting.any_codec)
         self._others: OtherStreams | None = None
-        try:
+        with undone_by(self.discard):
             self._stream = stream = self._output.add_stream_from_template(template)
             stream.time_base = self._time_base
             stream.codec_context.codec_tag = template.codec_context.codec_tag
@@ -196,9 +196,6 @@ class Assembly:
             self._output.start_encoding()
             if self._others is not None:
                 self._others.copy_cover()
-        except BaseException:
-            self.discard()
-            raise
 
     @property
     def remarks(self) -> list[str]:

@@ -35,7 +35,7 @@ from fpsboost.media.demuxer import (
     open_video,
     read_packets,
 )
-from fpsboost.media.errors import EncryptedError, InputError, OptionError
+from fpsboost.media.errors import EncryptedError, InputError, OptionError, refuse, undone_by
 from fpsboost.media.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
 from fpsboost.media.info import ClipInfo
 from fpsboost.media.output import StreamInfo
@@ -149,11 +149,8 @@ class Clip:
         self._demuxer = Demuxer(
             self.path, self._name, reading.stream, playlists=reading.allow_playlists, threads=reading.threads
         )
-        try:
+        with undone_by(self._demuxer.close):
             self.info = self._read_header()
-        except BaseException:
-            self._demuxer.close()
-            raise
         self._reformatter = VideoReformatter()
         self._unifier: FormatUnifier | None = None
         self._started = False
@@ -181,8 +178,10 @@ class Clip:
         left, top, right, bottom = self._header.crop or (0, 0, 0, 0)
         width, height = context.width - left - right, context.height - top - bottom
         if self._header.crop is not None:
-            whole = f"{context.width}x{context.height}"
-            self.remarks.append(f"{self._name} shows {width}x{height} of its {whole} pixels and was cropped to that.")
+            self.remarks.append(
+                f"{self._name} shows {width}x{height} of its {context.width}x{context.height} pixels and was cropped "
+                "to that."
+            )
         with open_video(self.path, self._name, playlists=self._reading.allow_playlists) as file:
             times, start, clear = survey(file, stream.index)
         tick = as_fraction(stream.time_base)
@@ -258,8 +257,9 @@ class Clip:
             self.info = replace(self.info, width=picture.width, height=picture.height)
             if has_alpha(picture.format.name) and not self._reading.keeps_alpha:
                 self.remarks.append(lost_alpha_remark(self._name))
-            dolby_vision = self._header.dolby_vision
-            traits = read_traits(picture, self._demuxer.stream, self._reformatter, self._name, dolby_vision)
+            traits = read_traits(
+                picture, self._demuxer.stream, self._reformatter, self._name, self._header.dolby_vision
+            )
             if traits.dolby_vision_only:
                 self._refused = dolby_vision_sentence(self._name)
                 if not self._reading.force_colours:
@@ -434,10 +434,13 @@ class Clip:
 
         Raises `UnindexedError` if the container has no index, fields become frames, or the times differ.
         """
-        if not self._is_indexed:
-            raise UnindexedError("its container has no index of frames")
-        if self._reading.deinterlace:
-            raise UnindexedError("its packets tell nothing of fields")
+        refuse(
+            {
+                "its container has no index of frames": not self._is_indexed,
+                "its packets tell nothing of fields": self._reading.deinterlace,
+            },
+            UnindexedError,
+        )
         index = read_index(self.path, self.file.stream_index, playlists=self._reading.allow_playlists)
         times = [picture.pts for picture in islice(self._pictures, CHECKED_PICTURES)]
         is_right = times == index.ticks[:CHECKED_PICTURES].tolist() and not self._pictures.differ_from_packets

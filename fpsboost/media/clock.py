@@ -315,15 +315,13 @@ class VideoClock:
     def early_end_remarks(self, name: str, end: Fraction, count: int, listed: int | None) -> list[str]:
         """Return the remark that a file ends earlier than its header declares, at `end` after `count` frames."""
         container, declared = self.file.container, self._declared_end
-        promised, reached = Fraction(0), Fraction(0)
-        if declared is not None and not clock_may_jump(container):  # there FFmpeg estimates it
-            promised, reached = declared, end
+        is_declared = declared is not None and not clock_may_jump(container)  # there FFmpeg estimates it
+        promised, reached = (declared, end) if declared is not None and is_declared else (Fraction(0), Fraction(0))
         # The whole file may outlast its video, so it is short only if no stream reaches its end.
         if container.duration and self._says_duration and self.file.duration == self.file.stream.duration:
             whole, begin = (Fraction(time or 0, 1_000_000) for time in (container.duration, container.start_time))
             # some headers count from the beginning, others from time 0 of the clock, if that is not after the end
-            counts_from_begin = container.format.name.startswith(DURATION_FROM_BEGIN) or begin >= whole
-            whole += begin if counts_from_begin else 0
+            whole += begin if container.format.name.startswith(DURATION_FROM_BEGIN) or begin >= whole else 0
             if whole - self.file.furthest > promised - reached:
                 promised, reached = whole - self.start, self.file.furthest - self.start
         if promised - reached <= max(5 / self.rate, promised / 20):
@@ -410,8 +408,7 @@ def _spread_evenly(
     strays: list[T], begin: Fraction, end: Fraction, interval: Fraction, tick: Fraction
 ) -> list[tuple[T, Fraction]]:
     """Return the frames that fit between two times, with times spread evenly between them."""
-    room = round((end - begin) / interval) - 1
-    fitting = strays[: max(room, 0)]
+    fitting = strays[: max(round((end - begin) / interval) - 1, 0)]
     step = (end - begin) / (len(fitting) + 1)
     places = [begin + math.floor(step * (number + 1) / tick) * tick for number in range(len(fitting))]
     return list(zip(fitting, places, strict=True)) if step > tick else []

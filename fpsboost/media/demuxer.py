@@ -18,7 +18,7 @@ from typing import Any
 import av
 from av.format import Flags
 
-from fpsboost.media.errors import EncryptedError, InputError, OptionError
+from fpsboost.media.errors import EncryptedError, InputError, OptionError, refuse, undone_by
 from fpsboost.media.pixels import NO_COLOUR_TAG
 from fpsboost.media.pyav import open_input
 from fpsboost.media.remarks import Damage, encrypted_sentence
@@ -142,11 +142,8 @@ class Demuxer:
     def _open(self) -> None:
         """Open the file, choose its stream, and set the threads of the decoder; sets `container` and `stream`."""
         self.container = open_video(self._path, self._name, playlists=self._playlists)
-        try:
+        with undone_by(self.container.close):
             self.stream = choose_video(self.container, self._name, self._wanted)
-        except BaseException:
-            self.container.close()
-            raise
         # read before decoding: the first picture overwrites them with the tags of the coded stream, even if unspecified
         self.colour_tags = {name: int(getattr(self.stream.codec_context, name)) for name in NO_COLOUR_TAG}
         self.stream.thread_type, self.stream.thread_count = "AUTO", self._threads
@@ -212,10 +209,13 @@ class Demuxer:
 
 def open_video(path: Path, name: str, *, playlists: bool = False) -> av.container.InputContainer:
     """Open a file for demuxing, or raise `InputError` with a sentence about `name`."""
-    if path.is_dir():
-        raise InputError(f"{name} is a folder; name a video file, or a pattern of images inside it.")
-    if not path.exists():
-        raise InputError(f"{name} does not exist; check the path.")
+    refuse(
+        {
+            f"{name} is a folder; name a video file, or a pattern of images inside it.": path.is_dir(),
+            f"{name} does not exist; check the path.": not path.exists(),
+        },
+        InputError,
+    )
     try:
         # An absolute path, because FFmpeg takes what stands before a colon in a relative one for a protocol.
         container = open_input(str(path.absolute()), playlists=playlists)
@@ -327,11 +327,11 @@ def is_scrambled(path: Path, pid: int) -> bool:
 
     FFmpeg passes over such packets without a word.
     """
-    for block in probed(path):
-        flags = [flags[0] for head, flags in TRANSPORT_PACKET.findall(block) if int.from_bytes(head) & 0x1FFF == pid]
-        if 4 * sum(each >= 0x40 for each in flags) > len(flags):
-            return True
-    return False
+    flags = (
+        [flags[0] for head, flags in TRANSPORT_PACKET.findall(block) if int.from_bytes(head) & 0x1FFF == pid]
+        for block in probed(path)
+    )
+    return any(4 * sum(each >= 0x40 for each in of_block) > len(of_block) for of_block in flags)
 
 
 def left_out_remarks(container: av.container.InputContainer, chosen: av.VideoStream, name: str) -> list[str]:

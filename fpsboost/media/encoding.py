@@ -184,8 +184,7 @@ def choose_encoder(
     OptionError
         FFmpeg lacks the encoder, the container does not hold its codec, or it does not know an option.
     """
-    default = default_codec(container, encoding.pixel_format or pixel_format, source_codec)
-    asked = encoding.codec or default
+    asked = encoding.codec or default_codec(container, encoding.pixel_format or pixel_format, source_codec)
     known = encoders.get(asked.lower()) or next((entry for entry in encoders.values() if entry.name == asked), None)
     encoder = known.name if known else asked
     codec = find_encoder(encoder, "video")
@@ -213,8 +212,8 @@ def encodes_alpha(encoding: EncodeSettings, container: str) -> bool:
     asked = encoding.codec or default_codec(container, encoding.pixel_format or "yuv420p")
     encoder = encoders[asked.lower()].name if asked.lower() in encoders else asked
     codec = find_encoder(encoder, "video")
-    holds_beside = container in ("webm", "matroska")  # libvpx stores alpha beside the picture
-    if codec is None or (encoder.startswith("libvpx") and not holds_beside):
+    # libvpx stores alpha beside the picture
+    if codec is None or (encoder.startswith("libvpx") and container not in ("webm", "matroska")):
         return False
     offered = pixel_formats(codec)
     if encoding.pixel_format is not None:
@@ -277,8 +276,7 @@ def _merged_options(options: dict[str, str], more: Sequence[tuple[str, str]]) ->
     """Return options updated with more; parameter lists (``x265-params``) are extended instead of replaced."""
     result = dict(options)
     for name, value in more:
-        grows = name.endswith("-params") and name in result
-        result[name] = f"{result[name]}:{value}" if grows else value
+        result[name] = f"{result[name]}:{value}" if name.endswith("-params") and name in result else value
     return result
 
 

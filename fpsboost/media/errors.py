@@ -5,7 +5,7 @@ Every message is one sentence that names the file or the option and says what to
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
@@ -64,3 +64,25 @@ def explained(kind: type[FpsboostError], task: str, path: str | Path, advice: st
         yield
     except OSError as error:
         raise kind(f"Cannot {task} {path} ({error.strerror or error}); {advice}.") from error
+
+
+def refuse(reasons: Mapping[str, object], error: type[Exception] = OptionError) -> None:
+    """Raise an error with the first of these sentences whose condition is met, if there is one.
+
+    Examples
+    --------
+    >>> refuse({"`threads` must be at least 1.": False, "`threads` needs `limit`; give both.": None})
+    """
+    for reason, applies in reasons.items():
+        if applies:
+            raise error(reason)
+
+
+@contextmanager
+def undone_by(undo: Callable[[], object]) -> Iterator[None]:
+    """Call a function where the block ends by an exception, such as one that closes what the block had opened."""
+    try:
+        yield
+    except BaseException:
+        undo()
+        raise

@@ -18,7 +18,7 @@ from av.codec.codec import Properties
 from fpsboost.media.demuxer import VideoFile
 from fpsboost.media.encoded_sound import can_encode, choose_sound_encoder, defaults, named_layout, sound_encoders
 from fpsboost.media.encoding import containers, holds
-from fpsboost.media.errors import OptionError, OutputError
+from fpsboost.media.errors import OptionError, OutputError, refuse
 from fpsboost.media.info import EncodeSettings
 from fpsboost.media.output import Output
 from fpsboost.media.pyav import open_input, trial_file
@@ -127,10 +127,13 @@ def fit_streams(output: Output, container: str, encoder: str) -> Fitting:
         kept = {stream.type for stream in streams if stream.index not in misfits}
         left_out = {}
         for index, (cause, ways, without) in misfits.items():
-            if encoding.streams is not None:
-                raise OutputError(f"{cause}; leave {index} out of `streams`.")
-            if file.streams[index].type not in kept:
-                raise OutputError(f"{cause}; {_any_of([*ways, without])}.")
+            refuse(
+                {
+                    f"{cause}; leave {index} out of `streams`.": encoding.streams is not None,
+                    f"{cause}; {_any_of([*ways, without])}.": file.streams[index].type not in kept,
+                },
+                OutputError,
+            )
             left_out[index] = f"{cause}; stream {index} was left out{'; to keep it, ' * bool(ways)}{_any_of(ways)}."
     return Fitting(output, container, encoders, left_out, any_codec)
 

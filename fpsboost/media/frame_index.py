@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.media.demuxer import is_encrypted, read_packets
+from fpsboost.media.errors import refuse
 from fpsboost.media.pyav import open_input
 from fpsboost.media.remarks import Damage
 
@@ -88,20 +89,21 @@ def read_index(path: Path, video: int, *, playlists: bool = False) -> FrameIndex
             for place, packet in enumerate(read_packets(container, {video}, damage)):
                 if packet.pts is None:
                     raise UnindexedError("some of its packets have no time")
-                if is_encrypted(packet):
-                    raise UnindexedError("it is encrypted")
-                if packet.is_corrupt:
-                    raise UnindexedError("some of its packets are damaged")
+                flaws = {"it is encrypted": is_encrypted(packet), "some of its packets are damaged": packet.is_corrupt}
+                refuse(flaws, UnindexedError)
                 pts.append(packet.pts)
                 dts.append(packet.dts)
                 keys += [place] * packet.is_keyframe
                 presented += [place] * (not packet.is_discard and is_presented(codec, packet))
     except (av.error.FFmpegError, OSError):
         raise UnindexedError("its packets cannot be listed") from None
-    if damage != Damage():
-        raise UnindexedError("parts of it cannot be read")
-    if len(pts) < listed:
-        raise UnindexedError(f"it lists {listed} packets and holds {len(pts)}")
+    refuse(
+        {
+            "parts of it cannot be read": damage != Damage(),
+            f"it lists {listed} packets and holds {len(pts)}": len(pts) < listed,
+        },
+        UnindexedError,
+    )
     return _index_of(np.array(pts, np.int64), dts, keys, np.array(presented, np.intp))
 
 
@@ -133,6 +135,5 @@ def is_presented(codec: str, packet: av.Packet[Any]) -> bool:
     if codec == "vp9":
         # the first byte: marker, profile (profile 3 has a bit more), "shows an earlier frame", "no key frame", "shown"
         flags = data[0] if data[0] & 0x30 == 0x30 else data[0] >> 1
-        is_superframe = data[-1] & 0xE0 == 0xC0
-        return is_superframe or bool(flags & 5)
+        return data[-1] & 0xE0 == 0xC0 or bool(flags & 5)  # the first of which a superframe ends with
     return True

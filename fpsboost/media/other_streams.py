@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, cast
@@ -65,7 +66,6 @@ class OtherStreams:
         self._window, self._encoding = fitting.output.window, fitting.output.encoding
         self._name, self._container = fitting.output.path, fitting.container
         self._curve = None if self._window is None else self._window.curve
-        self.remarks: list[str] = []
         self.written: dict[int, str] = {}
         """Type of each stream of the source of which packets were muxed, by its number."""
         self._input = source.open()
@@ -76,14 +76,14 @@ class OtherStreams:
         self._sounds: dict[int, EncodedSound] = {}
         self.tags = tags_for(self._input.metadata, self._container)
         output.metadata.update(self.tags.values)
-        if self.tags.lost:
-            self._remark(f"lost tags of its source, which its container has no place for: {', '.join(self.tags.lost)}.")
-        chapters = _chapters_within(self._input, self._window, source.start)
+        chapters, unread = _chapters_within(self._input, self._window, source.start), unread_of_chapters(self._input)
         output.set_chapters(chapters)
-        if chapters and fitting.any_codec:
-            self._remark("lost the chapters of its source, which its kind of sound rules out here.")
-        if unread := unread_of_chapters(self._input):
-            self._remark(f"lost the parts of its source's chapters that FFmpeg cannot read: {', '.join(unread)}.")
+        lost = {
+            f"tags of its source, which its container has no place for: {', '.join(self.tags.lost)}": self.tags.lost,
+            "the chapters of its source, which its kind of sound rules out here": chapters and fitting.any_codec,
+            f"the parts of its source's chapters that FFmpeg cannot read: {', '.join(unread)}": unread,
+        }
+        self.remarks = [f"{self._name} lost {what}." for what, is_lost in lost.items() if is_lost]
         copy_labels(self._input.streams[source.stream_index], video, self._container)
         self._has_timecode = self._copy_timecode(video)
         for stream in self._input.streams:
@@ -112,18 +112,15 @@ class OtherStreams:
         Times must not decrease from call to call. Packets before the window are left out, and those out of order too,
         with a remark. Raises `EncryptedError` for an encrypted packet before the end of the window.
         """
-        while True:
-            packet, self._ahead = self._ahead or next(self._packets, None), None
-            if packet is None:
-                for sound in self._sounds.values():
-                    sound.drain()
-                break
-            assert packet.dts is not None
-            due = packet.dts * Fraction(packet.time_base)
+        while (packet := self._ahead or next(self._packets, None)) is not None:
+            self._ahead, due = packet, (packet.dts or 0) * Fraction(packet.time_base)
             if time is not None and (due if self._window is None else self._window.output_time(due)) > time:
-                self._ahead = packet
                 break
+            self._ahead = None
             self._copy(packet)
+        else:
+            for sound in self._sounds.values():
+                sound.drain()
         if time is not None:
             for sound in self._sounds.values():
                 sound.be_silent_until(time)
@@ -325,8 +322,7 @@ class OtherStreams:
         equal_is_fine = kind == "subtitle" or index in self._sounds or self._container not in EXACT_TIME_BASE_CONTAINERS
         if last is not None and (packet.dts < last or (packet.dts == last and not equal_is_fine)):
             sentence = f"{self._source.name} has sound or subtitle packets out of order, which were left out."
-            if sentence not in self.remarks:
-                self.remarks.append(sentence)
+            self.remarks += {sentence}.difference(self.remarks)
             return
         self._last_dts[index] = packet.dts
         if index in self._sounds:
@@ -364,12 +360,9 @@ def _chapters_within(file: av.container.InputContainer, window: Window | None, s
 
 def _attached_picture(source: VideoFile, index: int) -> av.Packet[Any] | None:
     """Return the packet of an attached picture, by a separate open file, as seeking back would lose audio."""
-    with source.open() as file:
-        try:
-            packet = next(iter(file.demux(file.streams[index])), None)
-        except av.error.FFmpegError:
-            return None
-    return packet if packet is not None and packet.size else None
+    with source.open() as file, suppress(av.error.FFmpegError):
+        return next((packet for packet in file.demux(file.streams[index]) if packet.size), None)
+    return None
 
 
 class TextConverter:

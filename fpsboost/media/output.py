@@ -49,3 +49,8 @@ class Output:
     """Part of the source that is written; None for all of it."""
     part: OutputPart | None = None
     """The part that is written; None for all of it."""
+
+    @property
+    def expected_of_part(self) -> int | None:
+        """Number of pictures of the part that is written, or of all of them; None if unknown."""
+        return self.expected_frames if self.part is None else self.part.frames

@@ -30,6 +30,8 @@ from fpsboost.media.errors import (
     OptionError,
     OutputError,
     explained,
+    refuse,
+    undone_by,
 )
 
 if sys.platform == "win32":
@@ -120,7 +122,7 @@ class StagingDirectory:
         Raises `InUseError` if another run writes there, and `OutputError` if the folder cannot be used, or belongs to a
         job with other inputs or options.
         """
-        try:
+        with undone_by(lambda: self.close(keep=self.is_pending)):
             self._acquire()
             before = self._read_manifest() if self.is_pending else None
             if self.goes_on and before is not None and self._job is not None:
@@ -139,9 +141,6 @@ class StagingDirectory:
                     path.unlink()
             if self._job is not None:
                 write_safely(self.folder / MANIFEST, json.dumps(dict(self._job.facts), indent=1).encode())
-        except BaseException:
-            self.close(keep=self.is_pending)
-            raise
 
     def publish(self, path: Path) -> None:
         """Give the staged output, complete and synced to disk, its final name, replacing a file of that name."""
@@ -241,10 +240,8 @@ class StagingDirectory:
 
     def _check_same(self, before: Mapping[str, str], now: Mapping[str, str]) -> None:
         """Raise `OutputError`, which names the first difference, unless both jobs are the same."""
-        for key in [*now, *(key for key in before if key not in now)]:
+        for key in (key for key in [*now, *before] if now.get(key) != before.get(key)):
             old, new = before.get(key, "nothing"), now.get(key, "nothing")
-            if old == new:
-                continue
             what, wording = key.rpartition(".")[2].replace("_", " "), f"{old} and not {new}"
             if max(len(old), len(new)) > MAX_FACT_LENGTH:
                 wording = f"that {'have' if what.endswith('s') else 'has'} changed since"
@@ -350,12 +347,9 @@ class PartFolder(StagingDirectory):
     def open(self) -> None:
         """Lock the hidden folder for this run, with the files of an earlier run that this one resumes."""
         self._part.folder.parent.mkdir(exist_ok=True)
-        try:
+        with undone_by(lambda: remove_if_empty(self._part.folder.parent)):
             super().open()
             self.staged.mkdir(exist_ok=True)
-        except BaseException:
-            remove_if_empty(self._part.folder.parent)
-            raise
 
     def publish_part(self) -> None:
         """Add the description of the part, and give its folder its final name, replacing an earlier one."""
@@ -389,18 +383,20 @@ def check_writable(path: Path, name: str, inputs: Collection[Path] = (), overwri
 
     `overwrite` is None for what never replaces anything.
     """
-    if path.is_dir():
-        raise OutputError(f"{name} is a folder; name a file in it.")
-    if not path.parent.is_dir():
-        raise OutputError(f"{name} cannot be written because its folder does not exist; create it first.")
-    if os.path.lexists(path):
-        if path.exists() and not path.is_file():
-            raise OutputError(f"{name} is a device or a pipe; name a file, or - for standard output.")
-        if path.exists() and any(source.exists() and path.samefile(source) for source in inputs):
-            raise OutputError(f"{name} is the input itself; write to another name.")
-        if not overwrite:
-            other = "remove it first" if overwrite is None else "pass `overwrite=True`"
-            raise ExistsError(f"{name} exists already; choose another name or {other}.")
+    is_there = path.exists()
+    refuse(
+        {
+            f"{name} is a folder; name a file in it.": path.is_dir(),
+            f"{name} cannot be written because its folder does not exist; create it first.": not path.parent.is_dir(),
+            f"{name} is a device or a pipe; name a file, or - for standard output.": is_there and not path.is_file(),
+            f"{name} is the input itself; write to another name.": is_there
+            and any(source.exists() and path.samefile(source) for source in inputs),
+        },
+        OutputError,
+    )
+    if os.path.lexists(path) and not overwrite:
+        other = "remove it first" if overwrite is None else "pass `overwrite=True`"
+        raise ExistsError(f"{name} exists already; choose another name or {other}.")
     _check_takes_files(path.parent, name)
 
 

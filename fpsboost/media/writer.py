@@ -202,9 +202,7 @@ class Writer(StagedSink):
             self._writer.discard()
         if self.encoder is not None:
             self.encoder.close()
-        part = self._output.part
-        expected = self._output.expected_frames if part is None else part.frames
-        self._unfinished.leave(error, self._frames_finished, expected)
+        self._unfinished.leave(error, self._frames_finished, self._output.expected_of_part)
 
     @property
     def _frames_finished(self) -> int:
@@ -356,9 +354,11 @@ def create(
     """
     stream = like.stream_info
     timing = timing or OutputTiming(like.info.rate, like.info.time_base)
-    encoding = encoding or EncodeSettings()
-    output = Output(os.fspath(path), like.info, timing, stream, encoding, overwrite=overwrite, window=window)
-    return FileWriter(output)
+    return FileWriter(
+        Output(
+            os.fspath(path), like.info, timing, stream, encoding or EncodeSettings(), overwrite=overwrite, window=window
+        )
+    )
 
 
 def container_of(output: Output) -> str:

@@ -84,8 +84,7 @@ class Manifest:
 
     def write(self, folder: Path) -> None:
         """Write the manifest into a folder, as JSON."""
-        text = json.dumps({"format": FORMAT, **as_json(self)}, indent=1)
-        write_safely(folder / MANIFEST_NAME, text.encode())
+        write_safely(folder / MANIFEST_NAME, json.dumps({"format": FORMAT, **as_json(self)}, indent=1).encode())
 
     @classmethod
     def read(cls, folder: Path) -> Self:
@@ -117,10 +116,8 @@ def stored(path: Path) -> StoredFile:
 
 def first_difference(facts: Mapping[str, str], others: Mapping[str, str]) -> str | None:
     """Return the name of the first fact that differs, as words; None if none does."""
-    for key in [*facts, *(key for key in others if key not in facts)]:
-        if facts.get(key) != others.get(key):
-            return key.rpartition(".")[2].replace("_", " ")
-    return None
+    different = (key for key in [*facts, *others] if facts.get(key) != others.get(key))
+    return next((key.rpartition(".")[2].replace("_", " ") for key in different), None)
 
 
 @runtime_checkable

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
-from fpsboost.errors import CompleteAlreadyError, OptionError, OutputError, explained
+from fpsboost.errors import CompleteAlreadyError, OptionError, OutputError, explained, undone_by
 from fpsboost.frame import Frame
 from fpsboost.io.images.encoder import ImageEncoder
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
@@ -73,8 +73,7 @@ class NumberedSink(StagedSink):
     holds_last_frame = False
 
     def __init__(self, output: Output, names: ImageNames, unfinished: StagingDirectory) -> None:
-        extension = extension_of(names.path(0).name)
-        if extension not in IMAGE_SUFFIXES:
+        if extension_of(names.path(0).name) not in IMAGE_SUFFIXES:
             raise OutputError(
                 f"{output.path} names no type of image that can be written; use one of {', '.join(IMAGE_SUFFIXES)}."
             )
@@ -105,11 +104,8 @@ class NumberedSink(StagedSink):
         """
         with self._explained():
             self._unfinished.open()
-            try:
+            with undone_by(lambda: self._unfinished.close(keep=True)):
                 there = self._finished() | self._originals
-            except BaseException:
-                self._unfinished.close(keep=True)
-                raise
         self.completed_frames = next(place for place in itertools.count() if self.names.path(place).name not in there)
         return self
 
@@ -144,9 +140,7 @@ class NumberedSink(StagedSink):
     def _leave(self, error: BaseException | None) -> None:
         """Remove the hidden folder, unless a later run can resume from it."""
         written = self._frames if self._written else 0
-        part = self._output.part
-        expected = self._output.expected_frames if part is None else part.frames
-        self._unfinished.leave(error, max(self.completed_frames, written), expected)
+        self._unfinished.leave(error, max(self.completed_frames, written), self._output.expected_of_part)
 
 
 class ImageSink(NumberedSink):
