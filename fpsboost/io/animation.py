@@ -25,8 +25,9 @@ import av
 import av.filter
 import numpy as np
 
+from fpsboost.colour import with_red_and_blue_swapped
 from fpsboost.contracts import ClosesOnExit
-from fpsboost.errors import InputError, OutputError
+from fpsboost.errors import InputError, OutputError, refuse
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image, view
 from fpsboost.io.images.encoder import colours_of
@@ -357,8 +358,7 @@ def _with_binary_alpha(image: Image) -> Image:
     if image.shape[2] == 3:
         return np.dstack([image, np.full(image.shape[:2], 255, np.uint8)])
     visible = image[..., 3] >= OPAQUE
-    hidden_colour = image.reshape(-1, 4)[visible.argmax(), :3]
-    colours = np.where(visible[..., np.newaxis], image[..., :3], hidden_colour)
+    colours = np.where(visible[..., np.newaxis], image[..., :3], image.reshape(-1, 4)[visible.argmax(), :3])
     return np.dstack([colours, np.where(visible, np.uint8(255), np.uint8(0))])
 
 
@@ -393,11 +393,8 @@ class ApngWriter(AnimationWriter):
 
     def picture(self, image: Image) -> av.VideoFrame:
         """Convert an image to RGB or RGBA of its own depth, big-endian as PNG stores it."""
-        is_deep, has_alpha = image.dtype == np.uint16, image.shape[2] == 4
-        pixel_format = ("rgba64be" if has_alpha else "rgb48be") if is_deep else ("rgba" if has_alpha else "rgb24")
-        return av.VideoFrame.from_ndarray(
-            np.ascontiguousarray(image[..., [2, 1, 0, 3][: image.shape[2]]]), format=pixel_format
-        )
+        formats = {np.uint16: ("rgb48be", "rgba64be"), np.uint8: ("rgb24", "rgba")}[image.dtype.type]
+        return av.VideoFrame.from_ndarray(with_red_and_blue_swapped(image), format=formats[image.shape[2] == 4])
 
 
 class WebpWriter(AnimationWriter):
@@ -487,22 +484,21 @@ class AnimationSink(StagedSink):
     def _check_fits(self, rate: Fraction) -> None:
         """Raise `OutputError` if the type cannot hold the size or the rate, or FFmpeg lacks its encoder."""
         suffix, largest = self._path.suffix.lower(), self._type.largest_side
-        width, height = self._info.width, self._info.height
-        if max(width, height) > largest:
-            raise OutputError(
-                f"{self._name} cannot hold {width}x{height} pixels, {suffix} ends at {largest}; use .apng."
-            )
-        if missing_codecs([self._type.codec], "w"):
-            raise OutputError(
-                f"{self._name} needs the encoder {self._type.codec}, which this FFmpeg lacks; install PyAV's wheel."
-            )
-        fastest = 1 / self._type.shortest
-        if rate > fastest:
-            others = "" if suffix == ".apng" else f", or write {'.webp or .apng' if suffix == '.gif' else '.apng'}"
-            raise OutputError(
+        width, height, fastest = self._info.width, self._info.height, 1 / self._type.shortest
+        others = {".gif": ", or write .webp or .apng", ".webp": ", or write .apng"}.get(suffix, "")
+        refuse(
+            {
+                f"{self._name} cannot hold {width}x{height} pixels, {suffix} ends at {largest}; use .apng.": (
+                    max(width, height) > largest
+                ),
+                f"{self._name} needs the encoder {self._type.codec}, which this FFmpeg lacks; install PyAV's wheel.": (
+                    missing_codecs([self._type.codec], "w")
+                ),
                 f"{self._name} cannot show {float(rate):.6g} frames per second, {suffix} ends at {fastest}; use "
-                f"`fps={fastest}` or less{others}."
-            )
+                f"`fps={fastest}` or less{others}.": rate > fastest,
+            },
+            OutputError,
+        )
 
     @property
     def remarks(self) -> list[str]:
@@ -555,16 +551,14 @@ class AnimationSink(StagedSink):
         if image.dtype == np.uint16 and not self._type.is_deep:
             self._lose("depth")
             image = np.rint(image / np.float32(257)).astype(np.uint8)
-        if image.shape[2] < 3:  # gray, or gray with alpha
-            return image[..., [0, 0, 0, 1][: image.shape[2] + 2]]
-        return image
+        # gray, and gray with alpha, become colour
+        return image[..., [0, 0, 0, 1][: image.shape[2] + 2]] if image.shape[2] < 3 else image
 
     def _lose(self, what: str) -> None:
         """Remark, once, on a property of the frames that the type cannot hold."""
         bits = "16 bits" if self._type.is_deep else "8 bits; write an .apng to keep it"
         remark = f"{self._name} lost {what}, because {self._path.suffix.lower()} holds {bits}."
-        if remark not in self._losses:
-            self._losses.append(remark)
+        self._losses += {remark}.difference(self._losses)
 
     def _finish(self) -> None:
         """Write the end, read the file back and give it its name; `OutputError` without frames or if it is damaged."""

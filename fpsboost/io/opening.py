@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Literal, Self
 
 from fpsboost.contracts import FrameSink
-from fpsboost.errors import InputError, OptionError, OutputError, explained
+from fpsboost.errors import InputError, OptionError, OutputError, explained, refuse
 from fpsboost.frame import ClipInfo
 from fpsboost.io import DescribedSource
 from fpsboost.io.animation import ANIMATION_SUFFIXES, AnimationSink, AnimationSource, is_animation
@@ -132,13 +132,17 @@ def open_source(
 
 def _check_light_and_layers(path: str, decoding: DecodeOptions, requirements: TargetRequirements) -> None:
     """Raise OptionError if `passes` or `view` is given where the output cannot hold layers, or holds their light."""
-    if not requirements.layers and decoding.passes not in (None, BEAUTY):
-        raise OptionError(
+    refuse(
+        {
             f"`passes` makes layers of OpenEXR images, which the output of {path} cannot hold; name a folder or a "
-            "pattern such as shot_####.exr, or leave it out."
-        )
-    if decoding.view != "none" and requirements.layers:
-        raise OptionError(f"`view` is for videos and animations, and the images made of {path} keep their light.")
+            "pattern such as shot_####.exr, or leave it out.": (
+                not requirements.layers and decoding.passes not in (None, BEAUTY)
+            ),
+            f"`view` is for videos and animations, and the images made of {path} keep their light.": (
+                decoding.view != "none" and requirements.layers
+            ),
+        }
+    )
 
 
 def stands_for_images(path: str) -> bool:
@@ -160,10 +164,15 @@ def _open_file(
     path: str, requirements: TargetRequirements, decoding: DecodeOptions, limit: MemoryLimit | None
 ) -> AnimationSource | VideoSource:
     """Open a file by its content, as an animation or a video; raise `InputError` for single images and named pipes."""
-    if not Path(path).exists():
-        raise InputError(f"{path} does not exist; check the name.")
-    if Path(path).is_fifo():
-        raise InputError(f"{path} is a named pipe, which is read only once; give it as standard input: - < {path}.")
+    refuse(
+        {
+            f"{path} does not exist; check the name.": not Path(path).exists(),
+            f"{path} is a named pipe, which is read only once; give it as standard input: - < {path}.": (
+                Path(path).is_fifo()
+            ),
+        },
+        InputError,
+    )
     animated = is_animation(Path(path))
     if extension_of(path) == ".jxl":
         with open_video(Path(path), path) as file:
@@ -221,13 +230,15 @@ class Target:
             return cls(path, "video")
         if suffix in ANIMATION_SUFFIXES:
             return cls(path, "animation")
-        if suffix in IMAGE_SUFFIXES:
-            raise OptionError(f"{path} would be a single image; give a folder, or a pattern like shot_####{suffix}.")
-        if suffix:
-            raise OptionError(
+        refuse(
+            {
+                f"{path} would be a single image; give a folder, or a pattern like shot_####{suffix}.": (
+                    suffix in IMAGE_SUFFIXES
+                ),
                 f"{path} has an ending that cannot be written; choose "
-                f"{', '.join(VIDEO_SUFFIXES + ANIMATION_SUFFIXES)}, or a folder for images."
-            )
+                f"{', '.join(VIDEO_SUFFIXES + ANIMATION_SUFFIXES)}, or a folder for images.": suffix,
+            }
+        )
         return cls(path, "images")
 
     @property

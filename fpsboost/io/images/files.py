@@ -105,8 +105,8 @@ def read_image(path: Path, limit: MemoryLimit | None = None, *, upright: bool = 
         return read_picture(path, limit)
     with opened(path) as (file, spec):
         (limit or MemoryLimit()).check(path, spec.width, spec.height)
-        is_bmp = file.format_name() == "bmp"  # whose fourth byte is seldom meant as alpha
-        channels = min(spec.nchannels, 3) if is_bmp else spec.nchannels
+        # the fourth byte of a BMP is seldom meant as alpha
+        channels = min(spec.nchannels, 3 if file.format_name() == "bmp" else spec.nchannels)
         kind = _types_read.get(str(spec.format))
         if kind is None or channels not in (1, 2, 3, 4):
             raise InputError(
@@ -125,8 +125,7 @@ def read_image(path: Path, limit: MemoryLimit | None = None, *, upright: bool = 
         image = np.uint16(0xFFFF) - image
     if orientation in (2, 4, 5, 7):  # as EXIF numbers them
         image = image[:, ::-1]
-    turns = {3: 2, 4: 2, 5: 1, 6: -1, 7: -1, 8: 1}.get(orientation, 0)
-    return np.ascontiguousarray(np.rot90(image, turns))
+    return np.ascontiguousarray(np.rot90(image, {3: 2, 4: 2, 5: 1, 6: -1, 7: -1, 8: 1}.get(orientation, 0)))
 
 
 def tiff_tags(spec: Any) -> tuple[int | None, int]:

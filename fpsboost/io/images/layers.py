@@ -122,8 +122,7 @@ def kind_of(name: str, precisions: Sequence[Precision]) -> LayerKind:
     if "uint" in precisions or word.startswith(CRYPTOMATTE):
         return "nearest"
     kind = KINDS_BY_WORD.get(word, "linear")
-    components = {"depth": 1, "normals": 3}.get(kind, len(precisions))
-    return kind if len(precisions) == components else "linear"
+    return kind if len(precisions) == {"depth": 1, "normals": 3}.get(kind, len(precisions)) else "linear"
 
 
 def _layers_of(header: ExrHeader) -> list[LayerNames]:

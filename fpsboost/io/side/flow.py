@@ -75,5 +75,4 @@ def flow_picture(flow: NDArray[Any]) -> NDArray[Any]:
     hue = (1 - share) * wheel[first] + share * wheel[(first + 1) % len(wheel)]
     radius = (lengths / np.float32(largest))[..., np.newaxis]
     colours = np.where(radius <= 1, 1 - radius * (1 - hue), BEYOND * hue)
-    picture: NDArray[Any] = np.rint(colours[..., ::-1] * 255 * is_finite[..., np.newaxis]).astype(np.uint8)
-    return picture
+    return np.asarray(np.rint(colours[..., ::-1] * 255 * is_finite[..., np.newaxis]).astype(np.uint8))

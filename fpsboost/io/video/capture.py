@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from fpsboost.contracts import ClosesOnExit
-from fpsboost.errors import InputError
+from fpsboost.errors import InputError, undone_by
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image, check_pair
 from fpsboost.io.output import StreamInfo
@@ -81,7 +81,7 @@ class CaptureSource(ArraySource):
     def __init__(self, path: str, *, limit: MemoryLimit | None = None) -> None:
         camera: Any = int(path) if path.isdigit() and not Path(path).exists() else path
         self._capture = cv2.VideoCapture(camera)
-        try:
+        with undone_by(self._capture.release):
             if not self._capture.isOpened():
                 raise InputError(f"{path} cannot be opened by OpenCV; check the name, or leave `decoder` out.")
             size = [int(self._capture.get(key)) for key in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)]
@@ -90,9 +90,6 @@ class CaptureSource(ArraySource):
             if rate is None:
                 raise InputError(f"{path} has no frame rate that OpenCV knows; leave `decoder` out.")
             super().__init__(captured(self._capture), rate, path)
-        except BaseException:
-            self._capture.release()
-            raise
         self.stream_info = StreamInfo(files=[Path(path)] if Path(path).is_file() else [])
         self.remarks = [
             f"{path} was read by OpenCV: 8-bit colours at a constant rate, without sound, subtitles and metadata."

@@ -25,7 +25,7 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.colour import Coding
 from fpsboost.contracts import ClosesOnExit
-from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError, ReaderGoneError
+from fpsboost.errors import FpsboostError, InputError, OutputError, ReaderGoneError, refuse
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Pixels
 from fpsboost.io.output import Output, StreamInfo, check_frame_size
@@ -246,14 +246,14 @@ class PipeSink:
     def __init__(self, output: Output, stream: BinaryIO | None = None) -> None:
         encoding = output.encoding
         others = [option for option in encoding.given if option != "`pixel_format`"]
-        if others:
-            raise OptionError(f"{OUTPUT_NAME} is not encoded and takes no {' or '.join(others)}; leave that out.")
         pixel_formats = dict.fromkeys(formats.values())
-        if encoding.pixel_format not in (None, *pixel_formats):
-            raise OptionError(
+        refuse(
+            {
+                f"{OUTPUT_NAME} is not encoded and takes no {' or '.join(others)}; leave that out.": others,
                 f"`pixel_format={encoding.pixel_format!r}` is nothing that YUV4MPEG2 holds; use one of "
-                f"{', '.join(pixel_formats)}."
-            )
+                f"{', '.join(pixel_formats)}.": encoding.pixel_format not in (None, *pixel_formats),
+            }
+        )
         self._timing, self._encoding, self._info = output.timing, encoding, output.info
         self._traits, self._colours = output.stream.traits, output.stream.colours
         advice = "pipe it into a program"

@@ -90,8 +90,7 @@ def straight_16_bit(image: Image) -> Image:
     if image.shape[2] in (2, 4):
         alpha = values[..., -1:]
         values = np.concatenate([values[..., :-1] / np.maximum(alpha, np.float32(1e-6)), alpha], axis=-1)
-    deep: Image = np.rint(np.clip(values, 0, 1) * np.float32(65535)).astype(np.uint16)
-    return deep
+    return np.asarray(np.rint(np.clip(values, 0, 1) * np.float32(65535)).astype(np.uint16))
 
 
 def from_bgr(
@@ -126,8 +125,8 @@ def from_bgr(
     height, width = image.shape[:2]
     planar = av.VideoFrame(width, height, full_chroma(target.components[0].bits))
     matrix = bgr_to_ycc(color_space, full_range, bits_of(planar), np.iinfo(colours.dtype).max)
-    most = 2 ** bits_of(planar) - 1
-    codes = np.minimum(cv2.transform(colours, matrix), most)  # a pure colour in full range exceeds it by one half
+    # a pure colour in full range exceeds the largest code by one half
+    codes = np.minimum(cv2.transform(colours, matrix), 2 ** bits_of(planar) - 1)
     for channel, plane in enumerate(plane_arrays(planar)):
         plane[:] = codes[..., channel]
     planar = with_chroma_location(planar, chroma_location)
