@@ -93,8 +93,7 @@ def colour_components(image: NDArray[Any]) -> NDArray[Any]:
 
 def clipped(values: NDArray[Any]) -> NDArray[Any]:
     """Return the values clipped to MAX_VALUE: damaged files hold float32's largest numbers, whose sums overflow."""
-    needs_none = np.abs(values).max(initial=0) <= MAX_VALUE
-    return values if needs_none else values.clip(-MAX_VALUE, MAX_VALUE)
+    return values if np.abs(values).max(initial=0) <= MAX_VALUE else values.clip(-MAX_VALUE, MAX_VALUE)
 
 
 def compared_colours(image: NDArray[Any]) -> NDArray[Any]:
@@ -214,8 +213,7 @@ def as_shown(image: NDArray[Any]) -> NDArray[Any]:
     linear = image.dtype == np.float32
     values = composite_on_black(image)
     if has_alpha(image):
-        gray = 0.5**2.2 if linear else 0.5
-        values = values[..., :-1] + gray * (1 - values[..., -1:].clip(0, 1))
+        values = values[..., :-1] + (0.5**2.2 if linear else 0.5) * (1 - values[..., -1:].clip(0, 1))
     values = values.clip(0, 1)
     if linear:
         values = srgb_encoded(values)

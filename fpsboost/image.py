@@ -354,8 +354,7 @@ class YCbCrImage(ImageView):
         unit = np.float32(1 / self.white)  # also for chroma, whose weight is then about that in a sum over B, G and R
         full, half = self.planes[: self._full_planes], self.planes[self._full_planes :]
         together = full[0][np.newaxis] if len(full) == 1 else np.stack(full)
-        chroma = np.stack(half) if half else np.empty((0, 1, 1), self.dtype)
-        return together, chroma, unit, self.coding.bits
+        return together, np.stack(half) if half else np.empty((0, 1, 1), self.dtype), unit, self.coding.bits
 
 
 Pixels = Image | YCbCrImage
@@ -430,5 +429,4 @@ def _bgr_by_opencv(image: YCbCrImage) -> Image:
     )
     places = np.meshgrid(columns, rows)
     chroma = (cv2.remap(p, *places, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE) for p in image.planes[1:])
-    codes = cv2.merge([image.luma, *chroma])
-    return cv2.transform(codes, image.coding.to_bgr() * np.iinfo(image.dtype).max)
+    return cv2.transform(cv2.merge([image.luma, *chroma]), image.coding.to_bgr() * np.iinfo(image.dtype).max)

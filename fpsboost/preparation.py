@@ -118,8 +118,7 @@ class TrimmedSource(ClosesOnExit):
 
         If frames before it were skipped without reading them, its number is that of the nominal rate.
         """
-        rate = self._source.info.rate
-        number = self.window.frames_before(rate) if self._may_skip else self.window.skipped
+        number = self.window.frames_before(self._source.info.rate) if self._may_skip else self.window.skipped
         return SourcePosition(number, self.window.begin - self.window.origin)
 
     def close(self) -> None:

@@ -210,8 +210,7 @@ def _block_grid(size: tuple[int, ...], field: MotionField) -> tuple[NDArray[Any]
     corners = _thinned(corners, MAX_BLOCKS)
     subsampling = np.array([round(whole / part) for whole, part in zip(field.shape, size, strict=True)])
     centres = (corners + BLOCK_SIZE // 2) * subsampling // field.spacing
-    vectors = field.vectors[centres[:, 0], centres[:, 1], ::-1]
-    return corners, vectors / subsampling
+    return corners, field.vectors[centres[:, 0], centres[:, 1], ::-1] / subsampling
 
 
 def _residuals(plane: NDArray[Any], corners: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:

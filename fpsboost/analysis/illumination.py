@@ -142,9 +142,8 @@ def estimate_illumination(image0: FrameCache, image1: FrameCache) -> Illuminatio
     if has_alpha(image0.pixels):
         return None
     everywhere = _estimate_everywhere(image0, image1)
-    in_part = [_estimate_in_part(image0, image1, UNCHANGED)]
-    if everywhere is not None:
-        in_part.append(_estimate_in_part(image0, image1, everywhere[1]))
+    lights = [UNCHANGED] if everywhere is None else [UNCHANGED, everywhere[1]]
+    in_part = [_estimate_in_part(image0, image1, light) for light in lights]
     score, model = max((each for each in in_part if each is not None), key=itemgetter(0), default=(0, None))
     # of two explanations that are about as good, the simpler one
     return everywhere[1] if everywhere is not None and score < everywhere[0] + MIN_SCORE_GAIN else model
@@ -172,8 +171,7 @@ def _estimate_everywhere(image0: FrameCache, image1: FrameCache) -> Estimate | N
     small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
     white = np.float32(max(1.0, float(small0.max()), float(small1.max())))
     illumination = _match_mean_and_deviation(small0, small1, white)
-    if white > 1:
-        small0, small1 = small0 / white, small1 / white
+    small0, small1 = small0 / white, small1 / white
     if np.abs(illumination.apply(small0, 1, small0.dtype) - small0).mean() < MIN_CHANGE:
         return None
     exact = _fit_along_motion(small0, small1, _search(small0, illumination.undo(small1)))
@@ -312,8 +310,7 @@ def _fit_locally(small0: Image, small1: Image, fields: tuple[MotionField, Motion
     weight = (field10.similarity.clip(0, 1) * np.where(returns, np.float32(1), np.float32(0.05)))[..., np.newaxis]
     deviation = max(small0.shape[:2]) / 80
     products, squares = (_smoothed(weight * matched * other, deviation) for other in (small1, matched))
-    gain: NDArray[Any] = (products + 1e-3) / (squares + 1e-3)
-    return gain.clip(1 / MAX_GAIN, MAX_GAIN).astype(np.float32)
+    return np.asarray(((products + 1e-3) / (squares + 1e-3)).clip(1 / MAX_GAIN, MAX_GAIN).astype(np.float32))
 
 
 def _search(small0: Image, small1: Image) -> MotionField:

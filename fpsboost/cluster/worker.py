@@ -105,8 +105,7 @@ def _carry_out(order: WorkerOrder, worker: Worker, check: Callable[[], None]) ->
     run = replace(run, threads=run.threads or worker.state.nthreads)
     make_part(job, run, WorkerObserver(report, check))
     folder = run.chunk.folder(job.output)
-    sizes = {path.name: path.stat().st_size for path in folder.iterdir()}
-    return Outcome(str(folder), is_private, sizes)
+    return Outcome(str(folder), is_private, {path.name: path.stat().st_size for path in folder.iterdir()})
 
 
 class WorkerObserver(SilentObserver):

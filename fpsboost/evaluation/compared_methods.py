@@ -225,5 +225,4 @@ def as_type_of(image: Image, like: Image) -> Image:
         colours = np.concatenate([colours, alpha], axis=2)
     if like.dtype == np.float32:
         return np.ascontiguousarray(colours, np.float32)
-    white = np.iinfo(like.dtype).max
-    return np.ascontiguousarray(np.rint(colours.clip(0, 1) * white), like.dtype)
+    return np.ascontiguousarray(np.rint(colours.clip(0, 1) * np.iinfo(like.dtype).max), like.dtype)

@@ -54,8 +54,7 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
             "inside": {area: comparison.mean_error(method, area) for area in AREAS},
             "outside": {area: comparison.mean_error(method, area, inside=False) for area in AREAS},
         }
-    finite: dict[str, Any] = without_nan(plain)
-    return finite
+    return dict(without_nan(plain))
 
 
 def write_csv(path: Path, comparisons: Sequence[Comparison]) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from fpsboost.analysis.duplicates import DuplicateDetector, PictureRun, SourceFrame, find_pictures
 from fpsboost.contracts import FrameSource
-from fpsboost.errors import InputError, OptionError
+from fpsboost.errors import InputError, OptionError, refuse
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.image import Image
@@ -127,13 +127,15 @@ class HoldOut(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.first < 0 or (self.last is not None and self.last - self.first < self.skip + 2):
-            raise OptionError(
-                f"`range={self._range}` leaves nothing to hide; with `skip={self.skip}` give at least "
-                f"{self.skip + 2} frames."
-            )
-        if self._range != WHOLE and not self.decoding.trim.is_whole:
-            raise OptionError("`range` and `start` or `end` both select frames; give one or the other.")
+        refuse(
+            {
+                f"`range={self._range}` leaves nothing to hide; with `skip={self.skip}` give at least {self.skip + 2} "
+                "frames.": self.first < 0 or (self.last is not None and self.last - self.first < self.skip + 2),
+                "`range` and `start` or `end` both select frames; give one or the other.": (
+                    self._range != WHOLE and not self.decoding.trim.is_whole
+                ),
+            }
+        )
 
     @property
     def _range(self) -> str:

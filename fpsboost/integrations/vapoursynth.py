@@ -352,8 +352,7 @@ class _OutputFrames:
 
     def _set_scene_changes(self, number: int, output_frame: vs.VideoFrame, frames: Frames) -> None:
         """Say whether a scene ends between an output frame and the one before, and the next."""
-        names = "_SceneChangePrev", "_SceneChangeNext"
-        for name, pairs in zip(names, self._pairs_beside(number), strict=True):
+        for name, pairs in zip(("_SceneChangePrev", "_SceneChangeNext"), self._pairs_beside(number), strict=True):
             if self._finds_cuts:
                 surroundings = [self._surroundings(each, frames) for each in pairs]
                 output_frame.props[name] = int(any(pair.is_cut(before, after) for pair, before, after in surroundings))

@@ -187,8 +187,7 @@ def _presented(
         time = rising_time(schedule, times[0], frame.time, before)
         if time is not None:
             before = time
-            place = SourcePosition(number, frame.time)
-            yield SourceFrame(replace(frame, time=time), source_position=place)
+            yield SourceFrame(replace(frame, time=time), source_position=SourcePosition(number, frame.time))
 
 
 @dataclass(frozen=True)
@@ -317,8 +316,7 @@ def outputs_of(part: Part, total: int, unit: int) -> OutputRange:
     """
     units = -(-total // unit)
     first = units * (part.number - 1) // part.count * unit
-    stop = None if part.number == part.count else units * part.number // part.count * unit
-    return OutputRange(first, stop)
+    return OutputRange(first, None if part.number == part.count else units * part.number // part.count * unit)
 
 
 def read_index(folder: Path, identity: str) -> FrameIndex | None:

@@ -429,19 +429,15 @@ def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], 
         pairs.append(RenderedPair(image0, image1, channels0, channels1, (number1 - number0) * folder.step))
     if usual is None:
         return folder
-    fit, remarks = fit_convention(pairs, usual), []
-    if fit.convention != usual:
-        remarks.append(
-            f"In {folder.path}, {fit.convention}: found by comparing frames, although the names of the channels "
-            "suggest otherwise; `vector_convention` overrides this."
-        )
-    if fit.error > fit.still_error:
-        remarks.append(
-            f"Frames fetched along the vectors of {folder.path} agree less than without any motion: check that they "
-            "are in pixels per frame, and of these frames."
-        )
-    fitted = copy(folder)
-    fitted.convention, fitted.remarks = fit.convention, [*folder.remarks, *remarks]
+    fit, fitted = fit_convention(pairs, usual), copy(folder)
+    said = {
+        f"In {folder.path}, {fit.convention}: found by comparing frames, although the names of the channels suggest "
+        "otherwise; `vector_convention` overrides this.": fit.convention != usual,
+        f"Frames fetched along the vectors of {folder.path} agree less than without any motion: check that they are in "
+        "pixels per frame, and of these frames.": fit.error > fit.still_error,
+    }
+    fitted.convention = fit.convention
+    fitted.remarks = [*folder.remarks, *(remark for remark, is_due in said.items() if is_due)]
     return fitted
 
 

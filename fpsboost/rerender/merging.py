@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -260,18 +261,11 @@ def _find_rendered(folder: Path, planned: Mapping[int, PlannedFrame]) -> tuple[d
     """Find the images of every planned frame, by the numbers at the ends of their names."""
     with explained(InputError, "read", folder, "check that it exists and that you may read it"):
         names = [name for name in list_files(folder) if extension_of(name) in IMAGE_SUFFIXES and name[0] != "."]
-    whole: dict[int, list[str]] = {number: [] for number in planned}
-    parts: dict[int, dict[int, list[str]]] = {number: {} for number in planned}
-    extra = 0
+    found: dict[tuple[int | None, int | None], list[str]] = defaultdict(list)
     for name in names:
-        number, place = _number_and_region(name, planned)
-        if number is None:
-            extra += 1
-        elif place is None:
-            whole[number].append(name)
-        else:
-            parts[number].setdefault(place, []).append(name)
-    images = {number: _choose(folder, frame, whole[number], parts[number]) for number, frame in planned.items()}
+        found[_number_and_region(name, planned)].append(name)
+    extra = len(found[None, None])
+    images = {number: _choose(folder, frame, found) for number, frame in planned.items()}
     remark = f"{extra} image{'s' if extra > 1 else ''} of {folder} belong to no planned region and were left out."
     return images, [remark] * (extra > 0)
 
@@ -288,8 +282,15 @@ def _number_and_region(name: str, planned: Mapping[int, PlannedFrame]) -> tuple[
     return (int(whole[1]) if whole is not None and int(whole[1]) in planned else None), None
 
 
-def _choose(folder: Path, frame: PlannedFrame, whole: Sequence[str], parts: Mapping[int, Sequence[str]]) -> _Rendered:
-    """Return the files of a frame's regions; raise `InputError` if one is missing or there are several for one."""
+def _choose(
+    folder: Path, frame: PlannedFrame, found: Mapping[tuple[int | None, int | None], Sequence[str]]
+) -> _Rendered:
+    """Return the files of a frame's regions, of those found by the numbers of frames and regions.
+
+    Raises `InputError` if one is missing or there are several for one.
+    """
+    whole, places = found.get((frame.number, None), ()), range(1, len(frame.regions) + 1)
+    parts = {place: found[frame.number, place] for place in places if (frame.number, place) in found}
     several = [*whole, *(name for names in parts.values() for name in names)]
     if len(whole) > 1 or (whole and parts) or any(len(names) > 1 for names in parts.values()):
         raise InputError(
@@ -298,7 +299,7 @@ def _choose(folder: Path, frame: PlannedFrame, whole: Sequence[str], parts: Mapp
     if whole:
         is_whole = len(frame.regions) > 1 or frame.whole
         return _Rendered(folder / whole[0], {}) if is_whole else _Rendered(None, {1: folder / whole[0]})
-    missing = [place for place in range(1, len(frame.regions) + 1) if place not in parts]
+    missing = [place for place in places if place not in parts]
     if missing:
         what = f"region {missing[0]} of frame {frame.number}" if parts else f"frame {frame.number}"
         at = frame.regions[missing[0] - 1]

@@ -126,9 +126,8 @@ class RerenderPlan:
         """Write ``plan.json`` and the masks into a folder."""
         masks = mask_numbering(folder, [frame.number for frame in self.frames])
         for frame in self.frames:
-            path = masks.path(frame.number)
-            mask = frame.mask(self.height, self.width)[..., np.newaxis] * np.uint8(RENDERED)
-            write_safely(path, encode_image(path, mask))
+            path, mask = masks.path(frame.number), frame.mask(self.height, self.width)[..., np.newaxis]
+            write_safely(path, encode_image(path, mask * np.uint8(RENDERED)))
         write_safely(folder / PLAN_FILE, json.dumps(self.as_json(), indent=1).encode())
 
     @classmethod
@@ -176,8 +175,7 @@ class RerenderPlan:
 
 def mask_numbering(folder: Path, numbers: Sequence[int]) -> Numbering:
     """Return the names of masks, which are numbered like the frames, with as many digits as the longest number."""
-    digits = max(MASK_DIGITS, *(len(str(number)) for number in numbers))
-    return Numbering(folder, "mask_", digits, ".png")
+    return Numbering(folder, "mask_", max(MASK_DIGITS, *(len(str(number)) for number in numbers)), ".png")
 
 
 def _errors_of(item: PlannedFrame | RerenderPlan) -> dict[str, float]:
@@ -240,15 +238,13 @@ def plan_rerender(
         first, step = images.numbers_for(Fraction(factor)) or (images.first_number, 1)
         numbers = [first + step * place for place in range((len(images.files) - 1) * factor + 1)]
         match = partial(VectorFolder.matched, numbers=numbers, must_match=images.step > 1)
-        interpolator, _ = interpolator.with_vectors(match)
-        interpolator = replace(interpolator, duplicates=None)
+        interpolator = replace(interpolator.with_vectors(match)[0], duplicates=None)
         grid = TileGrid(info.height, info.width, options.tile)
         threads = MemoryLimit().affordable_threads(info.width, info.height, available_cores())
         with run_in_parallel(threads) as in_order:
             expected, scenes = expect_errors(source, interpolator, factor, grid, in_order)
     pixels = info.height * info.width
-    budget = options.budget * pixels * len(expected)
-    masks = choose_regions(expected, grid, budget, scenes)
+    masks = choose_regions(expected, grid, options.budget * pixels * len(expected), scenes)
     between = [number for place, number in enumerate(numbers) if place % factor]
     frames = []
     for number, errors, mask in zip(between, expected * grid.areas * LEVELS / pixels, masks, strict=True):

@@ -220,8 +220,7 @@ def _filled_up(base: _Choice, options: Sequence[_Choice], budget: float) -> NDAr
         useful = np.flatnonzero(more_gain > 0)
         ratios = more_gain[useful] / np.maximum(more_area[useful], 1e-12)
         for frame in useful[np.argsort(-ratios, kind="stable")]:
-            others = areas.sum() - areas[frame]
-            if others + option.areas[frame] <= budget:
+            if areas.sum() - areas[frame] + option.areas[frame] <= budget:
                 masks[frame], areas[frame], gains[frame] = (each[frame] for each in option)
     return masks
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from fpsboost.colour import displayed_colours
 from fpsboost.contracts import ClosesOnExit
-from fpsboost.errors import InputError, OptionError, explained
+from fpsboost.errors import InputError, OptionError, explained, refuse
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.image import Image, view
@@ -117,16 +117,18 @@ class ImageSource(ClosesOnExit):
         if extension_of(first.name) not in IMAGE_SUFFIXES:
             raise InputError(f"{path} is no type of image that can be read; use one of {', '.join(IMAGE_SUFFIXES)}.")
         is_exr, passes = extension_of(first.name) == ".exr", self._reading.passes
-        if not is_exr and passes not in (ALL, BEAUTY):
-            raise OptionError(
-                f"`passes` names layers of OpenEXR files, and {first} is another type of file; leave it out."
-            )
-        self._passes = Passes.chosen(first, passes) if is_exr else None
         self._is_linear = extension_of(first.name) in SCENE_LINEAR
-        if self._reading.view != "none" and not self._is_linear:
-            raise OptionError(
-                f"`view` is for OpenEXR and HDR, whose numbers are light, and {path} is another type; leave it out."
-            )
+        refuse(
+            {
+                f"`passes` names layers of OpenEXR files, and {first} is another type of file; leave it out.": (
+                    not is_exr and passes not in (ALL, BEAUTY)
+                ),
+                f"`view` is for OpenEXR and HDR, whose numbers are light, and {path} is another type; leave it out.": (
+                    self._reading.view != "none" and not self._is_linear
+                ),
+            }
+        )
+        self._passes = Passes.chosen(first, passes) if is_exr else None
         image = self._read(first)
         self.images = replace(
             sequence,
@@ -284,9 +286,8 @@ def find_images(path: str) -> NumberedImages:
         return order_names(place, names)
     if is_pattern(path):
         return find_numbered(Numbering.parse(path))
-    if place.exists():
-        raise InputError(f"{path} is a single file; give a folder of images or a pattern like shot_####.png.")
-    raise InputError(f"{path} does not exist; check the path.")
+    what = "is a single file; give a folder of images or a pattern like shot_####.png."
+    raise InputError(f"{path} {what if place.exists() else 'does not exist; check the path.'}")
 
 
 def find_numbers(path: str) -> range | None:
