@@ -86,9 +86,7 @@ def colour_components(image: NDArray[Any]) -> NDArray[Any]:
     values = compress_highlights(image)
     if has_alpha(image):
         values = values[..., :-1] * values[..., -1:]
-    if values.shape[2] == 1:
-        return np.dstack([values, np.zeros_like(values), np.zeros_like(values)])
-    return values
+    return np.dstack([values, np.zeros_like(values), np.zeros_like(values)]) if values.shape[2] == 1 else values
 
 
 def clipped(values: NDArray[Any]) -> NDArray[Any]:

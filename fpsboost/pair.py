@@ -65,9 +65,8 @@ class Pair:
     def layered(self) -> Layered | None:
         """The two frames with their further layers; None if they have none."""
         image0, image1 = self.image0.image, self.image1.image
-        if isinstance(image0, LayeredImage) and isinstance(image1, LayeredImage):  # only some methods take these
-            return image0, image1
-        return None
+        # only some methods take these
+        return (image0, image1) if isinstance(image0, LayeredImage) and isinstance(image1, LayeredImage) else None
 
     @property
     def illumination(self) -> IlluminationModel | None:
@@ -158,9 +157,8 @@ class Pair:
         return self._results.cached("grain", self._measure_grain)
 
     def _measure_grain(self) -> PairGrain:
-        image0, image1 = self.image0, self.image1
-        if self.illumination is not None:  # its results are arrays
-            image0, image1 = as_bgr(image0), as_bgr(image1)
+        images = self.image0, self.image1
+        image0, image1 = images if self.illumination is None else map(as_bgr, images)  # whose results are arrays
         return measure_grain(image0.pixels, image1.pixels, *self.fields)
 
     def uncertainty_map(self, measure: Callable[[], NDArray[Any]]) -> NDArray[Any]:

@@ -180,8 +180,7 @@ class TrimmedSource(ClosesOnExit):
             raise InputError(
                 f"{self._source.info.name} has ended where `start={self._trim.start}` would be; name an earlier one."
             )
-        if self._is_cut_short:
-            assert self.window.end is not None
+        if self._is_cut_short and self.window.end is not None:
             last = replace(last, duration=self.window.end - last.time)
         yield replace(last, time=last.time - self.window.begin)
 

@@ -85,12 +85,14 @@ def _carry_out(order: WorkerOrder, worker: Worker, check: Callable[[], None]) ->
 
     Where storage is not shared, it is written into a private folder.
     """
-    for name, here in program_facts().items():  # before the task is unpickled, which needs the same versions
-        if order.facts.get(name) != here:
-            raise ClusterError(
-                f"The worker at {worker.address} has {here}, and the client {order.facts.get(name)}; install the same "
-                "versions everywhere."
-            )
+    refuse(  # before the task is unpickled, which needs the same versions
+        {
+            f"The worker at {worker.address} has {here}, and the client {order.facts.get(name)}; install the same "
+            "versions everywhere.": order.facts.get(name) != here
+            for name, here in program_facts().items()
+        },
+        ClusterError,
+    )
     job, run = pickle.loads(order.task)
     _check_job_once(order, job, worker.address)
     is_private = not os.path.exists(order.mark)

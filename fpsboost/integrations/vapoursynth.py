@@ -271,9 +271,8 @@ class _Pairs:
         """Return a frame as an image, the same one for both of its pairs."""
         image = self._images.get(number)
         if image is None:
-            pixels = self._layout.image(frame)
-            if not self._interpolator.takes_planes:
-                pixels = view(pixels).to_bgr()
+            stored = self._layout.image(frame)
+            pixels = stored if self._interpolator.takes_planes else view(stored).to_bgr()
             place = SourcePosition(number, number / self._rate)
             image = self._images[number] = FrameCache(pixels, number * self._factor, place)
         return image

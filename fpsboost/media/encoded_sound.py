@@ -189,9 +189,8 @@ class EncodedSound:
 
     def take(self, packet: av.Packet[Any]) -> None:
         """Decode a packet, and encode what is complete with it; packets far outside the audible parts are ignored."""
-        assert packet.dts is not None
         self._tick = tick = Fraction(packet.time_base)
-        pts = packet.dts if packet.pts is None else packet.pts
+        pts = packet.dts or 0 if packet.pts is None else packet.pts
         begin, end = pts * tick, (pts + (packet.duration or 0)) * tick
         needing = [piece for piece in self._pieces if piece.source0 - PREROLL <= end and begin < piece.source1]
         if not needing:

@@ -13,7 +13,7 @@ import cv2
 from av.codec.codec import UnknownCodecError
 from av.codec.context import OptionFlags
 
-from fpsboost.media.errors import OptionError, choose_one
+from fpsboost.media.errors import OptionError, choose_one, refuse
 from fpsboost.media.info import EncodeSettings
 from fpsboost.media.pixels import has_alpha
 from fpsboost.media.pyav import trial_file
@@ -223,12 +223,14 @@ def encodes_alpha(encoding: EncodeSettings, container: str) -> bool:
 
 def _options_of_known(known: Encoder, asked: str, encoding: EncodeSettings) -> dict[str, str]:
     """Return the options for an encoder of the table; raise `OptionError` for values that it does not accept."""
-    crf = known.crf if encoding.crf is None else encoding.crf
-    if not 0 <= crf <= known.largest_crf:
-        raise OptionError(f"`crf` must be 0 to {known.largest_crf} for {asked}, not {crf}.")
-    preset = encoding.preset or known.preset
-    if preset not in known.presets:
-        raise OptionError(f"`preset={preset!r}` is unknown to {asked}; {choose_one(preset, known.presets)}")
+    crf, preset = known.crf if encoding.crf is None else encoding.crf, encoding.preset or known.preset
+    unknown = f"`preset={preset!r}` is unknown to {asked}; {choose_one(preset, known.presets)}"
+    refuse(
+        {
+            f"`crf` must be 0 to {known.largest_crf} for {asked}, not {crf}.": not 0 <= crf <= known.largest_crf,
+            unknown: preset not in known.presets,
+        }
+    )
     options = {known.preset_option: preset, **dict(known.fixed_options)}
     if encoding.lossless:
         _check_lossless(asked, bool(known.lossless))
@@ -346,8 +348,7 @@ def repeatable_options(encoder: str, given: Collection[str], pixels: int) -> tup
     """
     usual = THREADS_FOR_LARGE_PICTURES if pixels > LARGE_PICTURE else ENCODER_THREADS
     threads = threads_of_encoders.get(encoder, usual)
-    aims_at_a_rate = not {"b", "maxrate"}.isdisjoint(given)
-    further: tuple[tuple[str, str], ...] = _further_options.get(encoder, ())
-    if encoder == "libsvtav1" and aims_at_a_rate:
-        further = (("svtav1-params", "lp=1"),)  # with more threads it aims at a rate differently in every run
+    # with more threads, SVT-AV1 aims at a rate differently in every run
+    is_unsteady = encoder == "libsvtav1" and not {"b", "maxrate"}.isdisjoint(given)
+    further = [("svtav1-params", "lp=1")] if is_unsteady else _further_options.get(encoder, ())
     return ("threads", str(threads)), *further

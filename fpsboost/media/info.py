@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from fractions import Fraction
 
-from fpsboost.media.errors import OptionError
+from fpsboost.media.errors import refuse
 
 MAX_DISPLAY_RATE = 300
 """Frame rate above which no display shows frames, and no camera films without keeping its rate; frames per second."""
@@ -115,17 +115,20 @@ class EncodeSettings:
     streams: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
-        if self.crf is not None and self.bitrate is not None:
-            raise OptionError("`crf` and `bitrate` contradict each other; give one of them.")
-        if self.lossless and (self.crf, self.bitrate) != (None, None):
-            other = "`crf`" if self.bitrate is None else "`bitrate`"
-            raise OptionError(f"`lossless` and {other} contradict each other; give one of them.")
-        if self.audio_codec is not None and not self.audio:
-            raise OptionError("`audio_codec` and `audio=False` contradict each other; give one of them.")
+        other = "`crf`" if self.bitrate is None else "`bitrate`"
         names = [name for name, _ in self.encoder_options]
-        for name in names:
-            if names.count(name) > 1:
-                raise OptionError(f"`encoder_options={name}` is given twice; give it once.")
+        refuse(
+            {
+                "`crf` and `bitrate` contradict each other; give one of them.": None not in (self.crf, self.bitrate),
+                f"`lossless` and {other} contradict each other; give one of them.": (
+                    self.lossless and (self.crf, self.bitrate) != (None, None)
+                ),
+                "`audio_codec` and `audio=False` contradict each other; give one of them.": (
+                    self.audio_codec is not None and not self.audio
+                ),
+                **{f"`encoder_options={name}` is given twice; give it once.": names.count(name) > 1 for name in names},
+            }
+        )
 
     @property
     def given(self) -> list[str]:

@@ -285,9 +285,8 @@ class OtherStreams:
 
     def _move(self, packet: av.Packet[av.stream.Stream], window: Window) -> bool:
         """Offset a packet's times like those of the pictures; return whether it lies in the window."""
-        assert packet.dts is not None
-        tick = Fraction(packet.time_base)
-        pts = packet.dts if packet.pts is None else packet.pts
+        tick, dts = Fraction(packet.time_base), packet.dts or 0
+        pts = dts if packet.pts is None else packet.pts
         begin, end = pts * tick, (pts + max(packet.duration or 0, 1)) * tick
         # Matroska has no times before 0: there all packets are offset, as of a whole clip, or what comes before is lost
         is_exact = self._container in EXACT_TIME_BASE_CONTAINERS
@@ -295,7 +294,7 @@ class OtherStreams:
         if (end <= window.begin and not leads) or (window.end is not None and begin >= window.end):
             return False
         moved = round(window.begin / tick)
-        packet.pts, packet.dts = pts - moved, packet.dts - moved
+        packet.pts, packet.dts = pts - moved, dts - moved
         if packet.stream.type == "subtitle":
             begin, end = max(begin, window.begin), end if window.end is None else min(end, window.end)
             packet.pts = packet.dts = round(window.output_time(begin) / tick)

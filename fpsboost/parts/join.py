@@ -76,10 +76,8 @@ def join(
         if input_identity(clip) != first.facts.get("input"):
             raise InputError(f"{clip.whole.info.name} is not the input of the parts; give that as `input`.")
         ready = prepare(job, run, clip)
-        filled = [manifest for _, manifest in ordered if manifest.summary.frames_out]
-        window = None
-        if filled and filled[0].window is not None and filled[-1].window is not None:
-            window = replace(filled[0].window, end=filled[-1].window.end)
+        windows = [each.window for _, each in ordered if each.summary.frames_out and each.window is not None]
+        window = replace(windows[0], end=windows[-1].end) if windows else None
         ready.output = replace(ready.output, window=window)
         summary = _summary(ordered)
         sink = ready.target.open(ready.output)
@@ -154,12 +152,14 @@ def check_complete(parts: Sequence[PartFiles]) -> list[PartFiles]:
     for folder, manifest in ordered:
         _check_files(folder, manifest)
     filled = [each for each in ordered if each[1].summary.frames_out]
-    for (folder, manifest), (next_folder, following) in pairwise(filled):
-        if not _fits(manifest, following):
-            raise InputError(
-                f"{next_folder} does not go on where {folder} ends, because {following.input} has damaged places "
-                "before it; convert it in one run."
-            )
+    refuse(
+        {
+            f"{next_folder} does not go on where {folder} ends, because {following.input} has damaged places before "
+            "it; convert it in one run.": not _fits(manifest, following)
+            for (folder, manifest), (next_folder, following) in pairwise(filled)
+        },
+        InputError,
+    )
     return ordered
 
 

@@ -219,9 +219,7 @@ def as_json(value: Any) -> Any:
         return str(value)
     if isinstance(value, dict):
         return {str(key): as_json(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple, set)):
-        return [as_json(each) for each in value]
-    return value
+    return [as_json(each) for each in value] if isinstance(value, (list, tuple, set)) else value
 
 
 concrete_types: Mapping[Any, dict[str, Any]] = {Window: {"curve": TimeMap | None}}

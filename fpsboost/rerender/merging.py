@@ -109,9 +109,9 @@ def merge_regions(made: PathName, rendered: PathName, output: PathName, options:
         images = find_images(os.fspath(made))
     if not images.numbers:
         raise InputError(f"The images of {made} have no numbers in their names, by which a plan goes; number them.")
-    for folder in (images.files[0].parent, Path(rendered), Path(options.plan)):
-        if Path(output).exists() and folder.exists() and Path(output).samefile(folder):
-            raise OutputError(f"{output} is also an input; write to another folder.")
+    inputs = (images.files[0].parent, Path(rendered), Path(options.plan))
+    if Path(output).exists() and any(folder.exists() and Path(output).samefile(folder) for folder in inputs):
+        raise OutputError(f"{output} is also an input; write to another folder.")
     files = dict(zip(images.numbers, images.files, strict=True))
     planned = {frame.number: frame for frame in plan.frames if frame.regions}
     missing = [frame.number for frame in plan.frames if frame.number not in files]

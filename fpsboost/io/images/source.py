@@ -101,9 +101,7 @@ class ImageSource(ClosesOnExit):
     ) -> None:
         self._reading, self._limit = reading or ImageReading(), limit or MemoryLimit()
         with explained(InputError, "read", path, "check that it exists and that you may read it"):
-            sequence = find_images(path)
-            if self._reading.in_place:
-                sequence = _without_moved(sequence)
+            sequence = _without_moved(find_images(path)) if self._reading.in_place else find_images(path)
         fills_gaps = self._reading.fill_gaps
         if fills_gaps:
             _check_gaps(path, sequence)
@@ -217,9 +215,7 @@ class ImageSource(ClosesOnExit):
         image = read_image(path, self._limit, upright=self._reading.upright)
         if self._is_linear and self._reading.view == "srgb":
             return displayed_colours(image)
-        if self._is_linear and self._reading.linear:
-            return LayeredImage(image, ())
-        return image
+        return LayeredImage(image, ()) if self._is_linear and self._reading.linear else image
 
     def keep(self, first: int, last: int | None) -> None:
         """Restrict the source to the images from `first` up to, not including, `last`; None for the end.
@@ -242,12 +238,14 @@ def _check_gaps(path: str, sequence: NumberedImages) -> None:
     """Raise `OptionError` if images without numbers are to get gaps filled, `InputError` for too large a gap."""
     if not sequence.numbers:
         raise OptionError(f"`fill_gaps` goes by numbers, and the images of {path} have none; leave it out.")
-    for (file, number), (next_file, following) in pairwise(zip(sequence.files, sequence.numbers, strict=True)):
-        if following - number > MAX_GAP:
-            raise InputError(
-                f"{following - number - 1} images are missing between {file} and {next_file.name}, and `fill_gaps` "
-                f"makes {MAX_GAP - 1} at most; choose one sequence, or number the images anew."
-            )
+    refuse(
+        {
+            f"{following - number - 1} images are missing between {file} and {next_file.name}, and `fill_gaps` makes "
+            f"{MAX_GAP - 1} at most; choose one sequence, or number the images anew.": following - number > MAX_GAP
+            for (file, number), (next_file, following) in pairwise(zip(sequence.files, sequence.numbers, strict=True))
+        },
+        InputError,
+    )
 
 
 def _without_moved(sequence: NumberedImages) -> NumberedImages:

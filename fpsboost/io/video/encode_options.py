@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated
 
-from fpsboost.errors import OptionError
+from fpsboost.errors import OptionError, refuse
 from fpsboost.media import EncodeSettings
 from fpsboost.options import Checked, Range, option
 
@@ -25,9 +25,12 @@ def parse_encoder_options(texts: Sequence[str], option: str = "`encoder_options`
     """Split options of the form ``key=value``; messages name them by `option`."""
     texts = [texts] if isinstance(texts, str) else texts
     pairs = [text.partition("=") for text in texts]
-    for text, (name, _, value) in zip(texts, pairs, strict=True):
-        if not name.strip() or not value:
-            raise OptionError(f"{option} {text!r} is not of the form key=value; write it like tune=film.")
+    refuse(
+        {
+            f"{option} {text!r} is not of the form key=value; write it like tune=film.": not name.strip() or not value
+            for text, (name, _, value) in zip(texts, pairs, strict=True)
+        }
+    )
     return tuple((name.strip(), value) for name, _, value in pairs)
 
 
