@@ -239,8 +239,7 @@ def through_black(random: np.random.Generator) -> Clip:
 def dissolve(random: np.random.Generator) -> Clip:
     """One shot becomes another over six frames and more."""
     first, second = make_shot(random), make_shot(random)
-    steps = int(random.integers(6, 16))
-    shares = [0.0, 0.0, *np.linspace(0, 1, steps + 1), 1.0, 1.0]
+    shares = [0.0, 0.0, *np.linspace(0, 1, int(random.integers(6, 16)) + 1), 1.0, 1.0]
     return Clip("dissolves", [(1 - b) * first.frame(k) + b * second.frame(k) for k, b in enumerate(shares)], set())
 
 

@@ -50,8 +50,7 @@ def test_a_function_is_called_once(result):
 def test_a_conversion_prepares_every_frame_once(tmp_path, save_images, counters, factor, calls):
     """One call for each frame, however many pairs and times it is part of; none where nothing lies between."""
     save_images(tmp_path / "in", count=5)
-    summary = convert(str(tmp_path / "in"), str(tmp_path / "out"), factor=factor)
-    assert summary.scene_cuts == 0
+    assert convert(str(tmp_path / "in"), str(tmp_path / "out"), factor=factor).scene_cuts == 0
     assert {name: counter.call_count for name, counter in counters.items()} == dict.fromkeys(PER_FRAME, calls)
 
 

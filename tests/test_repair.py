@@ -112,8 +112,7 @@ def test_the_ends_of_a_clip_are_kept():
 def texture(seed: int, shift: int) -> np.ndarray:
     """A texture moved by some pixels; the seed is the scene."""
     coarse = np.random.default_rng(seed).integers(0, 256, (9, 16, 3), dtype=np.uint8)
-    fine = cv2.resize(coarse, (160, 90), interpolation=cv2.INTER_CUBIC)
-    return np.roll(fine, shift, axis=1)
+    return np.roll(cv2.resize(coarse, (160, 90), interpolation=cv2.INTER_CUBIC), shift, axis=1)
 
 
 def exchanged(image: np.ndarray) -> np.ndarray:

@@ -72,8 +72,7 @@ def test_planes_without_a_library_become_bgr(pixel_format, location):
 @pytest.mark.parametrize("pixel_format", FORMATS)
 def test_what_motion_is_looked_for_in_is_that_of_bgr(pixel_format):
     """Luma, its contrast, mean chroma, thumbnails and halves: to the levels that rounding and chroma's size cost."""
-    image = smooth()[0]
-    of_planes = planar(image, pixel_format)
+    of_planes = planar(smooth()[0], pixel_format)
     of_array = bgr_of(of_planes)
     assert np.abs(gray(of_planes).astype(int) - gray(of_array)).max() <= 20  # the matrix of luma is another
     assert np.abs(small_copy(of_planes, 40) - small_copy(of_array, 40)).mean() < 0.02

@@ -513,8 +513,7 @@ def fading(place: int, spacing: int = 16) -> float:
     That window lies `spacing` pixels away, on the side of the nearer end; squares that only one window has count 1. The
     step is 3 s^2 - 2 s^3 where windows overlap by half, and 6 s^5 - 15 s^4 + 10 s^3 where they overlap less.
     """
-    overlap = 16 - spacing / 2
-    share = min(min(place + 0.5, 15.5 - place) / overlap, 1)
+    share = min(min(place + 0.5, 15.5 - place) / (16 - spacing / 2), 1)
     return 3 * share**2 - 2 * share**3 if spacing == 16 else 6 * share**5 - 15 * share**4 + 10 * share**3
 
 

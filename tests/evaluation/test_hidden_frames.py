@@ -31,8 +31,7 @@ def test_shown_and_hidden_frames_follow_each_other_without_gaps(folder, skip, fi
     assert [each.begin.number for each in intervals] == list(
         range(first, first + len(intervals) * (skip + 1), skip + 1)
     )
-    available = min(11, first + length) - first
-    assert len(intervals) == (available - 1) // (skip + 1)
+    assert len(intervals) == (min(11, first + length) - first - 1) // (skip + 1)
     for interval in intervals:
         assert [each.number - interval.begin.number for each in interval.hidden] == list(range(1, skip + 1))
         assert [each.t for each in interval.hidden] == [Fraction(k, skip + 1) for k in range(1, skip + 1)]

@@ -68,8 +68,7 @@ def command(program, *words):
 )
 def test_images_are_matched(tmp_path, clip, names, hold_out):
     """By position in a whole sequence, in order if they are the hidden ones, else by number; numbers by their value."""
-    folder = save(tmp_path / "made", names)
-    compared_method = find_frames("tool", folder, hold_out.intervals(clip))
+    compared_method = find_frames("tool", save(tmp_path / "made", names), hold_out.intervals(clip))
     frames = list(compared_method.interpolate(hold_out.intervals(clip)))
     wanted = [hidden.number for interval in hold_out.intervals(clip) for hidden in interval.hidden]
     assert [frame.number for frame in frames] == wanted

@@ -100,8 +100,7 @@ def test_kinds_of_sources_and_sinks(tmp_path, save_images):
     with open_source(str(clip)) as source:
         assert isinstance(source, VideoSource)
         for name, kind in kinds.items():
-            sink = open_output(tmp_path / name, source, timing)
-            assert type(sink) is kind
+            assert type(open_output(tmp_path / name, source, timing)) is kind
 
 
 def test_an_empty_name_is_no_folder(tmp_path, monkeypatch, save_images):

@@ -23,8 +23,7 @@ GROUPS = {"preset": "ultrafast", "crf": "0", "g": "6", "bf": "2", "sc_threshold"
 
 def trim(start: str | None = None, end: str | None = None) -> Trim:
     """As the command line makes it."""
-    places = [None if text is None else parse_position(text, "--x") for text in (start, end)]
-    return Trim(*places)
+    return Trim(*[None if text is None else parse_position(text, "--x") for text in (start, end)])
 
 
 def convert_part(source: Path, target: Path, start: str | None, end: str | None = None, **options: Any) -> Summary:

@@ -111,8 +111,7 @@ def covered(length: int, places: int) -> np.ndarray:
     """Which share of each pixel of a row belongs to each of fewer places, (places, length)."""
     edges = np.arange(places + 1) * length / places
     pixel = np.arange(length)
-    shares = np.minimum(edges[1:, None], pixel + 1) - np.maximum(edges[:-1, None], pixel)
-    return shares.clip(0)
+    return (np.minimum(edges[1:, None], pixel + 1) - np.maximum(edges[:-1, None], pixel)).clip(0)
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])

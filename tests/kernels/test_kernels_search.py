@@ -79,8 +79,7 @@ def test_flat_frames_do_not_move(window, height, width):
 @pytest.mark.parametrize("axis", [0, 1])
 def test_ties_go_to_the_smallest_motion_and_then_in_raster_order(axis):
     """Stripes of period 2 that change places fit at -3, -1, 1 and 3 alike; -1 wins, in both fields."""
-    shape = [18, 18, 3]
-    stripes = np.zeros(shape, np.float32)
+    stripes = np.zeros([18, 18, 3], np.float32)
     stripes[(slice(None),) * axis + (slice(0, None, 2),)] = 1
     field01, field10 = search_fused(stripes, 1 - stripes, 4, 2, "box", 0.25)
     expected = [0, -1] if axis == 0 else [-1, 0]

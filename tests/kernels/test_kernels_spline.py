@@ -33,8 +33,7 @@ def test_coefficients_solve_the_equations(height, width, seed):
     everywhere = coefficients_of(planes_of(image))[0]
     found = everywhere[:, : 2 * MARGIN + width]
     np.testing.assert_array_equal(everywhere[:, 2 * MARGIN + width :], np.repeat(found[:, -1:], 3, axis=1))
-    beyond = BEYOND + MARGIN
-    expected = spline_coefficients(image[..., 0], beyond)[BEYOND:-BEYOND, BEYOND:-BEYOND]
+    expected = spline_coefficients(image[..., 0], BEYOND + MARGIN)[BEYOND:-BEYOND, BEYOND:-BEYOND]
     np.testing.assert_allclose(found, expected, atol=1e-5)
 
 

@@ -168,8 +168,7 @@ def test_ranges(tmp_path, name, start, end, may_skip):
     opened = lambda: TrimmedSource(VideoSource(clip), Trim(*places), may_skip=may_skip)  # noqa: E731
     check(opened, [1, 4, -1], "because the times of its frames" if name == "in.avi" else "")
     with opened() as whole, opened() as part:
-        frames = read(whole)
-        part.begin_at(len(frames) - 1)
+        part.begin_at(len(read(whole)) - 1)
         read(part)
         skipped = part.window.skipped if may_skip else whole.window.skipped
         assert replace(whole.window, skipped=skipped) == part.window

@@ -262,8 +262,7 @@ def test_a_part_that_exists(tmp_path, made):
         again(run=RunOptions(chunk=Part(2, 3)))
     with pytest.raises(CompleteAlreadyError):
         again(run=RunOptions(chunk=Part(2, 3), resume=True))
-    image = min((made / "0002-of-0003").glob("*.png"))
-    spoil(image)
+    spoil(min((made / "0002-of-0003").glob("*.png")))
     again(run=RunOptions(chunk=Part(2, 3), overwrite=True))
     join(str(tmp_path / "out"), [made])
 
@@ -287,8 +286,7 @@ def test_a_part_goes_on_where_it_was_stopped(tmp_path, clip):
     with pytest.raises(KeyboardInterrupt) as stopped:
         again(run=RunOptions(chunk=Part(2, 2), observer=StopAfter(CHUNK_FRAMES + 20)))
     assert f"{CHUNK_FRAMES} of" in stopped.value.__notes__[0]
-    resumed = again(run=RunOptions(chunk=Part(2, 2), resume=True))
-    assert resumed.completed_frames == CHUNK_FRAMES
+    assert again(run=RunOptions(chunk=Part(2, 2), resume=True)).completed_frames == CHUNK_FRAMES
     again(run=RunOptions(chunk=Part(1, 2)))
     join(str(tmp_path / "out.mp4"), [tmp_path / "out.mp4.parts"])
     assert (tmp_path / "out.mp4").read_bytes() == (tmp_path / "whole.mp4").read_bytes()

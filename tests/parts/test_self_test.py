@@ -62,15 +62,13 @@ def test_another_method_has_another_digest():
     image = np.zeros((4, 6, 3), np.uint8)
     digests = {name: self_test(each, image) for name, each in methods.items() if name != "nlm-passes"}
     assert len(set(digests.values())) == len(digests)
-    larger = configure(methods["nlm"], {"patch_radius": 3})
-    assert self_test(larger, image) not in digests.values()
+    assert self_test(configure(methods["nlm"], {"patch_radius": 3}), image) not in digests.values()
 
 
 @pytest.mark.parametrize("method", ["nlm", "blend"])
 def test_every_kind_of_image_has_its_digest(method):
     """Types, channels, planes and layers; none is like another one."""
-    digests = [self_test(methods[method], make()) for make in kinds.values()]
-    assert len(set(digests)) == len(kinds)
+    assert len({self_test(methods[method], make()) for make in kinds.values()}) == len(kinds)
 
 
 @pytest.mark.parametrize("method", ["nlm", "dis", "farneback"])

@@ -111,8 +111,7 @@ def save_clip(folder: Path, numbers: range, step: int, truth: VectorConvention, 
 
 def test_what_was_found_is_said_and_can_be_given(tmp_path, fpsboost_):
     """Vectors to the next frame with y down: found, said, and with the option neither searched nor said."""
-    names = "velocity.R velocity.G"
-    save_clip(tmp_path, range(1, 6), 2, conventions["forward-down"], names)
+    save_clip(tmp_path, range(1, 6), 2, conventions["forward-down"], "velocity.R velocity.G")
     said = fpsboost_("frames", "a", "--vectors", "vectors").err
     assert "the first and second channel lead to the next frame, right and down" in said
     assert "--vectors-as" in said

@@ -115,8 +115,7 @@ def test_what_a_file_says_of_itself_stays(tmp_path):
     made, rendered, out, options = round_trip(tmp_path)
     save(tmp_path / "made", "shot_0002.png", picture(2), ImageMetadata(PROFILE, (300.0, 300.0)))
     merge_regions(made, rendered, out, options)
-    path = tmp_path / "out" / "shot_0002.png"
-    assert metadata_of(path).profile == PROFILE
+    assert metadata_of(tmp_path / "out" / "shot_0002.png").profile == PROFILE
 
 
 def test_images_that_belong_to_no_region_are_told(tmp_path):
@@ -204,8 +203,7 @@ def test_seams_lie_inside(mask, feather):
 def test_regions_side_by_side_have_no_seam_between():
     """The edge that two rectangles share is none."""
     plan = PlannedFrame(1, (Rectangle(4, 4, 8, 16), Rectangle(12, 4, 8, 16)), False, 1, 0)
-    weights = seam_weights(plan.mask(HEIGHT, WIDTH), 3)
-    assert (weights[8:16, 8:16] == 1).all()
+    assert (seam_weights(plan.mask(HEIGHT, WIDTH), 3)[8:16, 8:16] == 1).all()
 
 
 def test_numbers_that_are_none_stay_where_they_are():

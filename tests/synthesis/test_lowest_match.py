@@ -71,8 +71,7 @@ def test_it_is_where_something_covers_the_picture(threads):
 
 def test_a_scene_cut_is_not_uncertain():
     """Nothing is made of both of its frames."""
-    images = PAN[:5] + [picture(index, scene=7) for index in range(10, 15)]
-    summary = summary_of(images)
+    summary = summary_of(PAN[:5] + [picture(index, scene=7) for index in range(10, 15)])
     assert summary.scene_cuts == 1
     assert lowest(summary).number != 9
 

@@ -39,8 +39,7 @@ def fused(
 def error(image: Any, truth: Any) -> float:
     """Mean absolute error inside of the frame, as a share of white."""
     white = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
-    difference = (image.astype(float) - truth)[EDGE:-EDGE, EDGE:-EDGE]
-    return float(np.abs(difference).mean() / white)
+    return float(np.abs((image.astype(float) - truth)[EDGE:-EDGE, EDGE:-EDGE]).mean() / white)
 
 
 @pytest.mark.parametrize(
@@ -107,8 +106,7 @@ def test_colours_that_alpha_hides_do_not_bleed(tmp_path, channels):
     images = [clip.image0.copy(), clip.image1.copy()]
     for image, left in zip(images, (20, 24), strict=True):
         image[20:30, left : left + 10, :-1], image[20:30, left : left + 10, -1] = 255, 0
-    vectors = VectorFolder(save_translation(tmp_path, 3, SIZE, 2, 0))
-    made = fused(vectors, *images).image
+    made = fused(VectorFolder(save_translation(tmp_path, 3, SIZE, 2, 0)), *images).image
     expected = clip.at(0.5)[..., -1].copy()
     expected[20:30, 22:32] = 0
     inner = slice(EDGE, -EDGE), slice(EDGE, -EDGE)

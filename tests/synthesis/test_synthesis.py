@@ -82,8 +82,7 @@ def test_images_are_made_one_at_a_time(synthesizer):
         yield 0.5
         raise AssertionError("asked for too much")
 
-    images = synthesizer.synthesize(true_transition(clip), times())
-    assert next(images).shape == (12, 14, 3)
+    assert next(synthesizer.synthesize(true_transition(clip), times())).shape == (12, 14, 3)
     assert made(synthesizer, clip, []) == []
 
 

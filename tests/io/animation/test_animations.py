@@ -85,8 +85,7 @@ def test_depth_that_is_lost_is_said(tmp_path, suffix):
     image[:6] = (0.4, 0.2, 0.1, 1)
     image[3:6] = (2, np.nan, -1, 1)
     image[8:] = (0, 0, 0.5, 0.5)
-    sink = write(tmp_path / f"out{suffix}", [image, image])
-    (remark,) = sink.remarks
+    (remark,) = write(tmp_path / f"out{suffix}", [image, image]).remarks
     assert f"out{suffix} lost" in remark
     back = read(tmp_path / f"out{suffix}")[1].image.astype(float)
     assert np.abs(back[:3] - (102, 51, 25.5, 255)).max() < 1.1

@@ -93,5 +93,4 @@ def png(mode: str, *values: int, palette: bytes = b"", **options: object) -> Sav
 def test_unusual_images_look_as_they_should(tmp_path, save, expected):
     """Colours apart from their alpha stay so, CMYK has no alpha, white is bright in 16 bits as in 8; palettes, gray."""
     save(tmp_path / "1.tif", 0)
-    pixel = read_image(tmp_path / "1.tif")[0, 0].astype(int)
-    assert np.abs(pixel - expected).max() <= 1
+    assert np.abs(read_image(tmp_path / "1.tif")[0, 0].astype(int) - expected).max() <= 1

@@ -173,8 +173,7 @@ def test_across_cuts_all_layers_do_what_the_picture_does(at_cuts, shade):
 
     method = replace(methods["nlm"], cuts=Everywhere(), at_cuts=at_cuts)
     image0, image1 = layered(planes_at(0)), layered(planes_at(5))
-    pair = method.pair(FrameCache(image0), FrameCache(image1))
-    ((made, _),) = method.images(pair, [0.25])
+    ((made, _),) = method.images(method.pair(FrameCache(image0), FrameCache(image1)), [0.25])
     for layer0, layer1, layer in zip(image0.layers, image1.layers, made.layers, strict=True):
         for name, plane in layer.planes.items():
             share = shade if layer0.kind == "linear" else 0

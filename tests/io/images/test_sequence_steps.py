@@ -130,8 +130,7 @@ def test_missing_numbers_are_made(step_and_factor, first, count, naming, as_patt
 )
 def test_factors_that_fit_and_others(tmp_path, step, options, expected, is_anew):
     """Numbers are kept where the factor divides the step; otherwise they count one by one, and that is said."""
-    source = fill(tmp_path / "in", range(1, 2 + 2 * step, step))
-    summary = run(source, tmp_path / "out", **options)
+    summary = run(fill(tmp_path / "in", range(1, 2 + 2 * step, step)), tmp_path / "out", **options)
     assert names_in(tmp_path / "out") == [f"{number:04d}.png" for number in expected]
     assert summary.frames_out == len(expected)
     assert any("numbered anew" in remark for remark in summary.remarks) is is_anew

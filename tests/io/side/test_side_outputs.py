@@ -119,8 +119,7 @@ def test_nothing_is_known_across_a_cut(at_cuts):
     scenes = two_scenes()
     frames = [Frame(np.roll(scenes[k // 3], 2 * k, 1), Fraction(k), Fraction(1)) for k in range(6)]
     sink, method = AskingSink(holds_last_frame=False), replace(methods["blend"], cuts=CutDetector(), at_cuts=at_cuts)
-    summary = run_conversion(FakeSource(frames), method, sink, ByFactor(Fraction(2)))
-    assert summary.scene_cuts == 1
+    assert run_conversion(FakeSource(frames), method, sink, ByFactor(Fraction(2))).scene_cuts == 1
     made = sink.frames[1::2]
     assert [bool(frame.confidence.any()) for frame in made] == [True, True, False, True, True]
     assert [frame.motion is None for frame in made] == [False, False, True, False, False]

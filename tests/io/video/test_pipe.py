@@ -228,8 +228,7 @@ def test_what_a_stream_lacks_is_told(data, remark):
 def test_something_between_the_frames():
     """What is no frame is an error that says how far it went; words behind FRAME are none."""
     data = stream_of(3)
-    size = 64 * 48 * 3 // 2
-    second = data.index(b"\n") + 1 + 6 + size
+    second = data.index(b"\n") + 1 + 6 + 64 * 48 * 3 // 2
     for junk in (b"JUNK!\n", b"FRAME " + b"a" * 2000 + b"\n"):
         with (
             PipeSource(BytesIO(data[:second] + junk + data[second:])) as source,
@@ -387,8 +386,7 @@ def test_from_file_to_pipe(piped, tmp_path):
     """The decoder's planes, and one note about the sound, which --no-audio silences."""
     clip = write_clip(tmp_path / "in.mp4", times=range(4), sound="aac")
     done = piped(b"", "in.mp4", "-", *NEAREST)
-    truth = [bytes_of(picture) for picture in pictures_of(clip)]
-    assert frames_in(done.stdout)[1][::2] == truth
+    assert frames_in(done.stdout)[1][::2] == [bytes_of(picture) for picture in pictures_of(clip)]
     assert sentences(done)[1:] == ["Note: in.mp4 has sound, which YUV4MPEG2 cannot hold; left out."]
     assert len(sentences(piped(b"", "in.mp4", "-", "--no-audio", *NEAREST))) == 1
 

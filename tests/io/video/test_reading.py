@@ -270,8 +270,7 @@ def test_a_change_of_size_stops_or_scales(tmp_path):
     assert all(a.time < b.time for a, b in pairwise(frames))
     assert {(frame.original.width, frame.original.format.name) for frame in frames} == {(64, "yuv420p")}
     small = np.asarray(frames[-1].image, float)
-    truth = scene(4, 96, 128).reshape(48, 2, 64, 2, 3).mean(axis=(1, 3))
-    assert np.abs(small - truth).mean() < 4
+    assert np.abs(small - scene(4, 96, 128).reshape(48, 2, 64, 2, 3).mean(axis=(1, 3))).mean() < 4
 
 
 @pytest.mark.parametrize(
@@ -285,8 +284,7 @@ def test_a_change_of_size_stops_or_scales(tmp_path):
 )
 def test_later_pictures_keep_their_colours(tmp_path, later):
     """Depth, range and matrix become the first one's, and the colours stay what they were."""
-    clip = changing(tmp_path, {"colorspace": 5, "color_range": 1}, later)
-    frames, remarks = read(clip, SCALE)
+    frames, remarks = read(changing(tmp_path, {"colorspace": 5, "color_range": 1}, later), SCALE)
     assert "made like the first" in remarks[-1]
     assert {(frame.image.shape, frame.image.dtype.name) for frame in frames} == {((48, 64, 3), "uint8")}
     last = frames[-1]

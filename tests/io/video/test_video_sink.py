@@ -83,8 +83,7 @@ def test_what_the_picture_means_is_kept(tmp_path, suffix):
     with VideoSource(clip) as before, VideoSource(tmp_path / f"out{suffix}") as after:
         assert after.traits == before.traits
     with av.open(str(tmp_path / f"out{suffix}")) as file:
-        titles = {key.lower(): value for key, value in file.metadata.items()}
-        assert titles["title"] == "Cranes"
+        assert {key.lower(): value for key, value in file.metadata.items()}["title"] == "Cranes"
         assert [chapter["metadata"]["title"] for chapter in file.chapters()] == ["opening"]
         assert file.streams.audio[0].metadata["language"] == "fra"
         assert len(file.streams.video) == 1
