@@ -247,8 +247,7 @@ def interpolate(
     >>> interpolate(frame, np.roll(frame, 4, axis=1), 0.5, method="blend").shape
     (48, 64, 3)
     """
-    interpolator = find_method(method)
-    (image,) = interpolator.interpolate(*_with_channels(frame0, frame1), [t], cuts=cuts)
+    (image,) = find_method(method).interpolate(*_with_channels(frame0, frame1), [t], cuts=cuts)
     return image.reshape(frame0.shape)
 
 

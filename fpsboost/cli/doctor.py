@@ -112,8 +112,7 @@ def diagnose() -> Iterator[Finding]:
         try:
             yield from look()
         except Exception as error:  # a broken library raises anything
-            first_line = f"{type(error).__name__}: {error}".splitlines()[0]
-            yield Finding(part, "error", first_line, advice)
+            yield Finding(part, "error", f"{type(error).__name__}: {error}".splitlines()[0], advice)
 
 
 def _programs() -> Iterator[Finding]:

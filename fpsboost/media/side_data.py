@@ -140,8 +140,7 @@ def described(sides: Sequence[tuple[str, bytes]], width: int) -> dict[str, str]:
 
 def stereo_mode_of(sides: Mapping[str, bytes]) -> str:
     """Return Matroska's name of how a picture holds two views; empty if it does not, or there is no name."""
-    data = sides.get("STEREO3D", bytes(8))
-    kind, flags = struct.unpack_from("=2i", data)
+    kind, flags = struct.unpack_from("=2i", sides.get("STEREO3D", bytes(8)))
     return "" if "VIEW_ID" in sides or kind not in stereo_modes else stereo_modes[kind][flags & 1]
 
 

@@ -107,8 +107,7 @@ class SceneAssisted(Checked):
             colours.append(_between_pixels(image.cached(premultiplied), x, y))
         total = weights[0] + weights[1]
         share = np.divide(weights[1], total, out=np.full_like(total, t), where=total > 0)[..., np.newaxis]
-        mixed = (1 - share) * colours[0] + share * colours[1]
-        return as_image(mixed, image0.array, image1.array, t)
+        return as_image((1 - share) * colours[0] + share * colours[1], image0.array, image1.array, t)
 
 
 def _between_pixels(values: NDArray[Any], x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:

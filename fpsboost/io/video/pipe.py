@@ -260,7 +260,6 @@ class PipeSink:
         self._waiting = None if stream else _descriptor(sys.__stdout__, OutputError, OUTPUT_NAME, advice)
         self._stream: Any = stream or self._waiting
         self._header = ""
-        self._coding: Coding
         self._reformatter = VideoReformatter()
         self.remarks: list[str] = []
         self._start = Fraction(0)

@@ -56,7 +56,6 @@ def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None, 
         pixel_format = packed_format(dtype, alpha=keeps_alpha)
         packed = scaler.reformat(picture, format=pixel_format, interpolation=SCALER_FLAGS)
         return np.ascontiguousarray(packed.to_ndarray())
-    image: Image
     if is_gray(picture.format):
         # not through 4:4:4, where the scaler applies a matrix to gray too and shifts it
         name = full_chroma(bits).replace("yuv444p", "gray")
