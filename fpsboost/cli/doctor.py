@@ -125,8 +125,7 @@ def _programs() -> Iterator[Finding]:
         except PackageNotFoundError:  # another package has brought the module
             yield Finding("programs", name, str(import_module(module).__version__))
         except ImportError as error:
-            advice = f"{name} cannot be imported; reinstall {package} with pip."
-            yield Finding("programs", name, str(error), advice)
+            yield Finding("programs", name, str(error), f"{name} cannot be imported; reinstall {package} with pip.")
 
 
 def _kernels() -> Iterator[Finding]:
@@ -163,8 +162,7 @@ def _machine() -> Iterator[Finding]:
     features = [name.strip("*") for name in cv2.getCPUFeaturesLine().split() if not name.endswith("?")]
     processor = platform.processor() or platform.machine()
     yield Finding("machine", "processor", f"{processor}, {', '.join(features) or 'no vector instructions'}")
-    cores = available_cores()
-    yield Finding("machine", "cores", f"{cores} of {os.cpu_count()}; as many pairs of frames in parallel")
+    yield Finding("machine", "cores", f"{available_cores()} of {os.cpu_count()}; as many pairs of frames in parallel")
     yield Finding("machine", "free memory", f"{available_memory() / 1e9:.1f} GB")
 
 

@@ -74,13 +74,10 @@ def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerF
     with explained(InputError, "read", folder, "name a folder of images"):
         images = find_images(str(folder))
     count_of_images, own = len(images.files), images.numbers
-    hidden, first, last, most = [], None, 0, 0
-    for interval in intervals:
-        first = interval.begin.number if first is None else first
-        hidden += [each.number for each in interval.hidden]
-        most = max(most, len(interval.hidden))
-        last = interval.end.number
-    assert first is not None
+    # without the frames, which would not fit into memory
+    spans = [(each.begin.number, [one.number for one in each.hidden], each.end.number) for each in intervals]
+    first, last, most = spans[0][0], spans[-1][-1], max(len(of_span) for _, of_span, _ in spans)
+    hidden = [number for _, of_span, _ in spans for number in of_span]
     steps = np.diff(own).tolist()
     numbers: Iterable[int]
     if 0 <= count_of_images - (last - first + 1) <= most and len(set(steps)) <= 1:

@@ -75,9 +75,8 @@ def find_regions(interval: Interval, vectors: VectorFolder | None = None) -> Ite
         motions = [_motion(truth, other, vectors) for other in others]
         flows = [flow for flow, _ in motions]
         matches = _find(truth, others, flows)
-        visible = [_leads_back(*each) for each in motions]
-        if vectors is None:
-            visible = [each & is_there for each, is_there in zip(visible, matches, strict=True)]
+        found = matches if vectors is None else (np.True_, np.True_)
+        visible = [_leads_back(*each) & is_found for each, is_found in zip(motions, found, strict=True)]
         moving = np.linalg.norm(flows[1] - flows[0], axis=-1) > MOVES
         yield Regions(moving, visible[0] != visible[1], ~(matches[0] | matches[1]))
 

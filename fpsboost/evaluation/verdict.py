@@ -186,11 +186,10 @@ def _share(share: float) -> str:
 
 def _leads(ahead: Sequence[Difference]) -> str:
     """Return the lead over every other method with its standard error, as text."""
-    if ahead[0].standard_error is None:
-        leads = ", ".join(f"{each.mean:.2f} dB ahead of {each.method}" for each in ahead)
-        return f"{leads}; one frame is no evidence for others"
-    leads = ", ".join(f"{each.mean:.2f} ± {each.standard_error:.2f} dB ahead of {each.method}" for each in ahead)
-    return f"{leads} (mean and standard error; up to two of these count as level)"
+    errors = ["" if each.standard_error is None else f" ± {each.standard_error:.2f}" for each in ahead]
+    leads = [f"{each.mean:.2f}{error} dB ahead of {each.method}" for each, error in zip(ahead, errors, strict=True)]
+    note = " (mean and standard error; up to two of these count as level)"
+    return ", ".join(leads) + (note if all(errors) else "; one frame is no evidence for others")
 
 
 def listed(words: Sequence[str]) -> str:

@@ -128,10 +128,8 @@ def from_bgr(
     codes = np.minimum(cv2.transform(colours, matrix), 2 ** bits_of(planar) - 1)
     for channel, plane in enumerate(plane_arrays(planar)):
         plane[:] = codes[..., channel]
-    planar = with_chroma_location(planar, chroma_location)
-    grays = {"ya8": "gray", "ya16le": "gray16le"}
-    without_alpha = grays.get(pixel_format) or pixel_format.replace("yuva", "yuv")
-    opaque = reformatted(planar, scaler, without_alpha, full_range)
+    without_alpha = {"ya8": "gray", "ya16le": "gray16le"}.get(pixel_format) or pixel_format.replace("yuva", "yuv")
+    opaque = reformatted(with_chroma_location(planar, chroma_location), scaler, without_alpha, full_range)
     if not keeps_alpha:
         return opaque
     levels = np.rint(alpha * np.float32((2 ** bits_of(opaque) - 1) / white))
