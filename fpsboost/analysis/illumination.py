@@ -113,9 +113,7 @@ class IlluminationModel:
         """
         gain, offset = (_at_pixels(values, image) for values in (self.gain, self.offset))
         lit: Image = image * (1 + (gain - 1) * np.float32(t)) + offset * np.float32(t)
-        if dtype == np.float32:
-            return lit
-        return np.asarray(np.rint(lit.clip(0, 1) * np.iinfo(dtype).max).astype(dtype))
+        return lit if dtype == np.float32 else np.asarray(np.rint(lit.clip(0, 1) * np.iinfo(dtype).max).astype(dtype))
 
 
 Estimate = tuple[float, IlluminationModel]

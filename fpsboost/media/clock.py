@@ -118,9 +118,8 @@ def nominal_rate(stream: av.VideoStream, cadence: Cadence | None, *, raw: bool =
     countable = [rate for rate in declared[:1] if (1 / rate / cadence.tick).denominator == 1]
     preferred = [*countable, *(rate for rate in declared if rate in usual), *usual, *declared[:1]]
     exact = [rate for rate in preferred if cadence.is_exactly(rate)]
-    near = [rate for rate in declared if cadence.is_nearly(rate)]
-    if not cadence.is_constant:
-        near += [rate for rate in usual if cadence.is_nearly(rate)]
+    considered = declared if cadence.is_constant else [*declared, *usual]
+    near = [rate for rate in considered if cadence.is_nearly(rate)]
     measured = [(1 / cadence.interval).limit_denominator(most) for most in MAX_DENOMINATORS]
     simplest = next((rate for rate in measured if rate > 0 and cadence.is_exactly(rate)), measured[-1])
     candidates = [*exact, *near, simplest, *declared[:1]]

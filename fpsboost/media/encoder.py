@@ -85,9 +85,8 @@ class VideoEncoder:
         # PyAV cannot set the field of Matroska's container, so there the coded stream must hold it
         keeps_shape = container in EXACT_TIME_BASE_CONTAINERS or encoder in ("libx264", "libx265")
         self._options, is_whole = with_hdr(self._options, encoder, traits.mastering_display, traits.light_level)
-        kept = self._kept_side_data(traits)
-        if is_whole:
-            kept |= {"MASTERING_DISPLAY_METADATA", "CONTENT_LIGHT_LEVEL"}
+        of_hdr = {"MASTERING_DISPLAY_METADATA", "CONTENT_LIGHT_LEVEL"} if is_whole else set[str]()
+        kept = self._kept_side_data(traits) | of_hdr
         lost = dict.fromkeys(said for kind, said in traits.side_data.items() if kind not in kept)
         shape = traits.sample_aspect_ratio
         said = {

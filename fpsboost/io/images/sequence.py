@@ -69,9 +69,8 @@ class Numbering:
     def number_in(self, name: str, *, any_padding: bool = False) -> int | None:
         """Read the number out of a file name; None where the name is not of this naming."""
         match = re.fullmatch(f"{re.escape(self.prefix)}([0-9]+){re.escape(self.suffix)}", name)
-        if match is None or not (any_padding or self.path(int(match[1])).name == name):
-            return None
-        return int(match[1])
+        is_ours = match is not None and (any_padding or self.path(int(match[1])).name == name)
+        return int(match[1]) if match is not None and is_ours else None
 
     def find(self, *, any_padding: bool = False) -> list[tuple[int, Path]]:
         """Return the files of this naming in the folder, with their numbers, in order."""
