@@ -180,8 +180,7 @@ def test_parts_are_the_same():
 
 def test_good_frames_of_a_video_stay_bit_for_bit(tmp_path, monkeypatch):
     """Without loss, with the sound; with a factor, repair and conversion are one run; `probe` sees what they see."""
-    times = [0, 1, 2, 4, 5, 9, 10, 11]
-    clip = write_clip(tmp_path / "in.mkv", times=times, codec="ffv1", sound="aac")
+    clip = write_clip(tmp_path / "in.mkv", times=[0, 1, 2, 4, 5, 9, 10, 11], codec="ffv1", sound="aac")
     options = {"method": "blend", "encoding": Encoding(codec="ffv1")}
     convert(str(clip), str(tmp_path / "out.mkv"), **options, **grouped(replace="3,6"))
     before, after = pictures_of(clip), pictures_of(tmp_path / "out.mkv")

@@ -62,8 +62,7 @@ def test_an_output_without_a_name_lies_beside_its_input(monkeypatch, tmp_path, i
 def test_no_name_is_needed_and_nothing_replaced(fpsboost_, tmp_path, unchanged):
     """One input makes an output beside it, named on the terminal; a second run is refused."""
     write_clip(tmp_path / "a.mp4", times=range(3))
-    result = fpsboost_("a.mp4", *CHEAP)
-    assert re.fullmatch(SUMMARY.format(r"a-2x\.mp4", 3, 6), result.lines[0])
+    assert re.fullmatch(SUMMARY.format(r"a-2x\.mp4", 3, 6), fpsboost_("a.mp4", *CHEAP).lines[0])
     with unchanged(tmp_path):
         assert_refused(fpsboost_("a.mp4", *CHEAP), 1, "a-2x.mp4 exists already")
 

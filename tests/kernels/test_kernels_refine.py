@@ -119,5 +119,4 @@ def test_both_directions_are_refined_like_each_by_itself():
 def test_what_noise_explains_by_chance_is_no_motion():
     """Most vectors between frames of nothing but noise stay as they are."""
     components = [noise(80, 80, 3, seed=seed) // 4 for seed in (1, 2)]
-    still = np.zeros((*points((80, 80), 8), 2), np.float32)
-    assert (refine(*components, 8, still) == 0).mean() > 0.8
+    assert (refine(*components, 8, np.zeros((*points((80, 80), 8), 2), np.float32)) == 0).mean() > 0.8

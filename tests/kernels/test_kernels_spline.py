@@ -50,8 +50,7 @@ def test_the_filter_is_as_precise_as_the_samples(bits):
     checkered = (np.indices((16, 16)).sum(0) % 2).astype(np.float32)[np.newaxis]
     precision = 2.0 ** -(bits + 3)
     coefficients = coefficients_of(checkered, precision=precision)[0].astype(float)
-    again = spline_window(coefficients, MARGIN, 0, 0, (16, 16))
-    assert np.abs(again - checkered[0]).max() < precision
+    assert np.abs(spline_window(coefficients, MARGIN, 0, 0, (16, 16)) - checkered[0]).max() < precision
 
 
 @pytest.mark.parametrize("seed", range(4))

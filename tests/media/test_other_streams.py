@@ -145,8 +145,7 @@ def test_timecodes_go_on_frame_by_frame(rate, separator, dropped):
     ]
     for first in (0, 1234):
         assert every[first:] == [timecode_at(every[first], rate, rate, count) for count in range(len(every) - first)]
-    midnight = f"23:59:59{separator}{per_second - 1}"
-    assert timecode_at(midnight, rate, rate, 3) == every[2]
+    assert timecode_at(f"23:59:59{separator}{per_second - 1}", rate, rate, 3) == every[2]
 
 
 def test_a_timecode_goes_along_with_the_start(tmp_path):
@@ -511,8 +510,7 @@ def test_texts_that_are_not_utf_8_are_read(tmp_path, suffix):
 )
 def test_languages_get_three_letters(tmp_path, suffix, expected):
     """Two letters and regions become what the container wants, and .mov the spelling that it knows."""
-    clip = write_tags(tmp_path / "in.mkv", {}, ["es", "deu", "pt-BR"])
-    assert double(clip, tmp_path / f"out{suffix}") == []
+    assert double(write_tags(tmp_path / "in.mkv", {}, ["es", "deu", "pt-BR"]), tmp_path / f"out{suffix}") == []
     assert [
         labels["language"] for kind, labels, _ in streams_of(tmp_path / f"out{suffix}") if kind == "audio"
     ] == expected

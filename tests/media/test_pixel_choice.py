@@ -105,8 +105,7 @@ def test_images_of_8_bits_stay_what_players_show(tmp_path):
 
 def test_deep_alpha(tmp_path):
     """16 bits of colour and alpha in FFV1; VP9 keeps alpha at 8 bits and says so."""
-    source = save_clip(tmp_path / "in", [noise(np.uint16, 4)] * 2)
-    (remark,) = to_video(source, tmp_path / "out.webm", preset="8")
+    (remark,) = to_video(save_clip(tmp_path / "in", [noise(np.uint16, 4)] * 2), tmp_path / "out.webm", preset="8")
     assert "has less depth and colour resolution than its source: libvpx-vp9 wrote yuva420p for gbrap16le" in remark
     assert first_image(tmp_path / "out.webm", alpha=True)[0] == "yuva420p"
 

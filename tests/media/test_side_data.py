@@ -102,8 +102,7 @@ def test_a_crop_is_applied_and_said(tmp_path, suffix, pixel_format, crop):
     if suffix != ".mp4":
         clip = copy_packets(clip, tmp_path / f"in{suffix}")
     target = tmp_path / "out.mp4"
-    encoding = Encoding(lossless=True, codec="h264")
-    summary = convert(str(clip), str(target), method="blend", encoding=encoding)
+    summary = convert(str(clip), str(target), method="blend", encoding=Encoding(lossless=True, codec="h264"))
     written = [plane_arrays(picture) for picture in pictures_of(target)][::2]
     assert [planes[0].shape for planes in written] == [size[::-1]] * 4
     for planes, originals in zip(written, whole, strict=True):

@@ -73,8 +73,7 @@ def band(sound: NDArray[np.float64], rate: int, low: float, high: float) -> NDAr
     """What of a sound lies between two frequencies."""
     spectrum, frequencies = np.fft.rfft(sound), np.fft.rfftfreq(len(sound), 1 / rate)
     spectrum[(frequencies < low) | (frequencies > high)] = 0
-    result: NDArray[np.float64] = np.fft.irfft(spectrum, len(sound))
-    return result
+    return np.fft.irfft(spectrum, len(sound))
 
 
 def clicks_of(path: Path, expected: Sequence[float], reach: float, track: int = 0) -> list[float]:

@@ -30,8 +30,7 @@ def test_what_a_public_name_takes_and_returns_is_public(name):
     value = getattr(fpsboost, name)
     if not callable(value):
         return
-    function = value.__init__ if isinstance(value, type) else value
-    for annotation in typing.get_type_hints(function).values():
+    for annotation in typing.get_type_hints(value.__init__ if isinstance(value, type) else value).values():
         for each in classes_in(annotation):
             assert getattr(fpsboost, each.__name__, None) is each, f"{name} takes or returns {each.__name__}"
 

@@ -117,8 +117,7 @@ def test_depth_is_never_between_two_surfaces(made):
 
 def test_normals_are_as_long_as_before(made):
     """Directions of length 1 stay so where one is mixed with another."""
-    length = np.sqrt(sum(made[f"Normal.{each}"] ** 2 for each in "XYZ"))
-    np.testing.assert_allclose(length, 1, atol=1e-3)
+    np.testing.assert_allclose(np.sqrt(sum(made[f"Normal.{each}"] ** 2 for each in "XYZ")), 1, atol=1e-3)
 
 
 @pytest.mark.parametrize("t", [0.25, 0.5, 0.75])
@@ -261,8 +260,7 @@ def test_every_layer_comes_back(folder, tmp_path, method, several):
 def test_what_frames_between_hold_on_request(clip, tmp_path, options, types, sentence):
     """The picture alone, or with some layers in the types that they have; what is left out is said."""
     out = tmp_path / str(options.pop("out", "out"))
-    summary = convert(clip, out, **options)
-    assert any(sentence in remark for remark in summary.remarks)
+    assert any(sentence in remark for remark in convert(clip, out, **options).remarks)
     if types is not None:
         made = content(out / "shot_0002.exr")
         assert {name.removeprefix("ViewLayer."): str(plane.dtype) for name, plane in made.items()} == types

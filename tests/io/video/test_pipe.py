@@ -370,8 +370,7 @@ def test_from_pipe_to_file(piped, tmp_path):
         assert source.info.rate == Fraction(60000, 1001)
         assert (source.stream_info.traits.sample_aspect_ratio, source.traits.full_range) == (Fraction(4, 3), True)
         assert source.stream_info.traits.chroma_location == "left"
-    planes = [bytes_of(picture) for picture in pictures_of(tmp_path / "out.mp4")]
-    assert planes[::2] == frames_in(data)[1]
+    assert [bytes_of(picture) for picture in pictures_of(tmp_path / "out.mp4")][::2] == frames_in(data)[1]
 
 
 def test_from_pipe_to_images(piped, tmp_path):

@@ -329,8 +329,7 @@ def test_parameters_of_the_user_stay_and_win(tmp_path):
 
 def test_what_cannot_keep_them_says_so(tmp_path):
     """An encoder that is not told about either loses them with a remark, and one that has nothing to lose is quiet."""
-    clip = write_hdr(tmp_path / "in.mp4")
-    traits, summary = converted(clip, tmp_path / "out.mkv", Encoding(codec="ffv1"))
+    traits, summary = converted(write_hdr(tmp_path / "in.mp4"), tmp_path / "out.mkv", Encoding(codec="ffv1"))
     assert (traits.mastering_display, traits.light_level) == (None, None)
     assert summary.remarks == [f"{tmp_path / 'out.mkv'} lost the HDR mastering data of its source."]
     assert with_hdr({"a": "b"}, "ffv1", None, None) == ({"a": "b"}, True)
