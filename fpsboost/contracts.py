@@ -173,6 +173,10 @@ class OutputRange:
     counted and passed on in order, but instead of an interpolated image they carry one of the source."""
     entry: Entry | None = None
     """Where reading begins, early enough for the first frame; None for the start of the clip."""
+    round_frames: int | None = None
+    """Number of frames of the source in one round of a loop: it goes on with its first frame; None if it ends."""
+    round_end: Fraction | None = None
+    """Time at which the source of a loop shows its first frame again, seconds; the output ends there."""
 
     def __contains__(self, number: int) -> bool:
         return self.first <= number and not self.is_past(number)

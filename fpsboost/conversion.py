@@ -1,8 +1,4 @@
-"""Conversion of files, or of any source of frames to arrays: a job -> source, interpolator, sink, and the loop.
-
-Of a clip that loops, frames are made as if it went on with its first frames after its last one, and came from its last
-ones; one round of them is kept. So the seam has a pair before it and a pair after it like any other.
-"""
+"""Conversion of files, or of any source of frames to arrays: a job -> source, interpolator, sink, and the loop."""
 
 from __future__ import annotations
 
@@ -11,7 +7,8 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import chain, count, cycle, islice, takewhile
+from functools import partial
+from itertools import chain, count, cycle, islice, pairwise, takewhile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -20,7 +17,15 @@ import numpy as np
 
 from fpsboost import __version__
 from fpsboost.colour import with_red_and_blue_swapped
-from fpsboost.contracts import Entry, FrameSource, HasCompletedFrames, OutputRange, SilentObserver, Summary
+from fpsboost.contracts import (
+    Entry,
+    FrameSource,
+    HasCompletedFrames,
+    OutputRange,
+    RandomAccess,
+    SilentObserver,
+    Summary,
+)
 from fpsboost.errors import InputError, OptionError, choose_one, explained, refuse
 from fpsboost.image import Image, check_image
 from fpsboost.interpolator import Interpolator
@@ -36,12 +41,20 @@ from fpsboost.method_table import find_method
 from fpsboost.options import PathName, Range, Rate, checked, flags_of, with_options
 from fpsboost.parts.manifest import fingerprint_files, fingerprint_options
 from fpsboost.parts.plan import enter, plan_part, share_index
-from fpsboost.preparation import ConversionJob, closing_remarks, memory_limit, prepared
+from fpsboost.preparation import (
+    ConversionJob,
+    FoldedSource,
+    Preparation,
+    closing_remarks,
+    memory_limit,
+    prepared,
+    read_again,
+)
 from fpsboost.run_options import RunOptions
-from fpsboost.streaming import interpolate_frames, run_conversion
+from fpsboost.streaming import beginning, interpolate_frames, run_conversion
 from fpsboost.threads import available_cores
 from fpsboost.timing.rate import OutputRate, exposed
-from fpsboost.timing.schedule import MAX_FACTOR, MAX_RATE, count_frames, parse_rate
+from fpsboost.timing.schedule import MAX_FACTOR, MAX_FILLED, MAX_RATE, count_frames, parse_rate
 
 LOOP_CONTEXT = 12
 """Frames of a loop that are read again before its first and after its last one.
@@ -146,8 +159,12 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
             planes = 0 if images is None else images.planes
             threads = memory_limit(job, run).affordable_threads(info.width, info.height, available_cores(), planes)
         observer = run.observer or SilentObserver()
-        expected = count_frames(ready.base_schedule, info, sink.holds_last_frame)
-        observer.opened(info, expected if part is None else part.output.frames)
+        source, outputs = (
+            looped(ready)
+            if job.rate.loop
+            else (clip.source, enter(ready, OutputRange()) if part is None else part.outputs)
+        )
+        observer.opened(info, output.expected_frames if part is None else part.output.frames)
         with sink:
             if part is not None:
                 share_index(clip, part.output.folder.parent)
@@ -156,14 +173,14 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
                 summary = Summary()
             else:
                 summary = run_conversion(
-                    clip.source,
+                    source,
                     ready.interpolator,
                     sink,
                     exposed(ready.base_schedule, job.rate),
                     observer,
                     stretch=job.rate.stretch,
                     threads=threads,
-                    outputs=replace(enter(ready, OutputRange()) if part is None else part.outputs, skip=there),
+                    outputs=replace(outputs, skip=there),
                 )
             if part is not None:
                 part.summary = summary
@@ -177,6 +194,57 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
     if part is None:
         summary.remarks += closing_remarks(ready, summary.frame_intervals)
     return summary
+
+
+def looped(ready: Preparation) -> tuple[FoldedSource, OutputRange]:
+    """Return the source of a conversion as it loops, and the output frames of one round. Decodes the last frame.
+
+    The source goes on with its first frames after its last one, and comes from its last ones before its first; one
+    round of it is kept, which lasts until the end of the last frame. So the seam has frames before and after it like
+    any other place: pairs, cuts, repeated frames, exposures and side outputs need to know nothing of it.
+
+    Raises
+    ------
+    OptionError
+        The source cannot be read twice, or does not list its frames; or one of them is shown for minutes.
+    """
+    source, whole, schedule = ready.clip.source, ready.clip.whole, ready.base_schedule
+    times = source.frame_times() if isinstance(source, RandomAccess) and whole.stream_info.files else None
+    if times is None or not isinstance(source, RandomAccess):
+        raise OptionError(
+            f"`loop` reads {whole.info.name} again from its beginning, and needs a file that says when each frame is "
+            "shown; convert it with `factor=1` first."
+        )
+    source.begin_at(0)  # so that the window on the other streams is known
+    count, start, read_from = len(times), times[0], partial(read_again, ready.job, ready.run, whole)
+    with read_from(count - 1) as again:
+        last = list(again)[-1]
+    end = schedule.presentation_time(start, last.time + (last.duration or 1 / source.info.rate))
+    refuse(
+        {
+            f"`loop` shows no frame for minutes, as {whole.info.name} does; leave it out.": any(
+                after - time > MAX_FILLED for time, after in pairwise([*times, end])
+            )
+        }
+    )
+    if ready.clip.window is not None:
+        ready.clip.window.end = ready.clip.window.begin + end - start
+    order = range(-LOOP_CONTEXT, count + LOOP_CONTEXT)
+    shown = [times[number % count] + number // count * (end - start) for number in order]
+    info = replace(source.info, frame_count=count, duration=end - start)
+    total = count_frames(schedule, info, holds_last_frame=True)
+    position = schedule.output_position(order[0], start, schedule.presentation_time(start, shown[0]))
+    outputs = OutputRange(
+        stop=total, entry=Entry(order[0], start, math.ceil(position)), round_frames=count, round_end=end
+    )
+    remarks, video = list(whole.remarks), whole.stream_info.video
+    if ready.target.kind == "video" and ready.output.encoding.audio and video and "sound" in video.companions:
+        remarks.append(
+            f"{info.name} has sound, which does not become a loop; where it outlasts the {total} frames, players hold "
+            "the last one until its end, and `audio=False` leaves it out."
+        )
+    places = [number % count for number in order]
+    return FoldedSource(info, remarks, places, shown, read_from, beginning(source)), outputs
 
 
 def fingerprint_job(source: DescribedSource, *, resume: bool, **options: Any) -> JobFingerprint | None:

@@ -209,7 +209,8 @@ class TrimmedSource(ClosesOnExit):
 class FoldedSource(ClosesOnExit):
     """Source of the frames of another one in any order of runs, at times of its own; it opens the other one for each.
 
-    `order` are numbers of its frames, and `read_from` opens it at a frame. What runs backwards is read in short blocks.
+    `order` are numbers of its frames, `read_from` opens it at a frame, and `beginning` is the position of the frame at
+    the time of its first one. What runs backwards is read in short blocks.
     """
 
     info: ClipInfo
@@ -217,6 +218,7 @@ class FoldedSource(ClosesOnExit):
     order: Sequence[int]
     times: Sequence[Fraction]
     read_from: Callable[[int], AbstractContextManager[FrameSource]]
+    beginning: SourcePosition
     first: int = 0
 
     def frame_times(self) -> Sequence[Fraction]:
@@ -255,8 +257,8 @@ class ConversionJob(Checked):
     encoding: Encoding = field(default_factory=Encoding)
 
     def of_part(self, trim: Trim) -> ConversionJob:
-        """Return the same conversion of a part of the clip."""
-        return replace(self, decoding=replace(self.decoding, trim=trim))
+        """Return the same conversion of a part of the clip, which is no loop by itself."""
+        return replace(self, rate=replace(self.rate, loop=False), decoding=replace(self.decoding, trim=trim))
 
     def target(self, run: RunOptions) -> Target:
         """Return the output's target; raise `OptionError` if there is none, or an option does not apply to it."""
@@ -328,14 +330,21 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
         source, window = trim_source(whole, trim, may_skip=may_skip, curve=curve or rate.slow_map)
         if curve is not None and curve.reverses:
             times = source.frame_times() if isinstance(source, RandomAccess) and whole.stream_info.files else None
-            if times is None or isinstance(interpolator.cuts, CutList) or rate.replace is not None:
-                what = "a file that says when each frame is shown" if times is None else "no `cuts` and no `replace`"
+            if times is None or isinstance(interpolator.cuts, CutList) or rate.replace is not None or rate.loop:
+                what = "a file that says when each frame is shown" if times is None else "no `cuts`, `replace`, `loop`"
                 advice = "let no time fall, or convert it with `factor=1` first" if times is None else "leave them out"
                 raise OptionError(f"`retime` plays {whole.info.name} backwards, which needs {what}; {advice}.")
             forwards = replace(job, rate=replace(rate, retime=None, slow_motion_sound=None))
             order, shown, curve = curve.unfolded(times)
             info = replace(info, frame_count=len(order), duration=shown[-1] + 1 / info.rate)
-            source = FoldedSource(info, list(whole.remarks), order, shown, partial(read_again, forwards, run, whole))
+            source = FoldedSource(
+                info,
+                list(whole.remarks),
+                order,
+                shown,
+                partial(read_again, forwards, run, whole),
+                SourcePosition(0, Fraction(0)),
+            )
         yield OpenedClip(target, whole, source, window, curve, clip_curve)
 
 
@@ -389,19 +398,20 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
     schedule = rate.schedule(info, has_clock=target.has_clock, curve=clip.curve)
     multiple = schedule.rate(info.rate) / info.rate
     images = stream.images
-    keeps_numbers = images is not None and not target.has_rate and images.numbers_for(multiple) is not None
-    keeps_numbers &= clip.curve is None
+    keeps_numbers = (
+        images is not None and not target.has_rate and clip.curve is None and images.numbers_for(multiple) is not None
+    )
     if rate.fill_gaps or keeps_numbers:  # an image that repeats another is none that is missing
         interpolator = replace(interpolator, duplicates=None)
     if rate.replacement is not None:
         interpolator = replace(interpolator, duplicates=None, replacement=rate.replacement)
-    expected = count_frames(schedule, info, holds_last_frame=target.kind != "images")
+    expected = count_frames(schedule, info, holds_last_frame=target.kind != "images" or rate.loop)
     interpolator, on_vectors = _match_vectors(interpolator, clip.whole.info.name, images, multiple, expected)
     output = Output(
         target.path,
         clip.whole.info,
         rate.timing(info, schedule),
-        stream,
+        replace(stream, plays=0) if rate.loop and stream.plays == 1 else stream,  # played once, it would be no loop
         encoding=encoding,
         expected_frames=expected,
         overwrite=run.overwrite,
@@ -454,6 +464,9 @@ def _check_rate(rate: OutputRate, interpolator: Interpolator, run: RunOptions) -
             ),
             "`shutter` needs frames at times that `vectors` says nothing of; leave one of them out.": (
                 blurs and has_vectors
+            ),
+            "`loop` needs motion from the last frame to the first, which `vectors` lacks; leave one of them out.": (
+                rate.loop and has_vectors
             ),
             f"`shutter` averages frames, which have no one map of {maps}; leave one of them out.": blurs and maps,
             f"{any_time} `in_place` only some; leave one of them out.": rate.retimes and run.in_place,

@@ -291,17 +291,21 @@ class _LoopState:
         for frame in frames:
             if self.number == 0:
                 self.start = frame.time
-            self.summary.frame_intervals.note(frame.time, self.start)
             number = self.number
             self.number += 1
-            self.summary.frames_in += 1
+            place, seconds = number, frame.time - self.start
+            if self.outputs.round_frames and self.outputs.round_end:
+                place, seconds = place % self.outputs.round_frames, seconds % (self.outputs.round_end - self.start)
+            if place == number:  # of a loop, one round counts
+                self.summary.frame_intervals.note(frame.time, self.start)
+                self.summary.frames_in += 1
             time = rising_time(self.schedule, self.start, frame.time, last)
             if time is None:
                 continue
             last = time
-            place = self.schedule.output_position(number, self.start, time)
-            position = SourcePosition(self.beginning.number + number, self.beginning.seconds + frame.time - self.start)
-            yield SourceFrame(replace(frame, time=time), place, position)
+            position = SourcePosition(self.beginning.number + place, self.beginning.seconds + seconds)
+            output_position = self.schedule.output_position(number, self.start, time)
+            yield SourceFrame(replace(frame, time=time), output_position, position)
 
     def groups(self, frames: Iterator[SourceFrame]) -> Iterable[tuple[SourceFrame, ...]]:
         """Return the frames in groups of which one picture is left: of damaged frames, or else of duplicates."""
@@ -494,5 +498,5 @@ def _with_durations(frames: Iterator[Frame], clip: _LoopState) -> Iterator[Frame
     """Set the duration of every frame to last until the next one, and of the last one until the clip ends."""
     for frame, following in pairwise(chain(frames, [None])):
         assert frame is not None, "only the last one is"
-        end = clip.end if following is None else following.time
+        end = clip.end if following is None else min(following.time, clip.outputs.round_end or following.time)
         yield replace(frame, duration=end - frame.time)

@@ -1,27 +1,22 @@
-"""Whole clips of arrays: their types, orders and layouts, iterators, loops."""
+"""Whole clips of arrays: their types, orders and layouts, iterators; loops of arrays and of files."""
 
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from itertools import count, islice
 from typing import Any
 
+import av
 import cv2
 import numpy as np
 import pytest
-from conversion_options import keeping_duplicates
+from animation_truth import plays_of, read_animation, write_animation
+from conversion_options import double, keeping_duplicates
 from numpy.typing import NDArray
 from PIL import Image
-from video_truth import scene
+from video_truth import scene, turntable, write_clip
 
-from fpsboost import InputError, OptionError, interpolate_clip, stream
-
-
-def turntable(frames: int, step: int = 4) -> NDArray[np.uint8]:
-    """A picture that moves to the side and comes in again on the other, BGR; a round takes `frames` of them."""
-    noise = np.random.default_rng(1).random((12, frames * step // 4, 3))
-    blown = cv2.resize(np.tile(noise, (1, 3, 1)), None, fx=4, fy=4, interpolation=cv2.INTER_CUBIC).clip(0, 1)
-    picture = np.rint(blown[:, frames * step :][:, : frames * step] * 255).astype(np.uint8)
-    return np.stack([np.roll(picture, number * step, axis=1) for number in range(frames)])
+from fpsboost import InputError, OptionError, Part, convert, interpolate_clip, stream
+from fpsboost.evaluation.steadiness import StepMeter
 
 
 class Tensor:
@@ -88,26 +83,94 @@ def test_an_iterator_is_read_as_frames_are_made():
     made.close()
 
 
-@pytest.mark.parametrize(("fps", "turn"), [(24, 3), (60, 8), (90, 4)])
 @pytest.mark.parametrize("repeated", [False, True])
-def test_a_loop_has_no_first_frame(fps, turn, repeated):
-    """Turned clips give the same frames in turned order, to the bit, with repeated pictures across the seam too."""
-    clip = turntable(8).repeat(1 + repeated, axis=0)
-    frames, times = interpolate_clip(clip, 24, fps, loop=True)
-    turned, _ = interpolate_clip(np.roll(clip, -turn, axis=0), 24, fps, loop=True)
-    assert len(frames) == len(times) == len(clip) * fps / 24
-    np.testing.assert_array_equal(turned, np.roll(frames, -turn * fps // 24, axis=0))
+@pytest.mark.parametrize(("fps", "turn"), [(24, 3), (60, 6), (90, 4), (70, 0)])
+def test_a_loop_has_no_first_frame(tmp_path, fps, turn, repeated):
+    """Turned folders give the frames of the array in turned order, to the bit, with repeated pictures across the seam
+    too; and so is the motion beside them. Of multiples that are not whole, the last step is shorter.
+    """
+    clip, motions = turntable(8).repeat(1 + repeated, axis=0), list[list[bytes]]()
+    frames, times = interpolate_clip(clip, 24, fps, loop=True, order="bgr")
+    for source, first in ((tmp_path / "in", 0), (tmp_path / "turned", turn)):
+        source.mkdir()
+        for number, image in enumerate(np.roll(clip, -first, axis=0)):
+            cv2.imwrite(str(source / f"{number:02}.png"), image)
+        summary = convert(source, source / "out", loop=True, fps=fps, input_fps=24, save_motion=source / "motion")
+        made = np.stack([cv2.imread(str(path)) for path in sorted((source / "out").glob("*.png"))])
+        np.testing.assert_array_equal(made, np.roll(frames, -first * fps // 24, axis=0))
+        motions.append([path.read_bytes() for path in sorted((source / "motion").glob("*.flo"))])
+        assert (summary.frames_in, summary.frames_out) == (len(clip), len(times))
+    assert len(motions[0]) == (0 if fps == 24 and not repeated else 16)
+    assert repeated or motions[1] == motions[0][2 * turn :] + motions[0][: 2 * turn]
 
 
-def test_the_seam_of_a_loop_is_as_even_as_the_rest():
-    """A quarter of a step moves a turntable by one pixel, everywhere; for iterators too, at which it ends in time."""
-    clip = turntable(12)
-    frames, _ = interpolate_clip(clip, 24, factor=4, loop=True)
-    truth = [np.roll(clip[0], number, axis=1).astype(float) for number in range(48)]
-    errors = np.abs(frames - truth).mean(axis=(1, 2, 3))
-    assert errors[-4:].max() <= errors.max() < np.abs(truth[1] - truth[0]).mean() / 4
-    lazy = [frame for frame, _ in interpolate_clip(iter(clip), 24, factor=4, loop=True)]
-    np.testing.assert_array_equal(lazy[4:], frames[4:])
+@pytest.mark.parametrize("target", ["out.gif", "out.webp"])
+@pytest.mark.parametrize("options", [{}, {"fps": 15}, {"keep_timing": True}, {"speed": "0.5@0-"}], ids=str)
+def test_a_loop_lasts_as_long_as_its_source(tmp_path, target, options):
+    """With delays that vary, and a rate of which no whole number of frames fits; what was shown once plays for ever."""
+    delays = [80, 160] * 4
+    write_animation(tmp_path / "in.gif", turntable(8), delays)
+    convert(tmp_path / "in.gif", tmp_path / target, loop=True, method="nlm-fast", **options)
+    length = sum(delay for _, delay in read_animation(tmp_path / target))
+    assert length == pytest.approx(sum(delays) * (2 if "speed" in options else 1), abs=12)
+    assert plays_of(tmp_path / target) == 0
+
+
+@pytest.mark.parametrize("loop", [True, False])
+def test_the_seam_of_a_loop_is_as_even_as_the_rest(tmp_path, loop):
+    """By the steps of motion, in percent, against the turntable itself; without `loop` it stands still there. Frames of
+    iterators are the same after the first interval, and end in time.
+    """
+    clip, meter = turntable(12), StepMeter()
+    write_clip(tmp_path / "in.mkv", times=range(12), codec="ffv1", size=(48, 48), picture=lambda k, *_: clip[k])
+    convert(tmp_path / "in.mkv", tmp_path / "out.apng", loop=loop, factor=4)
+    frames = [image[..., :3] for image, _ in read_animation(tmp_path / "out.apng")]
+    for number, image in enumerate(np.roll(frames, 20, axis=0), -20):  # the seam in the middle
+        meter.add(np.roll(clip[0], number, axis=1), image, counts=number % 4 != 0)
+    steps = meter.values()
+    assert (max(steps[12:15]) < 1.2 * max(steps[:12] + steps[15:]) < 20) == loop
+    eager, _ = interpolate_clip(clip, 24, factor=4, loop=loop)
+    lazy = [frame for frame, _ in interpolate_clip(iter(clip), 24, factor=4, loop=loop)]
+    np.testing.assert_array_equal(lazy[4:], eager[4:])
+
+
+def test_nothing_is_made_across_the_cut_of_a_loop(tmp_path):
+    """The last frame and the first of two scenes are repeated, each for half of the interval."""
+    clip = [*map(scene, range(4)), *(scene(40 + 2 * number)[::-1, :, ::-1] for number in range(4))]
+    summary = convert(write_animation(tmp_path / "in.apng", clip), tmp_path / "out.apng", loop=True, factor=4)
+    seam = [image[..., :3] for image, _ in read_animation(tmp_path / "out.apng")[28:]]
+    np.testing.assert_array_equal(seam, [clip[number] for number in (7, 7, 7, 0)])
+    assert summary.scene_cuts == 2
+
+
+def test_sound_of_a_loop_stays_and_is_said(tmp_path):
+    """Of a part between two frames, that of this part, with what it means in one sentence."""
+    write_clip(tmp_path / "in.mkv", times=range(50), sound="flac", sound_seconds=2)
+    said = double(tmp_path / "in.mkv", tmp_path / "out.mkv", loop=True, start="10f", end="30f")
+    assert [remark for remark in said if "does not become a loop; where it outlasts the 40 frames" in remark]
+    with av.open(str(tmp_path / "out.mkv")) as file:
+        assert sum(frame.samples for frame in file.decode(audio=0)) == pytest.approx(48000 * 20 / 25, abs=4096)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "sentence"),
+    [
+        ("in.264", {}, r"`loop` reads .*in\.264 again from its beginning, and needs a file"),
+        (
+            "in.mkv",
+            {"retime": "0=1s 1s=0"},
+            r"`retime` plays .* backwards, which needs no `cuts`, `replace`, `loop`",
+        ),
+        ("in.mkv", {"replace": "2"}, "`loop` goes on beyond the frames that `replace` counts"),
+        ("in.mkv", {"chunk": Part(1, 2)}, "`loop` goes from the last frame to the first; convert it in one run"),
+    ],
+)
+def test_what_cannot_loop_is_refused(tmp_path, name, options, sentence):
+    """Before anything is written, in a sentence that names the option."""
+    source = write_clip(tmp_path / name, times=range(50))
+    with pytest.raises(OptionError, match=rf"{sentence}.*\.$"):
+        convert(source, tmp_path / "out.mp4", loop=True, **options)
+    assert list(tmp_path.iterdir()) == [source]
 
 
 @pytest.mark.parametrize(

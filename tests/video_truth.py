@@ -28,6 +28,14 @@ def scene(index: int, height: int = 48, width: int = 64) -> NDArray[np.uint8]:
     return np.rint(np.stack(waves, axis=-1)).astype(np.uint8)
 
 
+def turntable(frames: int, step: int = 4) -> NDArray[np.uint8]:
+    """A picture that moves to the side and comes in again on the other, BGR; a round takes `frames` of them."""
+    noise = np.random.default_rng(1).random((12, frames * step // 4, 3))
+    blown = cv2.resize(np.tile(noise, (1, 3, 1)), None, fx=4, fy=4, interpolation=cv2.INTER_CUBIC).clip(0, 1)
+    picture = np.rint(blown[:, frames * step :][:, : frames * step] * 255).astype(np.uint8)
+    return np.stack([np.roll(picture, number * step, axis=1) for number in range(frames)])
+
+
 def write_clip(
     path: Path,
     *,

@@ -59,7 +59,7 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
         frames, rate = output.expected_frames, output.timing.rate
         if frames is None:
             source = job.decoding.trim.of_info(with_duration(ready.clip.whole))
-            frames = count_frames(ready.base_schedule, source, holds_last_frame=not is_images)
+            frames = count_frames(ready.base_schedule, source, holds_last_frame=not is_images or job.rate.loop)
         kept, (places, length) = _kept(ready, remarks), _places(ready, source)
     made = [output.path, *([] if frames is None else [counted(frames, "frame")])]
     if ready.target.has_rate:

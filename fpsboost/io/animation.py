@@ -13,11 +13,11 @@ import secrets
 import struct
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from fractions import Fraction
 from io import BytesIO
-from itertools import count, islice
+from itertools import accumulate, count, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Self, cast
 
@@ -102,7 +102,7 @@ class AnimationSource(ClosesOnExit):
 
     def __init__(self, path: str, *, keeps_alpha: bool = True, limit: MemoryLimit | None = None) -> None:
         data, limit = content_of(Path(path)), limit or MemoryLimit()
-        self._file, self._keeps_alpha, self._has_alpha = BytesIO(data), keeps_alpha, False
+        self._file, self._keeps_alpha, self._has_alpha, self._begin = BytesIO(data), keeps_alpha, False, 0
         declared = _webp_size(data[:HEADER_SIZE])
         if declared is not None:  # Pillow allocates the canvas of a WebP when it opens the file
             limit.check(path, *declared)
@@ -147,13 +147,21 @@ class AnimationSource(ClosesOnExit):
         except Exception:  # damage, as above
             return False
 
+    def frame_times(self) -> Sequence[Fraction]:
+        """Return the times of all frames, seconds, by the delays that opening has found."""
+        return list(accumulate(self._delays[:-1], initial=Fraction(0)))
+
+    def begin_at(self, number: int) -> None:
+        """Begin iterating at a frame, counted from 0; those before it are decoded, as each is drawn over the last."""
+        self._begin = number
+
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames, BGR or BGRA uint8, with the times and delays that opening has found.
 
         Each is decoded when it is due. Damaged files end with the last frame that opening could decode.
         """
-        time = Fraction(0)
-        for image, delay in islice(self._decoded(), len(self._delays)):
+        time = sum(self._delays[: self._begin], Fraction(0))
+        for image, delay in islice(self._decoded(), self._begin, len(self._delays)):
             pixels = image
             if not self._has_alpha:
                 pixels = np.ascontiguousarray(image[..., :3])

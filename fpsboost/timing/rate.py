@@ -63,6 +63,10 @@ class OutputRate(Checked):
         `fpsboost.timing.retime.parse_curve`. The output has the source's rate, unless `factor` or `fps` is given.
     speed : str, optional
         The same as speeds of parts of the source; see `fpsboost.timing.retime.parse_speeds`.
+    loop : bool
+        Make a loop: the last frame leads to the first one, and the frames between these two are made, too. The clip
+        lasts as long as before, and n frames become n times the factor, rounded up. The clip must be a file or a
+        folder, which is read twice at its end.
     fill_gaps : bool
         Interpolate the missing images of a numbered sequence, whose numbers are its clock: `factor` then counts frames
         per number, 1 by default, and no gap is too long.
@@ -100,6 +104,7 @@ class OutputRate(Checked):
         None, "Speed ramp OUT=IN: 0=0 2s=2s 3s=2.25s, or a file.", metavar="CURVE", parse=read_curve
     )
     speed: str | None = option(None, "Speed of parts of the input: 0.25@1:00-1:05.", metavar="SPEEDS")
+    loop: bool = option(False, "Make a loop: the last frame leads to the first.")
     fill_gaps: bool = option(False, "Interpolate only the missing image numbers.", group="Input")
     replace: Replacement | PathName | None = option(
         None,
@@ -131,6 +136,9 @@ class OutputRate(Checked):
                 ),
                 "`fps` makes the rate constant and `keep_timing` does not; give one of them.": (
                     has_fps and self.keep_timing
+                ),
+                "`loop` goes on beyond the frames that `replace` counts; give one of them.": (
+                    self.loop and self.replace is not None
                 ),
                 "`shutter_samples` needs `shutter`; give both, or leave it out.": (
                     self.shutter_samples is not None and self.shutter is None

@@ -275,6 +275,7 @@ class MotionWriter(SideWriter):
 
     option, endings = "`save_motion`", {FLO: [BACKWARD, FORWARD, *FLOW_PICTURES], EXR: [EXR, *FLOW_PICTURES]}
     _last: PairMotion | None = None
+    _first: PairMotion | None = None
     _is_still: bool | None = None
 
     @property
@@ -292,13 +293,17 @@ class MotionWriter(SideWriter):
         else:
             self.finish()
             self._write_vectors(motion.number0, -motion.flow01, motion.flow01)
-        self._last = motion
+        self._first, self._last = self._first or motion, motion
         self._is_still = self._is_still is not False and not motion.flow01.any() and not motion.flow10.any()
 
     def finish(self) -> None:
-        """Write the motion of the last frame of a scene, extrapolated to the frame after it."""
-        if self._last is not None:
-            self._write_vectors(self._last.number1, self._last.flow10, -self._last.flow10)
+        """Write the motion of the last frame of a scene, extrapolated to the frame after it.
+
+        Of a loop, that is the first frame once more, whose motion is known on both sides now.
+        """
+        if self._last is not None and self._first is not None:
+            number, backward = self._last.number1, self._last.flow10
+            self._write_vectors(number, backward, self._first.flow01 if number == self._first.number0 else -backward)
             self._last = None
 
     def _write_vectors(self, place: int, backward: NDArray[Any], forward: NDArray[Any]) -> None:
