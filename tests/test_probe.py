@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from animation_truth import disc, write_animation
 from held_frames import CADENCES, encode, held, pan
-from video_truth import QUARTER_TURN, png, spoil_packets, write_clip
+from video_truth import QUARTER_TURN, png, spoil_packets, turntable, write_clip
 
 from fpsboost import InputError, OptionError, convert
+from fpsboost.cli.probe import facts
 from fpsboost.probing import Probe, probe
 
 
@@ -27,6 +28,13 @@ def test_a_plain_clip(tmp_path):
     assert found.conversion.frames == summary.frames_out
     assert found.conversion.rate == pytest.approx(48000 / 1001)
     assert (found.conversion.refused, found.conversion.remarks) == (None, summary.remarks)
+
+
+@pytest.mark.parametrize(("frames", "loops"), [(12, True), (7, False)])
+def test_a_loop_is_offered(tmp_path, frames, loops):
+    """Of a turntable, after a whole turn; not of a part of it, whose last frame and first one differ more."""
+    clip = write_animation(tmp_path / "in.gif", turntable(12)[:frames])
+    assert ("loop" in facts(probe(str(clip)))) == loops
 
 
 def test_every_stream_is_listed(tmp_path):

@@ -113,6 +113,7 @@ def facts(result: Probe) -> dict[str, str]:
         **numbers,
         "duplicates": str(result.duplicates) if result.duplicates else "none",
         "scene cuts": f"{len(result.cuts)}, at {times}{more} s" if result.cuts else "none",
+        **({"loop": "the last frame leads to the first; --loop makes the frames between"} if result.loops else {}),
         "damaged": damaged if result.damaged else "none",
         "interlaced": flagged if result.interlaced else "no",
         "--factor 2": conversion.refused or f"{conversion.frames} frames at {conversion.rate:.6g} fps",
