@@ -41,7 +41,7 @@ LABELS = {
         "codec": "Format",
     },
     **{"crf": "Smaller file” or “Higher quality", "lossless": "Without loss", "streams": "Streams to keep"},
-    "resume": "Try again",
+    **{"resume": "Try again", "loop": "A loop"},
 }
 """Names that the page has for options, by their flags."""
 
@@ -81,6 +81,8 @@ class Choices(Checked):
         Meaning of `value`.
     value : str
         Factor, frame rate, factor of slow motion, or points of a speed ramp.
+    loop : bool
+        The last frame leads to the first.
     method : str
         Name of the method.
     start, end : str
@@ -104,6 +106,7 @@ class Choices(Checked):
     name: str
     rate: Literal["factor", "fps", "slow", "retime"] = "factor"
     value: str = "2"
+    loop: bool = False
     method: str = "nlm"
     start: str = ""
     end: str = ""
@@ -133,7 +136,7 @@ class Choices(Checked):
         name = self.rate if self.rate in ("fps", "retime") else "factor"
         if name == "retime" and "=" not in self.value:  # the name of a file, for a command line
             raise OptionError("A speed ramp is at least two points, such as 0=0 4s=2s.")
-        rate = options_from(OutputRate, {name: self.value, "slow_motion": self.rate == "slow"})
+        rate = options_from(OutputRate, {name: self.value, "slow_motion": self.rate == "slow", "loop": self.loop})
         decoding = options_from(
             DecodeOptions, {name: getattr(self, name) or None for name in ("input_fps", "start", "end")}
         )

@@ -405,11 +405,19 @@ def test_times_are_checked(client, films, time):
 
 def test_form_says_what_comes_out(client, films):
     """The frames, the rate, the length and the command line of a conversion, before it is done."""
-    changes = {"rate": "slow", "value": "4", "start": "2f", "codec": "hevc", "quality": "smaller", "name": "it's.mkv"}
+    changes = {
+        "rate": "slow",
+        "value": "4",
+        "loop": True,
+        "start": "2f",
+        "codec": "hevc",
+        "quality": "smaller",
+        "name": "it's.mkv",
+    }
     found = check(client, form(client, films, **changes, subtitles=False))
     assert found.pop("command") == (
-        f"fpsboost {films}/clip.mp4 '{films}/it'\"'\"'s.mkv' --factor 4 --slow-motion --method nearest --start 2f "
-        "--codec hevc --crf 26 --no-subtitles"
+        f"fpsboost {films}/clip.mp4 '{films}/it'\"'\"'s.mkv' --factor 4 --slow-motion --loop --method nearest "
+        "--start 2f --codec hevc --crf 26 --no-subtitles"
     )
     assert (found["frames"], found["rate"], found["remarks"]) == (32, 25.0, [])
 

@@ -276,6 +276,7 @@ function choices(clip = state.clip) {
     ...clip.choices,
     rate,
     value: value ?? elements.value.value.trim(),
+    loop: elements.loop.checked,
     method: elements.method.value,
     start: elements.start.value.trim(),
     end: elements.end.value.trim(),
@@ -735,7 +736,7 @@ async function setPoster(video, src) {
 
 function pictureOf(job, kind, path) {
   const isImage = /\.(gif|webp|png|apng)$/i.test(path);
-  const element = isImage ? make("img", { alt: `The ${kind}` }) : make("video", { controls: kind === "result", preload: "metadata" });
+  const element = isImage ? make("img", { alt: `The ${kind}` }) : make("video", { controls: kind === "result", loop: job.words.includes("--loop"), preload: "metadata" });
   if (!isImage && kind === "result") inTurn(() => setPoster(element, job.media.poster));
   loadInTurn(element, job.media[kind]);
   element.addEventListener("error", () => {
