@@ -105,7 +105,9 @@ def invalid_inputs(workflow: Workflow, nodes: dict[str, type]) -> list[str]:
     return [
         f"{number}.{name}: {fault}"
         for number, node in workflow.items()
-        for name, (kind, *further) in nodes[node["class_type"]].INPUT_TYPES()["required"].items()
+        for group, inputs in nodes[node["class_type"]].INPUT_TYPES().items()
+        for name, (kind, *further) in inputs.items()
+        if group == "required" or name in node["inputs"]
         for fault in [_fault(node["inputs"], name, kind, further[0] if further else {}, workflow, nodes)]
         if fault
     ]

@@ -6,7 +6,7 @@ methods of the tensors suffice.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, Protocol, Self
 
 import cv2
@@ -40,9 +40,9 @@ def check_batch(images: Tensor) -> None:
         )
 
 
-def frames_of(images: Tensor) -> Iterator[NDArray[Any]]:
-    """Yield the images of a batch one after the other, (H, W, C) float32, BGR or BGRA."""
-    for number in range(images.shape[0]):
+def frames_of(images: Tensor, numbers: Iterable[int]) -> Iterator[NDArray[Any]]:
+    """Yield images of a batch by their numbers, one after the other, (H, W, C) float32, BGR or BGRA."""
+    for number in numbers:
         yield cv2.cvtColor(images[number].cpu().float().numpy(), swaps[images.shape[3]])
 
 

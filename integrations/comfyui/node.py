@@ -7,14 +7,17 @@ from fractions import Fraction
 from typing import Any, Literal, get_args
 
 from fpsboost import (
+    Entry,
     Frame,
     Interpolator,
     MemoryLimit,
+    OutputRange,
     OutputRate,
     find_method,
     methods,
     run_conversion,
 )
+from fpsboost.conversion import LOOP_CONTEXT
 from fpsboost.io.video.capture import ArraySource
 from fpsboost.options import AtCuts, Duplicates
 from fpsboost.threads import available_cores
@@ -36,13 +39,13 @@ class FrameInterpolation:
     """Node that makes the images between the images of a batch.
 
     n images become ``(n - 1) * multiplier + 1``, as with other nodes for the purpose: the first and the last image are
-    those of the batch, and a single image stays as it is.
+    those of the batch, and a single image stays as it is. With `loop` they become ``n * multiplier``.
     """
 
     CATEGORY = "image/video"
     DESCRIPTION = (
         "Makes the images between the images of a batch, by motion estimated from the images themselves: no model, no "
-        "download, no GPU. n images become (n - 1) * multiplier + 1."
+        "download, no GPU. n images become (n - 1) * multiplier + 1, or n * multiplier with loop."
     )
     FUNCTION = "interpolate"
     RETURN_TYPES = ("IMAGE", "MASK")
@@ -72,6 +75,11 @@ class FrameInterpolation:
             "tooltip": "Images that show the same as the one before. interpolate: replace them by images made for "
             "their times. keep: leave them.",
         }
+        loop = {
+            "default": False,
+            "tooltip": "The last image leads to the first, and images are made between these two, too. Leave out a "
+            "last image that repeats the first.",
+        }
         return {
             "required": {
                 "images": ("IMAGE", {"tooltip": "Consecutive images of one clip."}),
@@ -80,31 +88,47 @@ class FrameInterpolation:
                 "scene_cuts": ([*get_args(AtCuts), "one scene"], scene_cuts),
                 "duplicates": (list(get_args(Duplicates)), duplicates),
             },
+            "optional": {"loop": ("BOOLEAN", loop)},  # which saved workflows may lack
         }
 
     def interpolate(
-        self, images: Tensor, multiplier: int, method: str, scene_cuts: SceneCuts, duplicates: Duplicates
+        self,
+        images: Tensor,
+        multiplier: int,
+        method: str,
+        scene_cuts: SceneCuts,
+        duplicates: Duplicates,
+        loop: bool = False,
     ) -> tuple[Tensor, Tensor]:
         """Make the images between the images of a batch, (N, H, W, C), RGB or RGBA, 0 to 1.
 
-        Returns images (N', H, W, C) and confidence (N', H, W), float32; raises `InputError` if the result does not fit
-        into memory.
+        With `loop`, the last image leads to the first one, as with `fpsboost.interpolate_clip`. Returns images
+        (N', H, W, C) and confidence (N', H, W), float32; raises `InputError` if the result does not fit into memory.
         """
         check_batch(images)
         count, height, width, _ = images.shape
-        outputs, memory = (count - 1) * multiplier + 1, MemoryLimit()
-        sink = BatchSink(images, outputs, memory)
+        context = LOOP_CONTEXT if loop and count > 1 else 0  # images that are read again before and after all
+        total, memory = count * multiplier if context else (count - 1) * multiplier + 1, MemoryLimit()
+        sink = BatchSink(images, total, memory)
         if count == 1:
-            sink.write(Frame(next(frames_of(images)), Fraction(0)))
+            sink.write(Frame(next(frames_of(images, [0])), Fraction(0)))
             return sink.images, sink.confidence
-        source = ArraySource(frames_of(images), ANY_RATE, "`images`")
+        numbers, start = range(-context, count + context), context / ANY_RATE
+        source = ArraySource(frames_of(images, (number % count for number in numbers)), ANY_RATE, "`images`")
+        outputs = OutputRange(
+            stop=total,
+            entry=Entry(-context, start, -context * multiplier),
+            round_frames=count,
+            round_end=start + count / ANY_RATE,
+        )
         summary = run_conversion(
             source,
             _interpolator(method, scene_cuts, duplicates),
             sink,
             OutputRate(factor=multiplier).schedule(source.info, has_clock=False),
-            HostObserver(outputs),
+            HostObserver(total),
             threads=sink.memory_left.affordable_threads(width, height, available_cores()),
+            outputs=outputs,
         )
         say_summary(summary)
         return sink.images, sink.confidence

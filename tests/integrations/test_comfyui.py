@@ -75,6 +75,10 @@ def test_images_between_are_those_of_the_library(run, multiplier):
     bgr = [np.ascontiguousarray(image[..., ::-1]) for image in images]
     wanted = list(fpsboost.stream(bgr, factor=multiplier, method="nlm-fast"))[: len(made)]
     np.testing.assert_array_equal(made, np.stack(wanted)[..., ::-1])
+    looped, _ = run(images, multiplier=multiplier, loop=True)
+    np.testing.assert_array_equal(
+        looped, fpsboost.interpolate_clip(images, 24, factor=multiplier, loop=True, method="nlm-fast")[0]
+    )
     between = confidence[1::multiplier]
     assert between.min() >= 0
     assert 0.5 < between.mean() < 1
@@ -148,9 +152,9 @@ def test_everything_is_explained(nodes):
     node = nodes[NAME]
     assert node.DESCRIPTION
     assert len(node.OUTPUT_TOOLTIPS) == len(node.RETURN_NAMES) == len(node.RETURN_TYPES)
-    required = node.INPUT_TYPES()["required"]
-    assert all(config["tooltip"] for _, config in required.values())
-    defaults = {name: config["default"] for name, (_, config) in required.items() if "default" in config}
+    inputs = {name: each for group in node.INPUT_TYPES().values() for name, each in group.items()}
+    assert all(config["tooltip"] for _, config in inputs.values())
+    defaults = {name: config["default"] for name, (_, config) in inputs.items() if "default" in config}
     assert host.invalid_inputs(workflow(**defaults), nodes) == []
 
 
