@@ -42,6 +42,17 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.media import check_writable
 from fpsboost.options import words_of_options
 
+FIGURES = {
+    "psnr": "PSNR",
+    "psnr_p5": "P5",
+    "ssim": "SSIM",
+    "mae": "MAE",
+    "spurious": "spurious",
+    "missing": "missing",
+    "cpu_seconds": "CPU s",
+}
+"""Headings of the first table, as many as 80 columns hold, by the names of the data."""
+
 EXIT_BELOW_LIMIT = 3  # exit code of a comparison that ends below ``--fail-under``
 
 
@@ -207,13 +218,12 @@ def check_results(results: ResultOptions) -> None:
 def tables(comparison: evaluation.Comparison) -> list[Table]:
     """Return tables, best method first: overall figures; errors by area, if one is large enough; further metrics."""
     title = f"{literal(comparison.clip)}: {len(comparison.hidden)} frames of {comparison.kind}"
-    figures = ["PSNR", "PSNR P5", "SSIM", "MAE", "MSE", "CPU s", "wall s"]
-    all_tables = [figure_table("method", title, figures, evaluation.overall_rows(comparison))]
+    all_tables = [figure_table("method", title, FIGURES.values(), evaluation.overall_rows(comparison, FIGURES))]
     if comparison.areas:
         areas = chain.from_iterable(comparison.areas)
         all_tables.append(figure_table("MAE", "where the errors are", areas, evaluation.area_rows(comparison)))
-    if comparison.metrics:
-        titles = [evaluation.metrics[name].title for name in comparison.metrics]
+    if further := evaluation.further_columns(comparison):
+        titles = [column.title for column in further.values()]
         all_tables.append(figure_table("method", "further metrics", titles, evaluation.further_rows(comparison)))
     return all_tables
 
@@ -233,7 +243,7 @@ def figure_table(name: str, title: str, figures: Iterable[str], rows: Sequence[e
 def remarks(comparison: evaluation.Comparison, compared_methods: Mapping[str, evaluation.ComparedMethod]) -> list[str]:
     """Return the remarks below the tables."""
     shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in comparison.shares.items())
-    units = "PSNR in dB, P5 its 5th percentile; MAE and MSE in levels of 255; times of a frame."
+    units = "PSNR in dB, P5 its 5th percentile; MAE in levels of 255; CPU s of a frame."
     lines = [f"{units} Of the picture: {shares}."]
     lines += [evaluation.metrics[name].meaning for name in comparison.metrics]
     if comparison.cuts:

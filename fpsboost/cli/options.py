@@ -261,10 +261,9 @@ class ResultOptions:
 
     metrics: tuple[str, ...] = option(
         (),
-        "Metrics beside PSNR, its 5th percentile (P5), SSIM, MAE\n"
-        "and MSE: flip, xpsnr, vmaf, wrong, spurious, missing,\n"
-        "flicker, steps, separated by commas; see\n"
-        "docs/comparison.md.",
+        "Metrics beside PSNR, its 5th percentile (P5), SSIM, MAE,\n"
+        "spurious and missing edges: flip, xpsnr, vmaf, mse,\n"
+        "wrong, flicker, steps, separated by commas; see docs/comparison.md.",
         metavar="NAMES",
     )
     report: str | None = option(None, "New folder for the page, index.html.", metavar="DIR")

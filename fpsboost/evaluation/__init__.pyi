@@ -7,6 +7,7 @@ from .compared_methods import Minterpolate as Minterpolate
 from .compared_methods import method_names as method_names
 from .export import Row as Row
 from .export import area_rows as area_rows
+from .export import further_columns as further_columns
 from .export import further_rows as further_rows
 from .export import mean_rows as mean_rows
 from .export import overall_rows as overall_rows

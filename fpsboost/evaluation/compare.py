@@ -23,7 +23,7 @@ from fpsboost import __version__
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy, counts_frames
 from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.evaluation.compared_methods import ComparedMethod, InterpolatedFrame
-from fpsboost.evaluation.further_metrics import Meters
+from fpsboost.evaluation.further_metrics import STANDARD, Meters
 from fpsboost.evaluation.hidden_frames import HoldOut, Interval
 from fpsboost.evaluation.regions import AREAS, find_regions
 from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult, absolute_error, score
@@ -83,7 +83,8 @@ def compare(
     cut_options : tuple of str
         Options of the command line for scene cuts, which are kept in the result.
     metrics : sequence of str
-        Names of further metrics, see `fpsboost.evaluation.further_metrics.metrics`.
+        Names of further metrics, see `fpsboost.evaluation.further_metrics.metrics`; those of `STANDARD` are always
+        measured.
 
     Raises
     ------
@@ -101,6 +102,7 @@ def compare(
         hold_out = replace(hold_out, duplicates="keep", counts_frames=True)
     if counts_frames(cuts):
         hold_out = replace(hold_out, counts_frames=True)
+    metrics = tuple(dict.fromkeys((*STANDARD, *metrics)))
     advice = "free some space there, or name another folder with TMPDIR"
     with explained(OutputError, "write to", tempfile.gettempdir(), advice), tempfile.TemporaryFile() as file:
         observer.begin("reading", None)
@@ -143,7 +145,7 @@ def compare(
         repeats=facts.repeats,
         doubtful=doubtful,
         clip_frames=facts.clip_frames,
-        metrics=tuple(metrics),
+        metrics=metrics,
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from io import StringIO
 from pathlib import Path
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fpsboost.evaluation.further_metrics import Column, metrics
+from fpsboost.evaluation.further_metrics import STANDARD, Column, Metric, metrics
 from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
 from fpsboost.evaluation.results import Comparison, mean
 from fpsboost.evaluation.verdict import judge, psnr_of_clips
@@ -106,15 +106,21 @@ def without_nan(value: Any) -> Any:
 
 
 COLUMNS = {
-    "psnr": Column("PSNR", "dB", 2, True),
-    "psnr_p5": Column("PSNR P5", "dB", 2, True),
-    "ssim": Column("SSIM", "", 4, True),
-    "mae": Column("MAE", "levels", 2, False),
-    "mse": Column("MSE", "levels²", 1, False),
-    "cpu_seconds": Column("CPU time", "s a frame", 3, False),
-    "seconds": Column("Wall time", "s a frame", 3, False),
+    "psnr": Column("PSNR", "dB", 2, True, "PSNR is the mean of decibels over frames, higher is better."),
+    "psnr_p5": Column("PSNR P5", "dB", 2, True, "PSNR P5 is their 5th percentile, which 95 % of the frames reach."),
+    "ssim": Column("SSIM", "", 4, True, "SSIM is the structural similarity of Wang et al. (2004), 1 is equal."),
+    "mae": Column(
+        *("MAE", "levels", 2, False),
+        "MAE is the mean absolute error over pixels and colours, in levels of 255, whatever the depth of the clip.",
+    ),
+    **{name: metrics[name] for name in STANDARD},
+    "cpu_seconds": Column(
+        *("CPU time", "s a frame", 3, False),
+        "CPU time is that of computing a frame on all cores, without reading and writing.",
+    ),
+    "seconds": Column("Wall time", "s a frame", 3, False, "Wall time is the time that passes meanwhile."),
 }
-"""Columns of the summary table in its order, by the names of `Comparison.mean_figures`."""
+"""Columns of the summary table in its order, by the names of `Comparison.mean_figures` and of the metrics."""
 
 
 class Cell(NamedTuple):
@@ -136,10 +142,9 @@ class Row(NamedTuple):
     """Cells in the order of the columns."""
 
 
-def overall_rows(comparison: Comparison) -> list[Row]:
-    """Return quality and cost of every method."""
-    figures = [comparison.mean_figures(method) for method in comparison.methods]
-    return _ranked_rows(comparison, list(COLUMNS.values()), [[each[name] for name in COLUMNS] for each in figures])
+def overall_rows(comparison: Comparison, names: Collection[str] = COLUMNS) -> list[Row]:
+    """Return quality and cost of every method, in columns of `COLUMNS` by their names."""
+    return _named_rows(comparison, {name: COLUMNS[name] for name in names})
 
 
 def area_rows(comparison: Comparison) -> list[Row]:
@@ -151,10 +156,14 @@ def area_rows(comparison: Comparison) -> list[Row]:
     return _ranked_rows(comparison, [COLUMNS["mae"]] * (2 * len(comparison.areas)), figures)
 
 
+def further_columns(comparison: Comparison) -> dict[str, Metric]:
+    """Return the metrics by name that were asked for beside those of the summary table."""
+    return {name: metrics[name] for name in comparison.metrics if name not in COLUMNS}
+
+
 def further_rows(comparison: Comparison) -> list[Row]:
-    """Return the further metrics."""
-    figures = [list(comparison.further(method).values()) for method in comparison.methods]
-    return _ranked_rows(comparison, [metrics[name] for name in comparison.metrics], figures)
+    """Return the metrics of `further_columns`."""
+    return _named_rows(comparison, further_columns(comparison))
 
 
 def mean_rows(comparisons: Sequence[Comparison]) -> list[Row]:
@@ -162,6 +171,12 @@ def mean_rows(comparisons: Sequence[Comparison]) -> list[Row]:
     psnr = psnr_of_clips(comparisons)
     figures = [[mean(of_clips), *of_clips] for of_clips in psnr.values()]
     return _rows(list(psnr), [COLUMNS["psnr"]] * (1 + len(comparisons)), figures, [row[0] for row in figures])
+
+
+def _named_rows(comparison: Comparison, columns: Mapping[str, Column]) -> list[Row]:
+    """Return the rows of a table about one clip, with columns by the names of figures and metrics."""
+    means = [comparison.mean_figures(method) | comparison.further(method) for method in comparison.methods]
+    return _ranked_rows(comparison, list(columns.values()), [[each[name] for name in columns] for each in means])
 
 
 def _ranked_rows(comparison: Comparison, columns: Sequence[Column], figures: Sequence[Sequence[float]]) -> list[Row]:

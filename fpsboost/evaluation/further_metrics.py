@@ -1,4 +1,6 @@
-"""Metrics beside PSNR, SSIM, MAE and MSE: a table by name, to which a metric is added as one more entry.
+"""Metrics beside PSNR, SSIM and MAE: a table by name, to which a metric is added as one more entry.
+
+Those of `STANDARD` belong to every comparison, and the others are measured where they are asked for.
 
 XPSNR and VMAF are filters of two videos, in the FFmpeg libraries of PyAV. Both use frames before and after, so they get
 the whole output and the whole original, including shown frames; values of those, which are equal, are left out.
@@ -25,6 +27,7 @@ from fpsboost.colour import as_shown, composite_on_black, has_alpha
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation import steadiness
 from fpsboost.evaluation.hidden_frames import HeldOutFrame, Interval
+from fpsboost.evaluation.results import score
 from fpsboost.evaluation.steadiness import FrameMeter
 from fpsboost.image import Image
 from fpsboost.io.video.ycc import from_bgr
@@ -172,8 +175,11 @@ def read_vmaf(log: str) -> list[float]:
     return [float(frame["metrics"]["vmaf"]) for frame in frames]
 
 
-ALWAYS = ("psnr", "psnr_p5", "ssim", "mae", "mse")
+ALWAYS = ("psnr", "psnr_p5", "ssim", "mae")
 """Metrics that every comparison has; naming one has no effect."""
+
+STANDARD = ("spurious", "missing")
+"""Those of `metrics` that every comparison has too: they are visible, and PSNR barely registers them."""
 
 
 class Meter(Protocol):
@@ -198,6 +204,8 @@ class Column:
     """Decimals of the numbers."""
     high_is_good: bool
     """Whether larger numbers are better."""
+    meaning: str
+    """Sentence for a reader of the tables."""
 
 
 @dataclass(frozen=True)
@@ -206,8 +214,6 @@ class Metric(Column):
 
     start: Callable[[Fraction], Meter]
     """Function that returns a meter for a method, given the clip's frames per second."""
-    meaning: str
-    """Sentence for a reader of the tables."""
     missing: Callable[[], str | None] = lambda: None
     """Function that returns a description of what must be installed to measure it, or None."""
 
@@ -238,51 +244,56 @@ def _as_rgb(image: Image) -> NDArray[Any]:
 metrics: dict[str, Metric] = {
     "flip": Metric(
         *("FLIP", "", 4, False),
-        lambda rate: FrameMeter(flip),
         "FLIP is NVIDIA's LDR-FLIP (Andersson et al. 2020), mean over pixels at 67 pixels a degree, 0 is equal.",
+        lambda rate: FrameMeter(flip),
         missing_flip,
     ),
     "xpsnr": Metric(
         *("XPSNR", "dB", 2, True),
-        XpsnrMeter,
         "XPSNR is that of luma by FFmpeg's filter (Helmrich et al. 2020), mean of decibels over frames, higher is "
         "better; equal frames count as 120 dB.",
+        XpsnrMeter,
         lambda: missing_filter("xpsnr"),
     ),
     "vmaf": Metric(
         *("VMAF", "", 2, True),
-        VmafMeter,
         "VMAF is Netflix's, 0 to 100 for equal, by FFmpeg's filter libvmaf, mean over the made frames; it was trained "
         "on coded videos and not on frames between others.",
+        VmafMeter,
         lambda: missing_filter("libvmaf"),
+    ),
+    "mse": Metric(
+        *("MSE", "levels²", 1, False),
+        "MSE is the mean squared error over pixels and colours, in levels of 255 squared.",
+        lambda rate: FrameMeter(lambda truth, image: score(truth, image).mse),
     ),
     "wrong": Metric(
         *("Wrong", "per mille", 2, False),
-        lambda rate: FrameMeter(steadiness.wrong_area),
         "Wrong is the area, per mille, that is off by more than 24 levels at a quarter of the size: what is "
         "seen from afar.",
+        lambda rate: FrameMeter(steadiness.wrong_area),
     ),
     "spurious": Metric(
         *("Spurious", "levels/100", 2, False),
-        lambda rate: FrameMeter(steadiness.spurious_edges),
         "Spurious is the strength of edges that the true frame has nowhere near, levels/100: torn shapes and ghosts.",
+        lambda rate: FrameMeter(steadiness.spurious_edges),
     ),
     "missing": Metric(
         *("Missing", "levels/100", 2, False),
-        lambda rate: FrameMeter(steadiness.missing_edges),
         "Missing is the same of true edges that the interpolated frame lacks: what was smeared or lost.",
+        lambda rate: FrameMeter(steadiness.missing_edges),
     ),
     "flicker": Metric(
         *("Flicker", "levels", 2, False),
-        lambda rate: steadiness.FlickerMeter(),
         "Flicker is by how much interpolated frames differ from originals in brightness, noise and sharpness, all "
         "frames in the same way, levels: what pulses.",
+        lambda rate: steadiness.FlickerMeter(),
     ),
     "steps": Metric(
         *("Uneven steps", "%", 1, False),
-        lambda rate: steadiness.StepMeter(),
         "Uneven steps are changes of the motion from frame to frame beyond the true ones, percent of the path: 0 is as "
         "even as the truth, 100 a frame that repeats another.",
+        lambda rate: steadiness.StepMeter(),
     ),
 }
 """Metrics by name."""

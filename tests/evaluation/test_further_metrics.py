@@ -1,6 +1,8 @@
 """Metrics that a comparison adds by name: constructed differences whose figures follow by hand."""
 
+import csv
 import json
+import re
 from fractions import Fraction
 from importlib.util import find_spec
 
@@ -13,7 +15,7 @@ from truth import noise, waves
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation import further_metrics
-from fpsboost.evaluation.further_metrics import XpsnrMeter, choose_metrics, flip, metrics, read_vmaf
+from fpsboost.evaluation.further_metrics import STANDARD, XpsnrMeter, choose_metrics, flip, metrics, read_vmaf
 
 HERE = tuple(name for name, metric in metrics.items() if metric.missing() is None)  # what can be measured here
 
@@ -118,14 +120,14 @@ def test_what_is_missing_is_named(monkeypatch):
 
 
 def test_the_command_measures_what_it_is_told(fpsboost_, tmp_path):
-    """All that can be measured here: in the table, the data, the page, and the page's command."""
+    """All that can be measured here, once: in the tables, the data, the page, and the page's command."""
     save_clip(tmp_path / "pan", (pan(2 * number, height=96, width=128) for number in range(7)))
     outputs = ("--json", "a.json", "--csv", "a.csv", "--report", "page")
-    names = ",".join(HERE)
-    result = fpsboost_("compare", "pan", "-m", "dis,blend", "--skip", "2", "--metrics", names, *outputs)
+    names = ",".join(name for name in HERE if name not in STANDARD)
+    result = fpsboost_("compare", "pan", "-m", "dis,blend", "--skip", "2", "--metrics", f"missing,{names}", *outputs)
     assert (result.code, result.err) == (0, "")
     data = json.loads((tmp_path / "a.json").read_text())
-    assert data["metrics"] == list(HERE)
+    assert data["metrics"] == [*STANDARD, *names.split(",")]
     dis, blend = (method["mean"]["metrics"] for method in data["methods"])
     for name in HERE:
         assert metrics[name].title in result.out
@@ -138,3 +140,20 @@ def test_the_command_measures_what_it_is_told(fpsboost_, tmp_path):
     for name in HERE:
         assert dis[name] == pytest.approx(np.mean([frame["metrics"][name] for frame in frames]))
         assert f'data-value="{dis[name]}"' in page
+    with (tmp_path / "a.csv").open(encoding="utf-8", newline="") as file:
+        assert [float(row["mse"]) for row in csv.DictReader(file)][:4] == [frame["scores"]["mse"] for frame in frames]
+
+
+def test_edges_are_in_every_first_table(fpsboost_, tmp_path, monkeypatch):
+    """At 80 columns no number is broken, and terminal and page say in a sentence what both columns mean."""
+    monkeypatch.setenv("COLUMNS", "80")
+    save_clip(tmp_path / "pan", (pan(2 * number) for number in range(5)))
+    result = fpsboost_("compare", "pan", "-m", "minterpolate,blend,nearest", "--report", "page")
+    headings = ["method", "PSNR", "P5", "SSIM", "MAE", "spurious", "missing", "CPU s"]
+    assert headings in [[cell.strip() for cell in line.split("┃")[1:-1]] for line in result.out.splitlines()]
+    assert re.search(r"^│ minterpolate +(│ +\d+\.\d+ ){7}│$", result.out, re.MULTILINE)
+    page = (tmp_path / "page" / "index.html").read_text()
+    for name in STANDARD:
+        assert metrics[name].meaning in result.out.replace(" \n", " ").replace("\n", " ")
+        assert page.count(metrics[name].meaning) == 3  # on the heading, below the table, and among all figures
+    assert 'id="further"' not in page

@@ -176,7 +176,7 @@ def test_the_command_scores_other_tools(fpsboost_, clip, tmp_path):
     table = result.out.partition("where the errors are")[0]
     rows = {line.split()[1]: line for line in table.splitlines() if line.startswith("│")}
     assert "│ 120.00 │" in rows["known"]
-    assert rows["known"].replace(" ", "").endswith("│-│-│")
+    assert rows["known"].replace(" ", "").endswith("│-│")
     assert not rows["last"].endswith("- │")
     page = (tmp_path / "page" / "index.html").read_text()
     assert "--frames known=" in page

@@ -70,8 +70,8 @@ def test_page_holds_every_method(text, comparison):
         assert f">{scores.psnr:.2f}<" in row[0]
         assert f">{scores.ssim:.4f}<" in row[0]
         assert (
-            text.count(f'class="series line method-{index}" data-method="{index}"') == 10
-        )  # 3 figures of quality and 2 of time, 2 forms
+            text.count(f'class="series line method-{index}" data-method="{index}"') == 12
+        )  # 4 figures of quality and 2 of time, 2 forms
         assert method.options.replace("'", "&#39;") in text
         assert f".method-{index} {{ --method: light-dark({', '.join(colours_of(method.name))}); }}" in text
     assert text.count("<b>minterpolate</b> was skipped: there is no &lt;ffmpeg&gt; here.") == 1
@@ -107,7 +107,7 @@ def test_frames_that_do_not_count_are_named_and_not_drawn(comparison, compared_m
     changed = replace(comparison, **{name: [worst + each for each in numbers] for name, numbers in changes.items()})
     text = write_report(tmp_path / "page", [ComparedClip(changed, compared_methods)]).read_text()
     assert words.format(worst) in text
-    assert text.count('class="cut"') == 10
+    assert text.count('class="cut"') == 12
     assert worst not in choose_frames(changed)
 
 

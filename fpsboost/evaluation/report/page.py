@@ -17,8 +17,16 @@ from typing import Any, NamedTuple
 from markupsafe import Markup
 
 from fpsboost.evaluation.compared_methods import MINTERPOLATE, ComparedMethod, interpolate_sample, method_names
-from fpsboost.evaluation.export import COLUMNS, area_rows, further_rows, mean_rows, overall_rows, without_nan
-from fpsboost.evaluation.further_metrics import metrics
+from fpsboost.evaluation.export import (
+    COLUMNS,
+    area_rows,
+    further_columns,
+    further_rows,
+    mean_rows,
+    overall_rows,
+    without_nan,
+)
+from fpsboost.evaluation.further_metrics import STANDARD, metrics
 from fpsboost.evaluation.hidden_frames import read_samples
 from fpsboost.evaluation.report.charts import Chart, Dot, draw_dots, draw_lines
 from fpsboost.evaluation.report.pictures import (
@@ -130,11 +138,11 @@ def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
         "notes": comparison.notes(compared_methods),
         "columns": COLUMNS.values(),
         "overall": overall_rows(comparison),
+        "meanings": [metrics[name].meaning for name in STANDARD],
         "areas": comparison.areas,
         "by_area": area_rows(comparison),
-        "further_metrics": [metrics[name] for name in comparison.metrics],
+        "further_metrics": further_columns(comparison).values(),
         "further": further_rows(comparison),
-        "meanings": [metrics[name].meaning for name in comparison.metrics],
         "plots": frame_plots(comparison),
         "timing": time_plots(comparison),
         "quality": quality_plots(comparison),
@@ -216,14 +224,13 @@ def describe_hidden(comparison: Comparison) -> str:
 
 
 def frame_plots(comparison: Comparison) -> list[Plot]:
-    """Return the quality of every frame, in three figures to choose from, and more with further metrics.
+    """Return the quality of every frame, in several figures to choose from.
 
     The first is the one that verdicts go by.
     """
     choices = [
         ("psnr", "PSNR", "dB", "PSNR, dB (higher is better)", {"from_zero": False}),
         ("mae", "MAE", "levels", "Mean absolute error, levels of 255", {"may_be_logarithmic": True}),
-        ("mse", "MSE", "levels²", "Mean squared error, levels of 255 squared", {"may_be_logarithmic": True}),
     ]
     for name in comparison.metrics:
         metric = metrics[name]
@@ -282,7 +289,7 @@ def frame_values(comparison: Comparison) -> dict[str, Any]:
         "methods": [
             {
                 "name": method.name,
-                **{name: [getattr(frame.scores, name) for frame in method.frames] for name in ("mse", "mae", "psnr")},
+                **{name: [getattr(frame.scores, name) for frame in method.frames] for name in ("mae", "psnr")},
                 **{name: without_nan([getattr(frame, name) for frame in method.frames]) for name in TIMES},
                 **{name: [frame.metrics[name] for frame in method.frames] for name in comparison.metrics},
             }
@@ -298,8 +305,8 @@ def command(comparison: Comparison) -> str:
     names = [name for name in names if name.partition(":")[0] in known]
     words = ["fpsboost", "compare", comparison.clip, "-m", ",".join(names)]
     words += comparison.hold_out.as_options()
-    if comparison.metrics:
-        words += ["--metrics", ",".join(comparison.metrics)]
+    if further := further_columns(comparison):
+        words += ["--metrics", ",".join(further)]
     return shlex.join([*words, *comparison.others, *comparison.rendered, *comparison.cut_options, "--report", "DIR"])
 
 
