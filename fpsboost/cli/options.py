@@ -263,7 +263,8 @@ class ResultOptions:
         (),
         "Metrics beside PSNR, its 5th percentile (P5), SSIM, MAE,\n"
         "spurious and missing edges: flip, xpsnr, vmaf, mse,\n"
-        "wrong, flicker, steps, separated by commas; see docs/comparison.md.",
+        "motion_smoothness, wrong, flicker, steps, separated by\n"
+        "commas; see docs/comparison.md.",
         metavar="NAMES",
     )
     report: str | None = option(None, "New folder for the page, index.html.", metavar="DIR")

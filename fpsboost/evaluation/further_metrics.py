@@ -27,7 +27,7 @@ from fpsboost.colour import as_shown, composite_on_black, has_alpha
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation import steadiness
 from fpsboost.evaluation.hidden_frames import HeldOutFrame, Interval
-from fpsboost.evaluation.results import score
+from fpsboost.evaluation.results import LEVELS, score
 from fpsboost.evaluation.steadiness import FrameMeter
 from fpsboost.image import Image
 from fpsboost.io.video.ycc import from_bgr
@@ -266,6 +266,12 @@ metrics: dict[str, Metric] = {
         *("MSE", "levels²", 1, False),
         "MSE is the mean squared error over pixels and colours, in levels of 255 squared.",
         lambda rate: FrameMeter(lambda truth, image: score(truth, image).mse),
+    ),
+    "motion_smoothness": Metric(
+        *("Motion smoothness", "", 4, True),
+        "Motion smoothness is 1 less the mean absolute error as a share of white, as VBench computes it from AMT's "
+        "frames: 1 is motion that the method predicts exactly, or none.",
+        lambda rate: FrameMeter(lambda truth, image: 1 - score(truth, image).mae / LEVELS),
     ),
     "wrong": Metric(
         *("Wrong", "per mille", 2, False),

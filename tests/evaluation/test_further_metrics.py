@@ -15,7 +15,7 @@ from truth import noise, waves
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation import further_metrics
-from fpsboost.evaluation.further_metrics import STANDARD, XpsnrMeter, choose_metrics, flip, metrics, read_vmaf
+from fpsboost.evaluation.further_metrics import STANDARD, Meters, XpsnrMeter, choose_metrics, flip, metrics, read_vmaf
 
 HERE = tuple(name for name, metric in metrics.items() if metric.missing() is None)  # what can be measured here
 
@@ -157,3 +157,14 @@ def test_edges_are_in_every_first_table(fpsboost_, tmp_path, monkeypatch):
         assert metrics[name].meaning in result.out.replace(" \n", " ").replace("\n", " ")
         assert page.count(metrics[name].meaning) == 3  # on the heading, below the table, and among all figures
     assert 'id="further"' not in page
+
+
+def test_motion_smoothness_is_that_of_vbench():
+    """(255 - mean absolute difference) / 255 of 8-bit frames, by its definition: 1 of equal ones."""
+    truth, image = noise(20, 30, seed=1), noise(20, 30, seed=2)
+    meters = Meters(["motion_smoothness"], Fraction(24))
+    for each in (truth, image):
+        meters.add(truth, each)
+    equal, other = (row["motion_smoothness"] for row in meters.values(2))
+    assert equal == 1
+    assert other == pytest.approx((255 - cv2.absdiff(truth, image).mean()) / 255)
