@@ -35,6 +35,7 @@ from scoring import (
 
 from fpsboost.colour import colour_components
 from fpsboost.errors import FpsboostError
+from fpsboost.evaluation.compared_methods import ComparedInterpolator
 from fpsboost.evaluation.results import means
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image
@@ -234,7 +235,7 @@ def measure(paths: Sequence[str], variants: dict[str, Interpolator], largest: in
         if not clip.scored:
             continue
         for name, interpolator in variants.items():
-            figures[name][clip_name] = score_clip(clip, make_hidden(interpolator, clip))
+            figures[name][clip_name] = score_clip(clip, make_hidden(ComparedInterpolator(interpolator), clip))
     return figures
 
 

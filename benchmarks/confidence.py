@@ -7,7 +7,8 @@ project's own scenes, of which ``--figure FILE`` draws a figure for the document
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,13 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.table import Table
-from scoring import find_clips, make_hidden, one_thread, read_clip, wide_console
+from scoring import SAMPLE, find_clips, make_hidden, one_thread, read_clip, wide_console
 
 from fpsboost import methods
-from fpsboost.image import Image
+from fpsboost.evaluation.compared_methods import ComparedInterpolator
+from fpsboost.image import Image, view
+from fpsboost.synthesis import FramePair, FusesHypotheses, InterpolatedImage, Synthesizer
+from fpsboost.synthesis.agreement import measure_agreement
 
 METHODS = "nlm,nlm-fast,dis,dis-warp,nlm-exhaustive,block,blend"
 """The first three fuse hypotheses; of the others, confidence is the agreement of both frames."""
@@ -30,7 +34,33 @@ DRAWN = {"nlm": "#2f6f9f", "dis-warp": "#b5532a", "nlm-exhaustive": "#6a8f3a", "
 STEPS = np.linspace(0, 1, 11)
 """Edges of the classes of confidence."""
 
-SCENES = Path(__file__).parent.parent / "samples" / "scenes"
+
+@dataclass(frozen=True)
+class KeepingConfidence:
+    """A synthesizer like another one that also keeps the confidence of each frame that it makes of a clip."""
+
+    inner: Synthesizer
+    kept: dict[int, NDArray[Any]]
+    """By the number of the shown frame before."""
+
+    def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
+        """See `fpsboost.synthesis.Synthesizer.synthesize`."""
+        position = frame_pair.image0.source_position
+        for image, confidence in _with_confidence(self.inner, frame_pair, times):
+            assert position is not None, "a frame of a clip"
+            self.kept[position.number] = confidence
+            yield view(image).array()
+
+
+def _with_confidence(
+    synthesizer: Synthesizer, frame_pair: FramePair, times: Sequence[float]
+) -> Iterator[InterpolatedImage]:
+    """Yield images with the synthesizer's own confidence, or with the agreement of both frames."""
+    if isinstance(synthesizer, FusesHypotheses):
+        yield from synthesizer.fuse(frame_pair, times)
+        return
+    for image, t in zip(synthesizer.synthesize(frame_pair, times), times, strict=True):
+        yield InterpolatedImage(image, measure_agreement(frame_pair, t))
 
 
 class Calibration:
@@ -67,9 +97,13 @@ def calibrate(clips: Iterable[str], names: Iterable[str], frames: int) -> dict[s
     for name, path in find_clips(clips).items():
         clip = read_clip(name, path, frames)
         for method, calibration in found.items():
-            made = make_hidden(methods[method], clip, confidence=True)
+            kept: dict[int, NDArray[Any]] = {}
+            synthesizer = KeepingConfidence(methods[method].synthesizer, kept)
+            made = make_hidden(ComparedInterpolator(replace(methods[method], synthesizer=synthesizer)), clip)
+            unknown = np.zeros(made.images[0].shape[:2], np.float32)  # nothing is fused across a cut
             for index in clip.scored:
-                calibration.add(clip.hidden[index], made.images[index], made.confidences[index])
+                confidence = kept.get(clip.intervals[index].begin.number, unknown)
+                calibration.add(clip.hidden[index], made.images[index], confidence)
     return found
 
 
@@ -106,7 +140,12 @@ def draw_calibration(path: Path, found: Mapping[str, Calibration]) -> None:
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("clips", nargs="*", default=[str(SCENES)], help="videos, folders of images, or of such folders")
+    parser.add_argument(
+        "clips",
+        nargs="*",
+        default=[str(SAMPLE.parent / "scenes")],
+        help="videos, folders of images, or of such folders",
+    )
     parser.add_argument("--methods", default=METHODS, help="with commas between them")
     parser.add_argument("--frames", type=int, default=12, help="hidden frames of each clip, at most")
     parser.add_argument("--figure", type=Path, help="an SVG to draw")

@@ -6,18 +6,14 @@ there. Figures are means over the hidden frames, then over the clips: PSNR of th
 scikit-image has them, MAE in levels of 255 (what the Middlebury tables call interpolation error), and CPU milliseconds
 a frame; those of a peer's command include its start and its files. ``--metrics`` adds those of `fpsboost compare`.
 
-``--peer NAME='COMMAND {in} {out}'`` scores any tool that doubles the frames of a folder: the even frames lie in {in} as
-PNG, and {out}, which does not exist yet, gets all frames as images whose names sort.
+``--methods`` takes those of `fpsboost compare`, and ``--peer NAME='COMMAND {in} {out}'`` any tool that doubles the
+frames of a folder, as `fpsboost compare` runs it (``docs/comparison.md``).
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import math
-import resource
-import shlex
-import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -39,18 +35,19 @@ from scoring import (
     one_thread,
     read_clip,
     score_clip,
-    three_colours,
     wide_console,
 )
 
+from fpsboost.cli.compare import choose, name_others
 from fpsboost.colour import normalised
-from fpsboost.errors import FpsboostError, InputError, OptionError
+from fpsboost.errors import FpsboostError, InputError
+from fpsboost.evaluation.compared_methods import ComparedMethod
+from fpsboost.evaluation.export import without_nan
 from fpsboost.evaluation.further_metrics import choose_metrics
 from fpsboost.evaluation.further_metrics import metrics as further_metrics
+from fpsboost.evaluation.peers import run_peer
 from fpsboost.evaluation.results import absolute_error, means
 from fpsboost.image import Image
-from fpsboost.io.images.files import IMAGE_SUFFIXES, read_image
-from fpsboost.method_table import find_method, methods
 
 Scores = dict[str, Figures]
 """By method."""
@@ -68,52 +65,27 @@ LABEL = 24
 """Height of a picture's title, pixels."""
 
 
-def run_peer(command: str, clip: Clip) -> Made:
-    """Let a command double the even frames in a scratch folder, and read what it made."""
-    with tempfile.TemporaryDirectory() as scratch:
-        source, target = Path(scratch, "in"), Path(scratch, "out")
-        source.mkdir()
-        for number, image in enumerate(clip.shown):
-            cv2.imwrite(str(source / f"{number:04d}.png"), _as_integers(image))
-        filled = command.replace("{in}", shlex.quote(str(source))).replace("{out}", shlex.quote(str(target)))
-        begin = _seconds_of_children()
-        ended = subprocess.run(filled, shell=True, capture_output=True, text=True, check=False)
-        spent = _seconds_of_children() - begin
-        files = sorted(each for each in target.glob("*") if each.suffix.lower() in IMAGE_SUFFIXES)
-        expected = len(clip.shown) + len(clip.hidden)
-        if ended.returncode or len(files) < expected:
-            raise InputError(
-                f"{filled} ended with code {ended.returncode} and wrote {len(files)} images of {expected}: "
-                f"{ended.stderr.strip()[-300:]}"
-            )
-        images = [three_colours(read_image(each)) for each in files[1:expected:2]]
-    if any(image.shape != clip.hidden[0].shape for image in images):
-        raise InputError(f"{filled} made images of {images[0].shape}, not of {clip.hidden[0].shape}.")
-    return Made(images, spent * 1e3 / len(images), [])
-
-
-def _as_integers(image: Image) -> Image:
-    if image.dtype != np.float32:
-        return image
-    whole: Image = np.rint(np.clip(normalised(image), 0, 1) * 65535).astype(np.uint16)
-    return whole
-
-
-def _seconds_of_children() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+def make_all(
+    clip: Clip, chosen: Mapping[str, ComparedMethod], peers: Mapping[str, str], console: Console
+) -> dict[str, Made]:
+    """Let every method and peer make the hidden frames; a peer that fails is reported and left out."""
+    made = {name: make_hidden(method, clip) for name, method in chosen.items()}
+    for name, command in peers.items():
+        with tempfile.TemporaryDirectory() as scratch:
+            try:
+                made[name] = make_hidden(run_peer(name, command, clip.intervals, Path(scratch)), clip)
+            except InputError as error:
+                console.print(f"{clip.name}: {error}", style="red", markup=False)
+    return made
 
 
 def count_leads(scores: Mapping[str, Scores], measure: str) -> dict[str, int]:
     """Count on how many clips each method is the best by a measure."""
     best = min if measure == "mae" else max
-    counts: dict[str, int] = {}
-    for rows in scores.values():
-        values = {name: row[measure] for name, row in rows.items()}
-        for name in values:
-            counts.setdefault(name, 0)
-        counts[best(values, key=values.__getitem__)] += 1
-    return counts
+    leaders = [
+        best(rows, key={name: row[measure] for name, row in rows.items()}.__getitem__) for rows in scores.values()
+    ]
+    return {name: leaders.count(name) for rows in scores.values() for name in rows}
 
 
 def mean_scores(scores: Mapping[str, Scores]) -> Scores:
@@ -157,32 +129,18 @@ def score_table(title: str, scores: Scores, metrics: Sequence[str]) -> Table:
     return table
 
 
-def parse_peers(texts: list[str]) -> dict[str, str]:
-    """Parse texts of the form NAME=COMMAND into commands by name."""
-    peers = dict(text.partition("=")[::2] for text in texts)
-    for name, command in peers.items():
-        if "{in}" not in command or "{out}" not in command:
-            raise OptionError(f"--peer {name} must read NAME='COMMAND {{in}} {{out}}'.")
-    return peers
-
-
 def measure(arguments: argparse.Namespace, console: Console) -> dict[str, Any]:
     """Score every method and peer on every clip; print as it goes."""
-    chosen = {name: find_method(name) for name in arguments.methods.split(",") if name}
-    peers = parse_peers(arguments.peer)
+    chosen, _ = choose([arguments.methods], None)
+    peers = name_others((), arguments.peer).commands
     metrics = choose_metrics(arguments.metrics)
     scores: dict[str, Scores] = {}
-    for name, path in find_clips(arguments.clip).items():
+    for name, path in find_clips(arguments.clip or [str(SAMPLE)]).items():
         clip = read_clip(name, path, arguments.frames)
         if not clip.scored:
             console.print(f"{name}: a scene cut in every pair, nothing to score.")
             continue
-        made = {each: make_hidden(method, clip) for each, method in chosen.items()}
-        for each, command in peers.items():
-            try:
-                made[each] = run_peer(command, clip)
-            except InputError as error:
-                console.print(f"{name}: {error}", style="red", markup=False)
+        made = make_all(clip, chosen, peers, console)
         scores[name] = {each: score_clip(clip, result, metrics) for each, result in made.items()}
         console.print(score_table(f"{name}, {len(clip.scored)} frames", scores[name], metrics))
         if arguments.crops and made:
@@ -208,8 +166,10 @@ def summarise(figures: dict[str, Any], console: Console) -> None:
 def main() -> None:
     """Print a table for each clip and their means, and write JSON if asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("clip", nargs="*", default=[str(SAMPLE)])
-    parser.add_argument("--methods", default=",".join(methods), help="names, separated by commas")
+    parser.add_argument("clip", nargs="*")
+    parser.add_argument(
+        "--methods", default="nlm,nlm-fast,dis,block,minterpolate,blend", help="names, separated by commas"
+    )
     parser.add_argument("--frames", type=int, default=40, help="hidden frames at most, per clip")
     parser.add_argument(
         "--metrics", action="append", default=[], metavar="NAMES", help=f"besides: {', '.join(further_metrics)}"
@@ -226,14 +186,7 @@ def main() -> None:
         raise SystemExit(str(error)) from error
     summarise(figures, console)
     if arguments.json:
-        arguments.json.write_text(json.dumps(_without_nan(figures), indent=1) + "\n")
-
-
-def _without_nan(value: Any) -> Any:
-    """Replace numbers that are not finite by None, because JSON has none."""
-    if isinstance(value, dict):
-        return {key: _without_nan(each) for key, each in value.items()}
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+        arguments.json.write_text(json.dumps(without_nan(figures), indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -7,27 +7,24 @@ from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from itertools import islice, pairwise, starmap
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 
 from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import InputError
-from fpsboost.evaluation.compared_methods import ComparedInterpolator
+from fpsboost.evaluation.compared_methods import ComparedMethod
 from fpsboost.evaluation.further_metrics import Meters
 from fpsboost.evaluation.further_metrics import metrics as further_metrics
 from fpsboost.evaluation.hidden_frames import HoldOut, Interval
 from fpsboost.evaluation.results import low_percentile, mean, means, score
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Image, view
+from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.io.images.files import IMAGE_SUFFIXES
 from fpsboost.io.opening import open_source
-from fpsboost.synthesis import FramePair, FusesHypotheses, InterpolatedImage, Synthesizer
-from fpsboost.synthesis.agreement import measure_agreement
 
 Figures = dict[str, float]
 
@@ -63,8 +60,6 @@ class Made(NamedTuple):
     images: list[Image]
     cpu_ms: float
     """A frame."""
-    confidences: list[NDArray[Any]]
-    """One for each image, or none at all."""
 
 
 def wide_console() -> Console:
@@ -130,34 +125,6 @@ def _in_three_colours(interval: Interval) -> Interval:
     return interval._replace(shown0=shown0, shown1=shown1, hidden=hidden)
 
 
-@dataclass(frozen=True)
-class KeepingConfidence:
-    """A synthesizer like another one that also keeps the confidence of each frame that it makes of a clip."""
-
-    inner: Synthesizer
-    kept: dict[int, NDArray[Any]]
-    """By the number of the shown frame before."""
-
-    def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
-        """See `fpsboost.synthesis.Synthesizer.synthesize`."""
-        position = frame_pair.image0.source_position
-        for image, confidence in _with_confidence(self.inner, frame_pair, times):
-            assert position is not None, "a frame of a clip"
-            self.kept[position.number] = confidence
-            yield view(image).array()
-
-
-def _with_confidence(
-    synthesizer: Synthesizer, frame_pair: FramePair, times: Sequence[float]
-) -> Iterator[InterpolatedImage]:
-    """Yield images with the synthesizer's own confidence, or with the agreement of both frames."""
-    if isinstance(synthesizer, FusesHypotheses):
-        yield from synthesizer.fuse(frame_pair, times)
-        return
-    for image, t in zip(synthesizer.synthesize(frame_pair, times), times, strict=True):
-        yield InterpolatedImage(image, measure_agreement(frame_pair, t))
-
-
 def make_between(interpolator: Interpolator, frames: Sequence[Image]) -> Iterator[Image]:
     """Yield the frame in the middle of every two."""
     prepared = pairwise(map(FrameCache, frames))  # one of each frame, for both of its pairs
@@ -166,18 +133,10 @@ def make_between(interpolator: Interpolator, frames: Sequence[Image]) -> Iterato
         pair.release_caches()
 
 
-def make_hidden(interpolator: Interpolator, clip: Clip, confidence: bool = False) -> Made:
-    """Make the hidden frames of a clip, with how far they can be trusted if asked."""
-    kept: dict[int, NDArray[Any]] = {}
-    if confidence:
-        interpolator = replace(interpolator, synthesizer=KeepingConfidence(interpolator.synthesizer, kept))
-    made = list(ComparedInterpolator(interpolator).interpolate(clip.intervals))
-    unknown = np.zeros(made[0].image.shape[:2], np.float32)  # nothing is fused across a cut
-    return Made(
-        [each.image for each in made],
-        mean([each.cpu_seconds for each in made]) * 1e3,
-        [kept.get(interval.begin.number, unknown) for interval in clip.intervals] if kept else [],
-    )
+def make_hidden(method: ComparedMethod, clip: Clip) -> Made:
+    """Make the hidden frames of a clip."""
+    made = list(method.interpolate(clip.intervals))
+    return Made([each.image for each in made], mean([each.cpu_seconds for each in made]) * 1e3)
 
 
 def score_clip(clip: Clip, made: Made, metrics: Sequence[str] = ()) -> Figures:
