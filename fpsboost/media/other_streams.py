@@ -70,6 +70,8 @@ class OtherStreams:
         """Type of each stream of the source of which packets were muxed, by its number."""
         self._input = source.open()
         self._targets: dict[int, av.stream.Stream] = {}
+        self._labels: dict[int, tuple[str, dict[str, str], av.stream.Disposition]] = {}
+        """Type, tags and flags of each target when all is muxed; PyAV reads none of a file that is closed."""
         self._last_dts: dict[int, int] = {}
         self._covers: list[av.Packet[Any]] = []
         self._converters: dict[int, TextConverter] = {}
@@ -137,9 +139,9 @@ class OtherStreams:
         """Read the finished file back, and remark on languages, titles and flags of streams that it lost."""
         with open_input(str(path.absolute())) as file:
             streams = [stream for stream in file.streams if not is_cover_art(stream)]
-            for index, target in self._targets.items():  # the streams of each type are in order, but not all of them
-                place = next((n for n, stream in enumerate(streams) if stream.type == target.type), None)
-                if place is not None and (lost := lost_labels(target, streams.pop(place))):
+            for index, (kind, tags, flags) in self._labels.items():  # streams of each type are in order, but not all
+                place = next((n for n, stream in enumerate(streams) if stream.type == kind), None)
+                if place is not None and (lost := lost_labels(tags, flags, streams.pop(place))):
                     self._remark(f"lost of stream {index} of its source: {', '.join(lost)}.")
 
     def _remark(self, sentence: str) -> None:
@@ -216,6 +218,9 @@ class OtherStreams:
                     f"{self._source.name} is damaged: {counted(sound.lost_packets, 'packet')} of sound in stream "
                     f"{index} could not be decoded, where {self._name} is silent; listen to it."
                 )
+        self._labels = {
+            index: (target.type, dict(target.metadata), target.disposition) for index, target in self._targets.items()
+        }
         self.close()
 
     def _copy_timecode(self, video: av.VideoStream) -> bool:

@@ -113,11 +113,11 @@ def copy_labels(stream: av.stream.Stream, target: av.stream.Stream, container: s
     target.disposition = stream.disposition
 
 
-def lost_labels(target: av.stream.Stream, stream: av.stream.Stream) -> list[str]:
-    """Describe the language, title and dispositions of an output's stream that it lacks in the finished file."""
-    before, after = _lower(target.metadata), _lower(stream.metadata)
+def lost_labels(tags: dict[str, str], flags: av.stream.Disposition, stream: av.stream.Stream) -> list[str]:
+    """Describe the language, title and dispositions that a stream was given and lacks in the finished file."""
+    before, after = _lower(tags), _lower(stream.metadata)
     language, title = before.get("language", "und"), before.get("title")
-    roles = int(target.disposition) & ~int(stream.disposition)
+    roles = int(flags) & ~int(stream.disposition)
     lost = {
         f"language {language}": language not in ("und", after.get("language")),
         f"title {title}": title and title not in (after.get("title"), after.get("name")),
