@@ -1,6 +1,7 @@
 """What is published, what the package says of itself, and what is imported at all."""
 
 import re
+import runpy
 import subprocess
 import sys
 import tomllib
@@ -86,3 +87,30 @@ def test_what_a_conversion_does_not_need_is_not_imported(tmp_path, arguments):
     """
     result = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert result.stdout.splitlines()[-1] == "loaded: set()"
+
+
+APP = ROOT / "release" / "app_entry.py"
+
+
+def test_what_the_app_does_with_its_arguments(tmp_path):
+    """Without any it opens the page, files are converted one by one, all else is a command line, the page's own too."""
+    commands = runpy.run_path(str(APP))["commands"]
+    clips = [str(tmp_path / name) for name in ("a.mp4", "b.mp4")]
+    assert commands([]) == [["ui"]]
+    assert commands(clips) == commands(["-m", "fpsboost", *clips]) == [clips]  # none of them exists
+    for clip in clips:
+        Path(clip).touch()
+    assert commands(clips) == [[clips[0]], [clips[1]]]
+    assert commands(["-m", "fpsboost", *clips]) == [clips]
+
+
+def test_clips_dropped_on_the_app_are_converted_beside_them(tmp_path):
+    """A file that is no clip does not stop the others, and shows in the exit code."""
+    for name in ("a.mp4", "c.mp4"):
+        write_clip(tmp_path / name)
+    (tmp_path / "b.mp4").touch()
+    dropped = [str(tmp_path / name) for name in ("a.mp4", "b.mp4", "c.mp4")]
+    result = subprocess.run([sys.executable, APP, *dropped], capture_output=True, text=True, check=False)
+    assert result.returncode == 1
+    assert "b.mp4" in result.stderr
+    assert {path.name for path in tmp_path.glob("*-2x.mp4")} == {"a-2x.mp4", "c-2x.mp4"}
