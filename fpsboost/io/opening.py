@@ -179,7 +179,9 @@ def _open_file(
             if file.format.name == "jpegxl_anim":
                 raise InputError(f"{path} is an animated JPEG XL, which cannot be read; convert it to .apng by djxl.")
     if not animated and Path(path).suffix.lower() in (*IMAGE_SUFFIXES, ".apng"):
-        raise InputError(f"{path} is a single image; give its folder, or a pattern like shot_####.png.")
+        raise InputError(
+            f"{path} is a single image; give a folder with the images of one clip, or a pattern like shot_####.png."
+        )
     if animated:
         _check_decoding(decoding, f"{path}, which is an animation", "leave it out")
         return AnimationSource(path, keeps_alpha=requirements.alpha, limit=limit)
