@@ -28,6 +28,7 @@ from .frame import PairMotion as PairMotion
 from .frame_cache import FrameCache as FrameCache
 from .frame_cache import SourcePosition as SourcePosition
 from .image import YCbCrImage as YCbCrImage
+from .interpolator import FrameMask as FrameMask
 from .interpolator import Interpolator as Interpolator
 from .interpolator import with_neighbours as with_neighbours
 from .io.opening import Target as Target
@@ -37,6 +38,7 @@ from .io.video.decode_options import DecodeOptions as DecodeOptions
 from .io.video.encode_options import Encoding as Encoding
 from .layered import Layer as Layer
 from .layered import LayeredImage as LayeredImage
+from .masks import Mask as Mask
 from .memory import MemoryLimit as MemoryLimit
 from .method_table import find_method as find_method
 from .method_table import interpolate as interpolate

@@ -36,6 +36,7 @@ from fpsboost.io.side.sink import with_side_outputs
 from fpsboost.io.video.capture import ArraySource, captured, rate_of
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.masks import Mask
 from fpsboost.media import JobFingerprint, pyav_version
 from fpsboost.method_table import find_method
 from fpsboost.options import PathName, Range, Rate, checked, flags_of, with_options
@@ -97,7 +98,8 @@ def convert(
         Whether existing files are replaced, memory and threads, and an observer of the progress.
     **options : Any
         Any field of these four, and of those nested in them, by its own name instead: ``fps=60``, ``factor=4``,
-        ``crf=18``, ``overwrite=True``, ``start="1:30"``, ``limit="8G"``. Texts are read as on the command line.
+        ``crf=18``, ``overwrite=True``, ``start="1:30"``, ``limit="8G"``. Texts are read as on the command line. And
+        ``mask="hud.png"``: areas that stay as in the nearer frame; see `fpsboost.Mask`.
 
     Raises
     ------
@@ -112,6 +114,7 @@ def convert(
     >>> convert("in.mp4", "out.mp4", fps=60, overwrite=True)  # doctest: +SKIP
     >>> convert("in.mp4", "out.mp4", rate=OutputRate(fps=60), run=RunOptions(overwrite=True))  # doctest: +SKIP
     """
+    mask, interpolator = options.pop("mask", None), find_method(method)
     groups = {
         "rate": rate or OutputRate(),
         "decoding": decoding or DecodeOptions(),
@@ -122,9 +125,10 @@ def convert(
     if options:
         raise OptionError(
             f"convert takes no {(name := next(iter(options)))}; "
-            + choose_one(name, [flag.field for group in groups.values() for flag in flags_of(type(group))])
+            + choose_one(name, ["mask", *(flag.field for group in groups.values() for flag in flags_of(type(group)))])
         )
-    return convert_job(ConversionJob(input, output, rate, find_method(method), decoding, encoding), run)
+    interpolator = interpolator if mask is None else replace(interpolator, mask=Mask(mask))
+    return convert_job(ConversionJob(input, output, rate, interpolator, decoding, encoding), run)
 
 
 @checked

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain
 from types import MappingProxyType
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Protocol, Self, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from fpsboost.analysis.grain import match_grain
 from fpsboost.analysis.overlay import find_overlay, keep_overlay
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
 from fpsboost.errors import OptionError, SceneCutWarning
+from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, TakesPlanes, check_pair, view
 from fpsboost.layered import FrameImage
@@ -47,6 +48,26 @@ CUT_WARNINGS: Mapping[AtCuts, str] = MappingProxyType(
     }
 )
 """Warnings on what was done with two images across a cut."""
+
+
+@runtime_checkable
+class FrameMask(Protocol):
+    """Contract: areas of the frames of a sequence that stay as they are, such as a HUD; `fpsboost.Mask` is one."""
+
+    def keep(self, frame: Frame, nearest: FrameCache) -> Frame:
+        """Return an interpolated frame with these areas of the frame of the source that is nearest in time."""
+
+    def fitted(self, info: ClipInfo, matrix: tuple[int, ...] | None, times: Sequence[Fraction] | None) -> Self:
+        """Return the mask for a clip, or raise `InputError` if it is of another size or number of frames.
+
+        Parameters
+        ----------
+        info : ClipInfo
+        matrix : tuple of int or None
+            Display matrix that has not been applied to the frames.
+        times : sequence of Fraction or None
+            Times of all frames, if they are known.
+        """
 
 
 @dataclass(frozen=True)
@@ -84,6 +105,8 @@ class Interpolator(Checked):
         once for a pair, by the confidence halfway.
     below : float
         Limit of confidence, 0 to 1.
+    mask : FrameMask or None
+        Areas of the frames of a sequence that stay as in the source frame that is nearest in time.
 
     Examples
     --------
@@ -106,6 +129,7 @@ class Interpolator(Checked):
     match_grain: bool = False
     uncertain: Uncertain = "keep"
     below: Annotated[float, Range(0, 1)] = LEAST_CONFIDENCE
+    mask: FrameMask | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

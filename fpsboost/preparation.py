@@ -323,15 +323,20 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
         limit=memory_limit(job, run),
     ) as whole:
         _check_layers(whole.stream_info.images, interpolator, rate)
-        may_skip = not counts_frames(interpolator.cuts) and rate.replace is None
+        may_skip = not counts_frames(interpolator.cuts, interpolator.mask) and rate.replace is None
         trim, images = job.decoding.trim, whole.stream_info.images
         info = with_duration(whole) if rate.retimes else whole.info
         clip_curve = curve = rate.time_map(trim.of_info(info), 1 if images is None else images.first_number)
         source, window = trim_source(whole, trim, may_skip=may_skip, curve=curve or rate.slow_map)
         if curve is not None and curve.reverses:
             times = source.frame_times() if isinstance(source, RandomAccess) and whole.stream_info.files else None
-            if times is None or isinstance(interpolator.cuts, CutList) or rate.replace is not None or rate.loop:
-                what = "a file that says when each frame is shown" if times is None else "no `cuts`, `replace`, `loop`"
+            needs_numbers = isinstance(interpolator.cuts, CutList) or counts_frames(interpolator.mask)
+            if times is None or needs_numbers or rate.replace is not None or rate.loop:
+                what = (
+                    "a file that says when each frame is shown"
+                    if times is None
+                    else "no `cuts`, `replace` and `loop`, and no `mask` of each frame"
+                )
                 advice = "let no time fall, or convert it with `factor=1` first" if times is None else "leave them out"
                 raise OptionError(f"`retime` plays {whole.info.name} backwards, which needs {what}; {advice}.")
             forwards = replace(job, rate=replace(rate, retime=None, slow_motion_sound=None))
@@ -405,6 +410,12 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
         interpolator = replace(interpolator, duplicates=None)
     if rate.replacement is not None:
         interpolator = replace(interpolator, duplicates=None, replacement=rate.replacement)
+    if interpolator.mask is not None:
+        # videos come upright where the output is no video
+        matrix = stream.traits.display_matrix if stream.traits is not None and target.has_clock else None
+        is_counted = counts_frames(interpolator.mask) and job.decoding.trim.is_whole
+        times = clip.source.frame_times() if is_counted and isinstance(clip.source, RandomAccess) else None
+        interpolator = replace(interpolator, mask=interpolator.mask.fitted(info, matrix, times))
     expected = count_frames(schedule, info, holds_last_frame=target.kind != "images" or rate.loop)
     interpolator, on_vectors = _match_vectors(interpolator, clip.whole.info.name, images, multiple, expected)
     output = Output(
@@ -435,13 +446,14 @@ def closing_remarks(ready: Preparation, intervals: FrameIntervals) -> list[str]:
 
 
 def _check_layers(images: NumberedImages | None, interpolator: Interpolator, rate: OutputRate) -> None:
-    if images is None or not images.layers or (interpolator.takes_layers and rate.shutter is None):
+    if images is None or not images.layers or (interpolator.takes_layers and not (rate.shutter or interpolator.mask)):
         return
     first = images.files[0].name
     names = ", ".join(layer.name for layer in images.layers[:3]) + (", ..." if len(images.layers) > 3 else "")
     given = {
         "`at_cuts='extrapolate'`": interpolator.at_cuts == "extrapolate",
         "`match_grain`": interpolator.match_grain,
+        "`mask`": interpolator.mask is not None,
         "`shutter`": rate.shutter is not None,
         "`uncertain`": interpolator.uncertain != "keep",
     }

@@ -37,7 +37,7 @@ from fpsboost.contracts import (
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, PairMotion
 from fpsboost.frame_cache import SourcePosition
-from fpsboost.interpolator import Interpolator, with_neighbours
+from fpsboost.interpolator import FrameMask, Interpolator, with_neighbours
 from fpsboost.options import Range, checked
 from fpsboost.pair import Pair
 from fpsboost.repair import group_replaced
@@ -157,7 +157,7 @@ def interpolate_frames(
         before, start = clip.outputs_before, None if outputs.entry is None else outputs.entry.start
         stop = None if outputs.stop is None else outputs.stop - before
         made = _output_frames(frames, clip, holds_last_frame, in_order)
-        exposed = _exposed(made) if clip.has_exposures else map(_Output.finished, made)
+        exposed = _exposed(made, interpolator.mask) if clip.has_exposures else map(_Output.finished, made)
         if clip.curve is None:
             timed = _with_durations(exposed, clip)
         else:  # the times of frames are those of the source so far
@@ -190,6 +190,8 @@ class _Output(NamedTuple):
     frame: Frame | None = None
     """The frame, without its duration, when it is finished."""
     scene: int = 0
+    nearest: SourceFrame | None = None
+    """The frame of the source that is nearest in time, of which a mask keeps areas."""
 
     @property
     def is_new(self) -> bool:
@@ -354,9 +356,12 @@ class _LoopState:
     def interval(self, group: tuple[SourceFrame, ...], following: tuple[SourceFrame, ...]) -> _Interval:
         """Return the interval from one picture to the next; must be called in order."""
         first_output, outputs = self.outputs_before, list[_Output]()
+        shown = *(group if self.interpolator.replacement is None else group[:1]), following[0]  # not what is damaged
         for source, after in pairwise([*group, following[0]]):
             steps = self.schedule.steps(self.index, self.start, source.frame.time, after.frame.time)
-            outputs += [_Output(source, step, self.output_number(step, source)) for step in steps]
+            for step in steps:
+                nearest = min(shown, key=lambda each, time=step.time: abs(each.frame.time - time))  # type: ignore[misc]
+                outputs.append(_Output(source, step, self.output_number(step, source), nearest=nearest))
             self.index += 1
         pair = self.interpolator.pair(group[0], following[0], following[0].frame.time - group[0].frame.time)
         return _Interval(group, outputs, first_output, following[0], pair)
@@ -436,25 +441,33 @@ def _output_frames(
         clip.end, holds_last_frame = max(clip.end, clip.start + clip.curve.top + 1), True
     for step in clip.schedule.steps(clip.index, clip.start, last.frame.time, clip.end):
         if step.t == 0 or holds_last_frame:
-            output = _Output(last, step, clip.output_number(step, last), scene=scenes)
+            output = _Output(last, step, clip.output_number(step, last), scene=scenes, nearest=last)
             summary.frames_made += output.is_new and output.number in clip.outputs
             yield output.repeated(0 if clip.needs_confidence else None)
 
 
-def _exposed(outputs: Iterator[_Output]) -> Iterator[Frame]:
-    """Yield the mean of each output frame's samples that show its scene; frames without samples as they are."""
+def _exposed(outputs: Iterator[_Output], mask: FrameMask | None) -> Iterator[Frame]:
+    """Yield the mean of each output frame's samples that show its scene; frames without samples as they are.
+
+    What a mask keeps is that of one frame.
+    """
     for _, samples in groupby(outputs, lambda output: output.step.frame_number):
         exposures: dict[int, Exposure] = {}
-        frame, scene = None, 0
+        frame, scene, nearest = None, 0, None
         for output in samples:
             exposures.setdefault(output.scene, Exposure()).add(output.finished().array)
             if not output.step.is_sample:
-                frame, scene = output.frame, output.scene
+                frame, scene, nearest = output.frame, output.scene, output.nearest
         if frame is not None and exposures[scene].count > 1:
             image, preceding = exposures[scene].image(), frame.original or frame.preceding
             frame = replace(frame, image=image, original=None, preceding=preceding)
         if frame is not None:
-            yield frame
+            yield _masked(frame, nearest, mask)
+
+
+def _masked(frame: Frame, nearest: SourceFrame | None, mask: FrameMask | None) -> Frame:
+    """Return a frame with the areas that a mask keeps of the nearest one of the source."""
+    return frame if mask is None or nearest is None else mask.keep(frame, nearest)
 
 
 def _tasks(clip: _LoopState, groups: Iterable[tuple[SourceFrame, ...]]) -> Iterator[Callable[[], Made]]:
@@ -473,6 +486,7 @@ def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: 
     """Make the output frames of a part of an interval; those that are not needed carry any image."""
     interval.resolve(neighbours, may_be_still=clip.interpolator.replacement is None)
     outputs, pair = interval.outputs[begin : begin + FRAMES_PER_TASK], interval.pair
+    mask = None if clip.has_exposures else clip.interpolator.mask
     times = [each.step.t for each in outputs if clip.makes(each)]
     images: Iterator[InterpolatedImage] = iter(())
     # an interval of which nothing is made is needed all the same to count its cut, unless another run counts it
@@ -488,7 +502,7 @@ def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: 
         image, confidence = next(images) if clip.makes(output) else (source.image, None)
         motion = clip.motion(interval, neighbours, output) if clip.needs_motion else None
         frame = Frame(image, output.step.time, preceding=source.original, confidence=confidence, motion=motion)
-        finished.append(output._replace(frame=frame))
+        finished.append(output._replace(frame=_masked(frame, output.nearest, mask) if clip.makes(output) else frame))
     if begin == 0 and clip.counts(interval) and not interval.scene_cut:
         interval.match = clip.measure_match(interval)
     return interval, finished

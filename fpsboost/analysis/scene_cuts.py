@@ -98,16 +98,16 @@ class CutPolicy(Protocol):
 
 @runtime_checkable
 class CountsFrames(Protocol):
-    """Contract: cut policy that may go by the numbers of frames."""
+    """Contract: cut policy or mask that may go by the numbers of frames."""
 
     @property
     def counts_frames(self) -> bool:
         """Whether it does, so that no frame of the clip may be left unread."""
 
 
-def counts_frames(policy: CutPolicy | None) -> bool:
-    """Return whether a policy uses the numbers of frames, so that none may be skipped."""
-    return isinstance(policy, CountsFrames) and policy.counts_frames
+def counts_frames(*policies: object) -> bool:
+    """Return whether a cut policy, or a mask, uses the numbers of frames, so that none may be skipped."""
+    return any(isinstance(each, CountsFrames) and each.counts_frames for each in policies)
 
 
 @dataclass(frozen=True)

@@ -144,6 +144,7 @@ class MethodOptions:
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
     uncertain: Uncertain = option("keep", f"Fallback: {one_of(Uncertain)}.")
     below: float = option(LEAST_CONFIDENCE, "Confidence limit of uncertain pixels.")
+    mask: str | None = option(None, "Image, or one per frame: white stays (HUD, titles).", metavar="FILE")
     rendered: RenderedOptions = RenderedOptions()
 
     def interpolator(self, tuning: TuningOptions = TuningOptions()) -> fpsboost.Interpolator:
@@ -152,7 +153,13 @@ class MethodOptions:
         Raises `OptionError` for an unknown method or option, and for a method that lacks its vectors.
         """
         interpolator = fpsboost.find_method(tuning.behind(self.method), self.rendered.folder)
-        interpolator = replace(interpolator, match_grain=self.match_grain, uncertain=self.uncertain, below=self.below)
+        interpolator = replace(
+            interpolator,
+            match_grain=self.match_grain,
+            uncertain=self.uncertain,
+            below=self.below,
+            mask=None if self.mask is None else fpsboost.Mask(self.mask),
+        )
         return interpolator if self.duplicates == "interpolate" else replace(interpolator, duplicates=None)
 
 
@@ -298,6 +305,7 @@ class PreviewOptions:
     )
     duplicates: Duplicates = option("interpolate", f"Duplicates: {one_of(Duplicates)}.")
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
+    mask: str | None = option(None, "Image, or one per frame: white stays (HUD, titles).", metavar="FILE")
     side_by_side: str | None = option(None, "Write the passages, before and after, as a video too.", metavar="FILE")
     overwrite: bool = option(False, "Replace an existing page and video.", short="y")
     limit: MemoryLimit | None = option(
@@ -340,8 +348,6 @@ def in_flags(sentence: str) -> str:
 
     return re.sub(r"`([a-z]\w*)(?:=([^`]*))?`", flag, sentence)
 
-
-PATH_METAVARS = ("DIR", "FILE", "IN")  # placeholders of options that are names of files and folders
 
 MAIN = "Main options"
 
@@ -427,7 +433,7 @@ def parameter_of(flag: Flag, group: Group | None) -> inspect.Parameter:
         if flag.option.parse is not None:
             kind, default = tuple[str, ...] if isinstance(default, tuple) else str, None
             kind |= None
-        if metavar in PATH_METAVARS:
+        if metavar in ("DIR", "FILE", "IN"):  # names of files and folders
             kind |= Path
         if flag.option.choices:
             proposed: Any = Literal[flag.option.choices] | str  # parsed like a text, with choices for a shell

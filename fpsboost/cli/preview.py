@@ -57,7 +57,10 @@ def preview(
     check_writable(place, str(place), [Path(input)], options.overwrite)
     if options.side_by_side is not None:
         check_video(Target.parse(options.side_by_side), [Path(input)], overwrite=options.overwrite)
-    motions = [MethodOptions(text, options.duplicates, options.match_grain) for text in split_methods(options.methods)]
+    motions = [
+        MethodOptions(text, options.duplicates, options.match_grain, mask=options.mask)
+        for text in split_methods(options.methods)
+    ]
     methods = {motion.method: cuts.applied_to(motion.interpolator()) for motion in motions}
     output = output_beside(input, rate)
     job = ConversionJob(input, output, rate, next(iter(methods.values())), decoding)

@@ -341,7 +341,11 @@ def manifest_of(plan: PartPlan, ready: Preparation, folder: Path) -> Manifest:
     assert summary is not None
     of_one_run: dict[str, Any] = {"seconds": 0.0, "completed_frames": 0}
     read = summary.frames_in + (0 if outputs.entry is None else outputs.entry.number)
-    by_number = isinstance(ready.base_schedule, ByFactor) or job.method.match_grain or counts_frames(job.method.cuts)
+    by_number = (
+        isinstance(ready.base_schedule, ByFactor)
+        or job.method.match_grain
+        or counts_frames(job.method.cuts, job.method.mask)
+    )
     return Manifest(
         part=plan.part,
         input=str(Path(job.input).absolute()),

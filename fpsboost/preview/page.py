@@ -23,11 +23,14 @@ from fpsboost import (
     ConversionJob,
     FpsboostError,
     Frame,
+    FrameCache,
+    FrameMask,
     Interpolator,
     LowestMatch,
     OptionError,
     Position,
     RunOptions,
+    SourcePosition,
     Summary,
     Target,
     convert_job,
@@ -49,6 +52,9 @@ from fpsboost.extension import (
     write_whole,
 )
 from fpsboost.preview.places import Passage, Selection, View, find_passages, find_retimed, first_packet_size
+
+TINT, OPACITY = np.array([255, 0, 255], np.float32), 0.6
+"""Colour of what a mask keeps, in BGR, and its share."""
 
 
 class ConvertedPassage(NamedTuple):
@@ -95,6 +101,8 @@ class Preview:
     """Whether the conversion, and so the estimate, encodes video."""
     remarks: list[str]
     """Notes of the conversions, each once."""
+    masked: list[str]
+    """Data URIs of the first frame of every passage with what a mask keeps tinted; none without a mask."""
 
     def views(self) -> list[dict[str, View]]:
         """Return the views of every passage by their names, that before the conversion first."""
@@ -134,7 +142,7 @@ def preview(
     target = job.target(run)
     with prepared(job, run) as ready:
         info, frames, rate = ready.clip.whole.info, ready.output.expected_frames, ready.output.timing.rate
-        curve = ready.clip.clip_curve
+        curve, mask = ready.clip.clip_curve, ready.interpolator.mask
     if job.rate.retimes:
         factor = job.rate.multiple if job.rate.fps is None else None
         job = replace(job, rate=replace(job.rate, factor=factor, retime=None, speed=None, slow_motion_sound=None))
@@ -162,7 +170,17 @@ def preview(
         {name: _seconds_per_frame(each) for name, each in trials.items()},
         target.kind == "video",
         list(remarks),
+        [] if mask is None else [_tinted(passage, mask, info) for passage in selection.passages],
     )
+
+
+def _tinted(passage: Passage, mask: FrameMask, info: ClipInfo) -> str:
+    """Return the data URI of the first frame of a passage, with what a mask keeps tinted."""
+    black = np.zeros((info.height, info.width, 1), np.uint8)
+    white = FrameCache(~black, source_position=SourcePosition(passage.number, passage.start))
+    weights = passage.before.displayed(mask.keep(Frame(black, Fraction(0)), white).array) * np.float32(OPACITY / 255)
+    picture = passage.before.image_at(Fraction(0))
+    return encode(np.rint(picture + weights * (TINT - picture)).astype(np.uint8))
 
 
 @dataclass

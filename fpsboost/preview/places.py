@@ -126,6 +126,8 @@ class Passage(NamedTuple):
     """Times of frames that repeat the one before, seconds in the clip."""
     retimed: dict[int, Fraction] | None = None
     """Time in the passage that each output frame shows by a curve, seconds, by the frame's number."""
+    number: int = 0
+    """Number of its first frame in the clip, counted from 0."""
 
     @property
     def end(self) -> Fraction:
@@ -355,7 +357,7 @@ class _Reader:
             cuts = findings.cuts(clip.source, self.job.method)
         image_view.end = findings.end - findings.times[0]
         cuts, duplicates = (list(map(findings.in_clip, times)) for times in (cuts, findings.duplicates))
-        return Passage(findings.origin.seconds, trim, image_view, cuts, duplicates)
+        return Passage(*(findings.origin.seconds, trim, image_view, cuts, duplicates), number=findings.origin.number)
 
     def read(self, start: Fraction, duration: Fraction, count: int) -> tuple[Passage, list[Place]]:
         """Read a part, and measure the motion of passages of `count` frames in it."""

@@ -162,18 +162,32 @@ def blend_fallback(
     mix : bool
         Whether the fallback is the mix of both frames by time, or the frame that is nearer in time.
     """
-    if not uncertainty.any():
-        return image
     nearer = image0 if t <= 0.5 else image1
-    other = view(image0).mix(view(image1), t) if mix else nearer
+    return mix_by_weight(image, view(image0).mix(view(image1), t) if mix else nearer, uncertainty)
+
+
+def mix_by_weight(image: Pixels, other: Pixels, weights: NDArray[Any]) -> Pixels:
+    """Return an image with another one of its kind mixed in by a weight for each pixel.
+
+    Parameters
+    ----------
+    image, other : array or YCbCrImage
+        Of one size and type.
+    weights : (H, W) float32
+        Weight of the other image, 0 to 1; that of subsampled chroma is the mean of its pixels. Where it is 0, values
+        are those of the image to the bit, and where it is 1, those of the other.
+    """
+    if not weights.any():
+        return image
 
     def mixed(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
         second = second.reshape(first.shape)
-        weight = cv2.resize(uncertainty, first.shape[1::-1], interpolation=cv2.INTER_AREA).reshape(
+        weight = cv2.resize(weights, first.shape[1::-1], interpolation=cv2.INTER_AREA).reshape(
             *first.shape[:2], *[1] * (first.ndim - 2)
         )
-        values = first + weight * (second.astype(np.float32) - first)
+        with np.errstate(invalid="ignore"):  # of infinity and NaN, which images of renderers hold
+            values = first + weight * (second.astype(np.float32) - first)
         values = values if first.dtype == np.float32 else np.rint(values)
-        return np.where(weight > 0, values, first).astype(first.dtype)  # certain pixels keep their bits
+        return np.where(weight > 0, np.where(weight < 1, values, second), first).astype(first.dtype)
 
     return view(image).map(mixed, view(other))

@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import pytest
 from command_line import SUMMARY, Result, assert_refused, environment
-from video_truth import packets_of, pictures_of, spoil_packets, write_clip
+from video_truth import packets_of, pictures_of, png, spoil_packets, write_clip
 
 import fpsboost
 from fpsboost.cli import app
@@ -229,6 +229,14 @@ FAILURES: dict[str, tuple[str, str]] = {
     "output folder missing": ("in.mp4 none/out.mp4", "none/out.mp4"),
     "output is input": ("in.mp4 in.mp4", "in.mp4"),
     "sound that does not fit": ("sound.mp4 out.webm --audio-codec copy", "--no-audio"),
+    "mask that is missing": ("in.mp4 out.mp4 --mask none.png", "none.png"),
+    "mask that is no image": ("in.mp4 out.mp4 --mask text.mp4", "text.mp4"),
+    "mask of another size": ("in.mp4 out.mp4 --mask small.png", "small.png is 16x16, and the frames are 64x48"),
+    "too few masks": ("in.mp4 out.mp4 --mask other", "masks in other, 2, is not that of the frames of in.mp4, 3"),
+    "too few masks for a part": (
+        "in.mp4 out.mp4 --mask single --start 0",
+        "masks in single is 1, and there is none for frame 1",
+    ),
 }
 
 MISTAKES: dict[str, tuple[str, str]] = {
@@ -268,6 +276,7 @@ def material(tmp_path, save_images) -> None:
     write_clip(tmp_path / "one.mp4", times=[0])
     (tmp_path / "text.mp4").write_text("not a video\n" * 100)
     (tmp_path / "zero.mp4").touch()
+    (tmp_path / "small.png").write_bytes(png())
     (tmp_path / "cut.mp4").write_bytes((tmp_path / "in.mp4").read_bytes()[:1500])
     (tmp_path / "there.mp4").write_bytes(b"precious")
     (tmp_path / "empty").mkdir()

@@ -25,6 +25,7 @@ from fpsboost import (
     Encoding,
     Frame,
     Interpolator,
+    Mask,
     OutputRate,
     VectorFolder,
     convert,
@@ -594,14 +595,21 @@ def test_pipes_cannot_go_on(fpsboost_, tmp_path, monkeypatch, names, sentence):
     assert not list(tmp_path.glob(".*"))
 
 
-def test_files_of_an_option_belong_to_the_job(tmp_path):
-    """Motion vectors that were rendered again are another job, though their folder has the same name."""
-    for name in ("a_backward.flo", "a_forward.flo"):
+@pytest.mark.parametrize(
+    ("option", "file", "method_of"),
+    [
+        ("vectors", "a_forward.flo", lambda folder: find_method("reproject-scene", VectorFolder(folder))),
+        ("mask", "a.png", lambda folder: replace(methods["nlm"], mask=Mask(folder / "a.png"))),
+    ],
+)
+def test_files_of_an_option_belong_to_the_job(tmp_path, option, file, method_of):
+    """Motion vectors and masks that were made again are another job, though they have the same names."""
+    for name in ("a_backward.flo", "a_forward.flo", "a.png"):
         (tmp_path / name).write_bytes(encode_flow(np.zeros((4, 4, 2), np.float32)))
-    before = fingerprint_options(method=find_method("reproject-scene", VectorFolder(tmp_path)))
-    assert fingerprint_options(method=find_method("reproject-scene", VectorFolder(tmp_path))) == before
-    os.utime(tmp_path / "a_forward.flo", (1, 1))
-    after = fingerprint_options(method=find_method("reproject-scene", VectorFolder(tmp_path)))
+    before = fingerprint_options(method=method_of(tmp_path))
+    assert fingerprint_options(method=method_of(tmp_path)) == before
+    os.utime(tmp_path / file, (1, 1))
+    after = fingerprint_options(method=method_of(tmp_path))
     assert not [value for value in before.values() if " at 0x" in value]
     differing = {key.rpartition(".")[2] for key in before if before[key] != after[key]}
-    assert differing == {"vectors_files"}
+    assert differing == {f"{option}_files"}

@@ -162,9 +162,10 @@ def image_conversion(tmp_path: Path, snapshot: Callable[..., Any], source: str, 
 @pytest.mark.parametrize("factor", [2, Fraction(5, 2), 1])
 @pytest.mark.parametrize("output", ["frames", "new_%05d.png"])
 def test_images_joined_of_parts_are_those_of_one_run(tmp_path, snapshot, save_images, factor, output):
-    """The same names and bytes, also where a part begins between two images of the source."""
+    """The same names and bytes, also where a part begins between two images of the source, each with its own mask."""
     save_images(tmp_path / "in", count=13)
-    image_conversion(tmp_path, snapshot, str(tmp_path / "in"), output, factor=factor, method="nlm-fast")
+    options = {"method": "nlm-fast", "mask": tmp_path / "in"}
+    image_conversion(tmp_path, snapshot, str(tmp_path / "in"), output, factor=factor, **options)
 
 
 def test_missing_images_in_parts(tmp_path, snapshot, save_images):

@@ -1,0 +1,133 @@
+"""Masks: areas of the frames that stay as they are, such as HUDs, titles, logos and subtitles that are burnt in.
+
+What stays is that of the source frame that is nearest in time, in the pixels or the planes of the video itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.errors import InputError, explained
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.frame_cache import FrameCache
+from fpsboost.image import Pixels, view
+from fpsboost.io.images.files import read_image
+from fpsboost.io.images.sequence import NumberedImages
+from fpsboost.io.images.source import find_images
+from fpsboost.io.opening import stands_for_images
+from fpsboost.io.video.ycc import from_bgr, in_planes, turned_upright
+from fpsboost.layered import LayeredImage
+from fpsboost.options import PathName, checked
+from fpsboost.synthesis.agreement import mix_by_weight
+
+
+class Mask:
+    """Mask of a clip: one image for all of its frames, or one for each.
+
+    White stays as in the source frame that is nearest in time, black is interpolated, and gray mixes the two. The luma
+    of an image counts, in 8 bits; what is transparent counts as black.
+
+    Parameters
+    ----------
+    mask : str or os.PathLike
+        An image, or a folder or pattern of images (``mask_####.png``), the first of which is for the first frame of
+        the clip, whatever their numbers. They have the size of the frames as they are displayed: a video that is
+        turned by its tag takes masks that are upright.
+    matrix : tuple of int, optional
+        Display matrix of the frames, if they are not upright. A conversion gives it.
+
+    Attributes
+    ----------
+    files : list of Path
+        All images, with absolute paths.
+    counts_frames : bool
+        Whether every frame has a mask of its own.
+
+    Raises
+    ------
+    InputError
+        There is no such image, or one is missing from its sequence.
+
+    Examples
+    --------
+    >>> Mask("hud.png").counts_frames  # doctest: +SKIP
+    False
+    """
+
+    @checked
+    def __init__(self, mask: PathName, matrix: tuple[int, ...] | None = None) -> None:
+        self._name = str(mask)
+        self.counts_frames = stands_for_images(self._name)
+        with explained(InputError, "read", self._name, "check `mask`"):
+            images = find_images(self._name) if self.counts_frames else NumberedImages([Path(self._name)])
+        images.check_complete(images.step, "add it, because every frame has a mask of its own")
+        self.files = [file.absolute() for file in images.files]
+        self._from_upright = matrix and (matrix[0], matrix[3], 0, matrix[1], matrix[4])  # the inverse
+        self._weights: NDArray[Any] | None = (
+            None  # of all frames of the clip that it is fitted to, if all have the same
+        )
+
+    def __str__(self) -> str:
+        """Return what it does, without the path, by which the parts of a conversion tell whether they do the same."""
+        return "one mask for each frame" if self.counts_frames else "one mask"
+
+    def fitted(self, info: ClipInfo, matrix: tuple[int, ...] | None, times: Sequence[Fraction] | None) -> Self:
+        """Return the mask for a clip; see `fpsboost.interpolator.FrameMask`."""
+        if self.counts_frames and times is not None and len(times) != len(self.files):
+            raise InputError(
+                f"The number of masks in {self._name}, {len(self.files)}, is not that of the frames of {info.name}, "
+                f"{len(times)}; give `mask` one image for each, or one for all."
+            )
+        fitted = type(self)(self._name, matrix)
+        weights = fitted._read(np.empty((info.height, info.width)), 0)
+        fitted._weights = None if self.counts_frames else weights
+        return fitted
+
+    def weight(self, frame: FrameCache) -> NDArray[Any]:
+        """Return where a frame of the source is kept, (H, W) float32, 0 to 1."""
+        number = frame.source_position.number if self.counts_frames and frame.source_position else 0
+        return frame.cached(self._read, number) if self._weights is None else self._weights
+
+    def _read(self, pixels: Pixels, number: int) -> NDArray[Any]:
+        """Return the weights for the pixels of a frame, by its number in the clip; for `FrameCache.cached`."""
+        if number >= len(self.files):
+            raise InputError(
+                f"The number of masks in {self._name} is {len(self.files)}, and there is none for frame {number}, "
+                "counted from 0; give `mask` one image for each, or one for all."
+            )
+        levels = turned_upright(view(read_image(self.files[number])).gray()[..., np.newaxis], self._from_upright)
+        if levels.shape[:2] != pixels.shape[:2]:
+            turned = " when it is turned as the frames are stored" if self._from_upright else ""
+            raise InputError(
+                f"{self.files[number]} is {levels.shape[1]}x{levels.shape[0]}{turned}, and the frames are "
+                f"{pixels.shape[1]}x{pixels.shape[0]}; make the mask of the size at which they are displayed."
+            )
+        return levels[..., 0] / np.float32(255)
+
+    def keep(self, frame: Frame, nearest: FrameCache) -> Frame:
+        """Return a frame with the areas of another one of the source that are kept, which are certain."""
+        weights, source, made = self.weight(nearest), view(nearest.image).picture, frame.pixels
+        coding = view(source).coding
+        if coding is not None and view(made).coding is None:  # where the light changes, frames are made in BGR
+            made = in_planes(
+                from_bgr(
+                    frame.array,
+                    coding.pixel_format,
+                    coding.color_space,
+                    coding.full_range,
+                    chroma_location=coding.chroma_location,
+                ),
+                coding,
+            )
+        mixed, whole = mix_by_weight(made, source, weights), frame.image
+        image = replace(whole, colour=view(mixed).array()) if isinstance(whole, LayeredImage) else mixed
+        return replace(
+            frame, image=image, confidence=None if frame.confidence is None else np.maximum(frame.confidence, weights)
+        )

@@ -1,0 +1,101 @@
+"""Masks: what is white stays as in the frame of the source that is nearest in time, and black changes nothing."""
+
+import base64
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from video_truth import QUARTER_TURN, pictures_of, samples_of, scene, write_clip
+
+from fpsboost.io.images.files import read_image
+
+SHARES = np.repeat([1, 128 / 255, 0], [20, 20, 24])
+"""Share of the source in each column: white, gray and black."""
+
+SHOTS = [scene(3 * index) for index in (0, 1, 2, 2)] + [scene(3 * index) // 2 for index in (3, 4)]
+SHOTS += [np.rot90(scene(index, 64, 48)) for index in (5, 4, 3)]
+"""A repeated picture, light that is switched off, and a cut."""
+
+
+def save_mask(path: Path, shares: NDArray, turns: int = 0) -> None:
+    """Write a mask of columns, turned clockwise by quarters."""
+    cv2.imwrite(str(path), np.rot90(np.uint8(255 * shares + 0.5)[None].repeat(48, 0), -turns))
+
+
+def frames_of(path: Path) -> list[list[NDArray]]:
+    """The planes of every frame of a video, or the colours of every image of a folder."""
+    if path.is_dir():
+        return [[read_image(file)] for file in sorted(path.iterdir())]
+    return [samples_of(each) for each in pictures_of(path)]
+
+
+@pytest.fixture
+def check(fpsboost_, tmp_path):
+    """A function that converts by the command line, with and without a mask, and compares every pixel.
+
+    It takes the number of the nearest frame of the source of every output frame, and the shares by number.
+    """
+
+    def check_pixels(source: str, target: str, mask: str, options: str, nearest: list[int], shares: list[NDArray]):
+        results = []
+        for more in ([], ["--mask", mask]):
+            result = fpsboost_(source, target, "-y", "-m", "nlm-fast", *options.split(), *more)
+            assert result.code == 0, result.err
+            results.append(frames_of(tmp_path / target))
+        originals = frames_of(tmp_path / source)
+        for plain, found, number in zip(*results, nearest, strict=True):
+            for without, plane, kept in zip(plain, found, originals[number], strict=True):
+                share = shares[number][:: 64 // plane.shape[1]].reshape(-1, *[1] * (plane.ndim - 2))
+                off = np.abs(plane - ((1 - share) * without + share * kept))
+                assert (off <= (1e-3 if plane.dtype == np.float32 else 0.51) * (share % 1 > 0)).all()
+
+    return check_pixels
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32, "yuv420p", "yuv422p10le", "turned"])
+def test_white_is_kept_and_black_is_interpolated(tmp_path, save_images, check, kind):
+    """To the bit, in the planes of a video too, whose chroma has fewer pixels; gray is the mix."""
+    save_mask(tmp_path / "mask.png", SHARES, kind == "turned")
+    nearest = [0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3, 4, 4, 4, 4, 4]
+    if not isinstance(kind, str):
+        save_images(tmp_path / "in", "{}.exr" if kind is np.float32 else "{}.png", dtype=kind)
+        check("in", "out/", "mask.png", "--factor 4", nearest[:17], [SHARES] * 5)
+        return
+    turned = {"matrix": QUARTER_TURN} if kind == "turned" else {"pixel_format": kind}
+    write_clip(tmp_path / "in.mkv", times=range(5), **turned)
+    check("in.mkv", "out.mkv", "mask.png", "--codec ffv1 --factor 4", nearest, [SHARES] * 5)
+
+
+@pytest.mark.parametrize(
+    ("options", "shown"),
+    [
+        ("--factor 2", "001122334455667788"),
+        ("--factor 2 --start 3f", "334455667788"),
+        ("--factor 2 --start 0.12", "334455667788"),
+        ("--fps 30 --shutter 180", "01223456778"),
+        ("--factor 2 --replace 3", "001122244455667788"),
+        ("--speed 0.5@0-0.3", "00112233445566778"),
+    ],
+)
+def test_each_frame_has_its_mask(tmp_path, check, options, shown):
+    """That of the nearest frame, a part of which is shown: a repeated one at its time, none that is damaged."""
+    write_clip(tmp_path / "in.mkv", times=range(9), pixel_format="yuv444p", picture=lambda index, *_: SHOTS[index])
+    (tmp_path / "masks").mkdir()
+    bars = [(np.arange(64) // 7 == number).astype(float) for number in range(9)]
+    for number, bar in enumerate(bars):
+        save_mask(tmp_path / "masks" / f"{number}.png", bar)
+    check("in.mkv", "out.mkv", "masks", f"--codec ffv1 {options}", map(int, shown), bars)
+
+
+def test_preview_tints_what_is_kept(tmp_path, fpsboost_):
+    """In magenta, in a frame of each passage."""
+    write_clip(tmp_path / "in.mkv")
+    save_mask(tmp_path / "mask.png", SHARES > 0.6)
+    assert fpsboost_("preview", "in.mkv", "page.html", "--mask", "mask.png", "-m", "blend").code == 0
+    (shown,) = re.findall('webp;base64,([^"]+)" alt="Frame with the mask"', (tmp_path / "page.html").read_text())
+    picture = cv2.imdecode(np.frombuffer(base64.b64decode(shown), np.uint8), cv2.IMREAD_COLOR)
+    tint = (np.int16(picture) @ [1, -2, 1]).mean(axis=0)
+    assert tint[:18].min() > 150 > tint[22:].max()
