@@ -245,7 +245,7 @@ def looped(ready: Preparation) -> tuple[FoldedSource, OutputRange]:
     if ready.target.kind == "video" and ready.output.encoding.audio and video and "sound" in video.companions:
         remarks.append(
             f"{info.name} has sound, which does not become a loop; where it outlasts the {total} frames, players hold "
-            "the last one until its end, and `audio=False` leaves it out."
+            "the last one until its end; leave it out with `audio=False`."
         )
     places = [number % count for number in order]
     return FoldedSource(info, remarks, places, shown, read_from, beginning(source)), outputs
