@@ -18,6 +18,7 @@ from unittest import mock
 import av
 import cv2
 import numpy as np
+from make_gallery import labelled, save_animation, side_by_side
 from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -63,6 +64,7 @@ def main() -> None:
     for draw in (
         draw_before_and_after, draw_motion, draw_similarity, draw_choice, draw_residual_search, draw_candidates,
         draw_confidence, draw_cut, draw_repair, draw_arrays, draw_loop,
+        draw_turning,
     ):  # fmt: skip
         path = draw()
         print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1000:.0f} kB")
@@ -326,6 +328,17 @@ def draw_loop() -> Path:
         titles = ["last frame, 1.44 s", "1.45 s", f"1.47 s, loop={loop}", "1.48 s", "first frame, 1.5 s"]
         rows.append([Panel(*each) for each in zip(titles, [*made[-4:], frames[0]], strict=True)])
     return save("loop", rows)
+
+
+def draw_turning() -> Path:
+    """Draw one turn of the turntable beside what is made of it, at half of its speed; it plays as a loop."""
+    before, rate, factor = turntable(24, 240), 8, 4
+    after, _ = interpolate_clip(before, rate, factor=factor, loop=True, order="bgr")
+    titles = f"{rate} frames a second", f"{rate * factor}, with loop"
+    frames = [
+        side_by_side(*map(labelled, pair, titles)) for pair in zip(before.repeat(factor, axis=0), after, strict=True)
+    ]
+    return save_animation("turning", frames, [31, 32, 31, 31] * len(before))  # 125 ms for each frame of the clip
 
 
 # ------------------------------------------------------------------------------------------------- similarity in numpy

@@ -58,9 +58,13 @@ def draw_animation(scene: Path) -> Path:
         side_by_side(labelled(left, f"rendered: {RATE} frames a second"), labelled(right, f"fpsboost: {FACTOR * RATE}"))
         for left, right in zip(before, after, strict=True)
     ]
-    path = FIGURES / f"{scene.name}.webp"
     pause = 1000 // RATE
-    durations = [1000 // (FACTOR * RATE)] * (len(frames) - 1) + [pause]
+    return save_animation(scene.name, frames, [1000 // (FACTOR * RATE)] * (len(frames) - 1) + [pause])
+
+
+def save_animation(name: str, frames: list[Image.Image], durations: list[int]) -> Path:
+    """Save pictures, each shown for milliseconds, as a WebP that plays for ever; return its path."""
+    path = FIGURES / f"{name}.webp"
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=durations, loop=0, quality=QUALITY, method=6)
     return path
 
