@@ -12,6 +12,7 @@ from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 from unittest import mock
 
@@ -25,7 +26,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from fpsboost import CutDetector, Interpolator, interpolate_clip, methods
+from fpsboost import CutDetector, Interpolator, Mask, interpolate_clip, methods
 from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.colour import colour_components
 from fpsboost.evaluation.report.pictures import draw_wheel, in_colour
@@ -64,7 +65,7 @@ def main() -> None:
     for draw in (
         draw_before_and_after, draw_motion, draw_similarity, draw_choice, draw_residual_search, draw_candidates,
         draw_confidence, draw_cut, draw_repair, draw_arrays, draw_loop,
-        draw_turning,
+        draw_turning, draw_mask,
     ):  # fmt: skip
         path = draw()
         print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1000:.0f} kB")
@@ -359,6 +360,23 @@ def draw_repair() -> Path:
     ((repaired, _),) = method.images(pair, [0.5], before, after)
     panels = {"damaged, detected": damaged, "replaced": repaired, "as it was": true}
     return save("repair", [[Panel(title, smaller(picture, 320)) for title, picture in panels.items()]])
+
+
+def draw_mask() -> Path:
+    """Draw a counter in front of a clip halfway between two frames, with and without a mask."""
+    frames, mask = clip()[20:26], np.zeros((360, 640), np.uint8)
+    mask[10:50, 10:176] = 255
+    for number, frame in enumerate(frames):
+        text = f"SCORE {1475 + 37 * number}"
+        cv2.putText(frame, text, (16, 40), cv2.FONT_HERSHEY_SIMPLEX, 0.8, (255, 255, 255), 2, cv2.LINE_AA)
+    with TemporaryDirectory() as folder:
+        cv2.imwrite(f"{folder}/hud.png", mask)
+        masked = replace(methods["nlm"], mask=Mask(f"{folder}/hud.png"))
+        without, kept = (
+            interpolate_clip(frames, 24, method=each, order="bgr")[0][5] for each in (methods["nlm"], masked)
+        )
+    panels = {"frame 2": frames[2], "halfway": without, "halfway, with a mask": kept, "frame 3": frames[3]}
+    return save("mask", [[Panel(title, larger(picture[8:62, 8:184], 2)) for title, picture in panels.items()]])
 
 
 def exp_of(v: float) -> Any:
