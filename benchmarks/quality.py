@@ -8,17 +8,26 @@ a frame; those of a peer's command include its start and its files. ``--metrics`
 
 ``--methods`` takes those of `fpsboost compare`, and ``--peer NAME='COMMAND {in} {out}'`` any tool that doubles the
 frames of a folder, as `fpsboost compare` runs it (``docs/comparison.md``).
+
+``--published`` prints the table of ``docs/benchmark.md`` in Markdown: of the clips that ``samples`` draws, of its
+rendered scenes, and of the clips given, with the hashes of all pixels, so that anybody can repeat it and compare.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
+import platform
+import subprocess
+import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import date
 from pathlib import Path
 from typing import Any
 
+import av
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -38,19 +47,30 @@ from scoring import (
     wide_console,
 )
 
+from fpsboost import __version__
 from fpsboost.cli.compare import choose, name_others
 from fpsboost.colour import normalised
 from fpsboost.errors import FpsboostError, InputError
 from fpsboost.evaluation.compared_methods import ComparedMethod
 from fpsboost.evaluation.export import without_nan
-from fpsboost.evaluation.further_metrics import choose_metrics
+from fpsboost.evaluation.further_metrics import STANDARD, choose_metrics
 from fpsboost.evaluation.further_metrics import metrics as further_metrics
 from fpsboost.evaluation.peers import run_peer
 from fpsboost.evaluation.results import absolute_error, means
 from fpsboost.image import Image
+from fpsboost.kernels.binding import processor_level
 
 Scores = dict[str, Figures]
 """By method."""
+
+SEED = "2026"
+"""Seed of the drawn clips of ``--published``, with which nothing was fitted or chosen."""
+
+PUBLISHED = {
+    "constructed": "9f0ffaf461869240f50131ba470fd806d8f59f4f99ef853691bbc62cea6bb82c",
+    "scenes": "f0b4af86fa515b0cd42a631ea4f142d9bcb401b2cbdf0b3a1611d41674a3aedc",
+}
+"""Hashes of the frames that ``docs/benchmark.md`` has the figures of, by their folder."""
 
 WORST = 2
 """Pictures of each clip."""
@@ -135,17 +155,40 @@ def measure(arguments: argparse.Namespace, console: Console) -> dict[str, Any]:
     peers = name_others((), arguments.peer).commands
     metrics = choose_metrics(arguments.metrics)
     scores: dict[str, Scores] = {}
+    folders, hashes = dict[str, str](), dict[str, Any]()
     for name, path in find_clips(arguments.clip or [str(SAMPLE)]).items():
         clip = read_clip(name, path, arguments.frames)
         if not clip.scored:
             console.print(f"{name}: a scene cut in every pair, nothing to score.")
             continue
+        folders[name] = Path(path).resolve().parent.name
+        pixels = b"".join(image.tobytes() for image in (*clip.shown, *clip.hidden))
+        hashes.setdefault(folders[name], hashlib.sha256()).update(pixels)
         made = make_all(clip, chosen, peers, console)
         scores[name] = {each: score_clip(clip, result, metrics) for each, result in made.items()}
         console.print(score_table(f"{name}, {len(clip.scored)} frames", scores[name], metrics))
         if arguments.crops and made:
             write_crops(arguments.crops, clip, made)
-    return {"clips": scores, "metrics": metrics}
+    sums = {folder: each.hexdigest() for folder, each in hashes.items()}
+    return {"clips": scores, "metrics": metrics, "folders": folders, "sha256": sums}
+
+
+def published_lines(figures: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the means over the clips of each folder as a table in Markdown, then what was measured, and by what."""
+    metrics = figures["metrics"]
+    titles = "clips", "method", "PSNR, dB", "SSIM", "MAE", "CPU, ms", *metrics
+    yield f"| {' | '.join(titles)} |"
+    yield f"|{'---|' * len(titles)}"
+    for folder in figures["sha256"]:
+        scores = {name: rows for name, rows in figures["clips"].items() if figures["folders"][name] == folder}
+        for method, row in mean_scores(scores).items():
+            yield f"| {' | '.join([folder, f'`{method}`', *cells(row, metrics)])} |"
+    yield ""
+    for folder, found in figures["sha256"].items():
+        known = f", {'' if PUBLISHED[folder] == found else '**not** '}as published" if folder in PUBLISHED else ""
+        yield f"- {folder}: {list(figures['folders'].values()).count(folder)} clips, SHA-256 `{found}`{known}"
+    versions = f"fpsboost {__version__}, NumPy {np.__version__}, OpenCV {cv2.__version__}, PyAV {av.__version__}"
+    yield f"- {versions}, kernels {processor_level()}, {platform.platform()}, {date.today()}"
 
 
 def summarise(figures: dict[str, Any], console: Console) -> None:
@@ -177,14 +220,24 @@ def main() -> None:
     parser.add_argument("--peer", action="append", default=[], metavar="NAME='COMMAND {in} {out}'")
     parser.add_argument("--crops", type=Path, metavar="FOLDER", help="pictures of the worst frames of each clip")
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--published", action="store_true", help="the table of docs/benchmark.md, and rows of CLIP")
     arguments = parser.parse_args()
-    console = wide_console()
+    console = wide_console(stderr=arguments.published)
     one_thread()
-    try:
-        figures = measure(arguments, console)
-    except FpsboostError as error:
-        raise SystemExit(str(error)) from error
-    summarise(figures, console)
+    with tempfile.TemporaryDirectory() as scratch:
+        if arguments.published:
+            drawing = [sys.executable, str(SAMPLE.parent / "construct_clips.py"), f"{scratch}/constructed"]
+            subprocess.run([*drawing, "--seed", SEED], check=True, stdout=subprocess.DEVNULL)
+            arguments.clip = [drawing[-1], str(SAMPLE.parent / "scenes"), *arguments.clip]
+            arguments.metrics += STANDARD
+        try:
+            figures = measure(arguments, console)
+        except FpsboostError as error:
+            raise SystemExit(str(error)) from error
+    if arguments.published:
+        print(*published_lines(figures), sep="\n")
+    else:
+        summarise(figures, console)
     if arguments.json:
         arguments.json.write_text(json.dumps(without_nan(figures), indent=1) + "\n")
 

@@ -62,9 +62,9 @@ class Made(NamedTuple):
     """A frame."""
 
 
-def wide_console() -> Console:
+def wide_console(*, stderr: bool = False) -> Console:
     """Return a console for tables that need more than 80 columns, also where the output goes into a file."""
-    return Console(width=max(Console().width, 120))
+    return Console(stderr=stderr, width=max(Console().width, 120))
 
 
 def one_thread() -> None:

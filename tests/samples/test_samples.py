@@ -246,3 +246,16 @@ def test_the_table_of_weights_is_what_the_fit_makes(tmp_path):
     )
     for numbers in (fitted, objective.standardised(learnt)):
         assert objective.gain(numbers).mean() > 0.05
+
+
+@needs_scenes
+def test_the_published_benchmark_measured_these_scenes(monkeypatch):
+    """The pixels that the benchmark reads have the hash that it compares with and that the page of results names."""
+    monkeypatch.syspath_prepend(SAMPLES.parent / "benchmarks")
+    quality = importlib.import_module("quality")
+    found = quality.measure(
+        quality.argparse.Namespace(clip=[SCENES], methods="nearest", peer=[], metrics=[], frames=40, crops=None),
+        quality.Console(quiet=True),
+    )["sha256"]["scenes"]
+    assert found == quality.PUBLISHED["scenes"]
+    assert f"`{found}`, as published" in (SAMPLES.parent / "docs" / "benchmark.md").read_text(encoding="utf-8")
