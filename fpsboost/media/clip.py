@@ -387,14 +387,13 @@ class Clip:
         if self.frame_index is not None:
             codec = self._demuxer.stream.codec_context.codec
             can_begin = codec.intra_only or codec.canonical_name in SELF_CONTAINED
-            points = self.frame_index.entry_points if can_begin else []
-            before = [point for point in reversed(points) if point.number <= number]
-            for point in [before[step] for step in STEPS_BACK if step < len(before)]:
+            points = [point for point in self.frame_index.entry_points if can_begin and point.number <= number]
+            for point in [points[-1 - step] for step in STEPS_BACK if step < len(points)]:
                 if self._decode_up_to(number, point, self.frame_index):
                     self._first = number
                     return
-            is_short = bool(before) and before[0].number == 0
-            reason = None if is_short else "decoding cannot begin at the key frames before"
+            is_first = bool(points) and points[-1].number == 0
+            reason = None if is_first else "decoding cannot begin at the key frames before"
         self._reopen()
         self._dropped = number
         if reason is not None:

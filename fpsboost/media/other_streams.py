@@ -188,8 +188,7 @@ class OtherStreams:
 
     def _add_encoded(self, stream: av.stream.Stream, encoder: str) -> None:
         """Add a stream of audio that is re-encoded; `fit_streams` has checked that it can be."""
-        sound = EncodedSound(stream, self._output, encoder, self._window)
-        self._sounds[stream.index] = sound
+        sound = self._sounds[stream.index] = EncodedSound(stream, self._output, encoder, self._window)
         self._add_target(stream, sound.stream)
         stretched = "" if self._curve is None else "fitted to the speeds of its pictures and "
         if self._curve is not None and self._curve.is_steady and (speed := self._curve.sounding[0].slope0):

@@ -78,9 +78,8 @@ class Writer(StagedSink):
         self._output, self._name, self._chunk_frames = output, unfinished.name, chunk_frames
         self._unfinished, self._folder = unfinished, folder
         self._container = container_of(output)
-        codec, _ = self._choose_encoder(output.stream.traits)
         # what the container cannot hold is known before any picture is encoded
-        self._fitting = fit_streams(output, self._container, codec)
+        self._fitting = fit_streams(output, self._container, self._choose_encoder(output.stream.traits)[0])
         self._chunks: list[Chunk] = []
         self._first_chunk = 0 if output.part is None else output.part.first // chunk_frames
         self._writer: ChunkWriter | None = None

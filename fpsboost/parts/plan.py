@@ -285,9 +285,7 @@ def frame_times(clip: OpenedClip, folder: Path) -> Sequence[Fraction] | None:
     if not isinstance(source, RandomAccess):
         return None
     if isinstance(clip.whole, SeekableSource) and (folder / INDEX_NAME).exists():
-        index = read_index(folder, input_identity(clip))
-        if index is not None:
-            clip.whole.frame_index = index
+        clip.whole.frame_index = read_index(folder, input_identity(clip)) or clip.whole.frame_index
     return source.frame_times()
 
 
