@@ -362,8 +362,7 @@ class Interpolator(Checked):
             if illumination is not None:
                 image = illumination.apply(view(image).array(), t, pair.image0.pixels.dtype)
             if self.match_grain:
-                seed = number, int(np.float64(t).view(np.uint64))
-                image = match_grain(view(image).picture, pair.grain, t, seed)
+                image = match_grain(view(image).picture, pair.grain, t, (number, int(np.float64(t).view(np.uint64))))
             if overlay is not None:
                 keep_overlay(view(image).picture, image0.pixels, image1.pixels, t, overlay)
                 if confidence is not None:  # found still over four frames

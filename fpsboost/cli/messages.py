@@ -354,7 +354,7 @@ class JsonReporter(ExitStack):
         ``least_certain`` is null if nothing was interpolated between two frames of a scene.
         """
         self._frames, lowest = summary.frames_out, summary.lowest_match
-        counts = {
+        results = {
             "frames_in": summary.frames_in,
             "frames_made": summary.frames_made,
             "duplicates": summary.duplicates,
@@ -369,9 +369,9 @@ class JsonReporter(ExitStack):
                 "time": round(float(lowest.time), 6),
                 "match_score": round(lowest.match_score, 4),
             },
+            "remarks": [in_flags(remark) for remark in summary.remarks],
         }
-        remarks = [in_flags(remark) for remark in summary.remarks]
-        self._print("done", fps=_speed(summary), done=True, output=self._output, **counts, remarks=remarks)
+        self._print("done", fps=_speed(summary), done=True, output=self._output, **results)
 
     def _print(self, stage: str, fps: float | None = None, **more: Any) -> None:
         """Print an object with the state of the conversion and further values."""

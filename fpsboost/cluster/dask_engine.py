@@ -99,8 +99,7 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
             f"`cluster` converts in parts, which does not work with {' or '.join(given)}; leave one of them out."
         )
     observer, progress = run.observer or SilentObserver(), Summary()
-    workers = max(GROWN_CLUSTER, len(client.nthreads()))
-    with planned_job(job, run, workers * PARTS_PER_WORKER) as (info, planned):
+    with planned_job(job, run, max(GROWN_CLUSTER, len(client.nthreads())) * PARTS_PER_WORKER) as (info, planned):
         folders = {each.part: each.part.folder(output) for each in planned}
         missing = [each for each in planned if not folders[each.part].is_dir()]
         expected = sum(each.frames for each in planned)

@@ -32,8 +32,10 @@ def write_json(path: Path, comparisons: Sequence[Comparison]) -> None:
     For one clip these are those of `as_json`; for several, ``clips`` is a list of these, and ``mean`` has the means.
     """
     data = [as_json(comparison) for comparison in comparisons]
-    psnr = psnr_of_clips(comparisons)
-    means = {name: {"psnr": mean(of_clips), "psnr_of_clips": of_clips} for name, of_clips in psnr.items()}
+    means = {
+        name: {"psnr": mean(of_clips), "psnr_of_clips": of_clips}
+        for name, of_clips in psnr_of_clips(comparisons).items()
+    }
     several = {"version": DATA_VERSION, "clips": data, "mean": means}
     write_whole(path, f"{json.dumps(data[0] if len(data) == 1 else several, indent=1)}\n".encode())
 

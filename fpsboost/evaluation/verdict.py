@@ -137,8 +137,7 @@ def _say(verdict: Verdict) -> list[str]:
     priced = [name for name in dict.fromkeys([verdict.best, verdict.cheapest]) if not math.isnan(seconds[name])]
     prices = [f"{name} {format_duration(seconds[name])}" for name in priced]
     price = [f"{doing} these {verdict.clip_frames} frames takes {listed(prices)} of CPU time."] if prices else []
-    plural = "" if verdict.frames == 1 else "s"
-    reached = f"{verdict.best} reaches {verdict.psnr:.1f} dB over {verdict.frames} frame{plural}"
+    reached = f"{verdict.best} reaches {verdict.psnr:.1f} dB over {verdict.frames} frame{'s' * (verdict.frames != 1)}"
     if not verdict.ahead:
         return [f"{reached}.", *price]
     advice = _advise(verdict.best, verdict.ahead, verdict.cheapest, seconds)

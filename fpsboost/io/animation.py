@@ -251,8 +251,7 @@ class AnimationWriter(ABC):
 
     def __init__(self, file: BinaryIO, plays: int, tick: Fraction, code_points: tuple[int, int]) -> None:
         self._file, self._tick, self._code_points = file, tick, code_points
-        options = {self.loop_option: str(self.loops(plays))}
-        self._container = av.open(file, "w", format=self.muxer, options=options)
+        self._container = av.open(file, "w", format=self.muxer, options={self.loop_option: str(self.loops(plays))})
         self._stream: av.VideoStream | None = None
         self._shape: tuple[int, ...] = ()
         self.ticks = 0

@@ -347,8 +347,7 @@ def repeatable_options(encoder: str, given: Collection[str], pixels: int) -> tup
     motion within other limits, or name the number in the stream.
     """
     usual = THREADS_FOR_LARGE_PICTURES if pixels > LARGE_PICTURE else ENCODER_THREADS
-    threads = threads_of_encoders.get(encoder, usual)
     # with more threads, SVT-AV1 aims at a rate differently in every run
     is_unsteady = encoder == "libsvtav1" and not {"b", "maxrate"}.isdisjoint(given)
     further = [("svtav1-params", "lp=1")] if is_unsteady else _further_options.get(encoder, ())
-    return ("threads", str(threads)), *further
+    return ("threads", str(threads_of_encoders.get(encoder, usual))), *further

@@ -122,11 +122,10 @@ def described(sides: Sequence[tuple[str, bytes]], width: int) -> dict[str, str]:
     said: dict[str, str] = {}
     for kind, data in sides:
         number = int.from_bytes(data[:4], sys.byteorder)
-        window = int.from_bytes(data[4:8], sys.byteorder)  # of pan and scan, in sixteenths
         is_implied = {
             "STEREO3D": number == FLAT or "VIEW_ID" in kinds,
             "SPHERICAL": number == RECTILINEAR,
-            "PANSCAN": window in (0, 16 * width),
+            "PANSCAN": int.from_bytes(data[4:8], sys.byteorder) in (0, 16 * width),  # the window's, in sixteenths
             "GOP_TIMECODE": not number & TIME_OF_GOP,
             "AFD": number & 15 == FULL_FRAME,
             "SEI_UNREGISTERED": data[:16] in encoder_notes,

@@ -158,8 +158,7 @@ def find_entry(
     """
     numbers = OutputNumbers(times, schedule)
     # the exposure of a frame begins after the frame before
-    around = numbers.source_frame(max(0, first_output - 1))
-    latest = around - (before if detector is None else 2 * detector.most)
+    latest = numbers.source_frame(max(0, first_output - 1)) - (before if detector is None else 2 * detector.most)
     if detector is None:
         number = numbers.certain_at_most(max(0, latest))
         return Entry(number, times[0], numbers.before(number))

@@ -66,12 +66,11 @@ class VectorConvention:
         return vectors["backward"], vectors["forward"]
 
     def __str__(self) -> str:
-        names = (("first", "second"), ("third", "fourth"))
         axes = {1: ("right", "down"), -1: ("left", "up")}
         return ", and ".join(
             f"the {x} and {y} channel lead to the {'next' if pair.direction == 'forward' else 'previous'} frame, "
             f"{axes[pair.x_sign][0]} and {axes[pair.y_sign][1]}"
-            for pair, (x, y) in zip(self.pairs, names, strict=False)
+            for pair, (x, y) in zip(self.pairs, (("first", "second"), ("third", "fourth")), strict=False)
         )
 
 

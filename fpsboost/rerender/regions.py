@@ -197,8 +197,7 @@ def choose_regions(
         masks = np.zeros(steady.size, bool)
         masks[order[:count]] = True
         masks = clean(masks.reshape(steady.shape), belongs)
-        areas = (masks * grid.areas).sum(axis=(1, 2))
-        return _Choice(masks, areas, (masks * steady * grid.areas).sum(axis=(1, 2)))
+        return _Choice(masks, (masks * grid.areas).sum(axis=(1, 2)), (masks * steady * grid.areas).sum(axis=(1, 2)))
 
     largest = int((steady > 0).sum())
     fits, too_many = 0, largest + 1

@@ -172,8 +172,7 @@ def _trios(
     for index, frame in enumerate(islice(frames, first, None), first):
         place = (index - first) % distance
         if place == 0:
-            position = SourcePosition(index, frame.time)
-            image = FrameCache(comparable(frame.array), Fraction(index * factor), position)
+            image = FrameCache(comparable(frame.array), Fraction(index * factor), SourcePosition(index, frame.time))
             if before is not None:
                 yield interpolator.pair(before, image), truth
             before = image

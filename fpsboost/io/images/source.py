@@ -191,8 +191,7 @@ class ImageSource(ClosesOnExit):
                 raise InputError(
                     f"{path} ({view(image).describe()}) is unlike {self._described}; make all images one size and type."
                 )
-            original = None if self._reading.upright else path
-            yield Frame(image, self._time_of(number), 1 / self.info.rate, original)
+            yield Frame(image, self._time_of(number), 1 / self.info.rate, None if self._reading.upright else path)
 
     def frame_times(self) -> Sequence[Fraction]:
         """Return the times of all frames, seconds, without reading any."""

@@ -104,8 +104,7 @@ class PipeSource(ClosesOnExit):
         keeps_planes: bool = False,
         limit: MemoryLimit | None = None,
     ) -> None:
-        advice = "pipe a YUV4MPEG2 stream into it"
-        self._waiting = None if stream else _descriptor(sys.stdin, InputError, INPUT_NAME, advice)
+        self._waiting = None if stream else _descriptor(sys.stdin, InputError, INPUT_NAME)
         self._file = CountingReader(stream or self._waiting)
         self._for_images = for_images
         self._end = 0
@@ -171,8 +170,7 @@ class PipeSource(ClosesOnExit):
         while picture is not None:
             picture.pts, picture.time_base = number, self.info.time_base
             image = to_bgr(picture, self._reformatter) if self._coding is None else in_planes(picture, self._coding)
-            original = None if self._for_images else picture
-            yield Frame(image, number / self.info.rate, 1 / self.info.rate, original)
+            yield Frame(image, number / self.info.rate, 1 / self.info.rate, None if self._for_images else picture)
             number += 1
             try:
                 picture = next(self._pictures, None)
@@ -256,8 +254,7 @@ class PipeSink:
         )
         self._timing, self._encoding, self._info = output.timing, encoding, output.info
         self._traits, self._colours = output.stream.traits, output.stream.colours
-        advice = "pipe it into a program"
-        self._waiting = None if stream else _descriptor(sys.__stdout__, OutputError, OUTPUT_NAME, advice)
+        self._waiting = None if stream else _descriptor(sys.__stdout__, OutputError, OUTPUT_NAME)
         self._stream: Any = stream or self._waiting
         self._header = ""
         self._reformatter = VideoReformatter()
@@ -424,8 +421,9 @@ class Descriptor:
                     return transfer()
 
 
-def _descriptor(stream: TextIO | None, kind: type[FpsboostError], name: str, advice: str) -> Descriptor:
+def _descriptor(stream: TextIO | None, kind: type[FpsboostError], name: str) -> Descriptor:
     """Return the descriptor of a standard stream; raise an error of class `kind` if it is closed or a terminal."""
+    advice = "pipe a YUV4MPEG2 stream into it" if name == INPUT_NAME else "pipe it into a program"
     if stream is None or stream.closed:
         raise kind(f"{name} is closed; {advice}, or name a file.")
     if stream.isatty():

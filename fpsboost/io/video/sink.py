@@ -106,10 +106,8 @@ class VideoSink:
         coding = Coding(
             depth_of(pixel_format), traits.color_space, encoder.full_range, traits.chroma_location, pixel_format
         )
-        # decoded pictures are used where the source is video
-        keeps_original = self._output.stream.traits is not None
-        with explained_writing(self._output.path):
-            return as_picture(frame, coding, self._reformatter, keeps_original=keeps_original)
+        with explained_writing(self._output.path):  # decoded pictures are used where the source is video
+            return as_picture(frame, coding, self._reformatter, keeps_original=self._output.stream.traits is not None)
 
     def join(self, chunks: Sequence[Chunk], traits: VideoTraits) -> None:
         """Take complete chunks of all frames instead of calls of `write`; see `FileWriter.join`."""

@@ -53,8 +53,7 @@ def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None, 
     dtype = sample_type(bits)
     top = np.iinfo(dtype).max
     if picture.format.is_rgb:
-        pixel_format = packed_format(dtype, alpha=keeps_alpha)
-        packed = scaler.reformat(picture, format=pixel_format, interpolation=SCALER_FLAGS)
+        packed = scaler.reformat(picture, format=packed_format(dtype, alpha=keeps_alpha), interpolation=SCALER_FLAGS)
         return np.ascontiguousarray(packed.to_ndarray())
     if is_gray(picture.format):
         # not through 4:4:4, where the scaler applies a matrix to gray too and shifts it
