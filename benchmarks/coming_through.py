@@ -15,7 +15,7 @@ import av.error
 import numpy as np
 from av.format import Flags
 
-from fpsboost.media import open_input
+from fpsboost.media.pyav import open_input
 
 COMPARED_FRAMES = 40
 """Frames whose colours are compared: the first ones that both files show at one time."""
