@@ -1,7 +1,5 @@
 """Entry point of the command line; it handles interruption from the first import on."""
 
-from __future__ import annotations
-
 import gc
 import os
 import signal

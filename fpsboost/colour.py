@@ -6,8 +6,6 @@ log-average is shown as middle gray (Reinhard, Stark, Shirley, Ferwerda 2002, do
 is a logarithm above, with the slope of sRGB in the darkest shadows. What is mixed are the numbers as they are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache

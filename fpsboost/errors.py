@@ -4,8 +4,6 @@ Every message is one sentence that names the file or the option, and how to corr
 only the command line prints and chooses an exit code (2 for `OptionError`, 1 for the others).
 """
 
-from __future__ import annotations
-
 import math
 
 from fpsboost.media.errors import (

@@ -39,8 +39,6 @@ Words
     colour coding, shape and orientation of video; *remarks* sentences about what was lost or guessed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, NamedTuple

@@ -3,8 +3,6 @@
 Motion, scene cuts and duplicates are found on the picture alone; the layers go where it goes, each as what it is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, Self

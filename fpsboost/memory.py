@@ -9,8 +9,6 @@ more of it: OpenBLAS and OpenCV while they are loaded, FFmpeg when it starts thr
 memory, and where too little is left for the libraries themselves, nothing is begun.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import re

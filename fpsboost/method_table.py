@@ -1,7 +1,5 @@
 """Table of the methods by name, each an estimator and a synthesizer, and interpolation of single pairs of images."""
 
-from __future__ import annotations
-
 from ast import literal_eval
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace

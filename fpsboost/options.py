@@ -7,8 +7,6 @@ Messages of the library name a field between backquotes, with a value after ``=`
 program that has other names for the fields replaces them.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import reprlib

@@ -1,7 +1,5 @@
 """Repair of sequences: damaged frames are detected, and grouped with the good ones between which they are replaced."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Options for how a conversion is run, and which part of it."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path

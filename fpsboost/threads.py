@@ -4,8 +4,6 @@ An error in any thread is raised in the caller, and no thread outlives the ``wit
 never left, as by a generator that is suspended in it when the interpreter ends, the threads end then.
 """
 
-from __future__ import annotations
-
 import atexit
 import os
 from collections.abc import Callable, Generator, Iterable, Iterator

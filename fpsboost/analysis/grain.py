@@ -16,8 +16,6 @@ Float images are linear light, in which noise grows with the intensity: they are
 has one variance if it is that of counted photons or paths (Anscombe, Biometrika 1948, doi:10.1093/biomet/35.3-4.246).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple

@@ -8,8 +8,6 @@ Models are estimated on thumbnails, where motion is found by exhaustive search; 
 a change is undone (`IlluminationModel.undo`) and applied again to the interpolated frame (`IlluminationModel.apply`).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from operator import itemgetter

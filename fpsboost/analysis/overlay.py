@@ -5,8 +5,6 @@ background. A pixel is an overlay if its colour stays constant over three or fou
 predicts a change. Such pixels are blended without motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

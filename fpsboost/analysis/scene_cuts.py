@@ -11,8 +11,6 @@
 ([True, False, True], True)
 """
 
-from __future__ import annotations
-
 import csv
 import math
 import os

@@ -1,7 +1,5 @@
 """Command `fpsboost preview`: converts some passages of a clip and shows them on a page."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 from typing import Annotated

@@ -6,8 +6,6 @@ that fails for a reason that may lie with the worker, is computed again, elsewhe
 job: two clients that convert the same thing on one scheduler wait for the same tasks.
 """
 
-from __future__ import annotations
-
 import concurrent.futures
 import logging
 import os

@@ -4,8 +4,6 @@ A thread cannot be stopped from outside, so a part checks at every frame whether
 not once every client that has requested it has cancelled it, has ended, or has lost its connection.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -4,8 +4,6 @@ A method of a comparison (`ComparedMethod`) gets the intervals of a clip in orde
 time that they took. Frames of other tools are in `fpsboost.evaluation.peers`.
 """
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence

@@ -3,8 +3,6 @@
 ``docs/comparison.md`` describes the files.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import math

@@ -4,8 +4,6 @@ A clip is read as a conversion reads it. Frames that repeat another are no truth
 they are grouped with the first of their kind, and stills do not count.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction

@@ -3,8 +3,6 @@
 `docs/comparison.md` describes the possible content of such a folder, and how its images are matched.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

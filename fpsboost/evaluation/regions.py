@@ -6,8 +6,6 @@ frames is half as long as the motion that a method has to find, and visibility i
 renderer's vectors are given, these determine motion and occlusion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 

@@ -4,8 +4,6 @@ All measure sRGB with 8 bits, as it is displayed. PSNR barely registers these ar
 method in order (see `fpsboost.evaluation.further_metrics.Meter`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -4,8 +4,6 @@ Methods are compared frame by frame: frames differ far more in how hard they are
 mean of the paired differences is known much more accurately than either mean. Several clips count alike, however long.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

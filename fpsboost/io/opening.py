@@ -1,7 +1,5 @@
 """Sources and sinks by their paths: which kind each path stands for, and what its options and kind must agree on."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Plain data from sources to sinks: what any clip has beside its frames, and what is to be written of it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from fractions import Fraction
 

@@ -4,8 +4,6 @@ FFmpeg decodes, through PyAV, because times stay exact ticks, deep formats stay 
 packet.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Callable, Generator, Iterator

@@ -4,8 +4,6 @@ Start, rate and duration are read from the header and the first packets, before 
 in presentation order, so that order is trusted more than the times.
 """
 
-from __future__ import annotations
-
 import math
 import statistics
 from collections.abc import Iterable, Iterator, Sequence

@@ -3,8 +3,6 @@
 Every message is one sentence that names the file or the option and says what to do.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches

@@ -1,7 +1,5 @@
 """Facts on a video file for people: how it looks, which streams it has, and which of these an .mp4 takes over."""
 
-from __future__ import annotations
-
 import math
 import os
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Properties of a clip and of an output, and what is asked for of its encoder, as plain data that needs no FFmpeg."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from fractions import Fraction
 

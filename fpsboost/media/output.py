@@ -1,7 +1,5 @@
 """Plain data from a clip to a writer: what a clip has beside its pictures, and what is to be written of it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pictures of a video stream: decoded, in presentation order, deinterlaced, upright, and all like the first one."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Decoded pictures of FFmpeg: pixel format, colour tags and chroma location, and what its filters make of them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any

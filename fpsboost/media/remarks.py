@@ -1,7 +1,5 @@
 """Remarks on a video file: the damage that was found while it was read, and what a target does not hold of it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ system releases the lock when the run ends, however it ends. Its manifest identi
 continues only the same job. A part of an output, to be joined with the others afterwards, becomes a folder of its own.
 """
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import json

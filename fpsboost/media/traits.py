@@ -1,7 +1,5 @@
 """Properties of a video's pictures beyond their samples: colour coding, pixel shape, orientation and HDR metadata."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Mapping
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Join of the parts of a conversion into the output of one run."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Sequence

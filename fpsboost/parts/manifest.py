@@ -6,8 +6,6 @@ same bits. Processors differ in the instructions that a library such as OpenCV c
 results are rounded. The frames are made of random integers, so that at least the input is the same everywhere.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

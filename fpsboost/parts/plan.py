@@ -5,8 +5,6 @@ in one run (`find_entry`). The list of a video's frames is left in a file beside
 to read the whole video.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import re

@@ -10,8 +10,6 @@ rectangles. The options are here, light to import: they are also those of `fpsbo
 >>> fpsboost.merge_regions("doubled/", "regions/", "final/", fpsboost.MergeOptions("plan/"))  # doctest: +SKIP
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from typing import Annotated

@@ -4,8 +4,6 @@ A region fades into the frame along its own edges, so that nothing outside of it
 where two regions meet, have no seam.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections import defaultdict

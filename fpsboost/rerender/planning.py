@@ -5,8 +5,6 @@ fractions of the frame with y up, and fractions of a pixel are cut off. In a fra
 0.5) / W``, ``max_x = (x + width + 0.5) / W``, ``min_y = (H - y - height + 0.5) / H`` and ``max_y = (H - y + 0.5) / H``.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping, Sequence

@@ -8,8 +8,6 @@ them, learned at one distance, is off at half of it.
 Uncertainty is 1 minus the confidence; it is called doubt here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction

@@ -8,8 +8,6 @@ The fallback replaces uncertain pixels by the two frames themselves, mixed or th
 (`measure_uncertainty`, `blend_fallback`).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

@@ -3,8 +3,6 @@
 They are baselines, and what other methods fall back to.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial

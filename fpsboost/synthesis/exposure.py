@@ -4,8 +4,6 @@ Light adds up in proportion to radiance. Images of 8 and 16 bits are taken as sR
 light; float images are linear already.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

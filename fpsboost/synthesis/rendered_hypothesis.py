@@ -5,8 +5,6 @@ is known to hold at a pixel, so both in-between images are generated, and weight
 agree along each motion: by the same measure that weights the candidate motions of `MultiHypothesis`.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import cv2

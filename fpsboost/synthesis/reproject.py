@@ -3,8 +3,6 @@
 It follows one motion per pixel, unlike `MultiHypothesis`, and takes colours at whole pixels, as the report does.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

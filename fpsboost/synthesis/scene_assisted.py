@@ -4,8 +4,6 @@ It serves as a baseline for scenes whose motion is known, and shows where known 
 shadows, reflections and refractions do not move with the surfaces.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar

@@ -4,8 +4,6 @@ Its record, `PairContext`, is read by the kernels. What does not depend on the t
 (`find_surroundings`), the rest for every time (`at_time`).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

@@ -1,7 +1,5 @@
 """Methods that follow one motion for each pixel: the usual backward warp, and the forward splatting of video coding."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any

@@ -6,8 +6,6 @@ and WebP with EXIF and XMP as they are stored, the pixels of a JPEG as OpenImage
 LZW with a predictor takes a third off an 8-bit TIFF; float TIFF stays uncompressed.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 import tempfile

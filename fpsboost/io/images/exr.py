@@ -5,8 +5,6 @@ OpenImageIO gives the type of each channel; OpenEXR's own library reads and writ
 whole numbers beside other types, which its Python binding converts through 32-bit float, it loses all but 24 bits.
 """
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Mapping, Sequence

@@ -11,8 +11,6 @@ along as they are stored, by Pillow: OpenImageIO would parse them and write what
 notes and the words of other programs. It has no words for the colour chunks of PNG, which are copied as they are.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import struct

@@ -5,8 +5,6 @@ before it: ``ViewLayer.DiffCol.R`` is the channel R of the layer ``ViewLayer.Dif
 no colours are layers of their own, such as ``Z``.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """OpenImageIO, the library that reads images, and the properties of a file that Pillow reads beside it."""
 
-from __future__ import annotations
-
 import os
 import struct
 import warnings

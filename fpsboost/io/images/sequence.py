@@ -3,8 +3,6 @@
 A sequence is one naming, ``prefix + number + suffix``, whose numbers rise by a constant step: 1, or that of a renderer.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import re

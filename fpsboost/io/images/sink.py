@@ -1,7 +1,5 @@
 """Numbered images written one at a time, all of them or none; and a part of them, to be joined with others later."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import shutil

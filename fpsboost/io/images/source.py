@@ -4,8 +4,6 @@ Images whose numbers rise by a step of 2 or more were rendered with that step. F
 that are missing, where the factor divides the step; otherwise all are numbered anew, one by one, with a remark.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

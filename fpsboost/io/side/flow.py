@@ -6,8 +6,6 @@
 show direction as hue and length as saturation, no motion as white.
 """
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Options for what is written beside the frames of a conversion."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 
 from fpsboost.options import Checked, PathName, option

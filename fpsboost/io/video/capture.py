@@ -1,7 +1,5 @@
 """Frame sources that read videos, cameras and streams with OpenCV, or arrays in memory."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Options of the user for reading a source."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """Options of the user for encoding, and for the streams that are carried over."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

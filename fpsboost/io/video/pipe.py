@@ -4,8 +4,6 @@ FFmpeg reads it, through PyAV. The few lines of text are written here, because P
 of pixels. Frames go out at once, so a pipe is the one target that does not appear as a whole.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import select

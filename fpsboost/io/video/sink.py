@@ -1,7 +1,5 @@
 """Write a video file: frames become pictures in the coding of its encoder, which a writer of media encodes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from types import TracebackType
 from typing import Self

@@ -1,7 +1,5 @@
 """Read a video file: its clip's pictures as frames, in planes or as BGR."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Generator, Iterator
 from contextlib import closing

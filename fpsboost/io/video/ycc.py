@@ -5,8 +5,6 @@ converts between the chroma subsampling of a picture and 4:4:4; a 3x4 matrix con
 inverse converts back.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import av
