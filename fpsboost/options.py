@@ -36,6 +36,8 @@ AtCuts = Literal["repeat", "blend", "extrapolate"]
 """Across a cut: repeat the nearer frame, mix the two, or extrapolate the motion of each."""
 Duplicates = Literal["interpolate", "keep"]
 """Treatment of repeated frames: grouped and interpolated again, or kept as frames of their own."""
+AnyDuplicates = Literal["interpolate", "keep", "drop"]
+"""The same of a conversion, which can also leave them out, so that the clip has the rate of its pictures."""
 Pattern = Literal["full", "three-step", "diamond"]
 """Search pattern of block matching: every offset of the range, or one of two fast searches from the best so far."""
 Uncertain = Literal["keep", "blend", "nearest", "hold"]

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import os
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -16,6 +16,8 @@ from itertools import islice
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
+from fpsboost.analysis.cadence import Repeats
+from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame
 from fpsboost.analysis.scene_cuts import CutList, counts_frames
 from fpsboost.contracts import ClosesOnExit, FrameSource, RandomAccess
 from fpsboost.errors import InputError, OptionError, refuse
@@ -210,7 +212,8 @@ class FoldedSource(ClosesOnExit):
     """Source of the frames of another one in any order of runs, at times of its own; it opens the other one for each.
 
     `order` are numbers of its frames, `read_from` opens it at a frame, and `beginning` is the position of the frame at
-    the time of its first one. What runs backwards is read in short blocks.
+    the time of its first one. A run rises, with or without steps, and is read at once; what runs backwards is read in
+    short blocks.
     """
 
     info: ClipInfo
@@ -218,7 +221,7 @@ class FoldedSource(ClosesOnExit):
     order: Sequence[int]
     times: Sequence[Fraction]
     read_from: Callable[[int], AbstractContextManager[FrameSource]]
-    beginning: SourcePosition
+    beginning: SourcePosition = SourcePosition(0, Fraction(0))
     first: int = 0
 
     def frame_times(self) -> Sequence[Fraction]:
@@ -232,10 +235,17 @@ class FoldedSource(ClosesOnExit):
         while place < len(order):
             step = order[place + 1] - order[place] if place + 1 < len(order) else 0
             stop = place + 1
-            while stop < len(order) and order[stop] == order[stop - 1] + step and (step > 0 or stop - place < BLOCK):
+            while stop < len(order) and (
+                order[stop] > order[stop - 1]
+                if step > 0
+                else order[stop] - order[stop - 1] == step < 0 and stop - place < BLOCK
+            ):
                 stop += 1
-            with self.read_from(min(order[place], order[stop - 1])) as source:
-                frames: Iterable[Frame] = islice(source, stop - place if step else 1)
+            first, last = sorted((order[place], order[stop - 1]))
+            wanted = {*order[place:stop]}
+            with self.read_from(first) as source:
+                read = enumerate(islice(source, last + 1 - first), first)
+                frames = (frame for number, frame in read if number in wanted)
                 for frame in frames if step >= 0 else list(frames)[::-1]:
                     yield replace(frame, time=self.times[place], duration=Fraction(0))
                     place += 1
@@ -342,15 +352,40 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
             forwards = replace(job, rate=replace(rate, retime=None, slow_motion_sound=None))
             order, shown, curve = curve.unfolded(times)
             info = replace(info, frame_count=len(order), duration=shown[-1] + 1 / info.rate)
-            source = FoldedSource(
-                info,
-                list(whole.remarks),
-                order,
-                shown,
-                partial(read_again, forwards, run, whole),
-                SourcePosition(0, Fraction(0)),
-            )
+            source = FoldedSource(info, list(whole.remarks), order, shown, partial(read_again, forwards, run, whole))
+        if rate.duplicates == "drop":
+            kept = replace(job, rate=replace(rate, duplicates="keep"))
+            source = without_repeats(job.method, whole, source, partial(read_again, kept, run, whole))
         yield OpenedClip(target, whole, source, window, curve, clip_curve)
+
+
+def without_repeats(
+    interpolator: Interpolator,
+    whole: DescribedSource,
+    source: FrameSource,
+    read_from: Callable[[int], AbstractContextManager[FrameSource]],
+) -> FoldedSource:
+    """Read a part of the `whole` clip, and return a source of its frames without those that repeat a picture.
+
+    `read_from` opens the part once more at a frame. Raises `OptionError` if the clip can be read only once.
+    """
+    if not whole.stream_info.files:
+        raise OptionError("`duplicates='drop'` reads a clip twice, which a pipe does not allow; name a file.")
+    info, found = source.info, Repeats(interpolator.duplicates or DuplicateDetector())
+    for _ in found.groups(map(SourceFrame, source)):
+        pass
+    cadence, how = found.cadence(info.rate), "keep their own times"
+    order, times = found.kept(cadence)
+    if cadence is not None and cadence.is_certain:
+        info = replace(info, rate=cadence.rate, time_base=Fraction(1, cadence.rate.numerator))
+        how = f"are evenly spaced, {readable(info.rate)} per second ({cadence.name})"
+    remark = (
+        f"{len(found.times) - len(order)} of {len(found.times)} frames repeat another and were dropped; "
+        f"the others {how}."
+    )
+    length = times[-1] - times[0] if times else Fraction(0)  # a clip without any frame is refused by the loop
+    info = replace(info, frame_count=len(order), duration=length + 1 / info.rate, mean_rate=None)
+    return FoldedSource(info, [*whole.remarks, remark], order, times, read_from)
 
 
 @contextmanager
@@ -406,7 +441,8 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
     keeps_numbers = (
         images is not None and not target.has_rate and clip.curve is None and images.numbers_for(multiple) is not None
     )
-    if rate.fill_gaps or keeps_numbers:  # an image that repeats another is none that is missing
+    # an image that repeats another is none that is missing
+    if rate.fill_gaps or keeps_numbers or rate.duplicates != "interpolate":
         interpolator = replace(interpolator, duplicates=None)
     if rate.replacement is not None:
         interpolator = replace(interpolator, duplicates=None, replacement=rate.replacement)
@@ -427,7 +463,7 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
         expected_frames=expected,
         overwrite=run.overwrite,
         window=clip.window,
-        factor=multiple if clip.curve is None else None,
+        factor=multiple if clip.curve is None and rate.duplicates != "drop" else None,
         in_place=run.in_place,
     )
     return Preparation(job, run, clip, target, interpolator, schedule, output, [*lost, *on_vectors])
@@ -483,6 +519,11 @@ def _check_rate(rate: OutputRate, interpolator: Interpolator, run: RunOptions) -
             f"`shutter` averages frames, which have no one map of {maps}; leave one of them out.": blurs and maps,
             f"{any_time} `in_place` only some; leave one of them out.": rate.retimes and run.in_place,
             f"{any_time} `vectors` only some; leave one of them out.": rate.retimes and has_vectors,
+            "`duplicates='drop'` changes the number of frames, which `vectors`, `in_place`, and `cuts` and `mask` by "
+            "frames count; use it by itself, and convert its output.": (
+                rate.duplicates == "drop"
+                and (has_vectors or run.in_place or counts_frames(interpolator.cuts, interpolator.mask))
+            ),
         }
     )
 
@@ -517,8 +558,8 @@ def output_beside(clip: PathName, rate: OutputRate) -> str:
     if not clip_name(input):
         return output_beside(str(Path(input).resolve().parent), rate)
     speed = "filled" if rate.fill_gaps and rate.factor is None else f"{readable(rate.multiple)}x"
-    speed = "repaired" if rate.keeps_frames else "retimed" if rate.retimes else speed
-    parts = [speed] if rate.fps is None or rate.slow_motion or rate.retimes else []
+    kept = ("dropped" if rate.replace is None else "repaired") if rate.keeps_frames else speed
+    parts = ["retimed" if rate.retimes else kept] if rate.fps is None or rate.slow_motion or rate.retimes else []
     parts += ["slow"] * rate.slow_motion + ([] if rate.fps is None else [f"{readable(rate.fps)}fps"])
     planned, place = name_in_folder(input, Path()), Path(input)
     folder = place.resolve().parent if place.name in ("", "..") else place.parent

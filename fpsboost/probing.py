@@ -13,7 +13,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Self
 
-from fpsboost.analysis.duplicates import SourceFrame, group_duplicates
+from fpsboost.analysis.cadence import Repeats
+from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.contracts import FrameSource, HasDetails
 from fpsboost.errors import FpsboostError, OutputError
 from fpsboost.frame import Frame
@@ -82,6 +83,12 @@ class Probe:
     """Number of frames by the header; None if it does not say."""
     duplicates: int
     """Number of duplicate frames, stills not counted."""
+    cadence: str | None
+    """Cadence that most frames follow, such as ``3:2``; None if they follow none; see `fpsboost.analysis.cadence`."""
+    cadence_share: float
+    """Share of the clip that follows it, of the parts in which motion shows it; 0 without a cadence."""
+    picture_rate: float | None
+    """Pictures per second where the whole clip follows it, so that `duplicates="drop"` gives this constant rate."""
     cuts: list[float]
     """Times of the first frames of new scenes."""
     loops: bool
@@ -115,6 +122,8 @@ class Findings:
     interlaced: int = 0
     duplicates: list[Fraction] = field(default_factory=list)
     """Times of the duplicate frames that are interpolated across, as `Summary.duplicates` counts them."""
+    repeats: Repeats | None = None
+    """Repeated frames, in stills too; None if they are not looked for."""
     damaged: list[int] = field(default_factory=list)
     pictures: list[list[Fraction]] = field(default_factory=list)
     """Times of the frames that show each picture, nearly always of one."""
@@ -159,7 +168,8 @@ class Findings:
         """Yield the pairs between which a conversion would make frames."""
         last: SourceFrame | None = None
         detector, shown = interpolator.duplicates, self.shown(frames)
-        for group in zip(shown) if detector is None else group_duplicates(shown, detector):
+        self.repeats = None if detector is None else Repeats(detector)
+        for group in zip(shown) if self.repeats is None else self.repeats.groups(shown):
             self.pictures.append([each.frame.time for each in group])
             if last is not None:
                 yield interpolator.pair(last, group[0])
@@ -201,6 +211,7 @@ def probe(
         info, times = source.info, findings.times
         counted = replace(info, frame_count=len(times), duration=findings.end - times[0])
         intervals = [later - earlier for earlier, later in pairwise(times)] or [1 / info.rate]
+        cadence = None if findings.repeats is None else findings.repeats.cadence(info.rate)
         median, spread = statistics.median(intervals), max(intervals) - min(intervals)
         return Probe(
             name=info.name,
@@ -220,6 +231,9 @@ def probe(
             frames=len(times),
             declared_frames=info.frame_count,
             duplicates=len(findings.duplicates),
+            cadence=None if cadence is None else cadence.name,
+            cadence_share=0.0 if cadence is None else cadence.share,
+            picture_rate=float(cadence.rate) if cadence is not None and cadence.is_certain else None,
             cuts=[float(cut) for cut in cuts],
             loops=findings.loops,
             damaged=findings.damaged,

@@ -81,6 +81,7 @@ EXAMPLES = """
   fpsboost renders/ doubled/                           a folder of images
   fpsboost renders/ --fill-gaps --in-place             the missing images
   fpsboost in.mp4 out.mp4 --replace 120-123,340        damaged frames
+  fpsboost in.mp4 out.mp4 --duplicates drop            the true rate
   fpsboost shot_####.png out.mp4 --input-fps 24        images to video
   fpsboost in.mp4 out.mp4 --start 1:30 --end 2:00      a part of it
   fpsboost in.mp4 out.mp4 --factor 4 --slow-motion     four times as long

@@ -75,9 +75,12 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
     added = frames if frames is None or not run.in_place else frames - (source.frame_count or 0)
     if length >= SHORTEST:
         with reading.status("trying passages"):
-            # of frames that are retimed, hardly any is one of the source
-            rate_tried = OutputRate(factor=4) if job.rate.retimes else job.rate
-            tried = replace(job, output="images/" if is_images else job.output, rate=rate_tried)
+            tried = replace(job, output="images/" if is_images else job.output)
+            if job.rate.retimes:  # of whose frames hardly any is one of the source
+                tried = replace(tried, rate=OutputRate(factor=4))
+            elif job.rate.duplicates == "drop":  # which needs the whole clip
+                factor = job.rate.multiple if job.rate.fps is None else job.rate.factor
+                tried = replace(tried, rate=replace(job.rate, duplicates="keep", factor=factor))
             run = RunOptions(limit=run.limit, threads=run.threads)
             trial = preview(tried, {"": job.method}, run, at=places, length=length)
         remarks += map(as_prospect, trial.remarks)

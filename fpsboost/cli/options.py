@@ -140,7 +140,6 @@ class MethodOptions:
         short="m",
         choices=METHODS,
     )
-    duplicates: Duplicates = option("interpolate", f"Duplicates: {one_of(Duplicates)}.")
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
     uncertain: Uncertain = option("keep", f"Fallback: {one_of(Uncertain)}.")
     below: float = option(LEAST_CONFIDENCE, "Confidence limit of uncertain pixels.")
@@ -152,15 +151,13 @@ class MethodOptions:
 
         Raises `OptionError` for an unknown method or option, and for a method that lacks its vectors.
         """
-        interpolator = fpsboost.find_method(tuning.behind(self.method), self.rendered.folder)
-        interpolator = replace(
-            interpolator,
+        return replace(
+            fpsboost.find_method(tuning.behind(self.method), self.rendered.folder),
             match_grain=self.match_grain,
             uncertain=self.uncertain,
             below=self.below,
             mask=None if self.mask is None else fpsboost.Mask(self.mask),
         )
-        return interpolator if self.duplicates == "interpolate" else replace(interpolator, duplicates=None)
 
 
 @dataclass(frozen=True)
@@ -303,7 +300,6 @@ class PreviewOptions:
     methods: tuple[str, ...] = option(
         ("nlm",), "As in compare: separated by commas, options after a\ncolon.", short="m", metavar="NAMES"
     )
-    duplicates: Duplicates = option("interpolate", f"Duplicates: {one_of(Duplicates)}.")
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
     mask: str | None = option(None, "Image, or one per frame: white stays (HUD, titles).", metavar="FILE")
     side_by_side: str | None = option(None, "Write the passages, before and after, as a video too.", metavar="FILE")

@@ -1,6 +1,7 @@
 """Command `fpsboost preview`: converts some passages of a clip and shows them on a page."""
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -47,6 +48,9 @@ def preview(
     refuse(
         {
             "Standard input can be read only once, and a preview reads several places; name a file.": input in PIPES,
+            "`duplicates='drop'` reads the whole clip, and a preview only passages; convert it, and preview that.": (
+                rate.duplicates == "drop"
+            ),
             f"{place} is not the name of an HTML page; write {place}.html.": (
                 place.suffix.lower() not in (".html", ".htm")
             ),
@@ -56,10 +60,11 @@ def preview(
     if options.side_by_side is not None:
         check_video(Target.parse(options.side_by_side), [Path(input)], overwrite=options.overwrite)
     motions = [
-        MethodOptions(text, options.duplicates, options.match_grain, mask=options.mask)
-        for text in split_methods(options.methods)
+        MethodOptions(text, options.match_grain, mask=options.mask) for text in split_methods(options.methods)
     ]
     methods = {motion.method: cuts.applied_to(motion.interpolator()) for motion in motions}
+    if rate.duplicates == "keep":
+        methods = {name: replace(method, duplicates=None) for name, method in methods.items()}
     output = output_beside(input, rate)
     job = ConversionJob(input, output, rate, next(iter(methods.values())), decoding)
     console = Console(highlight=False, quiet=options.quiet)

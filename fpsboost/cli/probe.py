@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 MAX_WIDTH = 80
 MAX_CUTS = 24
 """Maximum number of cuts whose times are printed; --json has them all."""
-
 options = Group("Options", sort_key=1)
 
 
@@ -111,10 +110,21 @@ def facts(result: Probe) -> dict[str, str]:
         "duration": f"{result.duration:.3f} s" + (f", starts at {result.start:.3f} s" if result.start else ""),
         "frames": f"{result.frames}{every}",
         **numbers,
-        "duplicates": str(result.duplicates) if result.duplicates else "none",
+        "duplicates": describe_duplicates(result) if result.duplicates else "none",
         "scene cuts": f"{len(result.cuts)}, at {times}{more} s" if result.cuts else "none",
         **({"loop": "the last frame leads to the first; --loop makes the frames between"} if result.loops else {}),
         "damaged": damaged if result.damaged else "none",
         "interlaced": flagged if result.interlaced else "no",
         "--factor 2": conversion.refused or f"{conversion.frames} frames at {conversion.rate:.6g} fps",
     }
+
+
+def describe_duplicates(result: Probe) -> str:
+    """Return how many frames repeat another, in which cadence, and what leaves them out."""
+    cadence = (
+        f"{result.cadence} in {100 * result.cadence_share:.0f} % of what moves"
+        if result.cadence_share >= 0.5
+        else "in no regular cadence"
+    )
+    rate = "a variable rate" if result.picture_rate is None else f"{result.picture_rate:.6g} fps"
+    return f"{result.duplicates}, {cadence}; --duplicates drop leaves {rate}"

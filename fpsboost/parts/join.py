@@ -84,7 +84,7 @@ def join(
             files = [folder / file.name for folder, manifest in ordered for file in manifest.files]
             if isinstance(sink, VideoSink):
                 traits = clip.whole.stream_info.traits or traits_of_image(
-                    next(iter(clip.whole)).pixels, clip.whole.stream_info.colours
+                    next(iter(clip.source)).pixels, clip.whole.stream_info.colours
                 )
                 sink.join([complete_chunk(file) for file in files], traits)
             elif isinstance(sink, ImageSink):

@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
@@ -186,7 +186,7 @@ def facts_of(ready: Preparation) -> dict[str, str]:
     alike.
     """
     job = ready.job
-    with opened_clip(job, ready.run) as again:
+    with opened_clip(replace(job, rate=replace(job.rate, duplicates="keep")), ready.run) as again:
         image = next(iter(again.whole)).image
     with explained(InputError, "read", ready.clip.whole.info.name, "check that it is still there"):
         return fingerprint_options(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from fpsboost.errors import InputError, OptionError, refuse, rounded
 from fpsboost.media import OutputTiming, is_implausible
-from fpsboost.options import Checked, PathName, Range, Rate, option
+from fpsboost.options import AnyDuplicates, Checked, PathName, Range, Rate, option
 from fpsboost.timing.position import Replacement, format_time
 from fpsboost.timing.retime import parse_curve, parse_speeds, read_curve
 from fpsboost.timing.schedule import (
@@ -79,6 +79,11 @@ class OutputRate(Checked):
     shutter_samples : int, optional
         Number of frames that are averaged, odd; 15 by default. No steps are visible with one for each pixel of the
         fastest motion during the exposure.
+    duplicates : {'interpolate', 'keep', 'drop'}
+        Frames that repeat the one before: treated as the method says, which replaces them by interpolated ones unless
+        its own `duplicates` is None; kept as they are; or left out before anything else. Then the clip has the rate of
+        its pictures, which is constant where the repeats have a regular cadence, and otherwise variable. `factor`
+        multiplies it, by 1 unless it is given. The clip is read twice.
 
     Raises
     ------
@@ -117,6 +122,7 @@ class OutputRate(Checked):
         None, "Motion blur of this shutter angle, up to 360.", metavar="DEGREES", parse=parse_number
     )
     shutter_samples: int | None = option(None, "Frames averaged for motion blur, odd; else 15.")
+    duplicates: AnyDuplicates = option("interpolate", "Repeats: interpolate, keep, drop.", group="Input")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -147,6 +153,11 @@ class OutputRate(Checked):
                 "one of them.": self.fill_gaps and self.keep_timing,
                 "`fill_gaps` makes missing images at a constant rate, and `replace` those that are damaged; give one "
                 "of them.": self.fill_gaps and self.replace is not None,
+                "`duplicates='drop'` changes the number of frames, which `retime`, `speed`, `loop`, `fill_gaps` and "
+                "`replace` count; use it by itself, and convert its output.": (
+                    self.duplicates == "drop"
+                    and (self.retimes or self.loop or self.fill_gaps or self.replace is not None)
+                ),
             }
         )
         _ = self.exposure  # raises an error for a wrong number of samples
@@ -202,9 +213,14 @@ class OutputRate(Checked):
 
     @property
     def keeps_frames(self) -> bool:
-        """Whether the output has exactly the source's frames at their own times, of which some are replaced."""
+        """Whether the output has exactly the source's frames, of which some are replaced or left out."""
         has_speed = self.slow_motion or self.retimes
-        return self.replace is not None and self.factor is None and self.fps is None and not has_speed
+        return (
+            (self.replace is not None or self.duplicates == "drop")
+            and self.factor is None
+            and self.fps is None
+            and not has_speed
+        )
 
     @property
     def stretch(self) -> Fraction:
@@ -232,7 +248,7 @@ class OutputRate(Checked):
             No rate is given, and the source's own is implausible.
         """
         factor = self.multiple
-        keeps_timing = self.keep_timing or self.keeps_frames or not has_clock
+        keeps_timing = self.keep_timing or self.keeps_frames or self.duplicates == "drop" or not has_clock
         if self.fps is None and not self.fill_gaps and curve is None and keeps_timing:
             return ByFactor(factor)
         if self.fps is None and info.mean_rate is not None and is_implausible(info.rate, info.mean_rate):

@@ -63,6 +63,10 @@ def test_twice_the_rate_unless_told():
         ({"retime": "0=0 1s=2s", "speed": "2"}, "`retime` and `speed` set the timing in different ways"),
         ({"speed": "2", "slow_motion": True}, "`speed` and `slow_motion` set the timing in different ways"),
         ({"fps": 60, "keep_timing": True}, "`fps` makes the rate constant and `keep_timing` does not"),
+        *(
+            ({"duplicates": "drop", name: value}, "`duplicates='drop'` changes the number of frames, which `retime`")
+            for name, value in {"speed": "2", "retime": "0=0 1s=2s", "replace": "3", "fill_gaps": True}.items()
+        ),
         ({"factor": 0}, "`factor` must be"),
         ({"fps": 0}, "`fps` must be"),
     ],

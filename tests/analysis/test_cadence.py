@@ -1,0 +1,111 @@
+"""Repeated frames left out: pulldown and animation get the rate of their pictures, what is irregular a variable one."""
+
+from fractions import Fraction
+from itertools import accumulate, chain, cycle, islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conversion_options import FAST
+from held_frames import HEIGHT, WIDTH, pan
+from video_truth import packets_of, pictures_of, write_clip
+
+from fpsboost import DuplicateDetector, Frame, convert
+from fpsboost.analysis.cadence import Repeats
+from fpsboost.analysis.duplicates import SourceFrame
+
+CADENCES = {
+    **{"3:2": ([3, 2], 60), "one of five repeated": ([1, 1, 1, 2], 30), "one of 25 repeated": ([1] * 23 + [2], 25)},
+    **{"2:2": ([2], 60), "on twos": ([2], 24), "on threes": ([3], 24)},
+}
+"""How many frames each picture lasts, and frames per second."""
+
+
+def shown(pattern: list[int], count: int, first: int = 0) -> list[int]:
+    """The numbers of the pictures that so many frames show, from a frame of the pattern on."""
+    return list(islice(chain.from_iterable([n] * k for n, k in enumerate(cycle(pattern))), first, first + count))
+
+
+def noted(pictures, rate, picture=lambda number: pan(3 * number)):
+    """What is noted of frames that show these pictures, each with noise of its own, as an encoder leaves it."""
+    random, repeats = np.random.default_rng(2), Repeats(DuplicateDetector())
+    noisy = (picture(number) + random.integers(-1, 2, (HEIGHT, WIDTH, 3)) for number in pictures)
+    images = enumerate(image.clip(0, 255).astype(np.uint8) for image in noisy)
+    frames = (SourceFrame(Frame(image, Fraction(number, rate))) for number, image in images)
+    assert sum(map(len, repeats.groups(frames))) == len(repeats.times)
+    return repeats
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("name", CADENCES)
+def test_each_picture_of_a_regular_cadence_is_kept_once(name, first):
+    """Wherever the pattern begins, at even times; an edit that breaks it costs a picture at most."""
+    pattern, rate = CADENCES[name]
+    before, after = (shown(pattern, 8 * sum(pattern) + 40, number) for number in (first, 2))
+    pictures = before + [number + 300 for number in after]
+    repeats = noted(pictures, rate)
+    cadence = repeats.cadence(Fraction(rate))
+    assert (cadence.name, cadence.rate, cadence.is_certain) == (name, Fraction(rate * len(pattern), sum(pattern)), True)
+    numbers, times = repeats.kept(cadence)
+    kept = [pictures[number] for number in numbers]
+    assert len(kept) == len({*kept}) >= len({*pictures}) - 1
+    assert (kept[: len({*before})], times) == (sorted({*before}), [k / cadence.rate for k in range(len(numbers))])
+    assert all(abs(time - Fraction(n, rate)) <= 1 / cadence.rate for n, time in zip(numbers, times, strict=True))
+    repeats.times[-1] += 1
+    assert repeats.cadence(Fraction(rate)) is None
+
+
+def test_motion_as_small_as_noise_keeps_the_cadence():
+    """A slow part tells nothing of it, and as many of its frames stay as elsewhere."""
+    pictures = shown([1, 1, 1, 2], 60)
+    repeats = noted([*pictures, *(50 + number / 16 for number in pictures)], 30)
+    cadence = repeats.cadence(Fraction(30))
+    assert (cadence.name, cadence.is_certain, len(repeats.kept(cadence)[0])) == ("one of five repeated", True, 96)
+
+
+@pytest.mark.parametrize("counts", [[1, 2, 1, 3, 3, 2, 1] * 8 + [2, 1, 1] * 8, [1, 1, 1, 2] * 12 + [1] * 40])
+def test_what_is_irregular_keeps_the_times_of_first_frames(counts):
+    """In a game, or where one part has another rate: no constant rate is that of the pictures."""
+    repeats = noted([number for number, count in enumerate([*counts, 1]) for _ in range(count)], 30)
+    cadence, firsts = repeats.cadence(Fraction(30)), [0, *accumulate(counts)]
+    assert (cadence.is_certain, *repeats.kept(cadence)) == (False, firsts, [repeats.times[each] for each in firsts])
+
+
+@pytest.mark.parametrize("length", [2, 3])
+def test_a_pan_on_ones_stays(length):
+    """A figure on twos or threes in front of it repeats, and no frame does."""
+    x = np.arange(WIDTH)[:, np.newaxis]
+    repeats = noted(range(60), 24, lambda number: np.where(abs(x - number // length * length) < 10, 255, pan(number)))
+    assert not any(repeats.are_repeats)
+
+
+def test_a_conversion_drops_them_and_restores_them(fpsboost_, tmp_path):
+    """The true rate, exactly even, with the same sound; the old times from it; and `probe` says so beforehand."""
+    pictures, options = shown([3, 2], 90), {"encoding": FAST, "method": "nearest"}
+    write_clip(
+        Path("in.mp4"),
+        times=range(0, 90 * 1001, 1001),
+        time_base=Fraction(1, 60000),
+        rate=Fraction(60000, 1001),
+        size=(HEIGHT, WIDTH),
+        sound="aac",
+        options={"crf": "23", "preset": "medium"},
+        picture=lambda number, *size: pan(3 * pictures[number]),
+    )
+    assert ", 3:2 in 100 % of what moves; --duplicates drop leaves 23.976 fps" in fpsboost_("probe", "in.mp4").out
+    summary = convert("in.mp4", "film.mp4", duplicates="drop", **options)
+    assert (summary.frames_out, summary.frames_made, summary.remarks) == (
+        *(36, 0),
+        ["54 of 90 frames repeat another and were dropped; the others are evenly spaced, 23.976 per second (3:2)."],
+    )
+    assert times_of("film.mp4") == [Fraction(1001 * number, 24000) for number in range(36)]
+    assert packets_of(Path("film.mp4"), "audio") == packets_of(Path("in.mp4"), "audio")
+    convert("film.mp4", "back.mp4", fps="59.94", **options)
+    assert times_of("back.mp4") == times_of("in.mp4")
+    doubled = convert("in.mp4", "doubled.mp4", duplicates="drop", factor=2, **options)
+    assert (doubled.frames_out, doubled.frames_made) == (72, 36)
+
+
+def times_of(name: str) -> list[Fraction]:
+    """The times of a video's frames, seconds."""
+    return [picture.pts * picture.time_base for picture in pictures_of(Path(name))]
