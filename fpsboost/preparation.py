@@ -241,11 +241,10 @@ class FoldedSource(ClosesOnExit):
                 else order[stop] - order[stop - 1] == step < 0 and stop - place < BLOCK
             ):
                 stop += 1
-            first, last = sorted((order[place], order[stop - 1]))
-            wanted = {*order[place:stop]}
+            first, wanted = min(order[place], order[stop - 1]), {*order[place:stop]}
             with self.read_from(first) as source:
-                read = enumerate(islice(source, last + 1 - first), first)
-                frames = (frame for number, frame in read if number in wanted)
+                numbered = enumerate(source, first if isinstance(source, RandomAccess) else 0)
+                frames = islice((frame for number, frame in numbered if number in wanted), len(wanted))
                 for frame in frames if step >= 0 else list(frames)[::-1]:
                     yield replace(frame, time=self.times[place], duration=Fraction(0))
                     place += 1
@@ -390,13 +389,16 @@ def without_repeats(
 
 @contextmanager
 def read_again(job: ConversionJob, run: RunOptions, whole: FrameSource, number: int) -> Iterator[FrameSource]:
-    """Open the source of a job, which is `whole`, once more while the block lasts, to be read from a frame on."""
+    """Open the source of a job, which is `whole`, once more while the block lasts, to be read from a frame on.
+
+    Without `RandomAccess`, it is read from its beginning.
+    """
     with opened_clip(job, run) as again:
-        assert isinstance(again.source, RandomAccess)
         index = whole.frame_index if isinstance(whole, SeekableSource) else None
         if index is not None and isinstance(again.whole, SeekableSource):
             again.whole.frame_index = index
-        again.source.begin_at(number)
+        if isinstance(again.source, RandomAccess):
+            again.source.begin_at(number)
         yield again.source
 
 

@@ -163,3 +163,4 @@ def test_animations(tmp_path, name):
     assert (found.frames, found.streams, found.look, found.conversion.refused) == (6, [], None, None)
     assert found.conversion.frames == summary.frames_out
     assert found.duration == pytest.approx(0.36)
+    assert convert(str(animation), str(tmp_path / "same.mp4"), duplicates="drop").frames_out == 6

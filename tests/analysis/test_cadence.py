@@ -102,8 +102,7 @@ def test_a_conversion_drops_them_and_restores_them(fpsboost_, tmp_path):
     assert packets_of(Path("film.mp4"), "audio") == packets_of(Path("in.mp4"), "audio")
     convert("film.mp4", "back.mp4", fps="59.94", **options)
     assert times_of("back.mp4") == times_of("in.mp4")
-    doubled = convert("in.mp4", "doubled.mp4", duplicates="drop", factor=2, **options)
-    assert (doubled.frames_out, doubled.frames_made) == (72, 36)
+    assert convert("in.mp4", "doubled.mp4", duplicates="drop", factor=2, **options).frames_out == 72
 
 
 def times_of(name: str) -> list[Fraction]:
