@@ -221,7 +221,7 @@ class FoldedSource(ClosesOnExit):
     order: Sequence[int]
     times: Sequence[Fraction]
     read_from: Callable[[int], AbstractContextManager[FrameSource]]
-    beginning: SourcePosition = SourcePosition(0, Fraction(0))
+    beginning: SourcePosition = field(default=SourcePosition(0, Fraction(0)))
     first: int = 0
 
     def frame_times(self) -> Sequence[Fraction]:
