@@ -50,7 +50,16 @@ def build_source(out: Path) -> Path:
 
 def build_wheel(source: Path, name: str) -> Path:
     """Build the wheel for a platform of `PLATFORMS` beside the source distribution it is made of; return its path."""
-    command = [sys.executable, "-m", "build", "--no-isolation", "--wheel", "--outdir", source.parent, source]
+    command: list[str | Path] = [
+        sys.executable,
+        "-m",
+        "build",
+        "--no-isolation",
+        "--wheel",
+        "--outdir",
+        source.parent,
+        source,
+    ]
     subprocess.run(command, check=True, env=os.environ | {"FPSBOOST_PLATFORM": name})
     return next(source.parent.glob(f"*-{PLATFORMS[name].tag}.whl"))
 
