@@ -10,7 +10,7 @@ from fractions import Fraction
 from functools import partial
 from itertools import chain, count, cycle, islice, pairwise, takewhile
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, overload
 
 import cv2
 import numpy as np
@@ -355,6 +355,34 @@ def _as_source(
     return ArraySource(images, rate or ASSUMED_IMAGE_RATE)
 
 
+@overload
+def interpolate_clip(
+    frames: Iterator[Any],
+    fps: Rate,
+    to_fps: Rate | None = ...,
+    factor: Rate | None = ...,
+    loop: bool = ...,
+    method: str | Interpolator = ...,
+    *,
+    order: Literal["rgb", "bgr"] = ...,
+    layout: Literal["nhwc", "nchw"] = ...,
+    threads: int | None = ...,
+    progress: Callable[[int, int | None], object] | None = ...,
+) -> Iterator[tuple[Image, Fraction]]: ...
+@overload
+def interpolate_clip(
+    frames: Any,
+    fps: Rate,
+    to_fps: Rate | None = ...,
+    factor: Rate | None = ...,
+    loop: bool = ...,
+    method: str | Interpolator = ...,
+    *,
+    order: Literal["rgb", "bgr"] = ...,
+    layout: Literal["nhwc", "nchw"] = ...,
+    threads: int | None = ...,
+    progress: Callable[[int, int | None], object] | None = ...,
+) -> tuple[Image, list[Fraction]]: ...
 @checked
 def interpolate_clip(
     frames: Any,
