@@ -159,7 +159,7 @@ def test_sound_of_a_loop_stays_and_is_said(tmp_path):
         (
             "in.mkv",
             {"retime": "0=1s 1s=0"},
-            r"`retime` plays .* backwards, which needs no `cuts`, `replace`, `loop`",
+            r"`retime` plays .* backwards, which needs no `cuts`, `replace` and `loop`",
         ),
         ("in.mkv", {"replace": "2"}, "`loop` goes on beyond the frames that `replace` counts"),
         ("in.mkv", {"chunk": Part(1, 2)}, "`loop` goes from the last frame to the first; convert it in one run"),

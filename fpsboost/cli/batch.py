@@ -1,5 +1,7 @@
 """Conversion of several inputs into one folder; an input that fails does not stop the rest."""
 
+from __future__ import annotations
+
 import os
 import sys
 from collections.abc import Callable, Sequence

@@ -4,6 +4,8 @@ It checks libraries, kernels, codecs and the machine, and makes frames as a self
 are checked, because an installation may be broken.
 """
 
+from __future__ import annotations
+
 import json as plain
 import os
 import platform

@@ -1,5 +1,7 @@
 """Option --dry-run: prints what a conversion would make, keep and lose, and its time and size, estimated by a trial."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Sequence
 from dataclasses import replace

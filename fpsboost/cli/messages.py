@@ -4,6 +4,8 @@ Libraries such as libpng and OpenCV write to the standard error of the process f
 their texts are printed at the end of the run. Python's own output to standard error still appears at once.
 """
 
+from __future__ import annotations
+
 import gc
 import json
 import os

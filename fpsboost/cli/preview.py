@@ -1,5 +1,7 @@
 """Command `fpsboost preview`: converts some passages of a clip and shows them on a page."""
 
+from __future__ import annotations
+
 import shlex
 from dataclasses import replace
 from pathlib import Path
