@@ -88,8 +88,8 @@ def convert(
     method : str or Interpolator
         A name from `fpsboost.methods`, or an object.
     rate : OutputRate, optional
-        Frames per second, or a factor, which is 2 by default; slow motion, speed ramps, or only the images that are
-        missing.
+        Frames per second, or a factor, which is 2 by default; slow motion, speed ramps, loops, or only the images
+        that are missing.
     decoding : DecodeOptions, optional
         Which part of the input is read, how fast images play, which stream of a video file is read, and how.
     encoding : Encoding, optional
@@ -231,24 +231,23 @@ def looped(ready: Preparation) -> tuple[FoldedSource, OutputRange]:
             )
         }
     )
-    if ready.clip.window is not None:
+    if ready.clip.window is not None and ready.job.decoding.trim.end is not None:
         ready.clip.window.end = ready.clip.window.begin + end - start
     order = range(-LOOP_CONTEXT, count + LOOP_CONTEXT)
     shown = [times[number % count] + number // count * (end - start) for number in order]
     info = replace(source.info, frame_count=count, duration=end - start)
     total = count_frames(schedule, info, holds_last_frame=True)
-    position = schedule.output_position(order[0], start, schedule.presentation_time(start, shown[0]))
-    outputs = OutputRange(
-        stop=total, entry=Entry(order[0], start, math.ceil(position)), round_frames=count, round_end=end
-    )
-    remarks, video = list(whole.remarks), whole.stream_info.video
+    before = schedule.output_position(order[0], start, schedule.presentation_time(start, shown[0]))
+    remarks, video = list(dict.fromkeys([*whole.remarks, *again.remarks])), whole.stream_info.video
     if ready.target.kind == "video" and ready.output.encoding.audio and video and "sound" in video.companions:
         remarks.append(
             f"{info.name} has sound, which does not become a loop; where it outlasts the {total} frames, players hold "
             "the last one until its end; leave it out with `audio=False`."
         )
-    places = [number % count for number in order]
-    return FoldedSource(info, remarks, places, shown, read_from, beginning(source)), outputs
+    return (
+        FoldedSource(info, remarks, [number % count for number in order], shown, read_from, beginning(source)),
+        OutputRange(stop=total, entry=Entry(order[0], start, math.ceil(before)), round_frames=count, round_end=end),
+    )
 
 
 def fingerprint_job(source: DescribedSource, *, resume: bool, **options: Any) -> JobFingerprint | None:

@@ -145,8 +145,8 @@ class Findings:
             elif pair.is_cut(before, after):
                 cuts.append(self.pictures[place + 1][0])
         if first is not None:
-            worse = 1 - min(pair.match_score, first.match_score)
-            self.loops = 1 - interpolator.pair(pair.image1, first.image0).match_score <= SEAM_LIMIT * worse
+            seam = interpolator.pair(pair.image1, first.image0)
+            self.loops = 1 - seam.match_score <= SEAM_LIMIT * (1 - min(pair.match_score, first.match_score))
         return cuts
 
     def shown(self, frames: FrameSource) -> Iterator[SourceFrame]:

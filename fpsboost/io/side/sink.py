@@ -302,8 +302,11 @@ class MotionWriter(SideWriter):
         Of a loop, that is the first frame once more, whose motion is known on both sides now.
         """
         if self._last is not None and self._first is not None:
-            number, backward = self._last.number1, self._last.flow10
-            self._write_vectors(number, backward, self._first.flow01 if number == self._first.number0 else -backward)
+            self._write_vectors(
+                self._last.number1,
+                self._last.flow10,
+                self._first.flow01 if self._last.number1 == self._first.number0 else -self._last.flow10,
+            )
             self._last = None
 
     def _write_vectors(self, place: int, backward: NDArray[Any], forward: NDArray[Any]) -> None:
