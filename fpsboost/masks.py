@@ -63,7 +63,7 @@ class Mask:
 
     @checked
     def __init__(self, mask: PathName, matrix: tuple[int, ...] | None = None) -> None:
-        self._name = str(mask)
+        self._name = str(Path(mask).absolute())  # a job may be taken to another process
         self.counts_frames = stands_for_images(self._name)
         with explained(InputError, "read", self._name, "check `mask`"):
             images = find_images(self._name) if self.counts_frames else NumberedImages([Path(self._name)])
@@ -126,8 +126,9 @@ class Mask:
                 ),
                 coding,
             )
-        mixed, whole = mix_by_weight(made, source, weights), frame.image
-        image = replace(whole, colour=view(mixed).array()) if isinstance(whole, LayeredImage) else mixed
+        mixed: Any = mix_by_weight(made, source, weights)
         return replace(
-            frame, image=image, confidence=None if frame.confidence is None else np.maximum(frame.confidence, weights)
+            frame,
+            image=replace(frame.image, colour=mixed) if isinstance(frame.image, LayeredImage) else mixed,
+            confidence=None if frame.confidence is None else np.maximum(frame.confidence, weights),
         )

@@ -314,8 +314,7 @@ class _LoopState:
         detector = None if self.interpolator.needs_every_frame else self.interpolator.duplicates
         replacement = self.interpolator.replacement
         if replacement is not None:
-            begins_clip = self.outputs.entry is None
-            return group_replaced(frames, replacement, self.summary.remarks, begins_clip=begins_clip)
+            return group_replaced(frames, replacement, self.summary.remarks, begins_clip=self.outputs.entry is None)
         return zip(frames) if detector is None else group_duplicates(frames, detector, self.step)
 
     def count_outputs(self, interval: _Interval, outputs: Sequence[_Output]) -> None:

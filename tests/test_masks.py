@@ -27,46 +27,48 @@ def save_mask(path: Path, shares: NDArray, turns: int = 0) -> None:
 
 def frames_of(path: Path) -> list[list[NDArray]]:
     """The planes of every frame of a video, or the colours of every image of a folder."""
-    if path.is_dir():
-        return [[read_image(file)] for file in sorted(path.iterdir())]
-    return [samples_of(each) for each in pictures_of(path)]
+    images = [[read_image(file)] for file in sorted(path.glob("*.*"))]
+    return images or [samples_of(each) for each in pictures_of(path)]
 
 
-@pytest.fixture
-def check(fpsboost_, tmp_path):
-    """A function that converts by the command line, with and without a mask, and compares every pixel.
+def check(run, source: Path, target: str, mask: str, options: str, nearest: str, shares: list[NDArray]) -> None:
+    """Convert by the command line with and without a mask, and compare every pixel.
 
-    It takes the number of the nearest frame of the source of every output frame, and the shares by number.
+    `nearest` has the numbers of the source's frames that are nearest to those of the output, `shares` their shares.
     """
-
-    def check_pixels(source: str, target: str, mask: str, options: str, nearest: list[int], shares: list[NDArray]):
-        results = []
-        for more in ([], ["--mask", mask]):
-            result = fpsboost_(source, target, "-y", "-m", "nlm-fast", *options.split(), *more)
-            assert result.code == 0, result.err
-            results.append(frames_of(tmp_path / target))
-        originals = frames_of(tmp_path / source)
-        for plain, found, number in zip(*results, nearest, strict=True):
-            for without, plane, kept in zip(plain, found, originals[number], strict=True):
-                share = shares[number][:: 64 // plane.shape[1]].reshape(-1, *[1] * (plane.ndim - 2))
-                off = np.abs(plane - ((1 - share) * without + share * kept))
-                assert (off <= (1e-3 if plane.dtype == np.float32 else 0.51) * (share % 1 > 0)).all()
-
-    return check_pixels
+    results = []
+    for more in ([], ["--mask", mask]):
+        result = run(source, target, "-y", "-m", "nlm-fast", *options.split(), *more)
+        assert result.code == 0, result.err
+        results.append(frames_of(source.with_name(target.strip("/"))))
+    originals = frames_of(source)
+    for plain, found, number in zip(*results, map(int, nearest), strict=True):
+        for without, plane, kept in zip(plain, found, originals[number], strict=True):
+            share = shares[number][:: 64 // plane.shape[1]].reshape(-1, *[1] * (plane.ndim - 2))
+            off = np.abs(plane - ((1 - share) * without + share * kept))
+            assert (off <= (1e-3 if plane.dtype == np.float32 else 0.51) * (share % 1 > 0)).all()
 
 
-@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32, "yuv420p", "yuv422p10le", "turned"])
-def test_white_is_kept_and_black_is_interpolated(tmp_path, save_images, check, kind):
+KINDS = {
+    "8 bit": lambda folder, save: save(folder / "in", dtype=np.uint8),
+    "16 bit": lambda folder, save: save(folder / "in", dtype=np.uint16),
+    "OpenEXR": lambda folder, save: save(folder / "in", "{}.exr", dtype=np.float32),
+    "4:2:0": lambda folder, _: write_clip(folder / "in.mkv", times=range(5)),
+    "4:2:2, 10 bit": lambda folder, _: write_clip(folder / "in.mkv", times=range(5), pixel_format="yuv422p10le"),
+    "turned by a tag": lambda folder, _: write_clip(folder / "in.mkv", times=range(5), matrix=QUARTER_TURN),
+}
+"""Functions that write a clip of five frames, images or a video."""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_white_is_kept_and_black_is_interpolated(tmp_path, save_images, fpsboost_, kind):
     """To the bit, in the planes of a video too, whose chroma has fewer pixels; gray is the mix."""
-    save_mask(tmp_path / "mask.png", SHARES, kind == "turned")
-    nearest = [0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3, 4, 4, 4, 4, 4]
-    if not isinstance(kind, str):
-        save_images(tmp_path / "in", "{}.exr" if kind is np.float32 else "{}.png", dtype=kind)
-        check("in", "out/", "mask.png", "--factor 4", nearest[:17], [SHARES] * 5)
-        return
-    turned = {"matrix": QUARTER_TURN} if kind == "turned" else {"pixel_format": kind}
-    write_clip(tmp_path / "in.mkv", times=range(5), **turned)
-    check("in.mkv", "out.mkv", "mask.png", "--codec ffv1 --factor 4", nearest, [SHARES] * 5)
+    save_mask(tmp_path / "mask.png", SHARES, kind == "turned by a tag")
+    KINDS[kind](tmp_path, save_images)
+    of_images = "in", "out/", "--factor 4", "00011112222333344"
+    of_video = "in.mkv", "out.mkv", "--factor 4 --codec ffv1", "00011112222333344444"
+    source, target, options, nearest = of_images if (tmp_path / "in").is_dir() else of_video
+    check(fpsboost_, tmp_path / source, target, "mask.png", options, nearest, [SHARES] * 5)
 
 
 @pytest.mark.parametrize(
@@ -80,14 +82,14 @@ def test_white_is_kept_and_black_is_interpolated(tmp_path, save_images, check, k
         ("--speed 0.5@0-0.3", "00112233445566778"),
     ],
 )
-def test_each_frame_has_its_mask(tmp_path, check, options, shown):
+def test_each_frame_has_its_mask(tmp_path, fpsboost_, options, shown):
     """That of the nearest frame, a part of which is shown: a repeated one at its time, none that is damaged."""
-    write_clip(tmp_path / "in.mkv", times=range(9), pixel_format="yuv444p", picture=lambda index, *_: SHOTS[index])
     (tmp_path / "masks").mkdir()
     bars = [(np.arange(64) // 7 == number).astype(float) for number in range(9)]
     for number, bar in enumerate(bars):
         save_mask(tmp_path / "masks" / f"{number}.png", bar)
-    check("in.mkv", "out.mkv", "masks", f"--codec ffv1 {options}", map(int, shown), bars)
+    write_clip(tmp_path / "in.mkv", times=range(9), pixel_format="yuv444p", picture=lambda index, *_: SHOTS[index])
+    check(fpsboost_, tmp_path / "in.mkv", "out.mkv", "masks", f"--codec ffv1 {options}", shown, bars)
 
 
 def test_preview_tints_what_is_kept(tmp_path, fpsboost_):
@@ -97,5 +99,5 @@ def test_preview_tints_what_is_kept(tmp_path, fpsboost_):
     assert fpsboost_("preview", "in.mkv", "page.html", "--mask", "mask.png", "-m", "blend").code == 0
     (shown,) = re.findall('webp;base64,([^"]+)" alt="Frame with the mask"', (tmp_path / "page.html").read_text())
     picture = cv2.imdecode(np.frombuffer(base64.b64decode(shown), np.uint8), cv2.IMREAD_COLOR)
-    tint = (np.int16(picture) @ [1, -2, 1]).mean(axis=0)
+    tint = (picture @ [1, -2, 1]).mean(axis=0)
     assert tint[:18].min() > 150 > tint[22:].max()

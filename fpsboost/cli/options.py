@@ -97,9 +97,7 @@ class RenderedOptions:
     @property
     def folder(self) -> fpsboost.VectorFolder | None:
         """Folder of motion vectors for methods that use them; None if no vectors are given."""
-        if self.vectors is None:
-            return None
-        return fpsboost.VectorFolder(self.vectors, self.depth, self.vector_convention)
+        return None if self.vectors is None else fpsboost.VectorFolder(self.vectors, self.depth, self.vector_convention)
 
     def of_clip(self, clip: str) -> RenderedOptions:
         """Return the options for one clip, whose name replaces ``{in}`` in the paths."""

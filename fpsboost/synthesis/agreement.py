@@ -175,17 +175,16 @@ def mix_by_weight(image: Pixels, other: Pixels, weights: NDArray[Any]) -> Pixels
         Weight of the other image, 0 to 1; that of subsampled chroma is the mean of its pixels. Where it is 0, values
         are those of the image to the bit, and where it is 1, those of the other.
     """
-    if not weights.any():
-        return image
 
     def mixed(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
-        second = second.reshape(first.shape)
-        weight = cv2.resize(weights, first.shape[1::-1], interpolation=cv2.INTER_AREA).reshape(
-            *first.shape[:2], *[1] * (first.ndim - 2)
-        )
+        weight = cv2.resize(weights, first.shape[1::-1], interpolation=cv2.INTER_AREA)
+        result, part = first.copy(), weight > 0
+        before, after = first[part], second.reshape(first.shape)[part]
+        share = weight[part].reshape(-1, *[1] * (first.ndim - 2))
         with np.errstate(invalid="ignore"):  # of infinity and NaN, which images of renderers hold
-            values = first + weight * (second.astype(np.float32) - first)
+            values = before + share * (after.astype(np.float32) - before)
         values = values if first.dtype == np.float32 else np.rint(values)
-        return np.where(weight > 0, np.where(weight < 1, values, second), first).astype(first.dtype)
+        result[part] = np.where(share < 1, values, after)
+        return result
 
     return view(image).map(mixed, view(other))

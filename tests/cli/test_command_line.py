@@ -232,10 +232,10 @@ FAILURES: dict[str, tuple[str, str]] = {
     "mask that is missing": ("in.mp4 out.mp4 --mask none.png", "none.png"),
     "mask that is no image": ("in.mp4 out.mp4 --mask text.mp4", "text.mp4"),
     "mask of another size": ("in.mp4 out.mp4 --mask small.png", "small.png is 16x16, and the frames are 64x48"),
-    "too few masks": ("in.mp4 out.mp4 --mask other", "masks in other, 2, is not that of the frames of in.mp4, 3"),
+    "too few masks": ("in.mp4 out.mp4 --mask other", "other, 2, is not that of the frames of in.mp4, 3"),
     "too few masks for a part": (
         "in.mp4 out.mp4 --mask single --start 0",
-        "masks in single is 1, and there is none for frame 1",
+        "single is 1, and there is none for frame 1",
     ),
 }
 

@@ -165,8 +165,9 @@ def image_conversion(tmp_path: Path, snapshot: Callable[..., Any], source: str, 
 def test_images_joined_of_parts_are_those_of_one_run(tmp_path, snapshot, save_images, factor, output):
     """The same names and bytes, also where a part begins between two images of the source, each with its own mask."""
     save_images(tmp_path / "in", count=13)
-    options = {"method": "nlm-fast", "mask": tmp_path / "in"}
-    image_conversion(tmp_path, snapshot, str(tmp_path / "in"), output, factor=factor, **options)
+    image_conversion(
+        tmp_path, snapshot, str(tmp_path / "in"), output, factor=factor, method="nlm-fast", mask=tmp_path / "in"
+    )
 
 
 def test_missing_images_in_parts(tmp_path, snapshot, save_images):
