@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from truth import waves
+from truth import as_type, moved_waves
 
 from fpsboost.evaluation.results import FrameResult, Scores
 
@@ -40,8 +40,7 @@ def save_clip(folder: Path, images: Iterable[NDArray[Any]], suffix: str = ".png"
 
 def pan(position: float, dtype: type = np.uint8, height: int = HEIGHT, width: int = WIDTH) -> NDArray[Any]:
     """A smooth texture, moved to the right by so many pixels."""
-    y, x = np.mgrid[:height, :width].astype(float)
-    return np.rint((0.5 + 0.4 * waves(x - position, y, seed=3)) * np.iinfo(dtype).max).astype(dtype)
+    return as_type(0.5 + 0.4 * moved_waves((height, width), position, seed=3), dtype)
 
 
 def scored(number: int, psnr: float = 30.0, mae: float = 1.0, cpu_seconds: float = 0.1) -> FrameResult:

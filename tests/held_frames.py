@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from truth import as_type, frozen, waves
+from truth import as_type, frozen, moved_waves
 from video_truth import write_clip
 
 from fpsboost.frame import Frame
@@ -21,8 +21,7 @@ CADENCES = {"twos": [2] * 7, "threes": [3] * 5, "missed": [1, 1, 2, 1, 1, 3, 1, 
 
 def pan(position: float, seed: int = 0, dtype: type = np.uint8) -> Any:
     """A smooth texture moved by so many pixels."""
-    y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
-    return as_type(waves(x - position, y, seed=seed), dtype)
+    return as_type(moved_waves((HEIGHT, WIDTH), position, seed=seed), dtype)
 
 
 def held(cadence: Sequence[int], picture: Callable[[float], Any] = lambda time: pan(SPEED * time)) -> list[Frame]:

@@ -8,7 +8,19 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from truth import CutsWhere, accelerating, affine, as_type, eroded, layers, noise, prepared, translation, waves
+from truth import (
+    CutsWhere,
+    accelerating,
+    affine,
+    as_type,
+    eroded,
+    layers,
+    moved_waves,
+    noise,
+    prepared,
+    translation,
+    waves,
+)
 
 from fpsboost import (
     CutDetector,
@@ -260,10 +272,9 @@ def test_a_cut_is_no_neighbour():
 
 def eventful(scene, dtype=np.uint8):
     """Four frames of a moving texture that gets darker, or has a title of thin strokes."""
-    y, x = np.mgrid[0:64, 0:112].astype(float)
     frames = []
     for t in range(4):
-        colours = 0.15 + 0.6 * waves(x - 8 * t, y + 2 * t, seed=1)
+        colours = 0.15 + 0.6 * moved_waves((64, 112), 8 * t, -2 * t, seed=1)
         if scene == "fading":
             colours *= 1 - 0.25 * t
         else:

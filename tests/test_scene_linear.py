@@ -7,7 +7,7 @@ import pytest
 from exr_truth import write_exr
 from hypothesis import given
 from hypothesis import strategies as st
-from truth import waves
+from truth import moved_waves
 
 from fpsboost import DecodeOptions, Encoding, OptionError, convert, methods, stream
 from fpsboost.colour import compared_colours
@@ -22,8 +22,7 @@ SIZE = 48, 80
 
 def light(number: int) -> np.ndarray:
     """A scene with deep shadows and highlights, moved by 3 pixels a frame; (H, W, 3) float32."""
-    y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(float)
-    return (2 ** (8 * waves(x - 3 * number, y) - 6)).astype(np.float32)
+    return (2 ** (8 * moved_waves(SIZE, 3 * number) - 6)).astype(np.float32)
 
 
 def write_light(path: Path, image: np.ndarray) -> None:

@@ -114,6 +114,12 @@ def waves(x: Array, y: Array, channels: int = 3, seed: int = 0) -> Array:
     return np.clip(0.5 + np.moveaxis(values, 0, -1) / 14, 0, 1)
 
 
+def moved_waves(size: tuple[int, int], dx: float = 0, dy: float = 0, channels: int = 3, seed: int = 0) -> Array:
+    """The smooth texture of a picture of this size, (height, width), moved by (dx, dy)."""
+    y, x = np.mgrid[: size[0], : size[1]].astype(float)
+    return waves(x - dx, y - dy, channels, seed)
+
+
 def affine(
     height: int,
     width: int,
@@ -232,11 +238,10 @@ def accelerating(
     height: int, width: int, *, velocity: tuple[float, float], acceleration: tuple[float, float]
 ) -> Callable[[float], Array]:
     """A smooth texture at any time: moved by ``v t + a t^2 / 2``."""
-    y, x = np.mgrid[0:height, 0:width].astype(float)
 
     def at(t: float) -> Array:
         dx, dy = (v * t + a * t * t / 2 for v, a in zip(velocity, acceleration, strict=True))
-        return as_type(waves(x - dx, y - dy), np.uint8)
+        return as_type(moved_waves((height, width), dx, dy), np.uint8)
 
     return at
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from test_pipeline import FakeSink, FakeSource
-from truth import as_type, waves
+from truth import as_type, moved_waves, waves
 
 from fpsboost import (
     ByFactor,
@@ -128,8 +128,7 @@ def test_planes_are_matched_one_by_one():
 @pytest.mark.parametrize("shift", [0, 4, 6.5])
 def test_a_clean_clip_stays_as_it_is(shift):
     """Nothing is added where there is no noise, whether it moves or not."""
-    y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(float)
-    images = [as_type(0.2 + 0.6 * waves(x - moved, y, 3, 1), np.uint8) for moved in (0, shift)]
+    images = [as_type(0.2 + 0.6 * moved_waves(SIZE, dx, seed=1), np.uint8) for dx in (0, shift)]
     interpolator = replace(methods["nlm"], cuts=None)
     smooth, grainy = (middle(replace(interpolator, match_grain=each), images).astype(int) for each in (False, True))
     assert np.abs(grainy - smooth).max() <= 1

@@ -6,7 +6,7 @@ from itertools import pairwise, product
 import cv2
 import numpy as np
 import pytest
-from truth import affine, as_type, layers, noise, prepared, translation, waves
+from truth import affine, as_type, layers, moved_waves, noise, prepared, translation
 
 from fpsboost import CutDetector, methods
 from fpsboost.analysis.illumination import estimate_illumination
@@ -20,10 +20,9 @@ every_type = pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 
 def lit_clip(gain, offset=0.0, shift=(6, -4), *, channels=3, dtype=np.uint8, seed=0, size=(96, 128)):
     """A moving smooth texture of middling contrast at any time, in a light that changes to ``gain * c + offset``."""
-    y, x = np.mgrid[: size[0], : size[1]].astype(float)
 
     def at(t):
-        colours = 0.25 + 0.5 * waves(x - t * shift[0], y - t * shift[1], channels, seed)
+        colours = 0.25 + 0.5 * moved_waves(size, t * shift[0], t * shift[1], channels, seed)
         return as_type(colours * (1 + (np.array(gain) - 1) * t) + np.array(offset) * t, dtype)
 
     return at
@@ -106,8 +105,7 @@ def test_the_light_of_a_moving_picture_is_found(gain, offset, shift, seed):
 
 def picture(seed, contrast=1.0, mean=0.5, size=(90, 120)):
     """One of any number of different smooth pictures."""
-    y, x = np.mgrid[: size[0], : size[1]].astype(float)
-    return as_type(mean + contrast * (waves(x, y, seed=seed) - 0.5), np.uint8)
+    return as_type(mean + contrast * (moved_waves(size, seed=seed) - 0.5), np.uint8)
 
 
 def ends(pair):

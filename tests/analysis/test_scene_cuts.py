@@ -8,7 +8,18 @@ import cv2
 import numpy as np
 import pytest
 from scenes_of_cuts import make_clips
-from truth import SCENES, affine, as_type, equal_luma, frozen, moving_object, needs_scenes, prepared, translation, waves
+from truth import (
+    SCENES,
+    affine,
+    as_type,
+    equal_luma,
+    frozen,
+    moved_waves,
+    moving_object,
+    needs_scenes,
+    prepared,
+    translation,
+)
 
 from fpsboost import CutDetector, Frame, FrameCache, methods, with_neighbours
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, group_duplicates
@@ -16,8 +27,7 @@ from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, group_d
 
 def scene(seed: int, height: int = 90, width: int = 120, channels: int = 3, dtype: type = np.uint8) -> np.ndarray:
     """One of any number of different smooth pictures."""
-    y, x = np.mgrid[0:height, 0:width].astype(float)
-    return as_type(waves(x, y, channels, seed), dtype)
+    return as_type(moved_waves((height, width), 0, 0, channels, seed), dtype)
 
 
 def is_cut(detector, image0, image1):
@@ -46,8 +56,7 @@ def test_cuts_are_found_in_images_of_every_kind(channels, dtype):
 @pytest.mark.parametrize("red", [0.25, -0.25], ids=["green and magenta", "azure and orange"])
 def test_scenes_of_equal_luma_are_told_apart(red):
     """Where gray says nothing, colours tell a cut, and what a pan of them is."""
-    y, x = np.mgrid[:90, :120].astype(float)
-    grounds = (2 * waves(*places)[..., 0] - 1 for places in ((x, y, 1, 1), (x, y, 1, 2), (x - 7, y, 1, 1)))
+    grounds = (2 * moved_waves((90, 120), dx, 0, 1, seed)[..., 0] - 1 for dx, seed in ((0, 1), (0, 2), (7, 1)))
     images = (as_type(equal_luma(0.25 * ground, red * ground), np.uint8) for ground in grounds)
     one, other, moved = map(FrameCache, images)
     assert CutDetector().match_score(one, other) < 0.7

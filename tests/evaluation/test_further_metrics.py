@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from comparison_truth import pan, save_clip
-from truth import noise, waves
+from truth import moved_waves, noise
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation import further_metrics
@@ -30,16 +30,12 @@ def flat(level, dtype=np.uint8, size=(24, 40, 3)):
 @needs_xpsnr
 def test_twice_the_error_takes_6_db_of_xpsnr():
     """Its weights come from the true video alone, and shown frames have their places but no figures."""
-    y, x = np.mgrid[:64, :96].astype(float)
-    clip = [(0.5 + 0.3 * waves(x - 2 * number, y, seed=3)).astype(np.float32) for number in range(7)]
+    clip = [(0.5 + 0.3 * moved_waves((64, 96), 2 * number, seed=3)).astype(np.float32) for number in range(7)]
     error = noise(64, 96, clip[0].shape[2], seed=4).astype(np.float32) / 255 / 20
     meters = [XpsnrMeter(Fraction(25)) for _ in range(2)]
     for factor, meter in zip((1, 2), meters, strict=True):
         for number, image in enumerate(clip):
-            if number % 2:
-                meter.add(image, image + np.float32(factor) * error)
-            else:
-                meter.add(image, image, counts=False)
+            meter.add(image, image + np.float32(number % 2 * factor) * error, counts=number % 2 == 1)
     once, twice = (meter.values() for meter in meters)
     assert len(once) == 3
     assert np.subtract(once, twice) == pytest.approx(20 * np.log10(2), abs=0.05)

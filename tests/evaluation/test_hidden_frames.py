@@ -8,7 +8,7 @@ import pytest
 from comparison_truth import save_clip
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from truth import waves
+from truth import moved_waves
 from video_truth import write_clip
 
 from fpsboost import DecodeOptions, InputError, OptionError
@@ -68,8 +68,8 @@ def test_what_is_no_range_is_refused():
 
 def save_pan(folder, positions):
     """A smooth texture at these places, one image each."""
-    y, x = np.mgrid[:48, :64].astype(float)
-    return save_clip(folder, (np.rint(255 * waves(x - place, y, seed=3)).astype(np.uint8) for place in positions))
+    images = (np.rint(255 * moved_waves((48, 64), place, seed=3)).astype(np.uint8) for place in positions)
+    return save_clip(folder, images)
 
 
 def what_counts(intervals):

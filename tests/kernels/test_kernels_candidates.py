@@ -69,9 +69,7 @@ def test_candidates_equal_their_slow_twin(height, width, step, largest, capacity
     options = {"step": step, "capacity": capacity, "spacing": spacing, "support": 16 if spacing == 16 else 32}
     options["tolerance"] = 0.5**0.5  # shares are exact, and no difference, a ratio, is on the edge of two answers
     count, votes, sums = collect(frames, (0.25, 0.75), size, **options)
-    expected = np.empty(count.shape, object)
-    for place in np.ndindex(expected.shape):
-        expected[place] = []
+    expected = np.vectorize(lambda _: [], otypes=[object])(count)
     for frame, sign, t in zip(frames, (1, -1), (0.25, 0.75), strict=True):
         collected(*frame, expected, sign=sign, t=t, size=size, **options)
     for place in np.ndindex(expected.shape):

@@ -1,7 +1,7 @@
 """What the motion fields say around the nodes: landings, and agreement between neighbours."""
 
 import numpy as np
-from truth import waves
+from truth import moved_waves
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.candidates import VALUES_PER_MOTION, Candidates
@@ -36,8 +36,7 @@ def test_what_is_covered_is_met_twice_and_what_is_uncovered_never():
 
 def test_neighbours_support_the_motion_that_they_believe_in():
     """In a texture that moves by 3 pixels, a node whose two candidates have equal votes is told which one is right."""
-    y, x = np.mgrid[0:96, 0:96].astype(float)
-    frames = [FrameCache((255 * waves(x - k, y, 1, seed=2)).clip(0, 255).astype(np.uint8)) for k in (0, 3)]
+    frames = [FrameCache((255 * moved_waves((96, 96), k, 0, 1, seed=2)).clip(0, 255).astype(np.uint8)) for k in (0, 3)]
     fields = [
         MotionField(np.full((12, 12, 2), [sign * 3, 0], np.float32), np.ones((12, 12), np.float32), None, 8, (96, 96))
         for sign in (1, -1)

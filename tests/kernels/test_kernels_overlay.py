@@ -3,6 +3,7 @@
 import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from planes import points
 from twins import marked
 
 from fpsboost.kernels.overlay import STATIC_CONTRAST, Frames, mark_overlay
@@ -27,18 +28,6 @@ def clip(height, width, seed, share=0.8):
     return [image.astype(np.uint8) for image in (first, *others)]
 
 
-def block_motion(height, width, spacing, largest, seed):
-    """Motion of every block in quarters of pixels, so that halves are common; some of them still."""
-    random = np.random.default_rng(seed)
-    shape = -(-height // spacing), -(-width // spacing), 2
-    return np.float32(random.integers(-4 * largest, 4 * largest + 1, shape) / 4)
-
-
-def steady(size, spacing, dx, dy):
-    """Every block moves alike."""
-    return np.broadcast_to(np.float32([dx, dy]), (-(-size[0] // spacing), -(-size[1] // spacing), 2))
-
-
 @settings(max_examples=30)
 @given(
     st.integers(1, 30),
@@ -52,7 +41,9 @@ def steady(size, spacing, dx, dy):
 @example(33, 37, 8, 6, 1, (8, 25), 5)
 def test_marks_equal_their_slow_twin(height, width, spacing, largest, unit, levels, seed):
     """Images of 8 and 16 bits, any limits, any motion, also far out of the frame, and blocks that are cut off."""
-    images, motion = clip(height, width, seed), block_motion(height, width, spacing, largest, seed)
+    images, random = clip(height, width, seed), np.random.default_rng(seed)
+    # in quarters of pixels, so that halves are common; some blocks are still
+    motion = random.integers(-4 * largest, 4 * largest + 1, (*points((height, width), spacing), 2)) / 4
     if unit > 1:
         images = [image.astype(np.uint16) * unit for image in images]
     limits = 1.0, *(level * unit for level in levels)
@@ -64,7 +55,7 @@ def test_a_dot_before_a_moving_background_stands_out():
     images = [np.full((12, 20), 100, np.uint8) for _ in range(4)]
     for image, changing in zip(images, (0, 50, 100, 150), strict=True):
         image[5, 9], image[8, 4] = 200, changing
-    marks = mark(images, steady((12, 20), 20, 0, 3), 20)
+    marks = mark(images, np.full((1, 1, 2), (0, 3)), 20)
     assert np.argwhere(marks == STATIC_CONTRAST).tolist() == [[5, 9]]
     # three rows at the top and the bottom could have come from outside, and only stay
     assert np.argwhere(marks == 0).tolist() == [[8, 4]]

@@ -33,21 +33,19 @@ def empty_planes(size: tuple[int, int]) -> np.ndarray:
     return np.full((3, height + 2 * PADDING, width + 2 * PADDING + 5), 77, np.uint8)
 
 
-def assert_rounded(found: np.ndarray, exact: np.ndarray) -> None:
-    """Every level is the nearest one, or one of the two that are equally near but for float32."""
-    assert found.dtype == np.uint8
-    assert np.abs(found - exact).max() <= 0.5 + 1e-4
-
-
 def assert_split(expected: list[np.ndarray], scale: np.float32, planes: np.ndarray) -> None:
-    """The first and the third plane are what they should be, the second is the high-pass; edges are repeated."""
+    """The first and the third plane are what they should be, the second is the high-pass; edges are repeated.
+
+    Every level is the nearest one, or one of the two that are equally near but for float32.
+    """
     luma, first, third = expected
     height, width = luma.shape
     mean = cv2.blur(luma, (HIGH_PASS_SIZE, HIGH_PASS_SIZE), borderType=cv2.BORDER_REFLECT_101)
     high_pass = (2 * scale * (luma - mean) + MIDDLE).clip(0, WHITE)
     for plane, levels in zip(planes, (first, high_pass, third), strict=True):
         inside = plane[PADDING : PADDING + height, PADDING : PADDING + width]
-        assert_rounded(inside, levels)
+        assert inside.dtype == np.uint8
+        assert np.abs(inside - levels).max() <= 0.5 + 1e-4
         np.testing.assert_array_equal(plane, np.pad(inside, ((PADDING, PADDING), (PADDING, PADDING + 5)), "edge"))
 
 

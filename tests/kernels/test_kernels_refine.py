@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from planes import plane_pair, points
-from truth import noise, waves
+from truth import moved_waves, noise
 from twins import refined
 
 from fpsboost.kernels.residual_search import refine_bidirectional
@@ -28,8 +28,7 @@ def refine(components0, components1, step, flow, damping=DAMPING, largest=1.0, s
 
 def moved(size, shift, seed=5):
     """Levels of a smooth texture in two frames, of some contrast, that shifts by ``(dx, dy)``."""
-    y, x = np.mgrid[0 : size[0], 0 : size[1]].astype(float)
-    frames = [waves(x - k * shift[0], y - k * shift[1], seed=seed) for k in (0, 1)]
+    frames = [moved_waves(size, k * shift[0], k * shift[1], seed=seed) for k in (0, 1)]
     return [np.rint(255 * frame).clip(0, 255).astype(np.uint8) for frame in frames]
 
 
@@ -110,10 +109,9 @@ def test_both_directions_are_refined_like_each_by_itself():
     found = flow.copy()
     limits = np.float32(TAIL), np.float32(DAMPING), np.float32(1), 2
     refine_bidirectional(plane_pair(*components, PADDING, 0), 6, *limits, known, found)
-    for direction, both in enumerate((components, components[::-1])):
-        np.testing.assert_array_equal(
-            found[direction], refine(*both, 6, flow[direction], steps=2, known=known[direction])
-        )
+    ways = zip((components, components[::-1]), flow, known, strict=True)
+    expected = [refine(*both, 6, start, steps=2, known=fixed) for both, start, fixed in ways]
+    np.testing.assert_array_equal(found, expected)
 
 
 def test_what_noise_explains_by_chance_is_no_motion():

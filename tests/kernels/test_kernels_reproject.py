@@ -68,12 +68,11 @@ def test_brute_force_search_finds_the_nearest_for_any_real_motion():
         flow = (random.normal(size=(17, 23, 2)) * scale).astype(np.float32)
         source, _ = brute_force(flow, 0.4, 40)
         expected, _ = brute_force_search(flow, 0.4, 40)
-        for y in range(17):
-            for x in range(23):
-                here, there = (
-                    np.hypot(*miss(flow, 0.4, divmod(int(which[y, x]), 23), (y, x))) for which in (source, expected)
-                )
-                assert here == pytest.approx(there, rel=1e-5, abs=1e-5)
+        for place in np.ndindex(17, 23):
+            here, there = (
+                np.hypot(*miss(flow, 0.4, divmod(int(which[place]), 23), place)) for which in (source, expected)
+            )
+            assert here == pytest.approx(there, rel=1e-5, abs=1e-5)
 
 
 @pytest.mark.parametrize("search", ["iterative", "brute-force"])
@@ -116,10 +115,8 @@ def test_fetched_colours_equal_the_slow_twin(dtype, channels):
         out = np.empty_like(image0)
         fetch_both(image0, image1, np.float32(t), half, sources[0], founds[0], sources[1], founds[1], out)
         expected = fetched(image0, image1, t, sources[0], founds[0], sources[1], founds[1])
-        if dtype is np.float32:
-            np.testing.assert_allclose(out, expected, rtol=0, atol=1e-6)
-        else:
-            np.testing.assert_array_equal(out, np.floor(expected + 0.5))
+        rounded = expected if dtype is np.float32 else np.floor(expected + 0.5)
+        np.testing.assert_allclose(out, rounded, rtol=0, atol=1e-6)
 
 
 def sources(flow, similarity, least, t):

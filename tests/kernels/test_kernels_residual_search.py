@@ -54,8 +54,8 @@ def test_points_are_measured_as_by_plain_loops(height, width, step, seed):
         there = min(max(y + dy, 0), height - 1), min(max(x + dx, 0), width - 1)
         expected = patch_similarity(*images[:: 1 - 2 * direction], (y, x), there)
         np.testing.assert_allclose(known[direction, row, column], expected, atol=1e-3)
-    for each, around in zip(known, lowest, strict=True):
-        np.testing.assert_array_equal(cv2.erode(each, np.ones((3, 3), np.uint8)), around)
+    square = np.ones((3, 3), np.uint8)
+    np.testing.assert_array_equal([cv2.erode(each, square) for each in known], lowest)
 
 
 @settings(max_examples=10)

@@ -29,12 +29,11 @@ def smooth(motions, energies, smoothness, slope, room=0, ties=None):
     limits = np.float32(smoothness), np.float32(slope)
     scratch = scratch_of(*label_scratch(motions.size, capacity))
     choose_labels(count, numbers, similarity, ties, *limits, costs, flow, chosen, scratch)
+    found = np.empty(motions.shape, object)
     for place in np.ndindex(motions.shape):
         best = int(costs[place][: count[place]].argmin())
         np.testing.assert_array_equal(flow[place], numbers[place][best])
         assert chosen[place] == similarity[place][best]
-    found = np.empty(motions.shape, object)
-    for place in np.ndindex(motions.shape):
         found[place] = (costs[place][: count[place]] / 4).tolist()
     return found
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from truth import noise, waves
+from planes import points
+from truth import moved_waves, noise, waves
 from twins import blended, finished, heaviest, spline_coefficients
 
 import fpsboost.native
@@ -89,10 +90,8 @@ def blend(image0, image1, t, candidates, *, chroma=None, spacing=16, values=UNLI
 
 def nodes_of(size, candidates=(), spacing=16):
     """The same candidates for each node of a frame."""
-    nodes = np.empty([-(-length // spacing) for length in size[:2]], object)
-    for place in np.ndindex(nodes.shape):
-        nodes[place] = [list(each) for each in candidates]
-    return nodes
+    each_alone = np.vectorize(lambda _: [list(each) for each in candidates], otypes=[object])
+    return each_alone(np.zeros(points(size[:2], spacing)))
 
 
 def random_candidates(random, size, most, largest, spacing=16):
@@ -251,14 +250,13 @@ def test_chroma_zooms_and_turns_with_luma(down):
 )
 def test_the_rest_is_left_out(shares, other, sharpness, limit):
     """Once all pixels are similar enough, or already have five times as much; the true motion comes first."""
-    y, x = np.mgrid[0:16, 0:16].astype(float)
-    image0, image1 = (waves(x - k, y, 1, seed=2).astype(np.float32) for k in (0, 2))
+    image0, image1 = (moved_waves((16, 16), k, 0, 1, seed=2).astype(np.float32) for k in (0, 2))
     candidates = nodes_of((16, 16), [(shares[0], 2, 0, 0, 0), (shares[1], other, 0, 0, 0)])
     options = {"scale": 1.0, "sharpness": sharpness}
     alone, _ = blend(image0, image1, 0.5, candidates, **options, **limit)
     expected, _ = blended(split(image0), split(image1), 0.5, candidates, **options, **limit)
     np.testing.assert_allclose(alone, np.dstack(expected), atol=1e-4)
-    np.testing.assert_allclose(alone[:, 6:-6], waves(x - 1, y, 1, seed=2)[:, 6:-6], atol=1e-4)
+    np.testing.assert_allclose(alone[:, 6:-6], moved_waves((16, 16), 1, 0, 1, seed=2)[:, 6:-6], atol=1e-4)
     together, _ = blend(image0, image1, 0.5, candidates, **options, enough=2.0)
     assert np.abs(together - alone).max() > 0.01
 
@@ -286,8 +284,7 @@ def test_a_window_zooms_and_turns_with_its_motion(gradient):
 
 def test_a_window_is_not_torn_by_motion_that_changes_too_fast():
     """What changes by more than half a pixel from pixel to pixel borders another motion: windows move as a whole."""
-    y, x = np.mgrid[0:32, 0:48].astype(float)
-    image0, image1 = (waves(x - k, y, 1, seed=2).astype(np.float32) for k in (0, 3))
+    image0, image1 = (moved_waves((32, 48), k, 0, 1, seed=2).astype(np.float32) for k in (0, 3))
     options = {"scale": 0.0, "sharpness": 0.0, "enough": 2.0}
     rigid, steep, zoomed = (
         blend(image0, image1, 0.5, nodes_of((32, 48), [(1, 3, 0, 0, 0, change, 0, 0, 0)]), **options)[0]

@@ -24,18 +24,16 @@ def uniform(dx, dy):
     return MotionField(np.full((*SIZE, 2), (dx, dy), np.float32), np.ones(SIZE, np.float32))
 
 
-def at_both_frames(fields, times):
-    """What the pair before says at the pair's first frame, and the pair after at its last one."""
+def assert_found(fields, times, acceleration, tolerance):
+    """Every point away from the edge has the acceleration.
+
+    The pair before tells it at the pair's first frame, and the pair after at its last one.
+    """
     before, pair, after = fields
     lengths = np.diff(times)
     at_first = accelerations_at_points(pair, before[::-1], lengths[0] / lengths[1], SPACING)
     at_last = accelerations_at_points(pair[::-1], after, lengths[2] / lengths[1], SPACING)
-    return at_first, at_last
-
-
-def assert_found(fields, times, acceleration, tolerance):
-    """Every point away from the frame's edge has the acceleration."""
-    for found in at_both_frames(fields, times):
+    for found in (at_first, at_last):
         assert found.shape == (SIZE[0] // SPACING, SIZE[1] // SPACING, 3)
         assert found.dtype == np.float32
         inner = found[2:-2, 2:-2]

@@ -4,10 +4,10 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
-from truth import noise, waves
+from comparison_truth import save_clip
+from truth import moved_waves, noise
 
 from fpsboost import (
     ByFactor,
@@ -35,8 +35,7 @@ HIDDEN = 6  # frame in which something covers the middle of the picture
 
 def picture(index: int, scene: int = 0) -> np.ndarray[Any, Any]:
     """A pattern that moves by two pixels a frame."""
-    y, x = np.mgrid[:HEIGHT, :WIDTH].astype(np.float32)
-    image = np.clip(128 + 100 * waves(x - 2 * index, y, seed=scene), 0, 255).astype(np.uint8)
+    image = np.clip(128 + 100 * moved_waves((HEIGHT, WIDTH), 2 * index, seed=scene), 0, 255).astype(np.uint8)
     if index == HIDDEN:
         image[20:52, 40:88] = noise(32, 48)
     return image
@@ -84,10 +83,7 @@ def test_it_is_found_whoever_decides_about_cuts(cuts):
 
 def test_parts_that_are_joined_know_it(tmp_path):
     """It is that of one run, whichever part it is in."""
-    (tmp_path / "in").mkdir()
-    for index, image in enumerate(PAN):
-        cv2.imwrite(str(tmp_path / "in" / f"{index:04d}.png"), image)
-    source = str(tmp_path / "in")
+    source = save_clip(tmp_path / "in", PAN)
     options: dict[str, Any] = {
         "rate": OutputRate(Fraction(60)),
         "decoding": DecodeOptions(input_fps=Fraction(12)),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from truth import moving_object, noise, translation, waves
+from truth import moved_waves, moving_object, noise, translation
 from vector_truth import constant, save_object, save_translation, save_vectors
 
 from fpsboost import FrameCache, InputError, OptionError, VectorFolder, find_method
@@ -76,10 +76,9 @@ def test_what_one_frame_hides_comes_from_the_other(tmp_path, kept, most):
 
 def test_curved_paths(tmp_path):
     """Vectors to both sides say how motion changes: over four frames, a parabola is followed."""
-    y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(float)
 
     def picture(number: int) -> np.ndarray:
-        return np.rint(waves(x - _place(number), y) * 255).astype(np.uint8)
+        return np.rint(moved_waves(SIZE, _place(number)) * 255).astype(np.uint8)
 
     for number in range(5):
         backward, forward = (constant(*SIZE, _place(number + way) - _place(number), 0) for way in (-1, 1))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from command_line import assert_refused
 from exr_truth import write_exr
-from truth import Clip, as_type, frozen, moving_object, noise, translation, waves
+from truth import Clip, as_type, frozen, moved_waves, moving_object, noise, translation
 from vector_truth import constant, save_object, save_translation, save_vectors
 
 from fpsboost import FrameCache, InputError, Interpolator, OptionError, VectorFolder, convert
@@ -170,8 +170,7 @@ COUNT = 7
 
 def true_frame(number: int) -> np.ndarray:
     """A smooth picture that moves by MOTION from output frame to output frame."""
-    y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
-    return as_type(waves(x - number * MOTION[0], y - number * MOTION[1]), np.uint8)
+    return as_type(moved_waves((HEIGHT, WIDTH), number * MOTION[0], number * MOTION[1]), np.uint8)
 
 
 @pytest.fixture
