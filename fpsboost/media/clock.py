@@ -312,8 +312,9 @@ class VideoClock:
     def early_end_remarks(self, name: str, end: Fraction, count: int, listed: int | None) -> list[str]:
         """Return the remark that a file ends earlier than its header declares, at `end` after `count` frames."""
         container, declared = self.file.container, self._declared_end
-        is_declared = declared is not None and not clock_may_jump(container)  # there FFmpeg estimates it
-        promised, reached = (declared, end) if declared is not None and is_declared else (Fraction(0), Fraction(0))
+        promised, reached = Fraction(0), Fraction(0)
+        if declared is not None and not clock_may_jump(container):  # there FFmpeg estimates it
+            promised, reached = declared, end
         # The whole file may outlast its video, so it is short only if no stream reaches its end.
         if container.duration and self._says_duration and self.file.duration == self.file.stream.duration:
             whole, begin = (Fraction(time or 0, 1_000_000) for time in (container.duration, container.start_time))

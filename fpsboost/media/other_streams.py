@@ -325,7 +325,8 @@ class OtherStreams:
         equal_is_fine = kind == "subtitle" or index in self._sounds or self._container not in EXACT_TIME_BASE_CONTAINERS
         if last is not None and (packet.dts < last or (packet.dts == last and not equal_is_fine)):
             sentence = f"{self._source.name} has sound or subtitle packets out of order, which were left out."
-            self.remarks += {sentence}.difference(self.remarks)
+            if sentence not in self.remarks:
+                self.remarks.append(sentence)
             return
         self._last_dts[index] = packet.dts
         if index in self._sounds:
