@@ -103,7 +103,7 @@ def main() -> None:
     version = subprocess.check_output([app, "--version"], text=True).split()[1]
     options.out.mkdir(parents=True, exist_ok=True)
     name = str(options.out / f"fpsboost-{version}-{this_platform()}")
-    packed = Path(shutil.make_archive(name, "zip" if WINDOWS else "xztar", folder.parent, folder.name))
+    packed = Path(shutil.make_archive(name, "zip" if WINDOWS else "gztar", folder.parent, folder.name))
     size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file() and not path.is_symlink())
     print(f"size: {size / 1e6:.0f} MB, packed {packed.stat().st_size / 1e6:.0f} MB: {packed}")
 

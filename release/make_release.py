@@ -50,16 +50,7 @@ def build_source(out: Path) -> Path:
 
 def build_wheel(source: Path, name: str) -> Path:
     """Build the wheel for a platform of `PLATFORMS` beside the source distribution it is made of; return its path."""
-    command: list[str | Path] = [
-        sys.executable,
-        "-m",
-        "build",
-        "--no-isolation",
-        "--wheel",
-        "--outdir",
-        source.parent,
-        source,
-    ]
+    command = [sys.executable, "-m", "build", "--no-isolation", "--wheel", "--outdir", str(source.parent), str(source)]
     subprocess.run(command, check=True, env=os.environ | {"FPSBOOST_PLATFORM": name})
     return next(source.parent.glob(f"*-{PLATFORMS[name].tag}.whl"))
 
@@ -163,7 +154,7 @@ def changes(version: str) -> str:
     """Return what CHANGELOG.md says of a version, and exit if it says nothing."""
     text = (ROOT / "CHANGELOG.md").read_text("utf-8")
     found = re.search(
-        rf"^## {re.escape(version)}(?P<date>.*)\n(?P<text>.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL
+        rf"^## {re.escape(version)}(?P<date>[^\n]*)\n(?P<text>.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL
     )
     if found is None:
         sys.exit(f"CHANGELOG.md does not describe {version}.")

@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from video_truth import write_clip
 
+from fpsboost import __version__
+
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
@@ -92,16 +94,22 @@ def test_what_a_conversion_does_not_need_is_not_imported(tmp_path, arguments):
 APP = ROOT / "release" / "app_entry.py"
 
 
+def test_the_text_of_a_release_is_that_of_the_changelog():
+    """What stands below the heading of the version, down to the next one."""
+    pytest.importorskip("hatchling")
+    changes = runpy.run_path(str(APP.with_name("make_release.py")))["changes"]
+    below = (ROOT / "CHANGELOG.md").read_text("utf-8").partition(f"\n## {__version__}")[2].partition("\n")[2]
+    assert changes(__version__) == below.partition("\n## ")[0].strip() != ""
+
+
 def test_what_the_app_does_with_its_arguments(tmp_path):
     """Without any it opens the page, files are converted one by one, all else is a command line, the page's own too."""
     commands = runpy.run_path(str(APP))["commands"]
-    clips = [str(tmp_path / name) for name in ("a.mp4", "b.mp4")]
+    present, absent = [str(tmp_path), __file__], [str(tmp_path / "in.mp4"), str(tmp_path / "out.mp4")]
     assert commands([]) == [["ui"]]
-    assert commands(clips) == commands(["-m", "fpsboost", *clips]) == [clips]  # none of them exists
-    for clip in clips:
-        Path(clip).touch()
-    assert commands(clips) == [[clips[0]], [clips[1]]]
-    assert commands(["-m", "fpsboost", *clips]) == [clips]
+    assert commands(absent) == [absent]
+    assert commands(present) == [[present[0]], [present[1]]]
+    assert commands(["-m", "fpsboost", *present]) == [present]
 
 
 def test_clips_dropped_on_the_app_are_converted_beside_them(tmp_path):
