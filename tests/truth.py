@@ -83,6 +83,11 @@ def as_type(values: Array, dtype: type) -> Array:
     return frozen(np.rint(values.clip(0, 1) * np.iinfo(dtype).max).astype(dtype))
 
 
+def white_of(image: Array) -> float:
+    """The value of white in images of this type."""
+    return 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
+
+
 def equal_luma(blue: Array, red: Array, luma: float = 0.5) -> Array:
     """Colours in BGR with these differences of blue and red from the luma, (H, W): pictures of one level in gray."""
     blue, red = blue + luma, red + luma

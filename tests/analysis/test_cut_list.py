@@ -63,19 +63,22 @@ def test_the_list_of_pyscenedetect(tmp_path, skipped_lines):
     assert found(cuts, 30, Fraction(24000, 1001)) == [10]
 
 
-def test_what_is_no_list_is_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("name", "error", "said"),
+    [
+        ("none.txt", InputError, r"Cannot read .*none\.txt"),
+        ("cuts.txt", InputError, r"cuts\.txt is not a text file; give `cuts` a file"),
+        ("soon.txt", OptionError, r"soon\.txt, line 2: 'soon' is not a position in a clip"),
+        ("scenes.csv", OptionError, r"scenes\.csv, line 5: '' is not a position"),
+    ],
+)
+def test_what_is_no_list_is_refused(tmp_path, name, error, said):
     """The sentence names the file, and the line where it can."""
-    with pytest.raises(InputError, match=r"Cannot read .*none\.txt"):
-        read_cuts(tmp_path / "none.txt")
     (tmp_path / "cuts.txt").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match=r"cuts\.txt is not a text file; give `cuts` a file"):
-        read_cuts(tmp_path / "cuts.txt")
-    (tmp_path / "cuts.txt").write_text("1.5\nsoon\n")
-    with pytest.raises(OptionError, match=r"cuts\.txt, line 2: 'soon' is not a position in a clip"):
-        read_cuts(tmp_path / "cuts.txt")
-    (tmp_path / "cuts.txt").write_text(SCENES + "3,31\n")
-    with pytest.raises(OptionError, match=r"cuts\.txt, line 5: '' is not a position"):
-        read_cuts(tmp_path / "cuts.txt")
+    (tmp_path / "soon.txt").write_text("1.5\nsoon\n")
+    (tmp_path / "scenes.csv").write_text(SCENES + "3,31\n")
+    with pytest.raises(error, match=said):
+        read_cuts(tmp_path / name)
 
 
 @pytest.mark.parametrize("rate", [Fraction(25), Fraction(24000, 1001), Fraction(60000, 1001)])

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from truth import CutsWhere, as_type, equal_luma, moved_waves, noise, prepared, waves
+from truth import CutsWhere, as_type, equal_luma, moved_waves, noise, prepared, waves, white_of
 
 from fpsboost import Coding, methods
 from fpsboost.analysis.overlay import DILATION_RADIUS, find_overlay
@@ -57,8 +57,7 @@ def found(at):
 
 def off_by(image, truth):
     """The largest difference of a pixel's channels, levels of 255."""
-    white = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
-    return np.abs(image.astype(float) - truth).max(axis=-1) * 255 / white
+    return np.abs(image.astype(float) - truth).max(axis=-1) * 255 / white_of(image)
 
 
 @pytest.mark.parametrize("seed", [1, 2])

@@ -1,13 +1,12 @@
 """A renderer's motion as one more hypothesis, against constructed truth."""
 
 from fractions import Fraction
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from truth import moved_waves, moving_object, noise, translation
+from truth import moved_waves, moving_object, noise, translation, white_of
 from vector_truth import constant, save_object, save_translation, save_vectors
 
 from fpsboost import FrameCache, InputError, OptionError, VectorFolder, find_method
@@ -38,8 +37,7 @@ def fused(
 
 def error(image: Any, truth: Any) -> float:
     """Mean absolute error inside of the frame, as a share of white."""
-    white = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
-    return float(np.abs((image.astype(float) - truth)[EDGE:-EDGE, EDGE:-EDGE]).mean() / white)
+    return float(np.abs((image.astype(float) - truth)[EDGE:-EDGE, EDGE:-EDGE]).mean() / white_of(image))
 
 
 @pytest.mark.parametrize(
@@ -55,20 +53,15 @@ def test_motion_that_no_estimate_knows_is_followed(tmp_path, dtype, fusion, span
     assert made.confidence[EDGE:-EDGE, EDGE:-EDGE].min() > 0.9
 
 
-def numbered(tmp_path: Path, numbers: range, kept: range) -> VectorFolder:
-    """The vectors of `moving_object` below for some of its frames, matched with the numbers of all."""
-    for file in tmp_path.glob("v/*.exr"):
-        if int(file.stem[2:]) not in kept:
-            file.unlink()
-    return VectorFolder(tmp_path / "v").matched(numbers, must_match=True)
-
-
 @pytest.mark.parametrize(("kept", "most"), [(range(5), 0.02), (range(0, 5, 4), 0.08)])
 def test_what_one_frame_hides_comes_from_the_other(tmp_path, kept, most):
     """An object over noise: right with the vectors of all frames, and but for its edges with those of the two alone."""
     clip = moving_object(60, 80, box=(16, 20, 44, 50), dx=8, dy=4)
     save_object(tmp_path / "v", tmp_path / "d", (60, 80), (16, 20, 44, 50), 5, (2, 1))
-    vectors = numbered(tmp_path, range(5), kept)
+    for file in tmp_path.glob("v/*.exr"):
+        if int(file.stem[2:]) not in kept:
+            file.unlink()
+    vectors = VectorFolder(tmp_path / "v").matched(range(5), must_match=True)
     assert len(vectors.remarks) == (len(kept) < 5)
     image = fused(vectors, clip.image0, clip.image1, 4, 0.5).image
     assert (np.abs(image.astype(int) - clip.at(0.5)).max(axis=-1) > 16).mean() < most
