@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -35,14 +36,10 @@ distributed = pytest.importorskip("distributed")
 from fpsboost.cluster import dask_engine, worker  # noqa: E402 (only where Dask is installed)
 
 
-def planned(*frames: int) -> list[PlannedPart]:
-    """Parts of so many frames each."""
-    return [PlannedPart(Part(number, len(frames)), each, float(each)) for number, each in enumerate(frames, 1)]
-
-
 def test_largest_parts_go_first():
     """And parts of one size in order."""
-    assert [each.part.number for each in dask_engine.largest_first(planned(10, 30, 20, 20))] == [2, 3, 4, 1]
+    planned = [PlannedPart(Part(number, 4), each, float(each)) for number, each in enumerate((10, 30, 20, 20), 1)]
+    assert [each.part.number for each in dask_engine.largest_first(planned)] == [2, 3, 4, 1]
 
 
 @pytest.mark.parametrize(
@@ -163,17 +160,12 @@ def test_dask_makes_the_same_images(client, images, output):
     assert observer.counts == sorted(observer.counts)
 
 
-def busy_worker(client: Any) -> str:
-    """Return the address of a worker that makes a part."""
-    return next(address for address, keys in client.processing().items() if keys)
-
-
 def test_a_killed_dask_worker_has_its_part_made_again(client, video, output):
     """SIGKILL in the middle of a part of a video, whose packets and sound are those of one process then."""
     target = output.with_suffix(".mp4")
 
     def kill() -> None:
-        address = busy_worker(client)
+        address = next(address for address, keys in client.processing().items() if keys)
         os.kill(client.run(os.getpid, workers=[address])[address], signal.SIGKILL)
 
     convert(video.to(target), client, run=RunOptions(observer=Once(kill)))
@@ -230,7 +222,6 @@ def test_an_interrupted_client_stops_its_workers(client, images, output):
 
 def test_two_clients_of_one_job_are_one(client, images, output):
     """No part is made twice, and the later one to finish is told that the output is there."""
-    results: list[Summary | CompleteAlreadyError] = []
     both = threading.Barrier(2)
 
     class Together(SilentObserver):
@@ -238,25 +229,18 @@ def test_two_clients_of_one_job_are_one(client, images, output):
             both.wait()
 
     def run(client: Any) -> None:
-        try:
-            results.append(convert(images.to(output), client, run=RunOptions(observer=Together())))
-        except CompleteAlreadyError as error:
-            results.append(error)
+        with suppress(CompleteAlreadyError):
+            convert(images.to(output), client, run=RunOptions(observer=Together()))
 
     def finished_tasks(dask_scheduler: Any) -> list[str]:
         log = [entry for entry in dask_scheduler.transition_log if entry[1:3] == ("processing", "memory")]
         return [entry[0] for entry in log if entry[0].startswith("fpsboost-")]
 
     before = len(client.run_on_scheduler(finished_tasks))
-    with distributed.Client(client.scheduler.address, set_as_default=False) as other:
-        threads = [threading.Thread(target=run, args=(each,)) for each in (client, other)]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
+    with distributed.Client(client.scheduler.address, set_as_default=False) as other, ThreadPoolExecutor(2) as pool:
+        list(pool.map(run, (client, other)))  # any other error is raised here
     made = client.run_on_scheduler(finished_tasks)[before:]
     assert len(made) == len(set(made))
-    assert len(results) == 2
     assert images.is_whole(output)
 
 

@@ -81,14 +81,15 @@ def test_images_are_matched(tmp_path, clip, names, hold_out):
 
 def test_a_folder_that_does_not_fit_is_one_sentence(tmp_path, clip):
     """It names a frame that has no image, and says what would fit; so does an empty folder, and a missing one."""
-    folder = save(tmp_path / "made", {f"{k}.png": k for k in (1, 3, 6)})
-    with pytest.raises(InputError, match=r"made has 3 images, but none for frame 5; .*\(9 images\).*\(4\)"):
-        find_frames("tool", folder, HoldOut().intervals(clip))
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(InputError, match="empty is empty"):
-        find_frames("tool", tmp_path / "empty", HoldOut().intervals(clip))
-    with pytest.raises(InputError, match="nowhere does not exist"):
-        find_frames("tool", tmp_path / "nowhere", HoldOut().intervals(clip))
+    save(tmp_path / "made", {f"{k}.png": k for k in (1, 3, 6)})
+    save(tmp_path / "empty", {})
+    for name, said in (
+        ("made", r"made has 3 images, but none for frame 5; .*\(9 images\).*\(4\)"),
+        ("empty", "empty is empty"),
+        ("nowhere", "nowhere does not exist"),
+    ):
+        with pytest.raises(InputError, match=said):
+            find_frames("tool", tmp_path / name, HoldOut().intervals(clip))
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])

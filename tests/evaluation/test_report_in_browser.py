@@ -21,11 +21,6 @@ def page(opened, report_path):
     return opened(report_path.as_uri(), reduced_motion="reduce")
 
 
-def box_of(locator):
-    """The place of an element: x, y, width and height."""
-    return locator.bounding_box()
-
-
 def wipe(page):
     """Where the right picture begins, per cent from the left."""
     return float(page.locator(".wipe").input_value())
@@ -61,7 +56,7 @@ def test_first_screen_has_the_verdict_and_pictures(opened, report_path, width, h
     """At a desk and on a phone, what comes out and the whole picture are seen without scrolling."""
     page = opened(report_path.as_uri(), width, height)
     for selector in (".outcome", ".stage", ".play [data-side='right'] >> nth=1"):
-        box = box_of(page.locator(selector).first)
+        box = page.locator(selector).first.bounding_box()
         assert box["y"] + box["height"] <= height, selector
 
 
@@ -69,7 +64,7 @@ def test_slider_and_pointer_move_the_edge(page):
     """The slider and a drag in the picture move it."""
     page.locator(".wipe").fill("30")
     assert wipe(page) == 30
-    box = box_of(page.locator(".stage"))
+    box = page.locator(".stage").bounding_box()
     drag(page, *((box["x"] + across * box["width"], box["y"] + 20) for across in (0.5, 0.8)))
     assert math.isclose(wipe(page), 80, abs_tol=1)
 
@@ -119,7 +114,7 @@ def test_pixels_are_read_and_zoomed(page, comparison):
     at_frame(page, 0)
     page.locator('[data-zoom="8"]').click()
     page.locator(".stage").press("+")
-    box = box_of(page.locator(".stage"))
+    box = page.locator(".stage").bounding_box()
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     expect(page.locator(".pixel")).to_contain_text(re.compile(r"column \d+, row \d+\s*truth about \d+ \d+ \d+"))
     before = page.locator(".pixel span").first.inner_text()
@@ -137,7 +132,7 @@ def test_page_opens_with_exact_pixels(page, comparison, compared_methods):
     (sample,) = read_samples(comparison.clip, comparison.hold_out, [number])
     images = sample.hidden.truth, interpolate_sample(compared_methods["dis"], sample)
     truth, interpolated = (as_shown(image).astype(int)[..., ::-1] for image in images)
-    box = box_of(page.locator(".stage"))
+    box = page.locator(".stage").bounding_box()
     page.mouse.move(box["x"] + box["width"] * 20.5 / WIDTH, box["y"] + box["height"] * 10.5 / HEIGHT)
     values = [" ".join(map(str, image[10, 20])) for image in (truth, interpolated)]
     expect(page.locator(".pixel")).to_have_text(f"column 20, row 10truth {values[0]}dis {values[1]}")
@@ -171,7 +166,7 @@ def turn_wheel(page, by):
 
 def test_wheel_zooms_where_the_pointer_is(page):
     """With Ctrl, and the pixel there stays; without, the page scrolls as ever. A drag moves what is enlarged."""
-    box = box_of(page.locator(".stage"))
+    box = page.locator(".stage").bounding_box()
     x, y = box["x"] + 0.3 * box["width"], box["y"] + 0.4 * box["height"]
     pixel = seen_at(page, x, y)
     turn_wheel(page, -60)
@@ -189,7 +184,7 @@ def test_wheel_zooms_where_the_pointer_is(page):
 def test_two_fingers_zoom_the_picture(opened, report_path):
     """On a phone: what they spread grows with them, and back it fits."""
     phone = opened(report_path.as_uri(), 390, 844, has_touch=True, is_mobile=True)
-    box = box_of(phone.locator(".stage"))
+    box = phone.locator(".stage").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     session = phone.context.new_cdp_session(phone)
 
@@ -247,14 +242,14 @@ def test_blind_test_hides_names_and_counts(page, comparison):
 def test_chart_is_the_timeline(page, comparison):
     """A click in the chart, or Enter, shows the frame, and a line in every chart says which is shown."""
     chart = page.locator("#errors .metric:not(.later) .chart.wide")
-    box = box_of(chart)
+    box = chart.bounding_box()
     left_side, _, width, _ = map(float, (chart.get_attribute("data-box") or "").split())
     first, last = map(float, (chart.get_attribute("data-x") or "").split())
     for number in (comparison.hidden[1], comparison.hidden[0]):
         across = left_side + width * (number - first) / (last - first)
         chart.click(position={"x": across * box["width"], "y": box["height"] / 2})
         at_frame(page, number)
-        line = box_of(chart.locator(".cursor"))
+        line = chart.locator(".cursor").bounding_box()
         assert math.isclose(line["x"] - box["x"], across * box["width"], abs_tol=2)
     page.keyboard.press("ArrowRight")
     page.keyboard.press("Enter")

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from video_truth import packets_of, pictures_of, samples_of, write_clip
+from video_truth import bytes_of, packets_of, pictures_of, write_clip
 
 yaml = pytest.importorskip("yaml", reason="comes with openjd-cli")
 pytest.importorskip("openjd.cli", reason="the extra dev has openjd-cli, which runs such templates")
@@ -142,8 +142,9 @@ def test_a_job_makes_what_one_run_makes(tmp_path, fpsboost_):
     assert done.returncode == 0, done.stdout + done.stderr
     for kind in ("video", "audio"):
         assert packets_of(tmp_path / "out.mp4", kind) == packets_of(tmp_path / "whole.mp4", kind)
-    made, expected = (pictures_of(tmp_path / name) for name in ("out.mp4", "whole.mp4"))
-    assert len(made) == len(expected) > 240  # so that the second part begins within the clip
-    for picture, other in zip(made, expected, strict=True):
-        assert picture.pts == other.pts
-        assert all((a == b).all() for a, b in zip(samples_of(picture), samples_of(other), strict=True))
+    made, expected = (
+        [(picture.pts, bytes_of(picture)) for picture in pictures_of(tmp_path / name)]
+        for name in ("out.mp4", "whole.mp4")
+    )
+    assert len(expected) > 240  # so that the second part begins within the clip
+    assert made == expected

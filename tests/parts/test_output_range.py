@@ -107,14 +107,13 @@ def facts(frame: Frame) -> tuple[object, ...]:
 @pytest.mark.parametrize("schedule", SCHEDULES.values(), ids=SCHEDULES)
 def test_ranges_are_parts_of_the_whole(schedule, clip, data):
     """Frames, times, durations and counts of all ranges together are those of the whole, wherever reading begins."""
-    interpolator = BLEND
-    whole, of_all = run(clip, schedule, interpolator)
+    whole, of_all = run(clip, schedule, BLEND)
     cuts = sorted(data.draw(st.sets(st.integers(1, max(1, len(whole) - 1)), max_size=2)))
     ranges = [OutputRange(first, stop) for first, stop in pairwise([0, *cuts, None])]
     found = []
     for outputs in ranges:
-        chosen = entered(clip, schedule, interpolator, outputs) if outputs.first else outputs
-        found.append(run(clip, schedule, interpolator, chosen))
+        chosen = entered(clip, schedule, BLEND, outputs) if outputs.first else outputs
+        found.append(run(clip, schedule, BLEND, chosen))
     assert [facts(frame) for frames, _ in found for frame in frames] == [facts(frame) for frame in whole]
     for count in ("frames_out", "frames_made", "scene_cuts", "duplicates"):
         assert sum(getattr(summary, count) for _, summary in found) == getattr(of_all, count)

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import av
-import cv2
 import numpy as np
 import pytest
+from comparison_truth import save_clip
 from exr_truth import write_exr
 from numpy.typing import NDArray
 from vector_truth import save_vectors
@@ -186,9 +186,7 @@ def test_a_video_to_images_in_parts(tmp_path, snapshot, clip):
 @pytest.fixture
 def made(tmp_path: Path) -> Path:
     """A folder of images in three parts, whose output is its name without ``.parts``."""
-    (tmp_path / "in").mkdir()
-    for index in range(7):
-        cv2.imwrite(str(tmp_path / "in" / f"{index:03d}.png"), scene(index))
+    save_clip(tmp_path / "in", map(scene, range(7)))
     convert_in_parts(3, tmp_path / "in", tmp_path / "out", method="blend")
     return tmp_path / "out.parts"
 
@@ -230,7 +228,7 @@ def test_parts_that_cannot_be_joined(tmp_path, made):
     assert "one of 3 parts" in refused(one, two, tmp_path / "other.parts" / "0003-of-0004")
     convert_in_parts(3, tmp_path / "in", tmp_path / "nearest", method="nearest")
     assert "differ in their" in refused(one, tmp_path / "nearest.parts" / two.name, three)
-    spoil(tmp_path / "in" / "003.png")
+    spoil(tmp_path / "in" / "0003.png")
     assert "is not the input of the parts" in refused(made)
 
 

@@ -191,10 +191,9 @@ def test_vectors_that_are_no_numbers_are_counted(tmp_path, value):
     spoiled[3, 4:6, 1] = value
     save_vectors(tmp_path / "e" / "1.exr", random_flow(2), spoiled)
     save_flows(tmp_path / "f", "1", random_flow(2), spoiled)
-    with pytest.raises(InputError, match=r"1\.exr has 2 motion vectors that are unknown"):
-        VectorFolder(tmp_path / "e").at(0)
-    with pytest.raises(InputError, match=r"1_forward\.flo has 2 motion vectors that are unknown"):
-        VectorFolder(tmp_path / "f").at(0)
+    for folder, name in (("e", "1.exr"), ("f", "1_forward.flo")):
+        with pytest.raises(InputError, match=f"{name} has 2 motion vectors that are unknown"):
+            VectorFolder(tmp_path / folder).at(0)
 
 
 @pytest.mark.parametrize("span", [1, 2, 5])

@@ -170,8 +170,7 @@ def test_layers_are_merged_as_what_they_are(tmp_path):
     files = [Path(out) / "shot_0002.exr", tmp_path / "made" / "shot_0002.exr", whole]
     merged, before, after = map(read_exr, files)
     mask = next(frame for frame in RerenderPlan.read(Path(options.plan)).frames if frame.number == 2).mask(24, 32)
-    for name in "RGB":
-        np.testing.assert_array_equal(merged[f"AO.{name}"], merged[name])
+    np.testing.assert_array_equal([merged[f"AO.{name}"] for name in "RGB"], [merged[name] for name in "RGB"])
     np.testing.assert_array_equal(merged["Depth.Z"], np.where(mask, after["Depth.Z"], before["Depth.Z"]))
     write_exr(whole, {name: plane for name, plane in after.items() if name != "Depth.Z"}, half=False)
     with pytest.raises(InputError, match="has no layer Depth"):

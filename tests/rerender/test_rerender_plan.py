@@ -184,17 +184,18 @@ def test_a_damaged_plan_is_refused(tmp_path):
     frame = PlannedFrame(2, (Rectangle(0, 0, 4, 4),), whole=False, expected_error=2, remaining_error=1)
     RerenderPlan(8, 6, 4, (frame,)).write(tmp_path)
     assert RerenderPlan.read(tmp_path).frames == (frame,)
-    text, mask = (tmp_path / "plan.json").read_text(), (tmp_path / "mask_0002.png").read_bytes()
-    for changed in ("{", text.replace('"version": 1', '"version": 9'), text.replace("4\n", "40\n", 1)):
-        (tmp_path / "plan.json").write_text(changed)
+    text = (tmp_path / "plan.json").read_bytes()
+    for name, changed in (
+        ("plan.json", b"{"),
+        ("plan.json", text.replace(b'"version": 1', b'"version": 9')),
+        ("plan.json", text.replace(b"4\n", b"40\n", 1)),
+        *(("mask_0002.png", cv2.imencode(".png", np.zeros(size, np.uint8))[1]) for size in ((6, 9), (6, 8))),
+    ):
+        sound = (tmp_path / name).read_bytes()
+        (tmp_path / name).write_bytes(changed)
         with pytest.raises(InputError, match="plan again"):
             RerenderPlan.read(tmp_path)
-    (tmp_path / "plan.json").write_text(text)
-    for image in (np.zeros((6, 9), np.uint8), np.zeros((6, 8), np.uint8)):
-        (tmp_path / "mask_0002.png").write_bytes(cv2.imencode(".png", image)[1].tobytes())
-        with pytest.raises(InputError, match="plan again"):
-            RerenderPlan.read(tmp_path)
-    (tmp_path / "mask_0002.png").write_bytes(mask)
+        (tmp_path / name).write_bytes(sound)
     assert RerenderPlan.read(tmp_path).rendered_share == pytest.approx(1 / 3)
 
 

@@ -16,8 +16,9 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from comparison_truth import save_clip
 from numpy.typing import NDArray
-from truth import SCENES, needs_scenes
+from truth import SCENES, inside, needs_scenes
 
 from fpsboost.cli.app import app
 from fpsboost.synthesis import fusion_table
@@ -69,10 +70,8 @@ def psnr_where(mask: NDArray[Any], first: NDArray[Any], second: NDArray[Any]) ->
 def find_seen(there: NDArray[Any], back: NDArray[Any]) -> NDArray[Any]:
     """Pixels whose point is inside the other frame and not hidden there: the way back leads home."""
     height, width = there.shape[:2]
-    y, x = np.mgrid[0:height, 0:width]
-    x, y = x + there[..., 0], y + there[..., 1]
-    inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
-    return inside & (np.linalg.norm(there + sample(back, there), axis=-1) < 0.3)
+    places = np.dstack(np.mgrid[:height, :width][::-1]) + there
+    return inside(places, height, width) & (np.linalg.norm(there + sample(back, there), axis=-1) < 0.3)
 
 
 @needs_scenes
@@ -225,9 +224,7 @@ def test_the_table_of_weights_is_what_the_fit_makes(tmp_path):
     """A short fit to small scenes improves on plain weights, its gradient is right, and the table improves on them."""
     fit = importlib.import_module("fit_fusion")
     for name in ("titles", "tiles", "growing"):
-        (tmp_path / name).mkdir()
-        for number, picture in enumerate(construct_clips.construct(name, (192, 128), range(5), seed=7)):
-            cv2.imwrite(str(tmp_path / name / f"{number:04d}.png"), picture)
+        save_clip(tmp_path / name, construct_clips.construct(name, (192, 128), range(5), seed=7))
     frames = [frame for clip in sorted(tmp_path.iterdir()) for frame in fit.draw_clip(clip, 40, 1)]
     objective = fit.Objective(frames)
     start, random = fit.start(objective), np.random.default_rng(1)
