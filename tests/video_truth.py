@@ -251,6 +251,12 @@ def bytes_of(picture: av.VideoFrame) -> bytes:
     return b"".join(plane.tobytes() for plane in plane_arrays(picture))
 
 
+def sound_to_picture(path: Path) -> Fraction:
+    """Seconds from the first sound to the first picture."""
+    picture = pictures_of(path)[0]
+    return picture.pts * Fraction(picture.time_base) - packets_of(path, "audio")[0][0]
+
+
 def spoil_packets(path: Path, numbers: Sequence[int], kind: str = "video") -> None:
     """Overwrite whole packets of a stream with nonsense."""
     with av.open(str(path)) as file:

@@ -18,6 +18,7 @@ from video_truth import (
     packets_of,
     pictures_of,
     read,
+    sound_to_picture,
     write_clip,
 )
 
@@ -44,12 +45,6 @@ def write_at(path: Path, start: Fraction, video_later: Fraction = Fraction(0), c
 
     clip = write_clip(path.with_suffix(".mov"), codec=codec, options={"bf": "2"}, sound="mp2")
     return copy_packets(clip, path, begin_later)
-
-
-def sound_to_picture(path: Path) -> Fraction:
-    """Seconds from the first sound to the first picture."""
-    picture = pictures_of(path)[0]
-    return picture.pts * Fraction(picture.time_base) - packets_of(path, "audio")[0][0]
 
 
 @pytest.mark.parametrize(
@@ -129,22 +124,17 @@ def test_joined_recordings_go_on(tmp_path, second):
     assert max(gaps) - min(gaps) <= Fraction(1, 100)
 
 
-def with_decoding_times(source: Path, path: Path) -> Path:
-    """Copy a clip, saying of each picture when it is decoded, as if that were when it is shown."""
-
-    def present_when_decoded(number: int, packet: Any) -> None:
-        packet.pts = packet.dts = round(Fraction(number, 25) / packet.time_base)
-
-    return copy_packets(source, path, present_when_decoded)
-
-
 @pytest.mark.parametrize("name", ["in.avi", "in.mp4", "in.mkv", "in.asf"])
 def test_times_follow_the_order_of_showing(tmp_path, name):
     """Where B-frames have the times of decoding, every picture is there, in order, evenly, and nothing is said."""
     options = {"preset": "veryfast", "bf": "3", "b_strategy": "0", "b-pyramid": "strict"}
     how = {"codec": "mpeg4", "options": {"bf": "2"}} if name == "in.avi" else {"options": options}
     whole = write_clip(tmp_path / "whole.mp4", times=range(40), **how)
-    frames, remarks = read(with_decoding_times(whole, tmp_path / name))
+
+    def present_when_decoded(number: int, packet: Any) -> None:
+        packet.pts = packet.dts = round(Fraction(number, 25) / packet.time_base)
+
+    frames, remarks = read(copy_packets(whole, tmp_path / name, present_when_decoded))
     assert [frame.time - frames[0].time for frame in frames] == [Fraction(number, 25) for number in range(40)]
     assert remarks == []
     assert [bytes_of(frame.original) for frame in frames] == [bytes_of(picture) for picture in pictures_of(whole)]

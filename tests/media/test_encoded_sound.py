@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from conversion_options import FAST
 from numpy.typing import NDArray
-from test_stretched_sound import CLICK, CLICKS, clicks_of, heard, slow, write_sounds
+from test_stretched_sound import CLICK, CLICKS, assert_clicks, heard, slow, write_sounds
 from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, sound_packets, tone, write_clip
 
 from fpsboost import Encoding, OptionError, OutputError, RunOptions, convert
@@ -309,8 +309,7 @@ def test_rates_and_speakers_that_an_encoder_does_not_take(tmp_path):
         f"{target} holds stream 1 (ac3 sound) of its source encoded anew as opus, its 5.1(side) as 5.1, at 48000 "
         "instead of 44100 Hz."
     ]
-    expected = [click + CLICK / 2 for click in CLICKS]
-    assert clicks_of(target, expected, 0.25) == pytest.approx(expected, abs=0.005)
+    assert_clicks(target, [click + CLICK / 2 for click in CLICKS], tolerance=0.005)
 
 
 def test_lost_bits_are_said(tmp_path):

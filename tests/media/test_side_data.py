@@ -2,7 +2,7 @@
 
 import gc
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -34,11 +34,6 @@ def clean_aperture(width: int, height: int, right: Fraction, down: Fraction) -> 
     return box(b"clap", struct.pack(">8i", *numbers))
 
 
-def dolby_vision(profile: int, compatibility: int) -> bytes:
-    """The box of Dolby Vision's configuration."""
-    return box(b"dvcC", bytes([1, 0, profile << 1, 0x35, compatibility << 4]).ljust(24, b"\0"))
-
-
 def add_box(path: Path, addition: bytes) -> Path:
     """Add a box to the entry of the video's format in an MP4 whose index is at its end."""
     data = path.read_bytes()
@@ -62,17 +57,22 @@ def message(kind: int, payload: bytes) -> bytes:
     return b"\0\0\0\1\6" + data
 
 
+def rewrite(source: Path, path: Path, change: Callable[[bytes], bytes]) -> Path:
+    """Copy the pictures of a clip at 25 frames per second, the data of each of them changed."""
+    with av.open(str(source)) as file, av.open(str(path), "w") as output:
+        stream = output.add_stream_from_template(file.streams.video[0])
+        for number, packet in enumerate(packet for packet in file.demux() if packet.size):
+            changed = av.Packet(change(bytes(packet)))
+            changed.stream, changed.time_base, changed.pts, changed.dts = stream, Fraction(1, 25), number, number
+            output.mux(changed)
+    return path
+
+
 def write_with_messages(path: Path, messages: Sequence[bytes]) -> Path:
     """A transport stream of H.264, two views side by side, with messages before every picture."""
     stereo = {"preset": "ultrafast", "x264-params": "frame-packing=3"}
     plain = write_clip(path.with_suffix(".h264"), times=range(4), options=stereo)
-    with av.open(str(plain)) as file, av.open(str(path), "w") as output:
-        stream = output.add_stream_from_template(file.streams.video[0])
-        for number, packet in enumerate(packet for packet in file.demux() if packet.size):
-            longer = av.Packet(b"".join(messages) + bytes(packet))
-            longer.stream, longer.time_base, longer.pts, longer.dts = stream, Fraction(1, 25), number, number
-            output.mux(longer)
-    return path
+    return rewrite(plain, path, lambda data: b"".join([*messages, data]))
 
 
 def remarks_of(source: Path, target: str, codec: str | None = None, **options: Any) -> str:
@@ -196,13 +196,7 @@ def exif(orientation: int) -> bytes:
 def test_a_type_without_a_name_hides_no_other(tmp_path, orientation, matrix):
     """Motion JPEG with EXIF is converted, turned and flipped as EXIF says, which is itself said to be lost."""
     plain = write_clip(tmp_path / "plain.avi", times=range(3), codec="mjpeg", pixel_format="yuvj420p", options={})
-    clip = tmp_path / "in.avi"
-    with av.open(str(plain)) as file, av.open(str(clip), "w") as output:
-        stream = output.add_stream_from_template(file.streams.video[0])
-        for packet in [packet for packet in file.demux() if packet.size]:
-            longer = av.Packet(bytes(packet)[:2] + exif(orientation) + bytes(packet)[2:])
-            longer.stream, longer.time_base, longer.pts, longer.dts = stream, packet.time_base, packet.pts, packet.dts
-            output.mux(longer)
+    clip = rewrite(plain, tmp_path / "in.avi", lambda data: data[:2] + exif(orientation) + data[2:])
     with VideoSource(clip) as source:
         found = source.traits.display_matrix
     assert (found and (found[0], found[4])) == matrix
@@ -251,7 +245,8 @@ def test_what_says_nothing_is_not_lost(kind, data, said):
 @pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
 def test_dolby_vision_without_ordinary_colours_is_refused(tmp_path, profile, compatibility, is_refused, suffix):
     """It takes an option to convert it, and then a remark says that colours are wrong; `probe` says it beforehand."""
-    clip = add_box(write_clip(tmp_path / "plain.mp4", times=range(3)), dolby_vision(profile, compatibility))
+    configuration = bytes([1, 0, profile << 1, 0x35, compatibility << 4]).ljust(24, b"\0")
+    clip = add_box(write_clip(tmp_path / "plain.mp4", times=range(3)), box(b"dvcC", configuration))
     if suffix != ".mp4":
         clip = copy_packets(clip, tmp_path / f"in{suffix}")
     if not is_refused:

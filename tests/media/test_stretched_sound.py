@@ -19,6 +19,7 @@ from fpsboost.contracts import SilentObserver, Summary
 RATE = 48000
 CLICKS = (0.4, 1.0, 1.6)
 CLICK = 0.01  # seconds that a click lasts, at 4000 Hz
+TWICE_AS_LATE = [2 * click + CLICK for click in CLICKS]  # middles of the clicks of sound that is twice as long
 TONES = (440, 660, 880)  # Hz of the tone behind the clicks, of the first, second and third track
 
 
@@ -76,17 +77,18 @@ def band(sound: NDArray[np.float64], rate: int, low: float, high: float) -> NDAr
     return np.fft.irfft(spectrum, len(sound))
 
 
-def clicks_of(path: Path, expected: Sequence[float], reach: float, track: int = 0) -> list[float]:
-    """The middle of what clicks within `reach` seconds of each of the expected times."""
+def assert_clicks(
+    path: Path, expected: Sequence[float], reach: float = 0.25, *, tolerance: float = 0.03, track: int = 0
+) -> None:
+    """The middle of what clicks within `reach` seconds of each of the expected times is at that time."""
     sound, rate = heard(path, track)
     energy = band(sound, rate, 3500, 4500) ** 2
-    middles = []
     for time in expected:
         begin, end = (max(0, round((time + side) * rate)) for side in (-reach, reach))
         part = energy[begin:end]
         assert part.sum() > 0.2 * energy.sum() / len(expected)
-        middles.append(float((np.arange(begin, begin + len(part)) * part).sum() / part.sum() / rate))
-    return middles
+        middle = (np.arange(begin, begin + len(part)) * part).sum() / part.sum() / rate
+        assert middle == pytest.approx(time, abs=tolerance)
 
 
 def pitch_of(path: Path, track: int = 0) -> float:
@@ -116,9 +118,7 @@ def test_clicks_fall_on_their_pictures(tmp_path, factor, suffix, layout, codec):
     clip, target = write_sounds(tmp_path / "in.mkv", [layout]), tmp_path / f"out{suffix}"
     summary = slow(clip, target, factor)
     expected = [float(factor) * (click + CLICK / 2) for click in CLICKS]
-    assert clicks_of(target, expected, 0.25 * float(factor)) == pytest.approx(
-        expected, abs=max(0.03, 0.005 * float(factor))
-    )
+    assert_clicks(target, expected, 0.25 * float(factor), tolerance=max(0.03, 0.005 * float(factor)))
     assert pitch_of(target) == pytest.approx(TONES[0], rel=0.02)
     sound, rate = heard(target)
     assert len(sound) / rate == pytest.approx(2 * factor, abs=1024 / rate)
@@ -142,9 +142,8 @@ def test_tracks_stay_apart(tmp_path):
         assert [remark.split("(")[0] for remark in summary.remarks] == [
             f"{target} holds stream {number} " for number in (1, 2)
         ]
-        expected = [2 * click + CLICK for click in CLICKS]
         for track in (0, 1):
-            assert clicks_of(target, expected, 0.5, track) == pytest.approx(expected, abs=0.03)
+            assert_clicks(target, TWICE_AS_LATE, 0.5, track=track)
             assert pitch_of(target, track) == pytest.approx(TONES[track], rel=0.02)
         with av.open(str(target)) as file:
             contexts = [each.codec_context for each in file.streams.audio]
@@ -157,8 +156,7 @@ def test_a_part_of_it(tmp_path, suffix):
     """--start and --end cut the sound to the sample, and what clicked between them clicks in its place."""
     clip, target = write_sounds(tmp_path / "in.mkv"), tmp_path / f"out{suffix}"
     slow(clip, target, 3, trim=Trim(Position(Fraction(4, 5)), Position(Fraction(9, 5))))
-    expected = [3 * (click - 0.8 + CLICK / 2) for click in CLICKS[1:]]
-    assert clicks_of(target, expected, 0.5) == pytest.approx(expected, abs=0.03)
+    assert_clicks(target, [3 * (click - 0.8 + CLICK / 2) for click in CLICKS[1:]], 0.5)
     sound, rate = heard(target)
     assert len(sound) / rate == pytest.approx(3, abs=1024 / rate)
 
@@ -169,8 +167,7 @@ def test_sound_that_starts_at_another_time(tmp_path, start, suffix):
     """Before late sound there is silence; of early sound nothing is heard before the first picture."""
     clip, target = write_sounds(tmp_path / "in.mp4", codec="aac", start=start), tmp_path / f"out{suffix}"
     slow(clip, target)
-    expected = [2 * (float(start) + click + CLICK / 2) for click in CLICKS]
-    assert clicks_of(target, expected, 0.25) == pytest.approx(expected, abs=0.03)
+    assert_clicks(target, [2 * float(start) + time for time in TWICE_AS_LATE])
     with av.open(str(target)) as file:
         assert next(file.decode(video=0)).pts == 0
 
@@ -224,7 +221,7 @@ def test_what_a_curve_leaves_out_is_silence(tmp_path, suffix, codec, source, cur
     for track in range(len(source.get("layouts", "12"))):
         sound, rate = heard(target, track)
         assert len(sound) / rate == pytest.approx(length, abs=1536 / rate)
-        assert clicks_of(target, clicks, 0.25, track) == pytest.approx(clicks, abs=0.03)
+        assert_clicks(target, clicks, track=track)
         for begin in np.arange(0.1, length - 0.1, 0.05):
             level = np.sqrt(np.mean(sound[round(begin * rate) : round((begin + 0.05) * rate)] ** 2))
             inside, near = (any(b - d < begin < e + d - 0.05 for b, e in silent) for d in (-0.05, 0.1))
@@ -247,8 +244,7 @@ def test_channels_without_names_and_too_many(tmp_path, layout, codec, encoder, b
     with av.open(str(target)) as file:
         assert file.streams.audio[0].codec_context.layout.name == ("stereo" if becomes else "5.1")
     assert not becomes or np.abs(heard(target)[0]).max() < 1
-    expected = [2 * click + CLICK for click in CLICKS]
-    assert clicks_of(target, expected, 0.25) == pytest.approx(expected, abs=0.03)
+    assert_clicks(target, TWICE_AS_LATE)
 
 
 def test_damaged_sound(tmp_path):
@@ -257,8 +253,7 @@ def test_damaged_sound(tmp_path):
     spoil_packets(clip, range(52, 62), "audio")  # about 1.1 to 1.3 s
     target = tmp_path / "out.mp4"
     summary = slow(clip, target)
-    expected = [2 * click + CLICK for click in CLICKS]
-    assert clicks_of(target, expected, 0.25) == pytest.approx(expected, abs=0.03)
+    assert_clicks(target, TWICE_AS_LATE)
     [remark] = [remark for remark in summary.remarks if " is damaged" in remark]
     assert remark == (
         f"{clip} is damaged: 10 packets of sound in stream 1 could not be decoded, where {target} is silent; listen to "
