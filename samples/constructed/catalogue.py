@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from . import depth, fluids, objects, patterns, surfaces
+from . import depth, fluids, glass, objects, patterns, surfaces
 from .layers import Clip
 
 clips: dict[str, Clip] = {
@@ -49,6 +49,16 @@ clips: dict[str, Clip] = {
     "cloth": Clip(surfaces.make_cloth, "cloth ripples, up to 5, lamps light up"),
     "handheld": Clip(partial(surfaces.make_handheld, reach=0.8), "a camera shakes, under 1", noise=1),
     "handheld-strong": Clip(partial(surfaces.make_handheld, reach=10), "a camera shakes, up to 10, with zoom and tilt"),
+    # glass and gloss, focus, what whirls or enters
+    "lenses": Clip(glass.make_lenses, "balls of glass, up to 18; behind 4", noise=1),
+    "prism": Clip(glass.make_prism, "cut glass turns 9 and 15°; behind 3", blur=0.5),
+    "tumblers": Clip(glass.make_tumblers, "drinking glasses, 7 to 20, enter and leave; behind -2"),
+    "gloss": Clip(glass.make_gloss, "glossy balls spin, 7 and 11, what they mirror stays", noise=1),
+    "defocus": Clip(glass.make_defocus, "sharp things, up to 13, before and behind soft ones, up to 42"),
+    "vents": Clip(glass.make_vents, "a box with slots of period 6 turns 7°", noise=0.5),
+    "blades": Clip(glass.make_blades, "blades turn 21 to 52° with motion blur; behind -5", subframes=9),
+    "borders": Clip(glass.make_borders, "large things enter and leave, 15 to 45", noise=1, blur=0.5),
+    "blind": Clip(glass.make_blind, "slats of period 16 sway, 5, in front of things, up to 18"),
     # what lies over it, and light
     "titles": Clip(surfaces.make_titles, "still logo and title, ticker -18; behind 9"),
     "reflection": Clip(surfaces.make_reflection, "behind glass 5, reflected -7", noise=1, blur=0.5),
