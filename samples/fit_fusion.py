@@ -66,7 +66,9 @@ class Squares:
     features: NDArray[np.float32]
     """(squares, 4, KEPT, FEATURES)."""
     priors: NDArray[np.float32]
-    """Times the gain of what is in front, (squares, 4, KEPT); 0 where there is no candidate."""
+    """By the votes, (squares, 4, KEPT); 0 where there is no candidate."""
+    gains: NDArray[np.float32]
+    """Factors on the weights of both frames together where a candidate shows what is in front, likewise."""
     mixed: NDArray[np.float32]
     """Samples of both frames, mixed, levels of 255, (squares, 4, KEPT, 12)."""
     change: NDArray[np.float32]
@@ -96,6 +98,7 @@ def draw_squares(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[A
     out = Squares(
         np.zeros((*shape, FEATURES), np.float32),
         np.zeros(shape, np.float32),
+        np.ones(shape, np.float32),
         np.zeros((*shape, 12), np.float32),
         np.zeros((*shape, 12), np.float32),
         np.zeros((count, 4), np.float32),
@@ -125,7 +128,7 @@ def draw_squares(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[A
             order = np.argsort(-priors * np.exp(18 * features[:found, 0, square]), kind="stable")[:KEPT]
             n = order.size
             out.features[i, slot, :n] = features[order, :, square]
-            out.priors[i, slot, :n] = priors[order] * gains[order, square]
+            out.priors[i, slot, :n], out.gains[i, slot, :n] = priors[order], gains[order, square]
             first = square // SQUARES_PER_ROW * 2 * WINDOW + square % SQUARES_PER_ROW * 2
             places = [first, first + 1, first + WINDOW, first + WINDOW + 1]
             out.mixed[i, slot, :n] = (255 * mixed[order][:, :, places]).reshape(n, 12)
@@ -164,7 +167,7 @@ def find_logits(rows, outputs, features, swapped, sums, logits):
 
 
 @njit(nogil=True, fastmath=True)
-def mix_square(rows, outputs, features, swapped, priors, mixed, change, shape, sums, weights, totals, mean):
+def mix_square(rows, outputs, features, swapped, priors, gains, mixed, change, shape, sums, weights, totals, mean):
     """Write the mixture at a square, and the weights of all options of all candidates and their sums by node."""
     total, logits = 0.0, np.empty(3)
     mean[:] = 0
@@ -179,7 +182,8 @@ def mix_square(rows, outputs, features, swapped, priors, mixed, change, shape, s
             find_logits(rows, outputs, features[n, k], swapped[n, k], sums[n, k], logits)
             for o in range(3):
                 weights[n, k, o] = priors[n, k] * np.exp(min(max(logits[o], -40.0), 20.0))
-                W += weights[n, k, o]
+            weights[n, k, 0] *= gains[n, k]
+            W += weights[n, k].sum()
         totals[n] = W
         a = shape[n] / np.sqrt(W)
         total += a * W
@@ -201,12 +205,12 @@ def make_fit_work(rows, kept):
 
 
 @njit(nogil=True, fastmath=True)
-def measure(rows, outputs, features, swapped, priors, mixed, change, shape, truth, errors):
+def measure(rows, outputs, features, swapped, priors, gains, mixed, change, shape, truth, errors):
     """Write the mean squared error of each square."""
     work = make_fit_work(rows.shape[0], priors.shape[2])
     mean = work[3]
     for i in range(truth.shape[0]):
-        mix_square(rows, outputs, features[i], swapped[i], priors[i], mixed[i], change[i], shape[i], *work)
+        mix_square(rows, outputs, features[i], swapped[i], priors[i], gains[i], mixed[i], change[i], shape[i], *work)
         error = 0.0
         for p in range(12):
             off = min(max(mean[p], 0.0), 255.0) - truth[i, p]
@@ -244,7 +248,7 @@ def pull_numbers(rows, outputs, features, swapped, sums, pull, row_slopes, outpu
 
 @njit(nogil=True, fastmath=True)
 def differentiate(
-    rows, outputs, features, swapped, priors, mixed, change, shape, truth, price, row_slopes, output_slopes
+    rows, outputs, features, swapped, priors, gains, mixed, change, shape, truth, price, row_slopes, output_slopes
 ):
     """Add the gradient of the errors, each times its price, with respect to the rows and the outputs."""
     kept = priors.shape[2]
@@ -252,7 +256,9 @@ def differentiate(
     sums, weights, totals, mean = work
     slope, here, pull = np.zeros(12), np.zeros(12), np.zeros(3)
     for i in range(truth.shape[0]):
-        total = mix_square(rows, outputs, features[i], swapped[i], priors[i], mixed[i], change[i], shape[i], *work)
+        total = mix_square(
+            rows, outputs, features[i], swapped[i], priors[i], gains[i], mixed[i], change[i], shape[i], *work
+        )
         for p in range(12):
             inside = 0 <= mean[p] <= 255
             slope[p] = price[i] * 2 * (mean[p] - truth[i, p]) / 12 if inside else 0.0
@@ -297,7 +303,8 @@ class Objective:
         for frame in frames:
             features = ((frame.features - self._means) / self._deviations).astype(np.float32)
             swapped = np.ascontiguousarray(mirrored(features))
-            self._frames.append((frame, (features, swapped, frame.priors, frame.mixed, frame.change, frame.shape)))
+            arrays = features, swapped, frame.priors, frame.gains, frame.mixed, frame.change, frame.shape
+            self._frames.append((frame, arrays))
         plain = self.plain(-78)
         self._plain = [self._errors(plain, number) for number in range(len(frames))]
 
