@@ -69,7 +69,7 @@ MIN_SIMILARITY = np.float32(0.75), np.float32(0.7)
 MIN_GAIN = np.float32(0.2)
 """Minimum increase of that similarity by another vector."""
 
-CONSISTENCY_TOLERANCE = np.float32(1)
+CONSISTENCY_TOLERANCE = np.float32(2)
 """Maximum forward-backward error of a trusted vector of the residual search, pixels."""
 
 WEAK_SMOOTHNESS = np.float32(0.25)

@@ -167,7 +167,7 @@ class MultiHypothesis(Checked):
     step: Annotated[int, Range(1, unit=" pixel")] = 8
     node_spacing: Literal[16, 20, 24, 28] = 16
     support_radius: float = 24
-    merge_distance: Annotated[float, Range(0, unit=" pixels")] = 0.5
+    merge_distance: Annotated[float, Range(0, unit=" pixels")] = 0.8
     max_candidates: Annotated[int, Range(1)] = 12
     min_weight: Annotated[float, Range(0, below=1)] = 0.04
     bandwidth: Annotated[float, Range(above=0)] = 0.3
