@@ -63,6 +63,7 @@ from .run_options import RunOptions as RunOptions
 from .streaming import run_conversion as run_conversion
 from .synthesis import InterpolatedImage as InterpolatedImage
 from .synthesis import Synthesizer as Synthesizer
+from .timing.position import Gaps as Gaps
 from .timing.position import Position as Position
 from .timing.position import Replacement as Replacement
 from .timing.position import Trim as Trim

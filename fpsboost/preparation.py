@@ -12,17 +12,18 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
-from itertools import islice
+from itertools import accumulate, islice, pairwise
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from fpsboost.analysis.cadence import Repeats
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame
+from fpsboost.analysis.gaps import find_gaps
 from fpsboost.analysis.scene_cuts import CutList, counts_frames
 from fpsboost.contracts import ClosesOnExit, FrameSource, RandomAccess
 from fpsboost.errors import InputError, OptionError, refuse
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.frame_cache import SourcePosition
+from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import DescribedSource, SeekableSource
@@ -34,14 +35,14 @@ from fpsboost.io.opening import PIPES, Target, check_images, open_source
 from fpsboost.io.output import Output, StreamInfo
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.media import FOREVER, TIME_TOLERANCE, VIDEO_SUFFIXES, Window
+from fpsboost.media import FOREVER, TIME_TOLERANCE, VIDEO_SUFFIXES, Window, counted
 from fpsboost.memory import BYTES_PER_PIXEL, MemoryLimit
 from fpsboost.method_table import BYTES_PER_PIXEL_OF
 from fpsboost.options import Checked, PathName
 from fpsboost.render.folder import VectorFolder, fit_vectors
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import beginning
-from fpsboost.timing.position import Position, Trim, format_time
+from fpsboost.timing.position import Gaps, Position, Trim, format_time
 from fpsboost.timing.rate import FrameIntervals, OutputRate, readable
 from fpsboost.timing.schedule import Schedule, count_frames
 from fpsboost.timing.time_map import TimeMap
@@ -53,6 +54,9 @@ BLOCK = 16
 OUTPUT_SUFFIXES = (*VIDEO_SUFFIXES, *ANIMATION_SUFFIXES)
 FALLBACK_SUFFIX = ".mkv"
 """Suffix of the output if the input's cannot be written; Matroska holds every kind of audio and subtitles."""
+
+
+MOST_LISTED = 40  # gaps that a remark lists
 
 
 ENCODER_BYTES_PER_PIXEL = 270
@@ -271,7 +275,7 @@ class ConversionJob(Checked):
 
     def target(self, run: RunOptions) -> Target:
         """Return the output's target; raise `OptionError` if there is none, or an option does not apply to it."""
-        _check_rate(self.rate, self.method, run)
+        _check_rate(self.rate, self.method, self.decoding.trim, run)
         target = Target.parse(_resolve_output(self, run))
         target.check_encoding(self.encoding)
         return target
@@ -337,24 +341,33 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
         info = with_duration(whole) if rate.retimes else whole.info
         clip_curve = curve = rate.time_map(trim.of_info(info), 1 if images is None else images.first_number)
         source, window = trim_source(whole, trim, may_skip=may_skip, curve=curve or rate.slow_map)
+        # as `source` is, before its frames get another order or other times
+        read_from = partial(
+            read_again,
+            replace(job, rate=replace(rate, retime=None, slow_motion_sound=None, duplicates="keep", gaps=None)),
+            run,
+            whole,
+        )
         if curve is not None and curve.reverses:
             times = source.frame_times() if isinstance(source, RandomAccess) and whole.stream_info.files else None
-            needs_numbers = isinstance(interpolator.cuts, CutList) or counts_frames(interpolator.mask)
-            if times is None or needs_numbers or rate.replace is not None or rate.loop:
-                what = (
-                    "a file that says when each frame is shown"
-                    if times is None
-                    else "no `cuts`, `replace` and `loop`, and no `mask` of each frame"
-                )
-                advice = "let no time fall, or convert it with `factor=1` first" if times is None else "leave them out"
-                raise OptionError(f"`retime` plays {whole.info.name} backwards, which needs {what}; {advice}.")
-            forwards = replace(job, rate=replace(rate, retime=None, slow_motion_sound=None))
-            order, shown, curve = curve.unfolded(times)
+            plays = f"`retime` plays {whole.info.name} backwards, which needs"
+            refuse(
+                {
+                    f"{plays} a file that says when each frame is shown; let no time fall, or convert it with "
+                    "`factor=1` first.": times is None,
+                    f"{plays} no `cuts`, `replace` and `loop`, and no `mask` of each frame; leave them out.": (
+                        (isinstance(interpolator.cuts, CutList) or counts_frames(interpolator.mask))
+                        or (rate.replace is not None or rate.loop)
+                    ),
+                }
+            )
+            order, shown, curve = curve.unfolded(times or ())
             info = replace(info, frame_count=len(order), duration=shown[-1] + 1 / info.rate)
-            source = FoldedSource(info, list(whole.remarks), order, shown, partial(read_again, forwards, run, whole))
+            source = FoldedSource(info, list(whole.remarks), order, shown, read_from)
         if rate.duplicates == "drop":
-            kept = replace(job, rate=replace(rate, duplicates="keep"))
-            source = without_repeats(job.method, whole, source, partial(read_again, kept, run, whole))
+            source = without_repeats(job.method, whole, source, read_from)
+        if isinstance(rate.gaps, Gaps):
+            source = without_gaps(rate.gaps, whole, source, read_from)
         yield OpenedClip(target, whole, source, window, curve, clip_curve)
 
 
@@ -368,8 +381,13 @@ def without_repeats(
 
     `read_from` opens the part once more at a frame. Raises `OptionError` if the clip can be read only once.
     """
-    if not whole.stream_info.files:
-        raise OptionError("`duplicates='drop'` reads a clip twice, which a pipe does not allow; name a file.")
+    refuse(
+        {
+            "`duplicates='drop'` reads a clip twice, which a pipe does not allow; name a file.": (
+                not whole.stream_info.files
+            )
+        }
+    )
     info, found = source.info, Repeats(interpolator.duplicates or DuplicateDetector())
     for _ in found.groups(map(SourceFrame, source)):
         pass
@@ -385,6 +403,55 @@ def without_repeats(
     length = times[-1] - times[0] if times else Fraction(0)  # a clip without any frame is refused by the loop
     info = replace(info, frame_count=len(order), duration=length + 1 / info.rate, mean_rate=None)
     return FoldedSource(info, [*whole.remarks, remark], order, times, read_from)
+
+
+def without_gaps(
+    gaps: Gaps,
+    whole: DescribedSource,
+    source: FrameSource,
+    read_from: Callable[[int], AbstractContextManager[FrameSource]],
+) -> FoldedSource:
+    """Return a source of the frames of the `whole` clip, each later by the frames that are missing before it.
+
+    These are found by reading the clip, unless all are listed. `read_from` opens it once more at a frame. Raises
+    `OptionError` if its rate is not constant, or the last frame is listed.
+    """
+    info, times = source.info, (source.frame_times() if isinstance(source, RandomAccess) else None) or ()
+    refuse(
+        {
+            f"`gaps` needs a constant rate and a file that says when each frame is shown, unlike {info.name}; convert "
+            "it with `factor=1` first.": (
+                not times
+                or any(abs((after - time) * info.rate - 1) > Fraction(1, 2) for time, after in pairwise(times))
+            )
+        }
+    )
+    refuse(
+        {
+            f"`gaps` has {late}, and the last frame of {info.name} is {len(times) - 1}; name earlier ones.": True
+            for late in gaps.behind(len(times) - 2, times[-1] - times[0])
+        }
+    )
+    found = find_gaps(FrameCache(frame.image) for frame in source) if gaps.detect else {}
+    missing = [
+        gaps.times_listed(number, *(each - times[0] for each in shown)) or found.get(number, 0)
+        for number, shown in enumerate(pairwise(times))
+    ]
+    later = [time + count / info.rate for time, count in zip(times, accumulate(missing, initial=0), strict=True)]
+    listed = [f"{number}" + f"x{count}" * (count > 1) for number, count in enumerate(missing) if count]
+    remark = (
+        f"Missing behind {','.join(listed[:MOST_LISTED])}{', ...' * (len(listed) > MOST_LISTED)}: "
+        f"{counted(sum(missing), 'frame')}; with them, the picture is {float(sum(missing) / info.rate):.3f} s longer."
+        if listed
+        else "No gap was found in camera motion; `gaps` takes a list of those in other motion."
+    )
+    return FoldedSource(
+        replace(info, duration=later[-1] - later[0] + 1 / info.rate),
+        [*whole.remarks, remark],
+        range(len(times)),
+        later,
+        read_from,
+    )
 
 
 @contextmanager
@@ -444,7 +511,7 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
         images is not None and not target.has_rate and clip.curve is None and images.numbers_for(multiple) is not None
     )
     # an image that repeats another is none that is missing
-    if rate.fill_gaps or keeps_numbers or rate.duplicates != "interpolate":
+    if rate.fill_gaps or keeps_numbers or rate.keeps_frames or rate.duplicates != "interpolate":
         interpolator = replace(interpolator, duplicates=None)
     if rate.replacement is not None:
         interpolator = replace(interpolator, duplicates=None, replacement=rate.replacement)
@@ -465,7 +532,7 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
         expected_frames=expected,
         overwrite=run.overwrite,
         window=clip.window,
-        factor=multiple if clip.curve is None and rate.duplicates != "drop" else None,
+        factor=None if clip.curve is not None or rate.duplicates == "drop" or rate.gaps is not None else multiple,
         in_place=run.in_place,
     )
     return Preparation(job, run, clip, target, interpolator, schedule, output, [*lost, *on_vectors])
@@ -503,7 +570,7 @@ def _check_layers(images: NumberedImages | None, interpolator: Interpolator, rat
     )
 
 
-def _check_rate(rate: OutputRate, interpolator: Interpolator, run: RunOptions) -> None:
+def _check_rate(rate: OutputRate, interpolator: Interpolator, trim: Trim, run: RunOptions) -> None:
     """Raise `OptionError` if the times of the output's frames exclude another option."""
     blurs, has_vectors, maps = rate.shutter is not None, interpolator.uses_vectors, " or ".join(run.side.given)
     any_time = "`retime` and `speed` show the source at any time, and"
@@ -525,6 +592,11 @@ def _check_rate(rate: OutputRate, interpolator: Interpolator, run: RunOptions) -
             "frames count; use it by itself, and convert its output.": (
                 rate.duplicates == "drop"
                 and (has_vectors or run.in_place or counts_frames(interpolator.cuts, interpolator.mask))
+            ),
+            "`gaps` changes the times of frames, which `vectors`, `in_place`, `cuts`, `start` and `end` go by; use it "
+            "by itself, and convert its output.": (
+                rate.gaps is not None
+                and (has_vectors or run.in_place or isinstance(interpolator.cuts, CutList) or not trim.is_whole)
             ),
         }
     )
@@ -560,7 +632,7 @@ def output_beside(clip: PathName, rate: OutputRate) -> str:
     if not clip_name(input):
         return output_beside(str(Path(input).resolve().parent), rate)
     speed = "filled" if rate.fill_gaps and rate.factor is None else f"{readable(rate.multiple)}x"
-    kept = ("dropped" if rate.replace is None else "repaired") if rate.keeps_frames else speed
+    kept = ("dropped" if rate.duplicates == "drop" else "repaired") if rate.keeps_frames else speed
     parts = ["retimed" if rate.retimes else kept] if rate.fps is None or rate.slow_motion or rate.retimes else []
     parts += ["slow"] * rate.slow_motion + ([] if rate.fps is None else [f"{readable(rate.fps)}fps"])
     planned, place = name_in_folder(input, Path()), Path(input)

@@ -73,7 +73,7 @@ def group_replaced(
     for _, (frame, is_damaged), after in with_neighbours(marked):
         place = frame.position
         number, end = place.number, after[0].position.seconds if after else place.seconds + frame.frame.duration
-        is_replaced = is_damaged or replacement.includes(number, place.seconds, end)
+        is_replaced = is_damaged or replacement.times_listed(number, place.seconds, end) > 0
         if is_replaced and group:
             group.append(frame)
             if len(group) > MAX_RUN + 1:

@@ -50,7 +50,7 @@ SAME = ByFactor(Fraction(1))
 def test_frames_are_listed_by_numbers_and_times(tmp_path, text, numbers):
     """Inline or in a file with comments; as the words of a command line, the list means the same."""
     found = Replacement.parse(text)
-    assert [each for each in range(40) if found.includes(each, each / RATE, (each + 1) / RATE)] == numbers
+    assert [each for each in range(40) if found.times_listed(each, each / RATE, (each + 1) / RATE)] == numbers
     assert Replacement.parse(found.as_option()) == found
     (tmp_path / "list.txt").write_text("\ufeff" + text.replace(",", "\n") + "  # so\n")
     assert Replacement.parse(str(tmp_path / "list.txt")) == found

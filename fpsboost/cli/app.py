@@ -82,6 +82,7 @@ EXAMPLES = """
   fpsboost renders/ --fill-gaps --in-place             the missing images
   fpsboost in.mp4 out.mp4 --replace 120-123,340        damaged frames
   fpsboost in.mp4 out.mp4 --duplicates drop            the true rate
+  fpsboost in.mp4 out.mp4 --gaps auto                  dropped frames
   fpsboost shot_####.png out.mp4 --input-fps 24        images to video
   fpsboost in.mp4 out.mp4 --start 1:30 --end 2:00      a part of it
   fpsboost in.mp4 out.mp4 --factor 4 --slow-motion     four times as long

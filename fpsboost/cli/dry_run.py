@@ -80,9 +80,9 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
             tried = replace(job, output="images/" if is_images else job.output)
             if job.rate.retimes:  # of whose frames hardly any is one of the source
                 tried = replace(tried, rate=OutputRate(factor=4))
-            elif job.rate.duplicates == "drop":  # which needs the whole clip
+            elif job.rate.duplicates == "drop" or job.rate.gaps is not None:  # which need the whole clip
                 factor = job.rate.multiple if job.rate.fps is None else job.rate.factor
-                tried = replace(tried, rate=replace(job.rate, duplicates="keep", factor=factor))
+                tried = replace(tried, rate=replace(job.rate, duplicates="keep", gaps=None, factor=factor))
             run = RunOptions(limit=run.limit, threads=run.threads)
             trial = preview(tried, {"": job.method}, run, at=places, length=length)
         remarks += map(as_prospect, trial.remarks)

@@ -53,6 +53,9 @@ def preview(
             "`duplicates='drop'` reads the whole clip, and a preview only passages; convert it, and preview that.": (
                 rate.duplicates == "drop"
             ),
+            "`gaps` moves all frames behind a gap, and a preview has only passages; convert it, and preview that.": (
+                rate.gaps is not None
+            ),
             f"{place} is not the name of an HTML page; write {place}.html.": (
                 place.suffix.lower() not in (".html", ".htm")
             ),

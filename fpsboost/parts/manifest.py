@@ -186,7 +186,7 @@ def facts_of(ready: Preparation) -> dict[str, str]:
     alike.
     """
     job = ready.job
-    with opened_clip(replace(job, rate=replace(job.rate, duplicates="keep")), ready.run) as again:
+    with opened_clip(replace(job, rate=replace(job.rate, duplicates="keep", gaps=None)), ready.run) as again:
         image = next(iter(again.whole)).image
     with explained(InputError, "read", ready.clip.whole.info.name, "check that it is still there"):
         return fingerprint_options(

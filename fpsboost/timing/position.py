@@ -1,7 +1,7 @@
 """Positions in a clip as users write them: a time or the number of a frame; and options that consist of positions.
 
-These are `Trim`, the part of a clip between two positions, and `Replacement`, the frames to be replaced by interpolated
-ones.
+These are `Trim`, the part of a clip between two positions, `Replacement`, the frames to be replaced by interpolated
+ones, and `Gaps`, the frames behind which others are missing.
 """
 
 from __future__ import annotations
@@ -183,48 +183,19 @@ Range = tuple[Position, Position]
 
 
 @dataclass(frozen=True)
-class Replacement(Checked):
-    """Frames of a clip to be replaced by frames interpolated between the good ones around them.
+class FrameList(Checked):
+    """Frames of a clip as users list them, by numbers or times, or to be detected.
 
     Parameters
     ----------
     ranges : tuple of (Position, Position)
         First and last frame of each run, counted from the clip's first frame; a time stands for the frame shown then.
     detect : bool
-        Also replace single frames that are detected as damaged.
-
-    Raises
-    ------
-    OptionError
-        A range ends before it begins, has more than 8 frames, or begins with the first frame of the clip.
-
-    Examples
-    --------
-    >>> found = Replacement.parse("120-123, 340, 1:02.5")
-    >>> [number for number in range(400) if found.includes(number, Fraction(number, 24), Fraction(number + 1, 24))]
-    [120, 121, 122, 123, 340]
+        Also detect frames.
     """
 
     ranges: tuple[Range, ...] = ()
     detect: bool = False
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for first, last in self.ranges:
-            count = last.value - first.value + 1
-            refuse(
-                {
-                    "`replace` needs a good frame on both sides, and frame 0 is the first; leave it out.": (
-                        not first.value
-                    ),
-                    f"`replace` has a range from {first} to {last}, which ends before it begins.": (
-                        first.is_frame == last.is_frame and count < 1
-                    ),
-                    f"`replace` has {count} frames in a row ({first} to {last}), and {TOO_LONG}.": (
-                        first.is_frame and last.is_frame and count > MAX_RUN
-                    ),
-                }
-            )
 
     @classmethod
     @checked
@@ -244,27 +215,92 @@ class Replacement(Checked):
         items = {item.strip(): None for line in lines for item in line.partition("#")[0].split(",") if item.strip()}
         if not items:
             raise OptionError(f"{option} {text!r} contains no frame; {SYNTAX}.")
-        return cls(tuple(_parse_range(item, option) for item in items if item != "auto"), "auto" in items)
+        return cls(sum((cls.parse_item(item, option) for item in items if item != "auto"), ()), "auto" in items)
+
+    @classmethod
+    def parse_item(cls, text: str, option: str) -> tuple[Range, ...]:
+        """Parse a frame, a time, or two of them joined by a hyphen; whole numbers are frames here."""
+        words = [word.strip() for word in text.split("-", 1)]
+        try:
+            places = [parse_position(f"{word}f" if word.isdecimal() else word, option) for word in words]
+        except OptionError:
+            raise OptionError(f"{option} {text!r} contains no frame; {SYNTAX}.") from None
+        refuse(
+            {
+                f"{option} has a range from {places[0]} to {places[-1]}, which ends before it begins.": (
+                    places[0].is_frame == places[-1].is_frame and places[-1].value < places[0].value
+                )
+            }
+        )
+        return ((places[0], places[-1]),)
 
     def as_option(self) -> str:
-        """Return the frames as text for `parse`."""
-        items = (_as_text(first) + ("" if last == first else f"-{_as_text(last)}") for first, last in self.ranges)
+        """Return the frames as text for `parse`; ``340x2`` for a range that is listed twice."""
+        items = (
+            _as_text(each[0])
+            + ("" if each[1] == each[0] else f"-{_as_text(each[1])}")
+            + ("" if self.ranges.count(each) == 1 else f"x{self.ranges.count(each)}")
+            for each in dict.fromkeys(self.ranges)
+        )
         return ",".join([*items, *["auto"] * self.detect])
 
-    def includes(self, number: int, begin: Fraction, end: Fraction) -> bool:
-        """Return whether a frame is listed, by its number and the times, seconds, between which it is shown.
+    def times_listed(self, number: int, begin: Fraction, end: Fraction) -> int:
+        """Return how often a frame is listed, by its number and the times, seconds, between which it is shown.
 
         Times may miss the frame by `TIME_TOLERANCE`, but never by more than a quarter of its duration.
         """
         tolerance = min(TIME_TOLERANCE, (end - begin) / 4)
-        return any(
+        return sum(
             first.is_reached(number, end - tolerance) and last.value >= (number if last.is_frame else begin - tolerance)
             for first, last in self.ranges
         )
 
     def behind(self, number: int, end: Fraction) -> list[str]:
         """Return the ranges, as text, that lie after a frame: after the last one, those that the clip does not have."""
-        return [Replacement((each,)).as_option() for each in self.ranges if not each[0].is_reached(number, end)]
+        return [
+            FrameList((each,)).as_option()
+            for each in dict.fromkeys(self.ranges)
+            if not each[0].is_reached(number, end - TIME_TOLERANCE)
+        ]
+
+
+@dataclass(frozen=True)
+class Replacement(FrameList):
+    """Frames of a clip to be replaced by frames interpolated between the good ones around them.
+
+    Parameters
+    ----------
+    ranges : tuple of (Position, Position)
+        First and last frame of each run, counted from the clip's first frame; a time stands for the frame shown then.
+    detect : bool
+        Also replace single frames that are detected as damaged.
+
+    Raises
+    ------
+    OptionError
+        A range has more than 8 frames, or begins with the first frame of the clip.
+
+    Examples
+    --------
+    >>> found = Replacement.parse("120-123, 340, 1:02.5")
+    >>> [each for each in range(400) if found.times_listed(each, Fraction(each, 24), Fraction(each + 1, 24))]
+    [120, 121, 122, 123, 340]
+    """
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for first, last in self.ranges:
+            count = last.value - first.value + 1
+            refuse(
+                {
+                    "`replace` needs a good frame on both sides, and frame 0 is the first; leave it out.": (
+                        not first.value
+                    ),
+                    f"`replace` has {count} frames in a row ({first} to {last}), and {TOO_LONG}.": (
+                        first.is_frame and last.is_frame and count > MAX_RUN
+                    ),
+                }
+            )
 
     def check(self, info: ClipInfo) -> None:
         """Raise `OptionError` for the clip's last frame and later ones, if its header has the number of frames."""
@@ -274,6 +310,28 @@ class Replacement(Checked):
                 f"`replace` has frame {latest}, and {info.name} ends with frame {info.frame_count - 1}, which has no "
                 "good one after it; name earlier ones."
             )
+
+
+@dataclass(frozen=True)
+class Gaps(FrameList):
+    """Frames of a clip behind each of which a frame is missing, or several: those that are listed more than once.
+
+    Examples
+    --------
+    >>> gaps = Gaps.parse("120, 340x2")
+    >>> [gaps.times_listed(number, Fraction(number, 24), Fraction(number + 1, 24)) for number in (119, 120, 340)]
+    [0, 1, 2]
+    >>> gaps.as_option()
+    '120,340x2'
+    """
+
+    @classmethod
+    def parse_item(cls, text: str, option: str) -> tuple[Range, ...]:
+        """Parse an item of other lists, with the number of missing frames after an ``x``: ``340x2``."""
+        found = re.fullmatch(r"(.*[^ ]) *x *([1-9][0-9]{0,2})", text)
+        return (
+            super().parse_item(text, option) if found is None else super().parse_item(found[1], option) * int(found[2])
+        )
 
 
 def as_ranges(numbers: Iterable[int]) -> str:
@@ -287,16 +345,6 @@ def as_ranges(numbers: Iterable[int]) -> str:
     runs = groupby(enumerate(numbers), lambda counted: counted[1] - counted[0])
     found = ([number for _, number in run] for _, run in runs)
     return ", ".join(f"{run[0]}" if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in found)
-
-
-def _parse_range(text: str, option: str) -> Range:
-    """Parse a frame, a time, or two of them joined by a hyphen; whole numbers are frames here."""
-    words = [word.strip() for word in text.split("-", 1)]
-    try:
-        first, *last = (parse_position(f"{word}f" if word.isdecimal() else word, option) for word in words)
-    except OptionError:
-        raise OptionError(f"{option} {text!r} contains no frame; {SYNTAX}.") from None
-    return first, last[0] if last else first
 
 
 def _as_text(place: Position) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from fpsboost.errors import InputError, OptionError, refuse, rounded
 from fpsboost.media import OutputTiming, is_implausible
 from fpsboost.options import AnyDuplicates, Checked, PathName, Range, Rate, option
-from fpsboost.timing.position import Replacement, format_time
+from fpsboost.timing.position import Gaps, Replacement, format_time
 from fpsboost.timing.retime import parse_curve, parse_speeds, read_curve
 from fpsboost.timing.schedule import (
     DEFAULT_SAMPLES,
@@ -73,6 +73,11 @@ class OutputRate(Checked):
     replace : Replacement, str or os.PathLike, optional
         Damaged frames (``120-123,340,1:02.5``, or ``auto``), which are interpolated from the good ones around them.
         All others stay, repeated ones too; unless a rate is given, the output has one frame per source frame.
+    gaps : Gaps, str or os.PathLike, optional
+        Frames of a clip of constant rate behind which the camera dropped one or, with ``x2``, more
+        (``120,340x2,1:02.5``), or ``auto``, which finds gaps in camera motion. All frames after a gap are shown later,
+        and the missing ones are interpolated; sound stays as it is. Unless a rate is given, the output has the source's
+        frames and the missing ones. With ``auto``, the clip is read twice.
     shutter : Fraction, int, float or str, optional
         Motion blur: shutter angle, degrees, above 0 and at most 360. Every frame, the source's own too, becomes the
         mean of several that are made around its time, over this share of the interval between output frames.
@@ -118,6 +123,13 @@ class OutputRate(Checked):
         group="Input",
         parse=Replacement.parse,
     )
+    gaps: Gaps | PathName | None = option(
+        None,
+        "Frames missing behind: 120,340x2, FILE or auto.",
+        metavar="FRAMES",
+        group="Input",
+        parse=Gaps.parse,
+    )
     shutter: Annotated[Rate, Range(above=0, most=360, unit=" degrees")] | None = option(
         None, "Motion blur of this shutter angle, up to 360.", metavar="DEGREES", parse=parse_number
     )
@@ -157,6 +169,14 @@ class OutputRate(Checked):
                 "`replace` count; use it by itself, and convert its output.": (
                     self.duplicates == "drop"
                     and (self.retimes or self.loop or self.fill_gaps or self.replace is not None)
+                ),
+                "`gaps` changes the times of frames, which `retime`, `speed`, `loop`, `fill_gaps`, `replace`, "
+                "`keep_timing` and `duplicates='drop'` go by; use it by itself, and convert its output.": (
+                    self.gaps is not None
+                    and (
+                        (self.retimes or self.loop or self.fill_gaps or self.keep_timing)
+                        or (self.replace is not None or self.duplicates == "drop")
+                    )
                 ),
             }
         )
@@ -213,10 +233,10 @@ class OutputRate(Checked):
 
     @property
     def keeps_frames(self) -> bool:
-        """Whether the output has exactly the source's frames, of which some are replaced or left out."""
+        """Whether the output has exactly the source's frames, of which some are replaced, left out or added."""
         has_speed = self.slow_motion or self.retimes
         return (
-            (self.replace is not None or self.duplicates == "drop")
+            (self.replace is not None or self.gaps is not None or self.duplicates == "drop")
             and self.factor is None
             and self.fps is None
             and not has_speed
@@ -249,7 +269,7 @@ class OutputRate(Checked):
         """
         factor = self.multiple
         keeps_timing = self.keep_timing or self.keeps_frames or self.duplicates == "drop" or not has_clock
-        if self.fps is None and not self.fill_gaps and curve is None and keeps_timing:
+        if self.fps is None and not self.fill_gaps and self.gaps is None and curve is None and keeps_timing:
             return ByFactor(factor)
         if self.fps is None and info.mean_rate is not None and is_implausible(info.rate, info.mean_rate):
             raise InputError(
@@ -280,7 +300,7 @@ class OutputRate(Checked):
         if not isinstance(schedule, ByRate) or self.fill_gaps:
             return []
         remarks = []
-        if self.fps is None and not self.retimes and frame_intervals.varies(info):
+        if self.fps is None and not self.retimes and self.gaps is None and frame_intervals.varies(info):
             slowest, fastest = (
                 rounded(float(1 / each), 4) for each in (frame_intervals.longest, frame_intervals.shortest)
             )

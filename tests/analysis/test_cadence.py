@@ -1,4 +1,4 @@
-"""Repeated frames left out: pulldown and animation get the rate of their pictures, what is irregular a variable one."""
+"""Repeated frames left out, and dropped ones made again: all pictures at the times at which they were taken."""
 
 from fractions import Fraction
 from itertools import accumulate, chain, cycle, islice
@@ -10,9 +10,10 @@ from conversion_options import FAST
 from held_frames import HEIGHT, WIDTH, pan
 from video_truth import packets_of, pictures_of, write_clip
 
-from fpsboost import DuplicateDetector, Frame, convert
+from fpsboost import DuplicateDetector, Frame, FrameCache, OptionError, convert
 from fpsboost.analysis.cadence import Repeats
 from fpsboost.analysis.duplicates import SourceFrame
+from fpsboost.analysis.gaps import find_gaps
 
 CADENCES = {
     **{"3:2": ([3, 2], 60), "one of five repeated": ([1, 1, 1, 2], 30), "one of 25 repeated": ([1] * 23 + [2], 25)},
@@ -108,3 +109,74 @@ def test_a_conversion_drops_them_and_restores_them(fpsboost_, tmp_path):
 def times_of(name: str) -> list[Fraction]:
     """The times of a video's frames, seconds."""
     return [picture.pts * picture.time_base for picture in pictures_of(Path(name))]
+
+
+@pytest.mark.parametrize(
+    ("places", "gaps"),
+    [
+        pytest.param([*range(12), *range(13, 25), *range(27, 40)], {11: 1, 23: 2}, id="frames left out"),
+        pytest.param(range(40), {}, id="none left out"),
+        pytest.param([*[0] * 8, *range(16), *[15] * 8], {}, id="begins and ends"),
+        pytest.param([number**2 / 24 for number in range(40)], {}, id="gets faster"),
+        pytest.param([*range(16), *range(16, 48, 2)], {}, id="twice as fast from then on"),
+        pytest.param([*range(16), *range(12, 0, -1)], {}, id="turns back"),
+        pytest.param([*range(16), *range(1000, 1016)], {}, id="a cut"),
+        pytest.param(shown([1, 1, 1, 1, 2], 40), {}, id="repeats"),
+    ],
+)
+def test_gaps_are_found_where_a_steady_pan_jumps(places, gaps):
+    """Those and no others: where motion changes or is interrupted, nothing tells how much is missing."""
+    assert find_gaps(FrameCache(pan(3 * place, seed=int(place >= 1000))) for place in places) == gaps
+
+
+@pytest.mark.parametrize(("gaps", "factor"), [("auto", 1), ("19,33x2", 1), ("0:00.65,33x2", 2)])
+def test_a_conversion_makes_again_what_a_camera_dropped(fpsboost_, gaps, factor):
+    """All pictures at the times of the clip before, and the sound untouched."""
+    pictures = [number for number in range(60) if number not in (20, 35, 36)]
+    write_moving(pictures, range(0, 57 * 1001, 1001))
+    summary = convert(
+        "in.mp4", "out.mp4", gaps=gaps, factor=None if factor == 1 else factor, method="dis", encoding=FAST
+    )
+    assert (summary.frames_in, summary.frames_out, summary.frames_made, summary.remarks) == (
+        *(57, 60 * factor, 60 * factor - 57),
+        ["Missing behind 19,33x2: 3 frames; with them, the picture is 0.100 s longer."],
+    )
+    assert times_of("out.mp4") == [Fraction(1001 * number, 30000 * factor) for number in range(60 * factor)]
+    images = [picture.to_ndarray(format="bgr24").astype(int) for picture in pictures_of(Path("out.mp4"))[::factor]]
+    assert [np.argmin([abs(image - pan(3 * each)).mean() for each in range(60)]) for image in images] == [*range(60)]
+    assert packets_of(Path("out.mp4"), "audio") == packets_of(Path("in.mp4"), "audio")
+
+
+@pytest.mark.parametrize(
+    ("times", "options", "says"),
+    [
+        ([0, 1001, 2002, 5005, 6006], {"gaps": "auto"}, "needs a constant rate .* convert it with `factor=1` first"),
+        (range(0, 5005, 1001), {"gaps": "2,4"}, r"has 4, and the last frame of in\.mp4 is 4"),
+        (range(0, 5005, 1001), {"gaps": "3-2"}, "has a range from 3f to 2f, which ends before it begins"),
+        (range(0, 5005, 1001), {"gaps": "2x"}, "contains no frame"),
+        (
+            range(0, 5005, 1001),
+            {"gaps": "2", "start": "1f"},
+            "changes the times of frames, .*, `start` and `end` go by",
+        ),
+    ],
+)
+def test_gaps_that_cannot_be_filled_are_refused(fpsboost_, times, options, says):
+    """In one sentence: where the times vary already, nothing follows, or the list is wrong."""
+    write_moving(range(len(times)), times)
+    with pytest.raises(OptionError, match=f"`gaps` .*{says}"):
+        convert("in.mp4", "out.mp4", **options)
+
+
+def write_moving(pictures, times):
+    """A clip with sound of a pan whose frames show these places, at these ticks."""
+    write_clip(
+        Path("in.mp4"),
+        times=times,
+        time_base=Fraction(1, 30000),
+        rate=Fraction(30000, 1001),
+        size=(HEIGHT, WIDTH),
+        sound="aac",
+        options={"crf": "10"},
+        picture=lambda number, *size: pan(3 * pictures[number]),
+    )

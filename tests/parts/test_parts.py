@@ -103,6 +103,7 @@ VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
     "a retime curve": {"rate": OutputRate(2, retime="smooth 0=4f 2s=1s 2.5s=1s 4s=2s")},
     "motion blur": {"rate": OutputRate(2, shutter=Fraction(300), shutter_samples=3)},
     "without repeats": {"rate": OutputRate(FACTOR, duplicates="drop")},
+    "missing frames": {"rate": OutputRate(FACTOR, gaps="20,33x2")},
 }
 
 

@@ -67,6 +67,13 @@ def test_twice_the_rate_unless_told():
             ({"duplicates": "drop", name: value}, "`duplicates='drop'` changes the number of frames, which `retime`")
             for name, value in {"speed": "2", "retime": "0=0 1s=2s", "replace": "3", "fill_gaps": True}.items()
         ),
+        *(
+            ({"gaps": "3", name: value}, "`gaps` changes the times of frames, which `retime`")
+            for name, value in {
+                **{"speed": "2", "retime": "0=0 1s=2s", "replace": "3", "fill_gaps": True, "loop": True},
+                **{"keep_timing": True, "duplicates": "drop"},
+            }.items()
+        ),
         ({"factor": 0}, "`factor` must be"),
         ({"fps": 0}, "`fps` must be"),
     ],
