@@ -144,7 +144,7 @@ class Findings:
                 self.duplicates += self.pictures[place][1:]
             elif pair.is_cut(before, after):
                 cuts.append(self.pictures[place + 1][0])
-        if first is not None:
+        if first is not None and first is not pair:  # two frames lead back and forth
             seam = interpolator.pair(pair.image1, first.image0)
             self.loops = 1 - seam.match_score <= SEAM_LIMIT * (1 - min(pair.match_score, first.match_score))
         return cuts

@@ -30,9 +30,9 @@ def test_a_plain_clip(tmp_path):
     assert (found.conversion.refused, found.conversion.remarks) == (None, summary.remarks)
 
 
-@pytest.mark.parametrize(("frames", "loops"), [(12, True), (7, False)])
+@pytest.mark.parametrize(("frames", "loops"), [(12, True), (7, False), (2, False)])
 def test_a_loop_is_offered(tmp_path, frames, loops):
-    """Of a turntable, after a whole turn; not of a part of it, whose last frame and first one differ more."""
+    """Of a whole turn of a turntable; not of a part, whose last frame and first one differ more, nor of two frames."""
     clip = write_animation(tmp_path / "in.gif", turntable(12)[:frames])
     assert ("loop" in facts(probe(str(clip)))) == loops
 
