@@ -53,7 +53,7 @@ class Mask:
     Raises
     ------
     InputError
-        There is no such image, or one is missing from its sequence.
+        There is no such folder or sequence, or an image is missing from it. Images are read when the mask is fitted.
 
     Examples
     --------
