@@ -231,8 +231,9 @@ def looped(ready: Preparation) -> tuple[FoldedSource, OutputRange]:
             )
         }
     )
-    if ready.clip.window is not None and ready.job.decoding.trim.end is not None:
-        ready.clip.window.end = ready.clip.window.begin + end - start
+    window, of_clip = ready.clip.window, whole.frame_times() if isinstance(whole, RandomAccess) else None
+    if window is not None and of_clip is not None and window.skipped + count < len(of_clip):
+        window.end = window.begin + end - start  # the clip goes on, and so does its sound
     order = range(-LOOP_CONTEXT, count + LOOP_CONTEXT)
     shown = [times[number % count] + number // count * (end - start) for number in order]
     info = replace(source.info, frame_count=count, duration=end - start)

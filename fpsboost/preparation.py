@@ -108,6 +108,7 @@ class TrimmedSource(ClosesOnExit):
         self._first = self._dropped = 0
         self._begun = False
         self._own_remarks: list[str] = []
+        self._ended = f"{source.info.name} has ended where `start={trim.start}` would be; name an earlier one."
         self.window = Window(origin + begin, None if by_frames else planned_end, planned_end, origin, curve=curve)
 
     @property
@@ -174,7 +175,9 @@ class TrimmedSource(ClosesOnExit):
                 self._trim.end or Position(Fraction(len(times)), is_frame=True),
             )
         )
-        return times, range(first, max(first, last))
+        if first >= last:
+            raise InputError(self._ended)
+        return times, range(first, last)
 
     def __iter__(self) -> Iterator[Frame]:
         last: Frame | None = None
@@ -183,9 +186,7 @@ class TrimmedSource(ClosesOnExit):
                 yield replace(last, time=last.time - self.window.begin)
             last = frame
         if last is None:
-            raise InputError(
-                f"{self._source.info.name} has ended where `start={self._trim.start}` would be; name an earlier one."
-            )
+            raise InputError(self._ended)
         if self._is_cut_short and self.window.end is not None:
             last = replace(last, duration=self.window.end - last.time)
         yield replace(last, time=last.time - self.window.begin)

@@ -143,13 +143,14 @@ def test_nothing_is_made_across_the_cut_of_a_loop(tmp_path):
     assert summary.scene_cuts == 2
 
 
-def test_sound_of_a_loop_stays_and_is_said(tmp_path):
-    """Of a part between two frames, that of this part, with what it means in one sentence."""
-    write_clip(tmp_path / "in.mkv", times=range(50), sound="flac", sound_seconds=2)
-    said = double(tmp_path / "in.mkv", tmp_path / "out.mkv", loop=True, start="10f", end="30f")
-    assert [remark for remark in said if "does not become a loop; where it outlasts the 40 frames" in remark]
+@pytest.mark.parametrize(("end", "count", "seconds"), [("30f", 40, 20 / 25), ("9", 80, 3 - 10 / 25)])
+def test_sound_of_a_loop_stays_and_is_said(tmp_path, end, count, seconds):
+    """Of a part between two frames, that of this part; where the pictures end before, all; what it means is said."""
+    write_clip(tmp_path / "in.mkv", times=range(50), sound="flac", sound_seconds=3)
+    said = double(tmp_path / "in.mkv", tmp_path / "out.mkv", loop=True, start="10f", end=end)
+    assert [remark for remark in said if f"does not become a loop; where it outlasts the {count} frames" in remark]
     with av.open(str(tmp_path / "out.mkv")) as file:
-        assert sum(frame.samples for frame in file.decode(audio=0)) == pytest.approx(48000 * 20 / 25, abs=4096)
+        assert sum(frame.samples for frame in file.decode(audio=0)) == pytest.approx(48000 * seconds, abs=4096)
 
 
 @pytest.mark.parametrize(
@@ -161,6 +162,7 @@ def test_sound_of_a_loop_stays_and_is_said(tmp_path):
             {"retime": "0=1s 1s=0"},
             r"`retime` plays .* backwards, which needs no `cuts`, `replace` and `loop`",
         ),
+        ("in.mkv", {"start": "3"}, r".*in\.mkv has ended where `start=3 s` would be; name an earlier one"),
         ("in.mkv", {"replace": "2"}, "`loop` goes on beyond the frames that `replace` counts"),
         ("in.mkv", {"chunk": Part(1, 2)}, "`loop` goes from the last frame to the first; convert it in one run"),
     ],
@@ -168,7 +170,7 @@ def test_sound_of_a_loop_stays_and_is_said(tmp_path):
 def test_what_cannot_loop_is_refused(tmp_path, name, options, sentence):
     """Before anything is written, in a sentence that names the option."""
     source = write_clip(tmp_path / name, times=range(50))
-    with pytest.raises(OptionError, match=rf"{sentence}.*\.$"):
+    with pytest.raises((OptionError, InputError), match=rf"{sentence}.*\.$"):
         convert(source, tmp_path / "out.mp4", loop=True, **options)
     assert list(tmp_path.iterdir()) == [source]
 
