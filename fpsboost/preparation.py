@@ -44,7 +44,7 @@ from fpsboost.run_options import RunOptions
 from fpsboost.streaming import beginning
 from fpsboost.timing.position import Gaps, Position, Trim, format_time
 from fpsboost.timing.rate import FrameIntervals, OutputRate, readable
-from fpsboost.timing.schedule import Schedule, count_frames
+from fpsboost.timing.schedule import ByRate, Schedule, count_frames
 from fpsboost.timing.time_map import TimeMap
 
 BLOCK = 16
@@ -395,7 +395,7 @@ def without_repeats(
     cadence, how = found.cadence(info.rate), "keep their own times"
     order, times = found.kept(cadence)
     if cadence is not None and cadence.is_certain:
-        info = replace(info, rate=cadence.rate, time_base=Fraction(1, cadence.rate.numerator))
+        info = replace(info, rate=cadence.rate, time_base=ByRate(cadence.rate).time_base(info.time_base))
         how = f"are evenly spaced, {readable(info.rate)} per second ({cadence.name})"
     remark = (
         f"{len(found.times) - len(order)} of {len(found.times)} frames repeat another and were dropped; "
