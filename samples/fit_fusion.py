@@ -1,10 +1,12 @@
 """Fit the weights of the default method's candidates to drawn scenes: ``python samples/fit_fusion.py CLIPS ...``.
 
 CLIPS are folders that ``construct_clips.py`` has made, of other seeds than those that are judged by. Every second frame
-is hidden; of each, squares of two by two pixels are drawn, more of them where the plain weights err. The table of
-`fpsboost.synthesis.fusion_table` is what makes the mean squared error of the mixture at these squares least, relative
-to that of the plain weights, with an additional price on every square that becomes worse. It is found by Adam (Kingma
-and Ba 2015, arXiv:1412.6980), from plain weights and hinges of random directions.
+is hidden; of each, patches of 8 by 8 pixels are drawn, more of them where the plain weights err. A table like that of
+`fpsboost.synthesis.fusion_table` is what makes the error of the mixture in these patches least, relative to that of the
+plain weights, with an additional price on every patch that becomes worse. The error is the mean of squares; with
+``--edge-weight``, edges that vanish or are added cost more. It is found by Adam (Kingma and Ba 2015, arXiv:1412.6980),
+from plain weights and hinges of random directions, or from the table of the package. ``--mean`` prints the mean of
+tables that were fitted in different ways.
 
 Needs numpy, numba and OpenCV.
 """
@@ -14,7 +16,8 @@ from __future__ import annotations
 import argparse
 import itertools
 import math
-from collections.abc import Callable, Sequence
+import runpy
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,13 +28,20 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
+from fpsboost.interpolator import Interpolator
 from fpsboost.kernels.multi_hypothesis import describe_node, window_shape
 from fpsboost.kernels.pair_context import FEATURES
 from fpsboost.kernels.window_samples import SQUARES_PER_ROW, WINDOW, make_plane_group
-from fpsboost.method_table import configure, methods
+from fpsboost.method_table import find_method
 from fpsboost.synthesis import FramePair
-from fpsboost.synthesis.fusion_table import TABLE, mirrored
+from fpsboost.synthesis.fusion_table import OUTPUTS, TABLE, mirrored
 from fpsboost.synthesis.multi_hypothesis import MultiHypothesis, _full_samples
+
+SIDE = 4
+"""Squares of two by two pixels, for each of which candidates are weighted, along each axis of a patch."""
+
+LUMA = np.array([0.114, 0.587, 0.299], np.float32)
+"""Shares of blue, green and red."""
 
 KEPT = 8
 """Candidates of a node that are kept, those with the largest plain weights."""
@@ -40,7 +50,7 @@ FLOOR = 0.3
 """Added to mean squared errors, levels squared, so that what is nearly right does not count for much."""
 
 EXCESS = 1.5
-"""Price of what squares become worse than with plain weights, beside that of all errors."""
+"""Price of what patches become worse than with plain weights, beside that of all errors."""
 
 DECIBELS = 10 / math.log(10)
 
@@ -55,13 +65,16 @@ CONSTANT = 19
 BATCH = 8
 """Frames whose gradients make a step."""
 
-RATE, MAX_GRADIENT, MOMENTUM = 0.03, 5.0, (0.9, 0.999)
-"""Largest length of a step along each number; largest norm of a gradient; decay of its means and of its squares."""
+RATES = {"random": 0.03, "current": 0.005}
+"""Largest length of a step along each number, by the start."""
+
+MAX_GRADIENT, MOMENTUM = 5.0, (0.9, 0.999)
+"""Largest norm of a gradient; decay of its means and of its squares."""
 
 
 @dataclass
-class Squares:
-    """Squares of hidden frames with the candidates of the four nodes around each."""
+class Patches:
+    """Patches of a hidden frame: their squares, row by row, with the candidates of the four nodes around each."""
 
     features: NDArray[np.float32]
     """(squares, 4, KEPT, FEATURES)."""
@@ -70,7 +83,7 @@ class Squares:
     gains: NDArray[np.float32]
     """Factors on the weights of both frames together where a candidate shows what is in front, likewise."""
     mixed: NDArray[np.float32]
-    """Samples of both frames, mixed, levels of 255, (squares, 4, KEPT, 12)."""
+    """Samples of both frames, mixed, levels of 255, (squares, 4, KEPT, 12): three channels of four pixels."""
     change: NDArray[np.float32]
     """Samples of frame 1 minus those of frame 0, likewise."""
     shape: NDArray[np.float32]
@@ -78,36 +91,44 @@ class Squares:
     truth: NDArray[np.float32]
     """(squares, 12)."""
     importance: NDArray[np.float32]
-    """(squares,)."""
+    """How many times as likely each patch would be if all were equally likely, (patches,)."""
+
+    @property
+    def candidates(self) -> tuple[NDArray[np.float32], ...]:
+        """What the mixture is made of."""
+        return self.features, self.priors, self.gains, self.mixed, self.change, self.shape
 
 
-def draw_squares(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[Any], count: int, seed: int) -> Squares:
-    """Draw squares of the frame in the middle of a pair, more of them where the plain weights err."""
+def draw_patches(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[Any], count: int, seed: int) -> Patches:
+    """Draw patches of the frame in the middle of a pair, more of them where the plain weights err."""
     (moment,) = synthesizer._moments(pair, [0.5])
     (image,) = synthesizer.synthesize(pair, [0.5])
     height, width = (size // 2 * 2 for size in truth.shape[:2])
     rows, columns = height // 2, width // 2
     error = ((image.astype(np.float32) - truth) ** 2).mean(2)[:height, :width].reshape(rows, 2, columns, 2).mean((1, 3))
-    error = cv2.blur(error, (3, 3)).ravel().astype(np.float64)
-    odds = 0.4 / error.size + 0.6 * error / max(error.sum(), 1e-9)
+    error = cv2.boxFilter(cv2.blur(error, (3, 3)), -1, (SIDE, SIDE), anchor=(0, 0))
+    error = error[: rows - SIDE + 1, : columns - SIDE + 1].astype(np.float64)
+    odds = 0.4 / error.size + 0.6 * error.ravel() / max(error.sum(), 1e-9)
     odds /= odds.sum()
     drawn = np.random.default_rng(seed).choice(error.size, count, p=odds)
-    y, x = drawn // columns, drawn % columns
-    blocks = truth[:height, :width].reshape(rows, 2, columns, 2, 3).transpose(0, 2, 4, 1, 3).reshape(-1, 12)
-    shape = count, 4, KEPT
-    out = Squares(
+    top, left = (place[:, None, None] for place in np.unravel_index(drawn, error.shape))
+    down, right = np.indices((SIDE, SIDE))
+    y, x = (top + down).ravel(), (left + right).ravel()
+    blocks = truth[:height, :width].reshape(rows, 2, columns, 2, 3).transpose(0, 2, 4, 1, 3).reshape(rows, columns, 12)
+    shape = y.size, 4, KEPT
+    out = Patches(
         np.zeros((*shape, FEATURES), np.float32),
         np.zeros(shape, np.float32),
         np.ones(shape, np.float32),
         np.zeros((*shape, 12), np.float32),
         np.zeros((*shape, 12), np.float32),
-        np.zeros((count, 4), np.float32),
-        blocks[drawn].astype(np.float32),
+        np.zeros((y.size, 4), np.float32),
+        blocks[y, x].astype(np.float32),
         (1 / (odds[drawn] * error.size)).astype(np.float32),
     )
     wanted: dict[tuple[int, int], list[tuple[int, int, int]]] = {}
     nodes, share = moment.candidates.listed.shape, window_shape(16)
-    for i in range(count):
+    for i in range(y.size):
         for slot in range(4):
             row, column = (2 * y[i] + 8) // 16 - 1 + slot // 2, (2 * x[i] + 8) // 16 - 1 + slot % 2
             if 0 <= row < nodes[0] and 0 <= column < nodes[1]:
@@ -136,28 +157,30 @@ def draw_squares(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[A
     return out
 
 
-def draw_clip(folder: Path, count: int, seed: int) -> list[Squares]:
-    """Draw squares of every hidden frame of a clip."""
+def draw_clip(folder: Path, method: Interpolator, count: int, seed: int) -> list[Patches]:
+    """Draw patches of every hidden frame of a clip."""
     frames = [cv2.imread(str(path)) for path in sorted(folder.glob("*.png"))]
-    method = configure(methods["nlm"], {"fusion": "learnt"})
     images = [FrameCache(frame) for frame in frames[::2]]
     pairs = [method.pair(first, second) for first, second in itertools.pairwise(images)]
     drawn = []
     for n, pair in enumerate(pairs):
         before, after = pairs[n - 1] if n else None, pairs[n + 1] if n + 1 < len(pairs) else None
         framed = method.frame_pair(pair, before, after)
-        drawn.append(draw_squares(framed, method.synthesizer, frames[2 * n + 1], count, seed + n))
+        drawn.append(draw_patches(framed, method.synthesizer, frames[2 * n + 1], count, seed + n))
     return drawn
 
 
 @njit(nogil=True, fastmath=True)
-def find_logits(rows, outputs, features, swapped, sums, logits):
-    """Write the sums of features of frame 0 and of frame 1, and the logarithms of the weights of all three options."""
+def find_logits(rows, exchanged, outputs, features, sums, logits):
+    """Write the sums of features of frame 0 and of frame 1, and the logarithms of the weights of all three options.
+
+    `exchanged` are the rows with the two frames exchanged.
+    """
     for r in range(rows.shape[0]):
         sums[r] = 0
         for f in range(rows.shape[1]):
             sums[r, 0] += rows[r, f] * features[f]
-            sums[r, 1] += rows[r, f] * swapped[f]
+            sums[r, 1] += exchanged[r, f] * features[f]
     logits[0], logits[1], logits[2] = 0.5 * (sums[0, 0] + sums[0, 1]), sums[1, 0], sums[1, 1]
     for n in range(outputs.shape[0]):
         hinge0, hinge1 = max(sums[n + 2, 0], 0.0), max(sums[n + 2, 1], 0.0)
@@ -167,7 +190,7 @@ def find_logits(rows, outputs, features, swapped, sums, logits):
 
 
 @njit(nogil=True, fastmath=True)
-def mix_square(rows, outputs, features, swapped, priors, gains, mixed, change, shape, sums, weights, totals, mean):
+def mix_square(rows, exchanged, outputs, features, priors, gains, mixed, change, shape, sums, weights, totals, mean):
     """Write the mixture at a square, and the weights of all options of all candidates and their sums by node."""
     total, logits = 0.0, np.empty(3)
     mean[:] = 0
@@ -179,7 +202,7 @@ def mix_square(rows, outputs, features, swapped, priors, gains, mixed, change, s
             if priors[n, k] <= 0:
                 weights[n, k] = 0
                 continue
-            find_logits(rows, outputs, features[n, k], swapped[n, k], sums[n, k], logits)
+            find_logits(rows, exchanged, outputs, features[n, k], sums[n, k], logits)
             for o in range(3):
                 weights[n, k, o] = priors[n, k] * np.exp(min(max(logits[o], -40.0), 20.0))
             weights[n, k, 0] *= gains[n, k]
@@ -205,17 +228,13 @@ def make_fit_work(rows, kept):
 
 
 @njit(nogil=True, fastmath=True)
-def measure(rows, outputs, features, swapped, priors, gains, mixed, change, shape, truth, errors):
-    """Write the mean squared error of each square."""
+def mix(rows, exchanged, outputs, features, priors, gains, mixed, change, shape, mixture):
+    """Write the mixture at each square, (squares, 12)."""
     work = make_fit_work(rows.shape[0], priors.shape[2])
-    mean = work[3]
-    for i in range(truth.shape[0]):
-        mix_square(rows, outputs, features[i], swapped[i], priors[i], gains[i], mixed[i], change[i], shape[i], *work)
-        error = 0.0
-        for p in range(12):
-            off = min(max(mean[p], 0.0), 255.0) - truth[i, p]
-            error += off * off
-        errors[i] = error / 12
+    for i in range(len(mixture)):
+        square = features[i], priors[i], gains[i], mixed[i], change[i], shape[i]
+        mix_square(rows, exchanged, outputs, *square, *work)
+        mixture[i] = work[3]
 
 
 @njit(nogil=True, fastmath=True)
@@ -229,7 +248,7 @@ def average_node(mixed, change, weights, total, mean):
 
 
 @njit(nogil=True, fastmath=True)
-def pull_numbers(rows, outputs, features, swapped, sums, pull, row_slopes, output_slopes):
+def pull_numbers(rows, outputs, features, sums, pull, row_slopes, exchanged_slopes, output_slopes):
     """Add the gradient of a candidate, given that with respect to the three logarithms."""
     for r in range(rows.shape[0]):
         pull0, pull1 = 0.5 * pull[0], 0.5 * pull[0]
@@ -243,25 +262,23 @@ def pull_numbers(rows, outputs, features, swapped, sums, pull, row_slopes, outpu
             pull0 = (pull[0] * 0.5 * both + pull[1] * alone) * (hinge0 > 0)
             pull1 = (pull[0] * 0.5 * both + pull[2] * alone) * (hinge1 > 0)
         for f in range(rows.shape[1]):
-            row_slopes[r, f] += pull0 * features[f] + pull1 * swapped[f]
+            row_slopes[r, f] += pull0 * features[f]
+            exchanged_slopes[r, f] += pull1 * features[f]
 
 
 @njit(nogil=True, fastmath=True)
-def differentiate(
-    rows, outputs, features, swapped, priors, gains, mixed, change, shape, truth, price, row_slopes, output_slopes
-):
-    """Add the gradient of the errors, each times its price, with respect to the rows and the outputs."""
+def differentiate(rows, exchanged, outputs, features, priors, gains, mixed, change, shape, slopes, into):
+    """Add the gradient `into` those of the rows, of the exchanged rows and of the outputs.
+
+    `slopes` is the gradient with respect to the mixture, (squares, 12).
+    """
     kept = priors.shape[2]
     work = make_fit_work(rows.shape[0], kept)
     sums, weights, totals, mean = work
-    slope, here, pull = np.zeros(12), np.zeros(12), np.zeros(3)
-    for i in range(truth.shape[0]):
-        total = mix_square(
-            rows, outputs, features[i], swapped[i], priors[i], gains[i], mixed[i], change[i], shape[i], *work
-        )
-        for p in range(12):
-            inside = 0 <= mean[p] <= 255
-            slope[p] = price[i] * 2 * (mean[p] - truth[i, p]) / 12 if inside else 0.0
+    here, pull = np.zeros(12), np.zeros(3)
+    for i in range(len(slopes)):
+        square = features[i], priors[i], gains[i], mixed[i], change[i], shape[i]
+        total = mix_square(rows, exchanged, outputs, *square, *work)
         for n in range(4):
             if shape[i, n] <= 0:
                 continue
@@ -272,13 +289,51 @@ def differentiate(
                     continue
                 level, across = 0.0, 0.0
                 for p in range(12):
-                    level += slope[p] * (mixed[i, n, k, p] - 0.5 * here[p] - 0.5 * mean[p])
-                    across += slope[p] * 0.5 * change[i, n, k, p]
+                    level += slopes[i, p] * (mixed[i, n, k, p] - 0.5 * here[p] - 0.5 * mean[p])
+                    across += slopes[i, p] * 0.5 * change[i, n, k, p]
                 for o in range(3):
                     pull[o] = weights[n, k, o] * share * (level + (o == 2) * across - (o == 1) * across)
-                pull_numbers(
-                    rows, outputs, features[i, n, k], swapped[i, n, k], sums[n, k], pull, row_slopes, output_slopes
-                )
+                pull_numbers(rows, outputs, features[i, n, k], sums[n, k], pull, *into)
+
+
+def measure_edges(samples: NDArray[np.floating]) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return the mean strength of edges in luma at half the size, by patch, and its gradient.
+
+    Parameters
+    ----------
+    samples : (squares, 12)
+        Levels of 255; a square is one pixel at half the size.
+
+    Returns
+    -------
+    strength : (patches,)
+        Mean of sqrt(dx**2 + dy**2 + 1), for forward differences in levels.
+    slopes : (squares, 12)
+        Gradient of the strength of its patch.
+    """
+    luma = (samples.reshape(-1, 3, 4).mean(2) @ LUMA).reshape(-1, SIDE, SIDE)
+    corner = luma[:, :-1, :-1]
+    across, down = luma[:, :-1, 1:] - corner, luma[:, 1:, :-1] - corner
+    length = np.sqrt(across**2 + down**2 + 1)
+    across, down = across / length, down / length
+    slopes = np.zeros_like(luma)
+    slopes[:, :-1, :-1] -= across + down
+    slopes[:, :-1, 1:] += across
+    slopes[:, 1:, :-1] += down
+    return length.mean((1, 2)), slopes.reshape(-1, 1) / (SIDE - 1) ** 2 * np.repeat(LUMA / 4, 4)
+
+
+def measure(mixture: NDArray[Any], truth: NDArray[Any], edge_weight: float) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the error of each patch, levels squared, and its gradient with respect to the mixture, (squares, 12).
+
+    It is the mean squared error plus `edge_weight` times the squared difference of the mean strengths of edges.
+    """
+    shown = mixture.clip(0, 255)
+    off, area = shown - truth, SIDE**2
+    (strength, edge_slopes), (wanted, _) = measure_edges(shown), measure_edges(truth)
+    errors = (off**2).reshape(len(strength), -1).mean(1) + edge_weight * (strength - wanted) ** 2
+    slopes = 2 * off / (12 * area) + 2 * edge_weight * np.repeat(strength - wanted, area)[:, None] * edge_slopes
+    return errors, np.where(mixture == shown, slopes, 0)
 
 
 class Numbers(NamedTuple):
@@ -289,24 +344,22 @@ class Numbers(NamedTuple):
 
 
 class Objective:
-    """What is minimised: how much smaller the mean squared error is than that of plain weights, dB.
+    """What is minimised: the error relative to that of plain weights, dB, with a price on patches that become worse.
 
-    Numbers are those of features with a mean of 0 and a deviation of 1.
+    Numbers are those of features with a mean of 0 and a deviation of 1, whose steps are alike.
     """
 
-    def __init__(self, frames: Sequence[Squares]) -> None:
-        every = np.concatenate([frame.features[frame.priors > 0][:400] for frame in frames])
+    def __init__(self, frames: Sequence[Patches], edge_weight: float = 0) -> None:
+        every = np.concatenate([frame.features[frame.priors > 0][::16] for frame in frames])
         every = np.concatenate([every, mirrored(every)])
         self._means, self._deviations = every.mean(0), np.maximum(every.std(0), MIN_DEVIATION)
         self._means[CONSTANT], self._deviations[CONSTANT] = 0, 1
-        self._frames = []
-        for frame in frames:
-            features = ((frame.features - self._means) / self._deviations).astype(np.float32)
-            swapped = np.ascontiguousarray(mirrored(features))
-            arrays = features, swapped, frame.priors, frame.gains, frame.mixed, frame.change, frame.shape
-            self._frames.append((frame, arrays))
-        plain = self.plain(-78)
-        self._plain = [self._errors(plain, number) for number in range(len(frames))]
+        self._frames, self._edge_weight = frames, edge_weight
+        self._plain = [self._errors(self.plain(-78), frame)[0] for frame in frames]
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self._frames)
 
     def plain(self, alone: float) -> Numbers:
         """Return plain weights; those of either frame alone begin with this constant."""
@@ -326,40 +379,59 @@ class Objective:
         rows[:, CONSTANT] -= rows @ self._means
         return Numbers(rows, numbers.outputs)
 
-    def _errors(self, numbers: Numbers, number: int) -> NDArray[np.float64]:
-        """Return the mean squared error of each square of a frame, levels squared."""
-        frame, arrays = self._frames[number]
-        errors = np.empty(frame.truth.shape[0])
-        measure(*numbers, *arrays, frame.truth, errors)
-        return errors
+    def _errors(self, numbers: Numbers, frame: Patches) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return the error of each patch of a frame, and its gradient with respect to the mixture."""
+        rows, outputs = self.raw(numbers)
+        mixture = np.empty(frame.truth.shape)
+        mix(rows, mirrored(rows), outputs, *frame.candidates, mixture)
+        return measure(mixture, frame.truth, self._edge_weight)
+
+    def _slopes(self, numbers: Numbers, frame: Patches, slopes: NDArray[Any]) -> Numbers:
+        """Return the gradient with respect to numbers, given that with respect to the mixture."""
+        rows, outputs = self.raw(numbers)
+        into = np.zeros_like(rows), np.zeros_like(rows), np.zeros_like(outputs)
+        differentiate(rows, mirrored(rows), outputs, *frame.candidates, slopes, into)
+        row_slopes = into[0] + mirrored(into[1])
+        return Numbers((row_slopes - row_slopes[:, [CONSTANT]] * self._means) / self._deviations, into[2])
 
     def __call__(self, numbers: Numbers, chosen: Sequence[int]) -> tuple[float, Numbers]:
         """Return the mean loss of the chosen frames and its gradient."""
-        loss, slopes = 0.0, Numbers(*map(np.zeros_like, numbers))
+        loss, total = 0.0, Numbers(*map(np.zeros_like, numbers))
         for number in chosen:
-            (frame, arrays), plain, errors = self._frames[number], self._plain[number], self._errors(numbers, number)
-            weight = frame.importance / frame.truth.shape[0]
+            frame, plain = self._frames[number], self._plain[number]
+            errors, slopes = self._errors(numbers, frame)
+            weight = frame.importance / len(plain)
             before, now = weight @ plain + FLOOR, weight @ errors + FLOOR
             worse = errors > plain + FLOOR
             excess = (weight * worse) @ (errors - plain - FLOOR)
             loss += 10 * np.log10(now / before) + EXCESS * DECIBELS * excess / before
             price = DECIBELS * weight * (1 / now + EXCESS * worse / before) / len(chosen)
-            differentiate(*numbers, *arrays, frame.truth, price, *slopes)
-        return loss / len(chosen), slopes
+            slopes *= np.repeat(price, SIDE**2)[:, None]
+            total = Numbers(*map(np.add, total, self._slopes(numbers, frame, slopes)))
+        return loss / len(chosen), total
 
     def gain(self, numbers: Numbers) -> NDArray[np.float64]:
         """Return how many dB better than plain weights each frame is."""
-        importance = [frame.importance for frame, _ in self._frames]
         return np.array(
             [
-                10 * np.log10((weight @ plain) / (weight @ self._errors(numbers, number)))
-                for number, (weight, plain) in enumerate(zip(importance, self._plain, strict=True))
+                10 * np.log10((frame.importance @ plain) / (frame.importance @ self._errors(numbers, frame)[0]))
+                for frame, plain in zip(self._frames, self._plain, strict=True)
             ]
         )
 
 
-def start(objective: Objective) -> Numbers:
-    """Return where a fit begins: either frame alone has a small weight, without which there is no gradient."""
+def as_numbers(table: Iterable[Sequence[float]], outputs: Sequence[Sequence[float]]) -> Numbers:
+    """Return the columns of a table, and the outputs of its hinges, as numbers for features as they are."""
+    return Numbers(np.array(list(table), float).T, np.array(outputs, float).T)
+
+
+def find_start(objective: Objective, kind: str) -> Numbers:
+    """Return where a fit begins: at the "current" table, or at plain weights and "random" hinges.
+
+    From plain weights, either frame alone has a small weight, without which there is no gradient.
+    """
+    if kind == "current":
+        return objective.standardised(as_numbers(TABLE.values(), OUTPUTS))
     random, plain = np.random.default_rng(1), objective.plain(-22)
     limit = FEATURES**-0.5
     plain.rows[2:] = random.uniform(-limit, limit, (HINGES, FEATURES))
@@ -367,41 +439,66 @@ def start(objective: Objective) -> Numbers:
     return plain
 
 
-def fit(objective: Objective, count: int, epochs: int, tell: Callable[[int, Numbers], None]) -> Numbers:
-    """Return the numbers that fit `count` frames best, after so many epochs; the steps grow, then shrink."""
-    random, numbers = np.random.default_rng(2), start(objective)
+def fit(objective: Objective, start: Numbers, rate: float, epochs: int) -> Iterator[Numbers]:
+    """Yield the numbers after each epoch; the steps grow up to `rate`, then shrink until the last epoch."""
+    random, numbers, count = np.random.default_rng(2), start, len(objective)
     batches, step = count // BATCH or 1, 0
     means, squares = (Numbers(*map(np.zeros_like, numbers)) for _ in range(2))
-    for epoch in range(epochs):
+    for _ in range(epochs):
         for chosen in np.array_split(random.permutation(count), batches):
             _, slopes = objective(numbers, chosen)
             step += 1
-            rate = RATE * math.sin(math.pi * (step / (epochs * batches)) ** 0.6) ** 2
+            length = rate * math.sin(math.pi * (step / (epochs * batches)) ** 0.6) ** 2
             limit = min(1, MAX_GRADIENT / math.sqrt(sum((slope**2).sum() for slope in slopes)))
+            stepped = []
             for number, slope, mean, square in zip(numbers, slopes, means, squares, strict=True):
                 mean[:] = MOMENTUM[0] * mean + (1 - MOMENTUM[0]) * limit * slope
                 square[:] = MOMENTUM[1] * square + (1 - MOMENTUM[1]) * (limit * slope) ** 2
                 unbiased = mean / (1 - MOMENTUM[0] ** step), square / (1 - MOMENTUM[1] ** step)
-                number[:] -= rate * unbiased[0] / (np.sqrt(unbiased[1]) + 1e-8)
-        tell(epoch + 1, numbers)
-    return numbers
+                stepped.append(number - length * unbiased[0] / (np.sqrt(unbiased[1]) + 1e-8))
+            numbers = Numbers(*stepped)
+        yield numbers
+
+
+def read_options() -> argparse.Namespace:
+    """Return the options of the command line."""
+    parser = argparse.ArgumentParser(description="Fit the weights of the default method to drawn scenes.")
+    parser.add_argument("clips", type=Path, nargs="*", help="folders of clips, as construct_clips.py makes them")
+    parser.add_argument("--method", default="nlm", help="whose candidates are weighted (default: %(default)s)")
+    parser.add_argument("--patches", type=int, default=20, help="drawn of each hidden frame (default: %(default)s)")
+    parser.add_argument(
+        "--edge-weight", type=float, default=0, metavar="W", help="of lost or added edges (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--start", choices=list(RATES), default="random", help="where the fit begins (default: %(default)s)"
+    )
+    parser.add_argument("--epochs", type=int, default=45, help="of the minimisation (default: %(default)s)")
+    parser.add_argument("--stop-after", type=int, metavar="N", help="end early, after N epochs")
+    parser.add_argument("--mean", type=Path, nargs="+", metavar="TABLE", help="print the mean of printed tables")
+    options = parser.parse_args()
+    if bool(options.clips) == bool(options.mean):
+        parser.error("name either folders of clips to fit to, or tables after --mean")
+    return options
 
 
 def main() -> None:
-    """Fit a table to what the command line names, and print it."""
-    parser = argparse.ArgumentParser(description="Fit the weights of the default method to drawn scenes.")
-    parser.add_argument("clips", type=Path, nargs="+", help="folders of clips, as construct_clips.py makes them")
-    parser.add_argument("--squares", type=int, default=300, help="drawn of each hidden frame (default: %(default)s)")
-    parser.add_argument("--epochs", type=int, default=45, help="of the minimisation (default: %(default)s)")
-    options = parser.parse_args()
+    """Fit a table to what the command line names, or take the mean of tables, and print it."""
+    options = read_options()
+    if options.mean:
+        files = [runpy.run_path(str(path)) for path in options.mean]
+        tables = [as_numbers(file["TABLE"].values(), file["OUTPUTS"]) for file in files]
+        print_table(Numbers(*(np.mean(each, 0) for each in zip(*tables, strict=True))))
+        return
     folders = [clip for folder in options.clips for clip in sorted(folder.iterdir()) if clip.is_dir()]
-    frames = [frame for number, clip in enumerate(folders) for frame in draw_clip(clip, options.squares, 100 * number)]
-    objective = Objective(frames)
-
-    def tell(epoch: int, numbers: Numbers) -> None:
+    method, frames = find_method(options.method), []
+    for number, clip in enumerate(folders):
+        frames += draw_clip(clip, method, options.patches, 100 * number)
+    objective = Objective(frames, options.edge_weight)
+    numbers = find_start(objective, options.start)
+    fitted = fit(objective, numbers, RATES[options.start], options.epochs)
+    for epoch, numbers in enumerate(itertools.islice(fitted, options.stop_after), 1):
         print(f"# epoch {epoch}: {objective.gain(numbers).mean():+.3f} dB", flush=True)
-
-    print_table(objective.raw(fit(objective, len(frames), options.epochs, tell)))
+    print_table(objective.raw(numbers))
 
 
 def print_table(numbers: Numbers) -> None:
