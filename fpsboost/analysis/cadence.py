@@ -4,8 +4,6 @@ Frames that repeat a picture are found by `group_duplicates`. Where the numbers 
 holds pictures of a lower, constant rate, and one frame of each picture gives that rate back.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field

@@ -4,8 +4,6 @@ Frames that repeat a picture form a group, between whose pictures motion is then
 `DuplicateDetector` were measured on clips as people share them.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator

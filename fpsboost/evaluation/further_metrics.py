@@ -7,8 +7,6 @@ the whole output and the whole original, including shown frames; values of those
 Pictures are YCbCr of 4:4:4, limited range and 8 bits, by the usual matrix for their size.
 """
 
-from __future__ import annotations
-
 import gc
 import json
 import tempfile

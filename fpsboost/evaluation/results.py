@@ -4,8 +4,6 @@ All kinds of images are compared with 1.0 for white, so that a clip scores alike
 and MAE are given in levels of 255, as tables of 8-bit images have them; colours are weighted by their alpha.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple

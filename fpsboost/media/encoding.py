@@ -1,7 +1,5 @@
 """Encoders, the names of their options and what makes them repeatable, and containers with the codecs they hold."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass

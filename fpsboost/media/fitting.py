@@ -1,7 +1,5 @@
 """Decide before any work which streams of a file a container holds and how the others are converted, and list them."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence

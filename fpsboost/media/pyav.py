@@ -4,8 +4,6 @@ PyAV 19 has rational numbers of its own, which are 0/1 where PyAV 18 has None, a
 UTF-8 as surrogates, which cannot be printed; PyAV 18 raises for them, or replaces them if asked to.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Side data: metadata of pictures beside their samples, stored with each of them or in the container's header."""
 
-from __future__ import annotations
-
 import struct
 import sys
 from collections.abc import Iterable, Mapping, Sequence

@@ -3,8 +3,6 @@
 Of Matroska's chapters FFmpeg reads a time and a name; their other properties are read from the file itself.
 """
 
-from __future__ import annotations
-
 import mmap
 import re
 from collections.abc import Iterator, Mapping

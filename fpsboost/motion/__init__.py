@@ -21,8 +21,6 @@ An estimator that also works on the planes of a video (`YCbCrImage`) without con
 attribute ``takes_planes = True`` and reads `FrameCache.pixels`; any other reads `FrameCache.array`.
 """
 
-from __future__ import annotations
-
 from typing import Protocol, runtime_checkable
 
 from fpsboost.frame_cache import FrameCache

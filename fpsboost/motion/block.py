@@ -4,8 +4,6 @@ It serves as a baseline: a block has one vector, chosen by the lowest sum of abs
 cheapest prediction and not necessarily the true motion.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Any
 

@@ -5,8 +5,6 @@ pass), and mean chroma. `contrast_components` returns them as float32, `contrast
 Thumbnails, from which cuts and changes of light are detected, are computed here as well.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

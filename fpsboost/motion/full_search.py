@@ -7,8 +7,6 @@ Both functions take images of three components, (H, W, 3) float32 with values ar
 `ExhaustiveSearch`, contrast components on the coarsest level of `CoarseToFine` and on thumbnails.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any, Literal
 

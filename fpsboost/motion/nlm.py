@@ -14,8 +14,6 @@ with small patches (residual search). Motion found this way whose forward-backwa
 smoothness cost towards its neighbours on the next level.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

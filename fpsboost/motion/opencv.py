@@ -4,8 +4,6 @@ They estimate both directions independently on luma of 8 bits, (H, W) uint8; of 
 stored. OpenCV's functions report no similarity, so that it is 1 everywhere.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

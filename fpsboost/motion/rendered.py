@@ -5,8 +5,6 @@ A renderer knows the exact motion of its surfaces, but not that of shadows, refl
 search; `RenderedMotion` and `SceneAssisted` follow them everywhere.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable

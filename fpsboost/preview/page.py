@@ -3,8 +3,6 @@
 The views may also be written as a video, side by side.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping

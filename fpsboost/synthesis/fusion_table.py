@@ -6,8 +6,6 @@ is a sum of its features times coefficients, plus eight hinges: such sums where 
 (see `fpsboost.kernels.multi_hypothesis`). `docs/method.md` describes the features.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cache
 

@@ -8,8 +8,6 @@ Depth is mixed on a surface only, normals keep their length, and identifiers and
 come from the nearer frame that has the pixel (`Sources`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache

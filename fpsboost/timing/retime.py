@@ -1,7 +1,5 @@
 """Retime curves as users write them, as points or speeds, converted to time maps at the frame rates of a clip."""
 
-from __future__ import annotations
-
 import re
 from fractions import Fraction
 from pathlib import Path

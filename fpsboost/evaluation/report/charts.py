@@ -4,8 +4,6 @@ Nothing in a figure has a colour of its own: what belongs to a method has the cl
 ``data-method="N"``, everything else is frame, and the style sheet of the page colours both for light and dark.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple

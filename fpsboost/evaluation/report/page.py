@@ -3,8 +3,6 @@
 The page shows the data of a `Comparison`; frames are interpolated again to be shown, but not scored again.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import shlex

@@ -3,8 +3,6 @@
 A passage is the true frames of a part of the clip, and those of each method, in step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """Pages that need only a browser, as they contain their style sheets, scripts and pictures."""
 
-from __future__ import annotations
-
 import base64
 from dataclasses import dataclass, field
 from typing import Any

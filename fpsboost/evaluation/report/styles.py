@@ -7,8 +7,6 @@ nine methods of a page have markers of their own, and lines are solid for method
 with other options, and dash-dotted for other tools.
 """
 
-from __future__ import annotations
-
 import re
 import zlib
 from collections.abc import Sequence
