@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from fpsboost.analysis.duplicates import DuplicateDetector
 from fpsboost.analysis.grain import match_grain
 from fpsboost.analysis.overlay import find_overlay, keep_overlay
-from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
-from fpsboost.errors import OptionError, SceneCutWarning
+from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy, counts_frames
+from fpsboost.errors import OptionError, SceneCutWarning, refuse
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, TakesPlanes, check_pair, view
@@ -54,6 +54,10 @@ CUT_WARNINGS: Mapping[AtCuts, str] = MappingProxyType(
 class FrameMask(Protocol):
     """Contract: areas of the frames of a sequence that stay as they are, such as a HUD; `fpsboost.Mask` is one."""
 
+    @property
+    def parts(self) -> tuple[Callable[[FrameCache], FrameCache], ...]:
+        """What is behind the areas of a frame, and what they show, to be interpolated apart; none if they are kept."""
+
     def keep(self, frame: Frame, nearest: FrameCache) -> Frame:
         """Return an interpolated frame with these areas of the frame of the source that is nearest in time."""
 
@@ -68,6 +72,9 @@ class FrameMask(Protocol):
         times : sequence of Fraction or None
             Times of all frames, if they are known.
         """
+
+    def composite(self, behind: InterpolatedImage, shown: InterpolatedImage) -> InterpolatedImage:
+        """Return an image of what the first of `parts` gives, with one of the second over it, and its confidence."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +113,8 @@ class Interpolator(Checked):
     below : float
         Limit of confidence, 0 to 1.
     mask : FrameMask or None
-        Areas of the frames of a sequence that stay as in the source frame that is nearest in time.
+        Areas of the frames of a sequence that stay as in the source frame that is nearest in time, or that are a layer
+        of their own.
 
     Examples
     --------
@@ -133,8 +141,16 @@ class Interpolator(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.uncertain == "keep" and self.below != LEAST_CONFIDENCE:
-            raise OptionError("`below` goes with `uncertain`; give that too, or leave it out.")
+        refuse(
+            {
+                "`below` goes with `uncertain`; give that too, or leave it out.": (
+                    self.uncertain == "keep" and self.below != LEAST_CONFIDENCE
+                ),
+                "`mask_as='layer'` needs motion of either layer, which `vectors` lacks; leave one of them out.": (
+                    self.mask is not None and bool(self.mask.parts) and self.uses_vectors
+                ),
+            }
+        )
 
     @property
     def _parts(self) -> dict[str, MotionEstimator | Synthesizer]:
@@ -300,13 +316,41 @@ class Interpolator(Checked):
             onward = self.at_cuts == "extrapolate"
             fields = _extrapolate(pair, before, after) if onward else ZeroMotion().estimate(pair.image0, pair.image1)
             image0, image1 = (as_bgr(pair.image0), as_bgr(pair.image1)) if onward else (pair.image0, pair.image1)
-            frame_pair = FramePair(image0, image1, *fields)
-            return _generate(CUT_SYNTHESIZERS[self.at_cuts], frame_pair, pair.layered, times)
-        frame_pair = self.frame_pair(pair, before, after)
+            return _generate(CUT_SYNTHESIZERS[self.at_cuts], FramePair(image0, image1, *fields), pair.layered, times)
 
         def make(times: list[float]) -> Iterator[InterpolatedImage]:
             needs_confidence = with_confidence or self.uncertain != "keep"
-            images = _generate(self.synthesizer, frame_pair, pair.layered, times, with_confidence=needs_confidence)
+            if self.mask is not None and self.mask.parts:
+                neighbours = (
+                    (None, None) if each is None else each.parts(*self.mask.parts) for each in (before, after)
+                )
+                behind, shown = (
+                    method.images(part, times, *around, with_confidence=needs_confidence)
+                    for method, part, around in zip(
+                        (
+                            replace(self, mask=None, uncertain="keep", below=LEAST_CONFIDENCE),
+                            # where the mask stands still, what no motion explains is not to be mixed, such as digits
+                            replace(
+                                self,
+                                mask=None,
+                                uncertain="keep" if counts_frames(self.mask) else "nearest",
+                                below=LEAST_CONFIDENCE,
+                                match_grain=False,  # flat areas have none to measure
+                            ),
+                        ),
+                        pair.parts(*self.mask.parts),
+                        zip(*neighbours, strict=True),
+                        strict=True,
+                    )
+                )
+                return map(self.mask.composite, behind, shown)
+            images = _generate(
+                self.synthesizer,
+                self.frame_pair(pair, before, after),
+                pair.layered,
+                times,
+                with_confidence=needs_confidence,
+            )
             # layers are mixed as the frames are, so that sums of layers stay sums
             return images if pair.layered is not None else self._finish(images, times, pair, before, after)
 
@@ -326,7 +370,8 @@ class Interpolator(Checked):
         for (image, confidence), t in zip(made or make(times), times, strict=True):
             pixels = view(image).picture
             image0, image1 = (
-                (frame if view(pixels).coding else as_bgr(frame)).pixels for frame in (pair.image0, pair.image1)
+                view((frame if view(pixels).coding else as_bgr(frame)).image).picture
+                for frame in (pair.image0, pair.image1)
             )
             shown = blend_fallback(pixels, image0, image1, t, uncertainty, mix=self.uncertain == "blend")
             yield InterpolatedImage(shown, confidence)

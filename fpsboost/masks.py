@@ -1,6 +1,9 @@
 """Masks: areas of the frames that stay as they are, such as HUDs, titles, logos and subtitles that are burnt in.
 
-What stays is that of the source frame that is nearest in time, in the pixels or the planes of the video itself.
+What stays is that of the source frame that is nearest in time, in the pixels or the planes of the video itself. Or it
+is a layer: every frame is then divided into what is behind, filled from its surroundings where the mask hides it, and
+the layer, whose alpha is the mask. Motion is found in either without the other. Behind a mask that stands still, the
+layer is that of the nearer frame where its motion is uncertain, as of digits that change.
 """
 
 from __future__ import annotations
@@ -11,20 +14,23 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, Self
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.errors import InputError, explained
+from fpsboost.colour import Coding, has_alpha, normalised
+from fpsboost.errors import InputError, explained, refuse
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Pixels, view
+from fpsboost.image import Pixels, rounding_offset, view
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.images.source import find_images
 from fpsboost.io.opening import stands_for_images
 from fpsboost.io.video.ycc import from_bgr, in_planes, turned_upright
-from fpsboost.layered import LayeredImage
-from fpsboost.options import PathName, checked
+from fpsboost.layered import FrameImage, LayeredImage
+from fpsboost.options import MaskAs, PathName, checked
+from fpsboost.synthesis import InterpolatedImage
 from fpsboost.synthesis.agreement import mix_by_weight
 
 
@@ -42,6 +48,8 @@ class Mask:
         turned by its tag takes masks that are upright.
     matrix : tuple of int, optional
         Display matrix of the frames, if they are not upright. A conversion gives it.
+    mask_as : {'keep', 'layer'}
+        Keep white areas as in the nearest frame, or interpolate them as a layer, apart from the picture behind them.
 
     Attributes
     ----------
@@ -49,6 +57,8 @@ class Mask:
         All images, with absolute paths.
     counts_frames : bool
         Whether every frame has a mask of its own.
+    parts : tuple of functions
+        `background` and `layer`, if these are interpolated by themselves.
 
     Raises
     ------
@@ -62,7 +72,8 @@ class Mask:
     """
 
     @checked
-    def __init__(self, mask: PathName, matrix: tuple[int, ...] | None = None) -> None:
+    def __init__(self, mask: PathName, matrix: tuple[int, ...] | None = None, *, mask_as: MaskAs = "keep") -> None:
+        self.parts = () if mask_as == "keep" else (self.background, self.layer)
         self._name = str(Path(mask).absolute())  # a job may be taken to another process
         self.counts_frames = stands_for_images(self._name)
         with explained(InputError, "read", self._name, "check `mask`"):
@@ -76,7 +87,7 @@ class Mask:
 
     def __str__(self) -> str:
         """Return what it does, without the path, by which the parts of a conversion tell whether they do the same."""
-        return "one mask for each frame" if self.counts_frames else "one mask"
+        return f"one mask{' for each frame' if self.counts_frames else ''}{', as a layer' if self.parts else ''}"
 
     def fitted(self, info: ClipInfo, matrix: tuple[int, ...] | None, times: Sequence[Fraction] | None) -> Self:
         """Return the mask for a clip; see `fpsboost.interpolator.FrameMask`."""
@@ -85,7 +96,7 @@ class Mask:
                 f"The number of masks in {self._name}, {len(self.files)}, is not that of the frames of {info.name}, "
                 f"{len(times)}; give `mask` one image for each, or one for all."
             )
-        fitted = type(self)(self._name, matrix)
+        fitted = type(self)(self._name, matrix, mask_as="layer" if self.parts else "keep")
         weights = fitted._read(np.empty((info.height, info.width)), 0)
         fitted._weights = None if self.counts_frames else weights
         return fitted
@@ -113,22 +124,71 @@ class Mask:
 
     def keep(self, frame: Frame, nearest: FrameCache) -> Frame:
         """Return a frame with the areas of another one of the source that are kept, which are certain."""
-        weights, source, made = self.weight(nearest), view(nearest.image).picture, frame.pixels
-        coding = view(source).coding
-        if coding is not None and view(made).coding is None:  # where the light changes, frames are made in BGR
-            made = in_planes(
-                from_bgr(
-                    frame.array,
-                    coding.pixel_format,
-                    coding.color_space,
-                    coding.full_range,
-                    chroma_location=coding.chroma_location,
-                ),
-                coding,
-            )
-        mixed: Any = mix_by_weight(made, source, weights)
+        weights = self.weight(nearest)
         return replace(
             frame,
-            image=replace(frame.image, colour=mixed) if isinstance(frame.image, LayeredImage) else mixed,
+            # where the light changes, frames of planes are made in BGR
+            image=_with_picture(frame.image, _put_over(frame.pixels, view(nearest.image).picture, weights)),
             confidence=None if frame.confidence is None else np.maximum(frame.confidence, weights),
         )
+
+    def background(self, frame: FrameCache) -> FrameCache:
+        """Return what is behind the mask: where it hides that, the nearest pixels around it."""
+        image, weights = view(frame.image).picture, self.weight(frame)
+
+        def filled(plane: NDArray[Any]) -> NDArray[Any]:
+            hidden = (cv2.resize(weights, plane.shape[1::-1], interpolation=cv2.INTER_AREA) > 0).astype(np.uint8)
+            hidden[0, 0] = 0  # there may be no other
+            _, nearest = cv2.distanceTransformWithLabels(hidden, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+            return np.asarray(plane[hidden == 0][nearest - 1])  # those that are not hidden are numbered row by row
+
+        return frame.with_image(_with_picture(frame.image, mix_by_weight(image, view(image).map(filled), weights)))
+
+    def layer(self, frame: FrameCache) -> FrameCache:
+        """Return what the mask shows, in BGR if it was in planes, with the mask as alpha."""
+        colours, weights = view(view(frame.image).to_bgr()), self.weight(frame)[..., np.newaxis]
+        refuse({"`mask_as='layer'` needs frames without alpha; leave it out.": has_alpha(colours)})
+        alpha = np.asarray(weights * colours.white + rounding_offset(colours.picture)).astype(colours.dtype)
+        # alpha of float is premultiplied
+        layer = np.dstack([colours.array() * (weights if alpha.dtype == np.float32 else 1), alpha])
+        return frame.with_image(_with_picture(frame.image, layer))
+
+    def composite(self, behind: InterpolatedImage, shown: InterpolatedImage) -> InterpolatedImage:
+        """Return a background with a layer over it; see `fpsboost.interpolator.FrameMask`."""
+        layer = view(shown.image).array()
+        colours, alpha = layer[..., :-1], normalised(layer[..., -1]).clip(0, 1)
+        if layer.dtype == np.float32:
+            colours = colours / np.maximum(alpha, np.float32(1e-6))[..., np.newaxis]
+        return InterpolatedImage(
+            _with_picture(behind.image, _put_over(view(behind.image).picture, colours, alpha)),
+            None if behind.confidence is None else behind.confidence * (1 - alpha) + shown.confidence * alpha,
+        )
+
+
+def _put_over(image: Pixels, other: Pixels, weights: NDArray[Any]) -> Pixels:
+    """Return an image with another one mixed in; if one of them has planes and the other colours, in planes."""
+    coding = view(image).coding or view(other).coding
+    return mix_by_weight(_coded(image, coding), _coded(other, coding), weights)
+
+
+def _with_picture(image: FrameImage, picture: Pixels) -> FrameImage:
+    """Return a picture as one of scene-linear colours if an image is that."""
+    return replace(image, colour=view(picture).array()) if isinstance(image, LayeredImage) else picture
+
+
+def _coded(image: Pixels, coding: Coding | None) -> Pixels:
+    """Return an image in the planes of a coding, if there is one."""
+    return (
+        image
+        if coding is None or view(image).coding is not None
+        else in_planes(
+            from_bgr(
+                view(image).array(),
+                coding.pixel_format,
+                coding.color_space,
+                coding.full_range,
+                chroma_location=coding.chroma_location,
+            ),
+            coding,
+        )
+    )

@@ -43,6 +43,8 @@ Pattern = Literal["full", "three-step", "diamond"]
 Uncertain = Literal["keep", "blend", "nearest", "hold"]
 """Fallback for uncertain pixels: none (keep), the mix of both frames, the nearer frame, or the nearer frame for a whole
 image of which too much is uncertain (hold)."""
+MaskAs = Literal["keep", "layer"]
+"""Use of a mask: what it shows is kept as in the nearer frame, or is interpolated apart from what is behind it."""
 LEAST_CONFIDENCE = 0.4
 """Confidence below which motion is unsure, unless another limit is given."""
 

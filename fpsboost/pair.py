@@ -157,9 +157,24 @@ class Pair:
         return self._results.cached("grain", self._measure_grain)
 
     def _measure_grain(self) -> PairGrain:
-        images = self.image0, self.image1
-        image0, image1 = images if self.illumination is None else map(as_bgr, images)  # whose results are arrays
+        image0, image1 = (
+            image if self.illumination is None else as_bgr(image)  # results under other light are arrays
+            for image in (self.image0, self.image1)
+        )
         return measure_grain(image0.pixels, image1.pixels, *self.fields)
+
+    def parts(self, *functions: Callable[[FrameCache], FrameCache]) -> list[Pair]:
+        """Return a pair for each function, of the parts of the two frames that it gives, without scene cuts.
+
+        The functions must be the same at every call.
+        """
+        return self._results.cached(
+            "parts",
+            lambda: [
+                self._pair(self.image0.derived(part), self.image1.derived(part), self.duration, cuts=None)
+                for part in functions
+            ],
+        )
 
     def uncertainty_map(self, measure: Callable[[], NDArray[Any]]) -> NDArray[Any]:
         """Return the uncertainty of the image halfway, (H, W) float32, 0 to 1, which is measured once for the pair."""
@@ -174,11 +189,13 @@ class Pair:
     @property
     def search_radius(self) -> int | None:
         """Search radius in pixels; None if the estimator has no such limit or has not run."""
-        fields = self._results.get("fields")
+        fields = (self._results.get("parts") or [self])[0]._results.get("fields")  # of the background, if divided
         return None if fields is None else fields[0].search_radius
 
     def release_caches(self) -> None:
         """Discard all results that the next pair does not need, to save memory, once this pair's frames are made."""
+        for part in self._results.get("parts") or ():
+            part.release_caches()
         self.image0.clear(gray, half_chroma)  # overlays are static in the frame before a pair, too
         self._results.discard({"compensated", "grain"}.__contains__)
 

@@ -519,8 +519,11 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
     if interpolator.mask is not None:
         # videos come upright where the output is no video
         matrix = stream.traits.display_matrix if stream.traits is not None and target.has_clock else None
-        is_counted = counts_frames(interpolator.mask) and job.decoding.trim.is_whole
-        times = clip.source.frame_times() if is_counted and isinstance(clip.source, RandomAccess) else None
+        times = (
+            clip.source.frame_times()
+            if isinstance(clip.source, RandomAccess) and counts_frames(interpolator.mask) and job.decoding.trim.is_whole
+            else None
+        )
         interpolator = replace(interpolator, mask=interpolator.mask.fitted(info, matrix, times))
     expected = count_frames(schedule, info, holds_last_frame=target.kind != "images" or rate.loop)
     interpolator, on_vectors = _match_vectors(interpolator, clip.whole.info.name, images, multiple, expected)

@@ -466,7 +466,7 @@ def _exposed(outputs: Iterator[_Output], mask: FrameMask | None) -> Iterator[Fra
 
 def _masked(frame: Frame, nearest: SourceFrame | None, mask: FrameMask | None) -> Frame:
     """Return a frame with the areas that a mask keeps of the nearest one of the source."""
-    return frame if mask is None or nearest is None else mask.keep(frame, nearest)
+    return frame if mask is None or mask.parts or nearest is None else mask.keep(frame, nearest)
 
 
 def _tasks(clip: _LoopState, groups: Iterable[tuple[SourceFrame, ...]]) -> Iterator[Callable[[], Made]]:

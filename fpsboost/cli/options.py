@@ -27,6 +27,7 @@ from fpsboost.options import (
     Checked,
     Duplicates,
     Flag,
+    MaskAs,
     Pattern,
     Range,
     Uncertain,
@@ -142,6 +143,7 @@ class MethodOptions:
     uncertain: Uncertain = option("keep", f"Fallback: {one_of(Uncertain)}.")
     below: float = option(LEAST_CONFIDENCE, "Confidence limit of uncertain pixels.")
     mask: str | None = option(None, "Image, or one per frame: white stays (HUD, titles).", metavar="FILE")
+    mask_as: MaskAs = option("keep", f"What is white: {one_of(MaskAs)}.")
     rendered: RenderedOptions = RenderedOptions()
 
     def interpolator(self, tuning: TuningOptions = TuningOptions()) -> fpsboost.Interpolator:
@@ -149,12 +151,13 @@ class MethodOptions:
 
         Raises `OptionError` for an unknown method or option, and for a method that lacks its vectors.
         """
+        refuse({"`mask_as` goes with `mask`; give that too.": self.mask is None and self.mask_as != "keep"})
         return replace(
             fpsboost.find_method(tuning.behind(self.method), self.rendered.folder),
             match_grain=self.match_grain,
             uncertain=self.uncertain,
             below=self.below,
-            mask=None if self.mask is None else fpsboost.Mask(self.mask),
+            mask=None if self.mask is None else fpsboost.Mask(self.mask, mask_as=self.mask_as),
         )
 
 
@@ -300,6 +303,7 @@ class PreviewOptions:
     )
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
     mask: str | None = option(None, "Image, or one per frame: white stays (HUD, titles).", metavar="FILE")
+    mask_as: MaskAs = option("keep", f"What is white: {one_of(MaskAs)}.")
     side_by_side: str | None = option(None, "Write the passages, before and after, as a video too.", metavar="FILE")
     overwrite: bool = option(False, "Replace an existing page and video.", short="y")
     limit: MemoryLimit | None = option(

@@ -166,13 +166,14 @@ def test_nothing_is_left_where_all_fail(fpsboost_, tmp_path):
 
 
 def test_wrong_usage_stops_before_anything(fpsboost_, tmp_path):
-    """Clashes, vectors of one clip, and a folder in no folder."""
+    """Clashes, vectors of one clip, vectors of what a mask divides, and a folder in no folder."""
     write_clip(tmp_path / "a.mp4", times=range(3))
     assert_refused(fpsboost_("a.mp4", "x/a.mp4", "out"), 2, "would both become")
     (tmp_path / "vectors").mkdir()
     (tmp_path / "vectors" / "v_0001.exr").touch()
-    arguments = ("--vectors", "vectors", "--method", "reproject-scene")
-    assert_refused(fpsboost_("a.mp4", "b.mp4", "out", *arguments), 2, "--vectors")
+    arguments = ("--vectors", "vectors", "--method", "reproject-scene", "--mask", "a.mp4", "--mask-as", "layer")
+    assert_refused(fpsboost_("a.mp4", "b.mp4", "out", *arguments[:4]), 2, "--vectors")
+    assert_refused(fpsboost_("a.mp4", "b.mkv", *arguments), 2, "--mask-as layer needs motion of either layer")
     assert_refused(fpsboost_("a.mp4", "b.mp4", "none/out"), 1, "none does not exist")
     assert not (tmp_path / "out").exists()
 

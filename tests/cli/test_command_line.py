@@ -253,6 +253,11 @@ MISTAKES: dict[str, tuple[str, str]] = {
     "bad pixel format": ("in.mp4 out.mp4 --pix-fmt magic", "--pix-fmt"),
     "codec in the wrong place": ("in.mp4 out.webm --codec h264", "--codec"),
     "cut threshold": ("in.mp4 out.mp4 --method blend --cut-threshold 3", "--cut-threshold"),
+    "use of no mask": ("in.mp4 out.mp4 --mask-as layer", "--mask-as goes with --mask"),
+    "layer of frames with alpha": (
+        "alpha.mkv out.mkv --codec ffv1 --mask single/shot_0001.png --mask-as layer",
+        "--mask-as layer needs frames without alpha",
+    ),
     # the parser's own
     "crf is no number": ("in.mp4 out.mp4 --crf low", "--crf"),
     "half a pixel": ("in.mp4 out.mp4 --patch-radius 4.5", "--patch-radius must be a whole number, not 4.5"),
@@ -274,6 +279,7 @@ def material(tmp_path, save_images) -> None:
     write_clip(tmp_path / "in.mp4", times=range(3))
     write_clip(tmp_path / "sound.mp4", times=range(3), sound="aac")
     write_clip(tmp_path / "one.mp4", times=[0])
+    write_clip(tmp_path / "alpha.mkv", times=range(3), codec="ffv1", pixel_format="bgra")
     (tmp_path / "text.mp4").write_text("not a video\n" * 100)
     (tmp_path / "zero.mp4").touch()
     (tmp_path / "small.png").write_bytes(png())
