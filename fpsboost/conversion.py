@@ -1,7 +1,5 @@
 """Conversion of files, or of any source of frames to arrays: a job -> source, interpolator, sink, and the loop."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -6,8 +6,6 @@ the layer, whose alpha is the mask. Motion is found in either without the other.
 layer is that of the nearer frame where its motion is uncertain, as of digits that change.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Properties of a clip, and of a conversion of it with the default options, as plain data."""
 
-from __future__ import annotations
-
 import re
 import statistics
 from collections.abc import Callable, Iterator
