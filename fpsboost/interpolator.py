@@ -321,29 +321,7 @@ class Interpolator(Checked):
         def make(times: list[float]) -> Iterator[InterpolatedImage]:
             needs_confidence = with_confidence or self.uncertain != "keep"
             if self.mask is not None and self.mask.parts:
-                neighbours = (
-                    (None, None) if each is None else each.parts(*self.mask.parts) for each in (before, after)
-                )
-                behind, shown = (
-                    method.images(part, times, *around, with_confidence=needs_confidence)
-                    for method, part, around in zip(
-                        (
-                            replace(self, mask=None, uncertain="keep", below=LEAST_CONFIDENCE),
-                            # where the mask stands still, what no motion explains is not to be mixed, such as digits
-                            replace(
-                                self,
-                                mask=None,
-                                uncertain="keep" if counts_frames(self.mask) else "nearest",
-                                below=LEAST_CONFIDENCE,
-                                match_grain=False,  # flat areas have none to measure
-                            ),
-                        ),
-                        pair.parts(*self.mask.parts),
-                        zip(*neighbours, strict=True),
-                        strict=True,
-                    )
-                )
-                return map(self.mask.composite, behind, shown)
+                return self._in_layers(self.mask, pair, times, before, after, with_confidence=needs_confidence)
             images = _generate(
                 self.synthesizer,
                 self.frame_pair(pair, before, after),
@@ -355,6 +333,28 @@ class Interpolator(Checked):
             return images if pair.layered is not None else self._finish(images, times, pair, before, after)
 
         return make(times) if self.uncertain == "keep" else self._fall_back(make, times, pair)
+
+    def _in_layers(
+        self,
+        mask: FrameMask,
+        pair: Pair,
+        times: list[float],
+        before: Pair | None,
+        after: Pair | None,
+        *,
+        with_confidence: bool,
+    ) -> Iterator[InterpolatedImage]:
+        """Interpolate what is behind a mask, and what it shows, each by itself, and put the one over the other."""
+        background = replace(self, mask=None, uncertain="keep", below=LEAST_CONFIDENCE)
+        # where the mask stands still, what no motion explains is not to be mixed, such as digits
+        uncertain: Uncertain = "keep" if counts_frames(mask) else "nearest"
+        layer = replace(background, uncertain=uncertain, match_grain=False)  # flat areas have no grain to measure
+        earlier, later = ((None, None) if each is None else each.parts(*mask.parts) for each in (before, after))
+        behind, shown = (
+            method.images(part, times, *around, with_confidence=with_confidence)
+            for method, part, *around in zip((background, layer), pair.parts(*mask.parts), earlier, later, strict=True)
+        )
+        return map(mask.composite, behind, shown)
 
     def _fall_back(
         self, make: Callable[[list[float]], Iterator[InterpolatedImage]], times: list[float], pair: Pair
