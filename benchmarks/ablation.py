@@ -235,7 +235,9 @@ def measure(paths: Sequence[str], variants: dict[str, Interpolator], largest: in
         if not clip.scored:
             continue
         for name, interpolator in variants.items():
-            figures[name][clip_name] = score_clip(clip, make_hidden(ComparedInterpolator(interpolator), clip))
+            figures[name][clip_name] = score_clip(
+                clip, make_hidden(ComparedInterpolator(interpolator), clip), ["missing"]
+            )
     return figures
 
 
