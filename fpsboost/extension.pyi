@@ -17,6 +17,7 @@ from .errors import format_duration as format_duration
 from .errors import notes_of as notes_of
 from .errors import refuse as refuse
 from .errors import rounded as rounded
+from .errors import undone_by as undone_by
 from .evaluation.report.self_contained import PlayerData as PlayerData
 from .evaluation.report.self_contained import as_heat as as_heat
 from .evaluation.report.self_contained import data_uri as data_uri

@@ -11,7 +11,6 @@ from fpsboost import (
     ConversionJob,
     DecodeOptions,
     Encoding,
-    OptionError,
     OutputRate,
     RunOptions,
     find_method,
@@ -26,6 +25,7 @@ from fpsboost.extension import (
     options_from,
     output_beside,
     prepared,
+    refuse,
     words_of_options,
 )
 from fpsboost.ui.files import Files
@@ -134,8 +134,8 @@ class Choices(Checked):
         output = files.output(self.folder, self.name)
         check_ending(self.input, output)
         name = self.rate if self.rate in ("fps", "retime") else "factor"
-        if name == "retime" and "=" not in self.value:  # the name of a file, for a command line
-            raise OptionError("A speed ramp is at least two points, such as 0=0 4s=2s.")
+        # without "=", it would be the name of a file, which only a command line may give
+        refuse({"A speed ramp is at least two points, such as 0=0 4s=2s.": name == "retime" and "=" not in self.value})
         rate = options_from(OutputRate, {name: self.value, "slow_motion": self.rate == "slow", "loop": self.loop})
         decoding = options_from(
             DecodeOptions, {name: getattr(self, name) or None for name in ("input_fps", "start", "end")}
@@ -145,9 +145,8 @@ class Choices(Checked):
     @property
     def encoding(self) -> Encoding:
         """Options of the encoding."""
-        codec, lossless = self.codec or None, self.quality == "lossless"
-        encoding: Encoding = options_from(Encoding, {"codec": codec, "streams": self.streams or None})
-        encoding = replace(encoding, lossless=lossless, audio=self.sound, subtitles=self.subtitles)
+        given: Encoding = options_from(Encoding, {"codec": self.codec or None, "streams": self.streams or None})
+        encoding = replace(given, lossless=self.quality == "lossless", audio=self.sound, subtitles=self.subtitles)
         codec = self.codec or ("vp9" if self.name.lower().endswith(".webm") else "h264")
         if not CRF_STEPS[self.quality] or codec not in encoders:  # an unknown codec is refused by the conversion
             return encoding

@@ -17,7 +17,6 @@ from fpsboost import (
     ConversionJob,
     Frame,
     InputError,
-    OptionError,
     Position,
     RunOptions,
     Trim,
@@ -34,6 +33,7 @@ from fpsboost.extension import (
     list_streams,
     open_source,
     opened_clip,
+    refuse,
     stands_for_images,
     trim_source,
 )
@@ -131,10 +131,8 @@ def preview_between(job: ConversionJob, time: Fraction) -> dict[str, Any]:
         findings = Findings()
         # the pair and one on either side, whose motion curves its paths
         pairs = list(islice(findings.pairs(clip.source, job.method), 3))
-        if not pairs:
-            if start <= 0:
-                raise InputError(f"{info.name} has only one frame; choose a longer clip.")
-            raise OptionError(f"{info.name} has no two frames at {float(time):g} s; choose an earlier place.")
+        refuse({f"{info.name} has only one frame; choose a longer clip.": not pairs and start <= 0}, InputError)
+        refuse({f"{info.name} has no two frames at {float(time):g} s; choose an earlier place.": not pairs})
         moments = [findings.in_clip(times[0]) for times in findings.pictures[: len(pairs) + 1]]
         nearest = max((number for number in range(len(pairs)) if moments[number] <= time), default=0)
         before, pair, after = list(with_neighbours(pairs))[nearest]

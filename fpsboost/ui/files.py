@@ -53,8 +53,9 @@ class Files:
             if kind in ("folder", "clip"):
                 entries.append({"name": each.name, "path": str(folder / each.name), "kind": kind, "size": size})
         entries.sort(key=lambda each: each["kind"] == "clip")
-        above = [*reversed(folder.parents), folder]
-        above = [each for each in above if self.root is None or each.is_relative_to(self.root)]
+        above = [
+            each for each in (*reversed(folder.parents), folder) if self.root is None or each.is_relative_to(self.root)
+        ]
         return {
             "path": str(folder),
             "above": [{"name": each.name or each.anchor, "path": str(each)} for each in above],

@@ -23,6 +23,8 @@ from fpsboost.extension import (
     explained,
     is_unfinished,
     lock_file,
+    refuse,
+    undone_by,
     write_safely,
 )
 from fpsboost.ui.choices import on_page
@@ -107,7 +109,7 @@ class Queue:
         self._path, self._files = path, files or Files()
         self._changed = Condition()
         self._lock = _locked(path)
-        try:
+        with undone_by(self._lock.close):
             jobs = [replace(job, number=number) for number, job in enumerate(_read(path), 1)]
             self.outside = [job for job in jobs if not self._is_inside(job)]  # which are kept, and do not run
             self._jobs = {job.number: job for job in jobs if job not in self.outside}
@@ -115,9 +117,6 @@ class Queue:
             self._closed = False
             with self._changed:
                 self._save()
-        except BaseException:
-            self._lock.close()
-            raise
         self._thread = Thread(target=self._work, name="jobs", daemon=True)
         self._thread.start()
 
@@ -148,12 +147,17 @@ class Queue:
         Raises `OptionError`, and adds none, if there are too many, or another job writes the same output.
         """
         with self._changed:
-            if len(self._jobs) + len(commands) > MAX_JOBS:
-                raise OptionError(f"The queue is full, with {len(self._jobs)} of {MAX_JOBS} jobs; remove some first.")
+            count = len(self._jobs)
             outputs = [*self.outputs(), *(words[2].rstrip("/") for words in commands)]
-            for output in outputs:
-                if outputs.count(output) > 1:
-                    raise OptionError(f"Another job in the queue writes {output}; choose another name.")
+            twice = next((output for output in outputs if outputs.count(output) > 1), None)
+            refuse(
+                {
+                    f"The queue is full, with {count} of {MAX_JOBS} jobs; remove some first.": (
+                        count + len(commands) > MAX_JOBS
+                    ),
+                    f"Another job in the queue writes {twice}; choose another name.": twice is not None,
+                }
+            )
             first = max((job.number for job in self._all), default=0) + 1
             jobs = {number: Job(number, words, words[2]) for number, words in enumerate(commands, first)}
             self._jobs |= jobs
@@ -222,12 +226,10 @@ class Queue:
         """Run waiting jobs until the queue is closed; the thread's function."""
         while True:
             with self._changed:
-                job = next((job for job in self._jobs.values() if job.state == "waiting"), None)
+                self._changed.wait_for(lambda: self._closed or "waiting" in (job.state for job in self._jobs.values()))
                 if self._closed:
                     return
-                if job is None:
-                    self._changed.wait()
-                    continue
+                job = next(job for job in self._jobs.values() if job.state == "waiting")
                 job.state, job.fps, kept = "running", None, job.frame
                 with suppress(OutputError):
                     self._save()
@@ -253,10 +255,10 @@ class Queue:
                     values = dict(json.loads(line))
                 except (TypeError, ValueError):
                     lines.append(line.strip().removeprefix("fpsboost: "))
-                    continue
-                with self._changed:
-                    job.take(values)
-                    self._changed.notify_all()
+                else:
+                    with self._changed:
+                        job.take(values)
+                        self._changed.notify_all()
         code = process.wait()
         return " ".join(lines) or f"The conversion ended with code {code} and without a message.", code
 
