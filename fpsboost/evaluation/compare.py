@@ -164,16 +164,15 @@ def _not_counted(path: str, facts: _Facts, pairs: Iterator[tuple[list[int], Pair
     doubtful = [number for number in facts.unknown if number not in across_cuts]
     if len(facts.hidden) > len(cuts) + len(doubtful):
         return cuts, doubtful
-    reasons = []
-    if cuts:
-        reasons.append(f"{len(cuts)} across a scene cut (`no_cuts` takes everything for one scene)")
-    if doubtful:
-        reasons.append(
-            f"{len(doubtful)} beside repeated frames, in stills or pauses (`duplicates='keep'` takes repeats too)"
-        )
+    reasons = {
+        f"{len(cuts)} across a scene cut (`no_cuts` takes everything for one scene)": cuts,
+        f"{len(doubtful)} beside repeated frames, in stills or pauses (`duplicates='keep'` takes repeats too)": (
+            doubtful
+        ),
+    }
     raise InputError(
         f"None of the {len(facts.hidden)} frames of {path} that would be hidden can be compared: "
-        f"{' and '.join(reasons)}; choose another part of the clip."
+        f"{' and '.join(reason for reason, frames in reasons.items() if frames)}; choose another part of the clip."
     )
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import as_shown, composite_on_black, has_alpha
-from fpsboost.errors import InputError, OptionError
+from fpsboost.errors import InputError, refuse
 from fpsboost.evaluation import steadiness
 from fpsboost.evaluation.hidden_frames import HeldOutFrame, Interval
 from fpsboost.evaluation.results import LEVELS, score
@@ -49,9 +49,8 @@ MIN_SIDE = 32
 
 def missing_filter(name: str) -> str | None:
     """Return a description of a filter that FFmpeg lacks, for a message; None if it is there."""
-    if name in av.filter.filters_available:
-        return None
-    return f"the filter {name}, which the FFmpeg of this PyAV ({av.__version__}) was built without"
+    lacking = f"the filter {name}, which the FFmpeg of this PyAV ({av.__version__}) was built without"
+    return None if name in av.filter.filters_available else lacking
 
 
 class _FilterMeter:
@@ -229,9 +228,8 @@ def flip(truth: Image, image: Image) -> float:
 
 def missing_flip() -> str | None:
     """Return a description of the package that FLIP needs, for a message; None if it is installed."""
-    if find_spec("flip_evaluator"):
-        return None
-    return "the package flip-evaluator; install it with pip install 'fpsboost[flip]'"
+    needed = "the package flip-evaluator; install it with pip install 'fpsboost[flip]'"
+    return None if find_spec("flip_evaluator") else needed
 
 
 def _as_rgb(image: Image) -> NDArray[Any]:
@@ -310,11 +308,15 @@ def choose_metrics(texts: Sequence[str]) -> tuple[str, ...]:
     """
     names = [name.strip() for text in texts for name in text.split(",")]
     for name in names:
-        if name not in metrics and name not in ALWAYS:
-            raise OptionError(f"There is no metric {name!r}; choose from {', '.join([*ALWAYS, *metrics])}.")
-        reason = metrics[name].missing() if name in metrics else None
-        if reason is not None:
-            raise OptionError(f"`metrics={name}` needs {reason}.")
+        missing = metrics[name].missing() if name in metrics else None
+        refuse(
+            {
+                f"There is no metric {name!r}; choose from {', '.join([*ALWAYS, *metrics])}.": (
+                    name not in metrics and name not in ALWAYS
+                ),
+                f"`metrics={name}` needs {missing}.": missing is not None,
+            }
+        )
     return tuple(dict.fromkeys(name for name in names if name in metrics))
 
 

@@ -217,23 +217,17 @@ class Comparison:
 
     def notes(self, compared_methods: Mapping[str, ComparedMethod]) -> list[str]:
         """Return sentences about duplicates and times without which the figures would be misunderstood."""
-        notes = []
-        if self.repeats:
-            notes.append(f"These frames repeat the one before, and are not compared: {_some(self.repeats)}.")
-        if self.doubtful:
-            notes.append(
-                "These hidden frames do not count, since beside repeats, in stills and across pauses the true picture "
-                f"is unknown: {_some(self.doubtful)}."
-            )
         uneven = [number for number in self.uneven if number not in {*self.cuts, *self.doubtful}]
-        if uneven:
-            rigid = [name for name, compared_method in compared_methods.items() if not compared_method.any_time]
-            but = f" (even ones with {', '.join(rigid)})" if rigid else ""
-            notes.append(
-                f"These hidden frames do not divide the time between the shown ones evenly, and were interpolated at "
-                f"their own times{but}: {_some(uneven)}."
-            )
-        return notes
+        rigid = [name for name, compared_method in compared_methods.items() if not compared_method.any_time]
+        but = f" (even ones with {', '.join(rigid)})" if rigid else ""
+        notes = {
+            "These frames repeat the one before, and are not compared": self.repeats,
+            "These hidden frames do not count, since beside repeats, in stills and across pauses the true picture is "
+            "unknown": self.doubtful,
+            "These hidden frames do not divide the time between the shown ones evenly, and were interpolated at their "
+            f"own times{but}": uneven,
+        }
+        return [f"{note}: {_some(frames)}." for note, frames in notes.items() if frames]
 
     def counted(self, method: MethodResult) -> list[FrameResult]:
         """Return the frames of a method that count."""

@@ -71,17 +71,16 @@ class Style(NamedTuple):
 def styles_of(names: Sequence[str]) -> list[Style]:
     """Return the styles of the methods of a page, by their names in order."""
     ours = method_names()
-    taken: list[int] = []
-    styles = []
+    styles = list[Style]()
     for name in names:
         base, options, _ = name.partition(":")
         line = DASH_DOTTED if base not in ours else DASHED if options else SOLID
         place = [*NAMED].index(name) if name in NAMED else _checksum(name) // COLOURS
+        taken = {style.mark for style in styles}
         free = [mark for mark in range(MARKS) if mark not in taken] or list(range(MARKS))
         mark = place % MARKS
         if mark not in free:
             mark = free[place % len(free)]
-        taken.append(mark)
         styles.append(Style(*colours_of(name), mark, line))
     return styles
 
