@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Annotated, NamedTuple, Protocol, Self, runtime_checkable
 
-from fpsboost.errors import OptionError
+from fpsboost.errors import OptionError, refuse
 from fpsboost.media import ClipInfo
 from fpsboost.options import Checked, Range, check_type
 from fpsboost.timing.time_map import TimeMap
@@ -259,18 +259,16 @@ def count_frames(schedule: Schedule, info: ClipInfo, holds_last_frame: bool) -> 
     duration = info.duration
     if isinstance(schedule, RetimeSchedule) and duration is None and info.frame_count is not None:
         duration = info.frame_count / info.rate
+    left_out = 0 if holds_last_frame else 1  # number of source intervals, at the end, without output frames
     if isinstance(schedule, ByRate) and duration is not None:
-        end = schedule.presentation_time(Fraction(0), duration)
-        if not holds_last_frame:
-            end -= 1 / info.rate
+        end = schedule.presentation_time(Fraction(0), duration) - left_out / info.rate
         shown = schedule.curve.time_of(end) if isinstance(schedule, RetimeSchedule) else end
         frames = shown * schedule.frames_per_second
-        return math.ceil(frames) if holds_last_frame else math.floor(frames) + 1
-    if info.frame_count is None:
+    elif info.frame_count is not None:
+        frames = (info.frame_count - left_out) * schedule.rate(info.rate) / info.rate
+    else:
         return None
-    intervals = info.frame_count if holds_last_frame else info.frame_count - 1
-    whole, rest = divmod(intervals * schedule.rate(info.rate) / info.rate, 1)
-    return int(whole) + bool(rest) + (not holds_last_frame and not rest)
+    return math.ceil(frames) if holds_last_frame else math.floor(frames) + 1
 
 
 def representable(*time_bases: Fraction) -> Fraction:
@@ -352,8 +350,13 @@ class Shutter:
     samples: int = DEFAULT_SAMPLES
 
     def __post_init__(self) -> None:
-        if not 3 <= self.samples <= MAX_SAMPLES or self.samples % 2 == 0:
-            raise OptionError(f"`shutter_samples` must be odd, and from 3 to {MAX_SAMPLES}, not {self.samples}.")
+        refuse(
+            {
+                f"`shutter_samples` must be odd, and from 3 to {MAX_SAMPLES}, not {self.samples}.": (
+                    not 3 <= self.samples <= MAX_SAMPLES or self.samples % 2 == 0
+                )
+            }
+        )
 
     @property
     def offsets(self) -> list[Fraction]:

@@ -171,11 +171,12 @@ class TimeMap:
         """
         if not begin <= self.top < end:
             return self.time_of(end)
-        mirrored, length = list[Segment](), self.length
-        for each in reversed(self.segments):
-            slopes = -each.slope1, -each.slope0
-            mirrored.append(Segment(length - each.end, length - each.begin, each.source1, each.source0, *slopes))
-        return length - TimeMap(tuple(mirrored)).time_of(begin)
+        length = self.length
+        mirrored = tuple(
+            Segment(length - each.end, length - each.begin, each.source1, each.source0, -each.slope1, -each.slope0)
+            for each in reversed(self.segments)
+        )
+        return length - TimeMap(mirrored).time_of(begin)
 
     def frames_before(self, source: Fraction, rate: Fraction) -> int:
         """Return the number of output frames, at a rate, that are shown before the source reaches a time."""
