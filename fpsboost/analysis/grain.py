@@ -160,10 +160,8 @@ def _planes(image: Pixels) -> list[Plane]:
         rows, columns = chroma[0].shape
         small = cv2.resize(luma, (columns, rows), interpolation=cv2.INTER_AREA)
         return [Plane(luma, luma, luma), *(Plane(plane, plane, small) for plane in chroma)]
-    if image.dtype != np.float32:
-        return [Plane(channel, channel, channel) for channel in channels]
-    roots = [np.sqrt(np.maximum(channel, 0)) for channel in channels]
-    return [Plane(channel, root, root) for channel, root in zip(channels, roots, strict=True)]
+    samples = [np.sqrt(np.maximum(each, 0)) for each in channels] if image.dtype == np.float32 else channels
+    return [Plane(channel, sample, sample) for channel, sample in zip(channels, samples, strict=True)]
 
 
 def _add_squared(plane: Plane, added: NDArray[Any], deviation: NDArray[Any]) -> NDArray[Any]:

@@ -49,9 +49,8 @@ class Blend:
 
 def _at_rest(shape: tuple[int, ...], t: float) -> Sources:
     """Return each pixel's own place in both frames, taken from the frame that is nearer in time."""
-    place = np.indices(shape[:2])
-    here = place[0], place[1]
-    return Sources(here, here, np.full(shape[:2], t > 0.5), np.zeros(shape[:2], bool), t)
+    y, x = np.indices(shape[:2])
+    return Sources((y, x), (y, x), np.full(shape[:2], t > 0.5), np.zeros(shape[:2], bool), t)
 
 
 def _mix_planes(t: float, planes0: Planes, planes1: Planes) -> Mixed:

@@ -136,17 +136,15 @@ def mix_layers(
     mixed = _mix_linear([*zip(*colours, strict=True), *linear], mix, find_sources)
     colour = np.stack(mixed[: len(colours[0])], axis=-1)
     linear_made = iter(mixed[len(colours[0]) :])
-    sources = find_sources() if any(layer.kind in ("depth", "nearest") for layer in layered[0].layers) else None
     output = []
     for layer0, layer1 in _pairs(layered):
         planes = [(layer0.planes[name], layer1.planes[name]) for name in layer0.planes]
-        values: Planes = []
         if layer0.kind == "linear":
-            values = [next(linear_made) for _ in planes]
+            values: Planes = [next(linear_made) for _ in planes]
         elif layer0.kind == "normals":
             values = _mix_normals(planes, mix)
-        elif sources is not None:
-            choose = sources.depth if layer0.kind == "depth" else sources.nearest
+        else:
+            choose = find_sources().depth if layer0.kind == "depth" else find_sources().nearest
             values = [choose(*each) for each in planes]
         made = zip(layer0.planes.items(), values, strict=True)
         output.append(

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha, normalised, premultiplied
-from fpsboost.errors import OptionError
+from fpsboost.errors import refuse
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, Pixels, as_image, colour_unseen, rounding_offset, view
 from fpsboost.kernels.candidates import (
@@ -179,11 +179,12 @@ class MultiHypothesis(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.support_radius >= self.node_spacing:
-            raise OptionError(
+        refuse(
+            {
                 f"support_radius must be at least {self.node_spacing} pixels, or motions are lost, "
-                f"not {self.support_radius}."
-            )
+                f"not {self.support_radius}.": not self.support_radius >= self.node_spacing
+            }
+        )
 
     @property
     def takes_planes(self) -> bool:
@@ -203,10 +204,9 @@ class MultiHypothesis(Checked):
         """Generate one image for every time; see `fpsboost.synthesis.Synthesizer.synthesize`."""
         if self.vectors is not None:
             yield from (view(output.image).array() for output in self.fuse(frame_pair, times))
-            return
-        no_confidence = np.empty((0, 0), np.float32)
-        for moment in self._moments(frame_pair, times):
-            yield self._fused(moment, no_confidence)
+        else:
+            no_confidence = np.empty((0, 0), np.float32)
+            yield from (self._fused(moment, no_confidence) for moment in self._moments(frame_pair, times))
 
     def fuse(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[InterpolatedImage]:
         """Generate the images of `synthesize` with the confidence of every pixel."""
@@ -295,10 +295,9 @@ class MultiHypothesis(Checked):
         )
         if surfaces is not None:
             follows = surfaces.share > 0.5
+            own_place = np.indices((height, width), np.float32)[::-1]
             for first, (motion, _) in ((0, surfaces.motion.to_frame0), (2, surfaces.motion.to_frame1)):
-                for axis in (0, 1):
-                    here = np.arange(width) if axis == 0 else np.arange(height)[:, np.newaxis]
-                    places[first + axis] = np.where(follows, here + motion[..., axis], places[first + axis])
+                np.copyto(places[first : first + 2], own_place + np.moveaxis(motion, -1, 0), where=follows)
         return find_sources(places, (pair.field01.flow, pair.field10.flow), t)
 
     def _weighting(self, image: Pixels) -> Weighting:

@@ -82,10 +82,11 @@ def find_surface_motion(image0: FrameCache, image1: FrameCache, t: float, vector
     for image in (image0, image1):
         other = frame_number(image.output_position)
         there, distance = vectors.for_image(other, image.pixels), (other - number) * vectors.step
-        if vectors.has(number):
-            found.append(_seen_from(vectors.for_image(number, image.pixels), there, distance))
-        else:
-            found.append(_landed(there, -distance))
+        found.append(
+            _seen_from(vectors.for_image(number, image.pixels), there, distance)
+            if vectors.has(number)
+            else _landed(there, -distance)
+        )
     return SurfaceMotion(found[0], found[1], t)
 
 
