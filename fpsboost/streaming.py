@@ -357,8 +357,7 @@ class _LoopState:
         first_output, outputs = self.outputs_before, list[_Output]()
         shown = *(group if self.interpolator.replacement is None else group[:1]), following[0]  # not what is damaged
         for source, after in pairwise([*group, following[0]]):
-            steps = self.schedule.steps(self.index, self.start, source.frame.time, after.frame.time)
-            for step in steps:
+            for step in self.schedule.steps(self.index, self.start, source.frame.time, after.frame.time):
                 nearest = min(shown, key=lambda each, time=step.time: abs(each.frame.time - time))  # type: ignore[misc]
                 outputs.append(_Output(source, step, self.output_number(step, source), nearest=nearest))
             self.index += 1

@@ -85,8 +85,7 @@ def inspect(path: str | os.PathLike[str], reading: Reading | None = None) -> Fac
         `reading` names a stream that is no video.
     """
     with Clip(path, reading or Reading()) as clip:
-        look = look_of(clip.traits)
-        return Facts(clip.info, look, list_streams(clip.file), clip.remarks)
+        return Facts(clip.info, look_of(clip.traits), list_streams(clip.file), clip.remarks)
 
 
 def look_of(traits: VideoTraits) -> Look:
