@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha, normalised, premultiplied
-from fpsboost.errors import refuse
+from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, Pixels, as_image, colour_unseen, rounding_offset, view
 from fpsboost.kernels.candidates import (
@@ -179,12 +179,11 @@ class MultiHypothesis(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        refuse(
-            {
+        if not self.support_radius >= self.node_spacing:
+            raise OptionError(
                 f"support_radius must be at least {self.node_spacing} pixels, or motions are lost, "
-                f"not {self.support_radius}.": not self.support_radius >= self.node_spacing
-            }
-        )
+                f"not {self.support_radius}."
+            )
 
     @property
     def takes_planes(self) -> bool:

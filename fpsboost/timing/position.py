@@ -138,13 +138,8 @@ class Trim(Checked):
         super().__post_init__()
         start, end = self.start or Position(Fraction(0)), self.end
         comparable = end is not None and (start.is_frame == end.is_frame or not start.value or not end.value)
-        refuse(
-            {
-                f"`end={end}` must be after `start={start}`; the end is not part of the range.": (
-                    end is not None and comparable and end.value <= start.value
-                )
-            }
-        )
+        if end is not None and comparable and end.value <= start.value:
+            raise OptionError(f"`end={end}` must be after `start={start}`; the end is not part of the range.")
 
     @property
     def is_whole(self) -> bool:
@@ -218,7 +213,8 @@ class FrameList(Checked):
             ):
                 lines = file.read(MAX_CHARACTERS).splitlines()
         items = {item.strip(): None for line in lines for item in line.partition("#")[0].split(",") if item.strip()}
-        refuse({f"{option} {text!r} contains no frame; {SYNTAX}.": not items})
+        if not items:
+            raise OptionError(f"{option} {text!r} contains no frame; {SYNTAX}.")
         return cls(sum((cls.parse_item(item, option) for item in items if item != "auto"), ()), "auto" in items)
 
     @classmethod

@@ -278,12 +278,11 @@ class OutputRate(Checked):
                 "such as `fps=60`, or multiply the frames of each interval with `keep_timing`."
             )
         rate = info.rate * factor if self.fps is None else Fraction(self.fps) * self.stretch
-        refuse(
-            {
+        if rate > MAX_RATE:
+            raise OptionError(
                 f"`factor={factor}` makes {float(rate):g} frames per second of {info.name}, and {MAX_RATE} are the "
-                "most; choose a smaller one.": rate > MAX_RATE
-            }
-        )
+                "most; choose a smaller one."
+            )
         grid = ByRate(rate) if self.fill_gaps else ByRate.forgiving(rate, info.rate, info.time_base)
         return grid if curve is None else RetimeSchedule(**vars(grid), curve=curve)
 

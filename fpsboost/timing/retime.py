@@ -56,13 +56,8 @@ def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_n
     points, plain = list[tuple[Fraction, Fraction]](), re.sub("#.*", "", text)
     is_smooth, ending = "smooth" in plain.split(), re.search(r"\sx(\S+)\s*$", plain)
     onward = None if ending is None else parse_number(ending[1], "`retime`, speed at the end,")
-    refuse(
-        {
-            f"`retime` never reaches the source's end with x{onward}; give a speed above 0.": (
-                onward is not None and onward <= 0
-            )
-        }
-    )
+    if onward is not None and onward <= 0:
+        raise OptionError(f"`retime` never reaches the source's end with x{onward}; give a speed above 0.")
     plain = plain if ending is None else plain[: ending.start()]
     is_numbered = not re.search(r"\d[sf:]", plain) and re.search("[1-9]", plain) is not None
     is_listed = "\n" in text.strip()
@@ -93,13 +88,8 @@ def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_n
                 ),
             }
         )
-    refuse(
-        {
-            "`retime` needs at least two points; write them like 0=0 2s=2s 3s=2.25s.": (
-                len(points) < 2 - (onward is not None)
-            )
-        }
-    )
+    if len(points) < 2 - (onward is not None):
+        raise OptionError("`retime` needs at least two points; write them like 0=0 2s=2s 3s=2.25s.")
     if is_numbered:
         points.append((points[-1][0] + 1 / output_rate, points[-1][1]))
     return TimeMap.through(points, smooth=is_smooth, onward=onward)

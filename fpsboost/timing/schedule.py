@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Annotated, NamedTuple, Protocol, Self, runtime_checkable
 
-from fpsboost.errors import OptionError, refuse
+from fpsboost.errors import OptionError
 from fpsboost.media import ClipInfo
 from fpsboost.options import Checked, Range, check_type
 from fpsboost.timing.time_map import TimeMap
@@ -350,13 +350,8 @@ class Shutter:
     samples: int = DEFAULT_SAMPLES
 
     def __post_init__(self) -> None:
-        refuse(
-            {
-                f"`shutter_samples` must be odd, and from 3 to {MAX_SAMPLES}, not {self.samples}.": (
-                    not 3 <= self.samples <= MAX_SAMPLES or self.samples % 2 == 0
-                )
-            }
-        )
+        if not 3 <= self.samples <= MAX_SAMPLES or self.samples % 2 == 0:
+            raise OptionError(f"`shutter_samples` must be odd, and from 3 to {MAX_SAMPLES}, not {self.samples}.")
 
     @property
     def offsets(self) -> list[Fraction]:

@@ -11,6 +11,7 @@ from fpsboost import (
     ConversionJob,
     DecodeOptions,
     Encoding,
+    OptionError,
     OutputRate,
     RunOptions,
     find_method,
@@ -25,7 +26,6 @@ from fpsboost.extension import (
     options_from,
     output_beside,
     prepared,
-    refuse,
     words_of_options,
 )
 from fpsboost.ui.files import Files
@@ -134,8 +134,8 @@ class Choices(Checked):
         output = files.output(self.folder, self.name)
         check_ending(self.input, output)
         name = self.rate if self.rate in ("fps", "retime") else "factor"
-        # without "=", it would be the name of a file, which only a command line may give
-        refuse({"A speed ramp is at least two points, such as 0=0 4s=2s.": name == "retime" and "=" not in self.value})
+        if name == "retime" and "=" not in self.value:  # the name of a file, for a command line
+            raise OptionError("A speed ramp is at least two points, such as 0=0 4s=2s.")
         rate = options_from(OutputRate, {name: self.value, "slow_motion": self.rate == "slow", "loop": self.loop})
         decoding = options_from(
             DecodeOptions, {name: getattr(self, name) or None for name in ("input_fps", "start", "end")}
