@@ -24,6 +24,7 @@ from fpsboost.contracts import (
     SilentObserver,
     Summary,
 )
+from fpsboost.derived_sources import FoldedSource
 from fpsboost.errors import InputError, OptionError, choose_one, explained, refuse
 from fpsboost.image import Image, check_image
 from fpsboost.interpolator import Interpolator
@@ -42,7 +43,6 @@ from fpsboost.parts.manifest import fingerprint_files, fingerprint_options
 from fpsboost.parts.plan import enter, plan_part, share_index
 from fpsboost.preparation import (
     ConversionJob,
-    FoldedSource,
     Preparation,
     closing_remarks,
     memory_limit,

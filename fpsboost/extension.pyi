@@ -6,6 +6,7 @@ from .colour import composite_on_black as composite_on_black
 from .colour import has_alpha as has_alpha
 from .colour import luma_weights as luma_weights
 from .contracts import SilentObserver as SilentObserver
+from .derived_sources import trim_source as trim_source
 from .errors import MAX_REASON as MAX_REASON
 from .errors import ClusterError as ClusterError
 from .errors import CompleteAlreadyError as CompleteAlreadyError
@@ -83,7 +84,6 @@ from .preparation import memory_limit as memory_limit
 from .preparation import opened_clip as opened_clip
 from .preparation import output_beside as output_beside
 from .preparation import prepared as prepared
-from .preparation import trim_source as trim_source
 from .probing import Findings as Findings
 from .probing import Probe as Probe
 from .probing import expected_losses as expected_losses

@@ -14,6 +14,7 @@ import numpy as np
 
 from fpsboost.analysis.duplicates import DuplicateDetector, PictureRun, SourceFrame, find_pictures
 from fpsboost.contracts import FrameSource
+from fpsboost.derived_sources import trim_source
 from fpsboost.errors import InputError, OptionError, refuse
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
@@ -22,7 +23,6 @@ from fpsboost.io.opening import PIPES, TargetRequirements, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.layered import FrameImage
 from fpsboost.options import Checked, Duplicates, Range, words_of, words_of_options
-from fpsboost.preparation import trim_source
 from fpsboost.streaming import beginning
 from fpsboost.timing.schedule import ByRate, rising_time
 

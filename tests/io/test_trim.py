@@ -13,9 +13,9 @@ from test_pipeline import BLEND, FAST
 from video_truth import packets_of, pictures_of, samples_of, spoil_packets, stream_of, write_clip
 
 from fpsboost import DecodeOptions, InputError, OptionError, Summary, convert
+from fpsboost.derived_sources import TrimmedSource, trim_source
 from fpsboost.io.opening import open_source
 from fpsboost.io.video.source import VideoSource
-from fpsboost.preparation import TrimmedSource, trim_source
 from fpsboost.timing.position import Position, Trim, parse_position
 
 GROUPS = {"preset": "ultrafast", "crf": "0", "g": "6", "bf": "2", "sc_threshold": "0"}

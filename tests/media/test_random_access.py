@@ -11,9 +11,9 @@ import pytest
 from video_truth import bytes_of, copy_packets, spoil_packets, write_clip
 
 from fpsboost import DecodeOptions, Frame, FrameSource, InputError
+from fpsboost.derived_sources import TrimmedSource
 from fpsboost.io.images.source import ImageReading, ImageSource
 from fpsboost.io.video.source import VideoSource
-from fpsboost.preparation import TrimmedSource
 from fpsboost.streaming import beginning
 from fpsboost.timing.position import Trim, parse_position
 
