@@ -1,7 +1,5 @@
 """Sources of the frames of another source: of a part of it, in another order, without repeats, at other times."""
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence

@@ -268,8 +268,8 @@ class ResultOptions:
         (),
         "Metrics beside PSNR, its 5th percentile (P5), SSIM, MAE,\n"
         "spurious and missing edges: flip, xpsnr, vmaf, mse,\n"
-        "motion_smoothness, wrong, flicker, steps, separated by\n"
-        "commas; see docs/comparison.md.",
+        "motion_smoothness, wrong, flicker, steps, psnr_div,\n"
+        "separated by commas; see docs/comparison.md.",
         metavar="NAMES",
     )
     report: str | None = option(None, "New folder for the page, index.html.", metavar="DIR")

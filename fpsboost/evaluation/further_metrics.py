@@ -297,6 +297,12 @@ metrics: dict[str, Metric] = {
         "even as the truth, 100 a frame that repeats another.",
         lambda rate: steadiness.StepMeter(),
     ),
+    "psnr_div": Metric(
+        *("PSNR_DIV", "dB", 2, True),
+        "PSNR_DIV is PSNR of the luma where the motion of the output diverges (Daly et al. 2025), mean of decibels "
+        "over frames: errors of torn and doubled shapes, and not of the rest.",
+        lambda rate: steadiness.DivergenceMeter(),
+    ),
 }
 """Metrics by name."""
 

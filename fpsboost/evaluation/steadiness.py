@@ -4,6 +4,7 @@ All measure sRGB with 8 bits, as it is displayed. PSNR barely registers these ar
 method in order (see `fpsboost.evaluation.further_metrics.Meter`).
 """
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -34,6 +35,9 @@ MIN_MOTION = 2.0
 """Shortest true path from the frame before to the frame after that counts as motion, pixels."""
 MAX_TURN = 0.5
 """Change of the true motion, as a share of its path, above which the estimate of DIS is taken for wrong."""
+
+DIVERGING = 0.01
+"""Least divergence of motion that counts, as a share of the largest in the frame."""
 
 
 class FrameMeter:
@@ -168,3 +172,36 @@ def _unevenness(back: list[NDArray[Any]], ahead: list[NDArray[Any]]) -> float:
         return 0.0
     excess = np.minimum(np.linalg.norm(change - true_change, axis=-1), path)
     return 100 * float(excess[is_moving].sum() / path[is_moving].sum())
+
+
+class DivergenceMeter:
+    """Meter of PSNR of the luma where the motion of the output diverges or converges, dB: PSNR_DIV.
+
+    Daly, Ramsook and Kokaram 2025 (arXiv:2510.01361): the motion from a frame to the next one starts or ends in one
+    place where shapes are torn or doubled. Only pixels count whose divergence is at least a hundredth of the frame's
+    largest; without any motion, all count. The motion is that of DIS. The authors' program takes Farneback's, and
+    differentiates it along the other axes.
+    """
+
+    def __init__(self) -> None:
+        self._last: tuple[Image, FrameCache] | None = None
+        self._values: list[float] = []
+
+    def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
+        """Add the next frame, to which the motion of the one before is estimated."""
+        frame = FrameCache(image)
+        if self._last is not None:
+            self._values.append(_psnr_of_diverging(*self._last, Dis().estimate(self._last[1], frame)[0].flow))
+        self._last = (truth, frame) if counts else None
+
+    def values(self) -> list[float]:
+        """Return the value of each frame that counts."""
+        return self._values
+
+
+def _psnr_of_diverging(truth: Image, frame: FrameCache, flow: NDArray[Any]) -> float:
+    """Return the PSNR of luma where motion, (H, W, 2), diverges, dB; 120 for equal frames, as their PSNR."""
+    divergence = np.abs(np.gradient(flow[..., 0], axis=1) + np.gradient(flow[..., 1], axis=0))
+    squares = np.square(_luma(as_shown(truth)) - _luma(as_shown(frame.array)))
+    error = squares[divergence >= DIVERGING * divergence.max()].mean()
+    return min(120.0, 10 * math.log10(255**2 / max(float(error), 1e-9)))

@@ -1,7 +1,5 @@
 """The page's form as a job of the library, and as the equivalent command line."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, fields, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A clip for the page: its header, the results of `fpsboost probe`, and a frame interpolated between two of it."""
 
-from __future__ import annotations
-
 import json
 import math
 import subprocess

@@ -1,7 +1,5 @@
 """Command `fpsboost ui`: serves the page on this machine until it is stopped."""
 
-from __future__ import annotations
-
 import os
 import re
 import secrets

@@ -1,7 +1,5 @@
 """Files of this machine as the page lists them, and the access that the page has to them."""
 
-from __future__ import annotations
-
 import os
 import stat
 import subprocess

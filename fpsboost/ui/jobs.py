@@ -1,7 +1,5 @@
 """The page's queue of conversions, each a command line in a process of its own, which can be stopped and resumed."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

@@ -3,8 +3,6 @@
 The guard accepts requests only from the page that this server has sent.
 """
 
-from __future__ import annotations
-
 import hmac
 import json
 import os

@@ -6,7 +6,14 @@ import pytest
 from comparison_truth import pan
 from truth import noise
 
-from fpsboost.evaluation.steadiness import FlickerMeter, StepMeter, missing_edges, spurious_edges, wrong_area
+from fpsboost.evaluation.steadiness import (
+    DivergenceMeter,
+    FlickerMeter,
+    StepMeter,
+    missing_edges,
+    spurious_edges,
+    wrong_area,
+)
 
 
 def measured(meter, truths, images):
@@ -77,3 +84,15 @@ def test_steps_are_compared_with_the_true_ones(places, uneven):
 def test_nothing_moves_evenly():
     """Where nothing moves there are no steps to compare."""
     assert measured(StepMeter(), [pan(0)] * 3, {1: pan(1)}) == [0]
+
+
+def test_errors_count_where_the_motion_of_the_output_diverges():
+    """Without motion all pixels count, equal frames have 120 dB, and a torn frame has less than its PSNR."""
+    still, truths = np.full((64, 96, 3), 100, np.uint8), [pan(3 * number, height=96, width=128) for number in range(3)]
+    changed = {1: still}, {1: still + np.uint8(10)}
+    assert [measured(DivergenceMeter(), [still] * 3, images)[0] for images in changed] == pytest.approx(
+        [120, 28.13], abs=0.01
+    )
+    torn = truths[1].copy()
+    torn[32:64, 48:80] = truths[1][32:64, 56:88]
+    assert measured(DivergenceMeter(), truths, {1: torn})[0] < cv2.PSNR(truths[1], torn) - 1
