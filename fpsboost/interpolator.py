@@ -347,8 +347,11 @@ class Interpolator(Checked):
         """Interpolate what is behind a mask, and what it shows, each by itself, and put the one over the other."""
         background = replace(self, mask=None, uncertain="keep", below=LEAST_CONFIDENCE)
         # where the mask stands still, what no motion explains is not to be mixed, such as digits
-        uncertain: Uncertain = "keep" if counts_frames(mask) else "nearest"
-        layer = replace(background, uncertain=uncertain, match_grain=False)  # flat areas have no grain to measure
+        layer = replace(
+            background,
+            uncertain="keep" if counts_frames(mask) else "nearest",
+            match_grain=False,  # flat areas have none to measure
+        )
         earlier, later = ((None, None) if each is None else each.parts(*mask.parts) for each in (before, after))
         behind, shown = (
             method.images(part, times, *around, with_confidence=with_confidence)

@@ -25,7 +25,7 @@ from fpsboost.colour import as_shown, composite_on_black, has_alpha
 from fpsboost.errors import InputError, refuse
 from fpsboost.evaluation import steadiness
 from fpsboost.evaluation.hidden_frames import HeldOutFrame, Interval
-from fpsboost.evaluation.results import LEVELS, score
+from fpsboost.evaluation.results import LEVELS, absolute_error, score
 from fpsboost.evaluation.steadiness import FrameMeter
 from fpsboost.image import Image
 from fpsboost.io.video.ycc import from_bgr
@@ -267,7 +267,9 @@ metrics: dict[str, Metric] = {
         *("Motion smoothness", "", 4, True),
         "Motion smoothness is 1 less the mean absolute error as a share of white, as VBench computes it from AMT's "
         "frames: 1 is motion that the method predicts exactly, or none.",
-        lambda rate: FrameMeter(lambda truth, image: 1 - score(truth, image).mae / LEVELS),
+        lambda rate: FrameMeter(
+            lambda truth, image: 1 - float(absolute_error(truth, image).mean(dtype=float)) / LEVELS
+        ),
     ),
     "wrong": Metric(
         *("Wrong", "per mille", 2, False),

@@ -4,7 +4,6 @@ All measure sRGB with 8 bits, as it is displayed. PSNR barely registers these ar
 method in order (see `fpsboost.evaluation.further_metrics.Meter`).
 """
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import as_shown
+from fpsboost.evaluation.results import LEVELS, MIN_MSE
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image
 from fpsboost.motion.opencv import Dis
@@ -202,6 +202,6 @@ class DivergenceMeter:
 def _psnr_of_diverging(truth: Image, frame: FrameCache, flow: NDArray[Any]) -> float:
     """Return the PSNR of luma where motion, (H, W, 2), diverges, dB; 120 for equal frames, as their PSNR."""
     divergence = np.abs(np.gradient(flow[..., 0], axis=1) + np.gradient(flow[..., 1], axis=0))
-    squares = np.square(_luma(as_shown(truth)) - _luma(as_shown(frame.array)))
-    error = squares[divergence >= DIVERGING * divergence.max()].mean()
-    return min(120.0, 10 * math.log10(255**2 / max(float(error), 1e-9)))
+    differences = (_luma(as_shown(truth)) - _luma(as_shown(frame.array))) / LEVELS
+    error = np.square(differences[divergence >= DIVERGING * divergence.max()]).mean()
+    return float(-10 * np.log10(max(error, MIN_MSE)))
