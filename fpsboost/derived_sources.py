@@ -13,7 +13,7 @@ from fpsboost.analysis.cadence import Repeats
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame
 from fpsboost.analysis.gaps import find_gaps
 from fpsboost.contracts import ClosesOnExit, FrameSource, RandomAccess
-from fpsboost.errors import InputError, refuse
+from fpsboost.errors import InputError, OptionError, refuse
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator
@@ -232,13 +232,8 @@ def without_repeats(
 
     `read_from` opens the part once more at a frame. Raises `OptionError` if the clip can be read only once.
     """
-    refuse(
-        {
-            "`duplicates='drop'` reads a clip twice, which a pipe does not allow; name a file.": (
-                not whole.stream_info.files
-            )
-        }
-    )
+    if not whole.stream_info.files:
+        raise OptionError("`duplicates='drop'` reads a clip twice, which a pipe does not allow; name a file.")
     info, found = source.info, Repeats(interpolator.duplicates or DuplicateDetector())
     for _ in found.groups(map(SourceFrame, source)):
         pass
