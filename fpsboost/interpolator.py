@@ -23,7 +23,7 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, TakesPlanes, check_pair, view
 from fpsboost.layered import FrameImage
 from fpsboost.motion import MotionEstimator
-from fpsboost.motion.field import MotionField, ZeroMotion
+from fpsboost.motion.field import COMPARABLE, MotionField, ZeroMotion
 from fpsboost.motion.rendered import RenderedVectors, UsesVectors
 from fpsboost.options import LEAST_CONFIDENCE, AtCuts, Checked, Range, Uncertain, checked
 from fpsboost.pair import Layered, Pair, as_bgr
@@ -481,7 +481,9 @@ def _extrapolate(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[M
     """Extrapolate the motion of each frame of a pair from its own scene; zero motion where that is not known."""
 
     def extend(away: MotionField, neighbour: Pair) -> MotionField:
-        return replace(away, vectors=away.vectors * np.float32(-float(pair.duration / neighbour.duration)))
+        # a pair that is much shorter says little of how long its motion goes on
+        ratio = min(float(pair.duration / neighbour.duration), COMPARABLE)
+        return replace(away, vectors=away.vectors * np.float32(-ratio))
 
     onward, back = ZeroMotion().estimate(pair.image0, pair.image1)
     return (

@@ -358,6 +358,16 @@ def test_at_cuts_each_scene_can_go_on_by_itself(dtype):
         np.testing.assert_allclose(image, original, atol=1e-6)
 
 
+def test_at_cuts_no_scene_goes_on_for_longer_than_is_known():
+    """Where a cut follows after a long pause, the scene moves on by its last motion once, and not 13 times."""
+    first, second = affine(60, 80, shift=(6, -4), seed=1), affine(60, 80, seed=2)
+    nlm = replace(methods["nlm"], at_cuts="extrapolate")
+    images = prepared(first.image0, first.image1, second.image0)
+    before, pair = (nlm.pair(*each, duration) for each, duration in zip(pairwise(images), (1, 26), strict=True))
+    ((image, _),) = nlm.images(pair, [0.5], before)
+    assert np.abs(image.astype(float) - first.at(2))[12:-12, 12:-12].mean() < 2.55
+
+
 def test_a_flash_is_no_cut_and_nothing_moves_across_it():
     """The scene goes on behind a frame burnt out, which is repeated; where it does not, that is a cut."""
     clip = affine(60, 80, shift=(3, -2), seed=1)

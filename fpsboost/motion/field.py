@@ -205,11 +205,21 @@ TWO_SIDED_WEIGHT = 1.5
 exact for slowly changing motion; the ideal interpolation of motion that may change from pair to pair, a sinc, has 4 if
 truncated after two frames on each side."""
 
+COMPARABLE = 2.0
+"""Maximum ratio of the durations of two pairs up to which acceleration is not limited: beyond it, motion may well have
+stopped or begun within the longer one."""
+
+LEAST_RATIO = 0.125
+"""Ratio of durations below which acceleration is reduced: it has the errors of vectors times 2 over the ratio."""
+
 
 def accelerations_at_points(
     onward: tuple[MotionField, MotionField], away: tuple[MotionField, MotionField] | None, ratio: float, spacing: int
 ) -> NDArray[Any]:
     """Estimate the acceleration at the frame that two neighbouring pairs share, at points `spacing` apart.
+
+    If the durations differ by more than a factor of 2, it is limited so that the path of a point, with either weight,
+    stays between its ends along x and along y, as that of a monotone spline does.
 
     Parameters
     ----------
@@ -239,4 +249,8 @@ def accelerations_at_points(
         trips = RoundTrip(*vectors[:2]), RoundTrip(*vectors[2:])
         layout = FieldLayout(shared, *onward[0].shape)
         find_accelerations(*trips, layout, y, x, ratio, np.float32(CONSISTENT), changes)
+        if not 1 / COMPARABLE <= ratio <= COMPARABLE:
+            limit = np.abs(onward[0].at_points(spacing)[0]) * np.float32(2 / TWO_SIDED_WEIGHT)
+            belief = np.float32(min(1, ratio / LEAST_RATIO) ** 2)
+            changes[..., 1:] = (changes[..., 1:] * belief).clip(-limit, limit)
     return changes

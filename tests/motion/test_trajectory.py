@@ -1,16 +1,21 @@
 """How motion changes from pair to pair: exact fields, and fields that were estimated."""
 
+import cv2
 import numpy as np
 import pytest
-from truth import accelerating, prepared
+from truth import accelerating, as_type, moved_waves, prepared
 
-from fpsboost.motion.field import MotionField, accelerations_at_points
+from fpsboost import find_method
+from fpsboost.motion.field import TWO_SIDED_WEIGHT, MotionField, accelerations_at_points
 from fpsboost.motion.nlm import CoarseToFine
 
 SIZE = (96, 128)
 SPACING = 8
 MOTIONS = [((4, -2), (2, 1)), ((3, 1), (-2, 1.5)), ((0, 0), (1, -1)), ((4, 2), (0, 0))]
 UNEVEN = [(-1, 0, 1, 2), (-2, 0, 1, 1.5), (-0.5, 0, 1, 2.5)]
+
+
+RATIOS = [1 / 30, 1 / 18, 1 / 8, 1 / 4, 1 / 3, 3, 8, 30]
 
 
 def exact_fields(start, end, velocity, acceleration):
@@ -58,6 +63,42 @@ def test_estimated_fields_give_the_acceleration(velocity, acceleration, times):
     images = prepared(*(at(t) for t in times))
     fields = [CoarseToFine().estimate(images[k], images[k + 1]) for k in range(3)]
     assert_found(fields, times, acceleration, 0.25)
+
+
+def acceleration_of(motion, motion_before, ratio):
+    """The one that is found where everything moves by a motion, and in the pair before by another one."""
+    onward, away = ((uniform(*each), uniform(*np.negative(each))) for each in (motion, np.negative(motion_before)))
+    return accelerations_at_points(onward, away, ratio, SPACING)[6, 8, 1:]
+
+
+@pytest.mark.parametrize("ratio", RATIOS)
+@pytest.mark.parametrize("motion", [(12, 0), (2, -3), (0, 1), (-0.25, 0)])
+@pytest.mark.parametrize("motion_before", [(12, 0), (-8, 5), (0, 0), (30, -20)])
+def test_paths_stay_between_their_ends_beside_a_pair_of_another_duration(motion, motion_before, ratio):
+    """Whatever the motion of a much shorter or longer pair, no path turns back along x or along y."""
+    acceleration = acceleration_of(motion, motion_before, ratio) * TWO_SIDED_WEIGHT
+    assert (np.abs(acceleration) <= 2 * np.abs(motion) + 1e-5).all()
+
+
+@pytest.mark.parametrize("ratio", RATIOS)
+def test_errors_of_vectors_do_not_bend_paths_at_constant_speed(ratio):
+    """An error of a tenth of a pixel in the vectors of either pair bends a path by at most half a pixel."""
+    acceleration = acceleration_of((11.9, 0), (12 * ratio + 0.1, 0), ratio) * TWO_SIDED_WEIGHT
+    assert np.abs(acceleration).max() / 8 <= 0.5
+
+
+@pytest.mark.parametrize("method", ["nlm", "nlm-fast", "dis"])
+@pytest.mark.parametrize("pause", [4, 8, 18, 27])
+def test_a_disc_creeps_evenly_while_the_times_of_frames_pause(pause, method):
+    """In a pair that lasts many times as long as those around it, nothing is shown beyond its places in both frames."""
+    interpolator, times = find_method(method), np.cumsum([0, 1, pause, 1])
+    ground = as_type(moved_waves(SIZE) * 0.2, np.uint8)
+    images = prepared(*(cv2.circle(ground.copy(), (48 + 4 * k, 48), 15, (80, 80, 240), -1) for k in range(4)))
+    before, pair, after = (interpolator.pair(*images[k : k + 2], times[k + 1] - times[k]) for k in range(3))
+    moments = np.linspace(0, 1, 9)[1:-1]
+    shown = interpolator.images(pair, list(moments), before, after)
+    places = [np.nonzero(image[..., 2] > 150)[1].mean() for image, _ in shown]
+    np.testing.assert_allclose(places, 52 + 4 * moments, atol=0.75)
 
 
 def test_without_a_neighbour_there_is_none():
