@@ -194,6 +194,8 @@ class FoldedSource(ClosesOnExit):
     read_from: Callable[[int], AbstractContextManager[FrameSource]]
     beginning: SourcePosition = field(default=SourcePosition(0, Fraction(0)))
     first: int = 0
+    missing: Sequence[int] = ()
+    """Numbers of frames that are missing behind each one, if any."""
 
     def frame_times(self) -> Sequence[Fraction]:
         return self.times
@@ -217,7 +219,8 @@ class FoldedSource(ClosesOnExit):
                 numbered = enumerate(source, first if isinstance(source, RandomAccess) else 0)
                 frames = islice((frame for number, frame in numbered if number in wanted), len(wanted))
                 for frame in frames if step >= 0 else list(frames)[::-1]:
-                    yield replace(frame, time=self.times[place], duration=Fraction(0))
+                    ends_gap = any(self.missing[place - 1 : place])
+                    yield replace(frame, time=self.times[place], duration=Fraction(0), ends_gap=ends_gap)
                     place += 1
                 self.remarks += [remark for remark in source.remarks if remark not in self.remarks]
 
@@ -297,4 +300,5 @@ def without_gaps(
         range(len(times)),
         later,
         read_from,
+        missing=missing,
     )

@@ -84,6 +84,8 @@ class Frame:
     motion: PairMotion | None = None
     """Motion between the two frames of the source around it, for a sink that asks for it, with the first frame that is
     made between them."""
+    ends_gap: bool = False
+    """Whether the user has named frames that are missing before it, so that no scene cut is looked for there."""
 
     @property
     def pixels(self) -> Pixels:

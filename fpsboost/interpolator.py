@@ -228,18 +228,26 @@ class Interpolator(Checked):
 
     @checked
     def pair(
-        self, image0: FrameCache, image1: FrameCache, duration: Annotated[Fraction | float, Range(above=0)] = 1
+        self,
+        image0: FrameCache,
+        image1: FrameCache,
+        duration: Annotated[Fraction | float, Range(above=0)] = 1,
+        *,
+        apart: Fraction | float | None = None,
+        is_gap: bool = False,
     ) -> Pair:
-        """Return two frames as `images` takes them; `duration` is the time between them, see `Pair`.
+        """Return two frames as `images` takes them; `duration` is the time between them, for `apart` see `Pair`.
 
-        Each frame is to be the same object in both of its pairs, so that what depends on it alone is computed once.
+        In a gap, where the user has named missing frames, no scene cut is detected; one that is listed counts. Each
+        frame is to be the same object in both of its pairs, so that what depends on it alone is computed once.
         """
         return Pair(
             image0,
             image1,
             duration,
+            apart=apart,
             estimator=self.estimator,
-            cuts=self.cuts,
+            cuts=None if is_gap and isinstance(self.cuts, CutDetector) else self.cuts,
             compensate_illumination=self.compensate_illumination,
         )
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fpsboost.analysis.grain import PairGrain, measure_grain
 from fpsboost.analysis.illumination import IlluminationModel, compensate_either, estimate_illumination
-from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
+from fpsboost.analysis.scene_cuts import MOST_DECAY, CutDetector, CutPolicy
 from fpsboost.colour import normalised
 from fpsboost.frame_cache import FrameCache, Results
 from fpsboost.image import check_pair, view
@@ -34,6 +34,8 @@ class Pair:
     image0, image1 : FrameCache
     duration : Fraction or float
         Time between them, in any unit that neighbouring pairs share.
+    apart : Fraction or float, optional
+        Time to the second frame from the last one that shows the same as the first; `duration` by default.
     estimator : MotionEstimator
     cuts : CutPolicy or None
     compensate_illumination : bool
@@ -51,12 +53,13 @@ class Pair:
         image1: FrameCache,
         duration: Fraction | float,
         *,
+        apart: Fraction | float | None = None,
         estimator: MotionEstimator,
         cuts: CutPolicy | None,
         compensate_illumination: bool,
     ) -> None:
         check_pair(image0.pixels, image1.pixels)
-        self.image0, self.image1, self.duration = image0, image1, duration
+        self.image0, self.image1, self.duration, self.apart = image0, image1, duration, apart or duration
         self._estimator, self._cuts, self._compensate_illumination = estimator, cuts, compensate_illumination
         self._pair = partial(Pair, estimator=estimator, cuts=cuts, compensate_illumination=compensate_illumination)
         self._results = Results()
@@ -118,7 +121,7 @@ class Pair:
     def is_discontinuous(self, before: Pair | None = None, after: Pair | None = None) -> bool:
         """Return whether no motion connects the frames, given the pairs before and after if they are known."""
         cuts = self._cuts
-        if cuts is None or not cuts.is_cut(self.match_score, *(each.match_score for each in (before, after) if each)):
+        if cuts is None or not cuts.is_cut(self.match_score, *self._expected_scores(before, after)):
             return False
         across = (each.match_score for each in self._spanning_pairs(before, after))
         return not cuts.is_gradual(self.match_score, *across)
@@ -130,9 +133,20 @@ class Pair:
     def _is_flash(self, before: Pair | None, after: Pair | None) -> bool:
         """Return whether the frames on both sides of the pair's first or last frame show one scene."""
         cuts = self._cuts
-        usual = max((each.match_score for each in (before, after) if each), default=1.0)
+        usual = max(self._expected_scores(before, after), default=1.0)
         across = self._spanning_pairs(before, after)
         return cuts is not None and any(cuts.is_flash(self.match_score, each.match_score, usual) for each in across)
+
+    def _expected_scores(self, *neighbours: Pair | None) -> list[float]:
+        """Return the match scores of the pairs before and after, if known, as of frames that are as far apart in time.
+
+        In one scene, scores fall with the distance; see `MOST_DECAY`.
+        """
+        return [
+            each.match_score ** float(min(max(self.apart / each.apart, 1), MOST_DECAY))
+            for each in neighbours
+            if each is not None and each._cuts is not None
+        ]
 
     def _spanning_pairs(self, before: Pair | None, after: Pair | None) -> list[Pair]:
         """Return the known pairs of each frame of the two and the frame beyond the other."""

@@ -44,9 +44,13 @@ from fpsboost.repair import group_replaced
 from fpsboost.synthesis import InterpolatedImage
 from fpsboost.synthesis.exposure import Exposure
 from fpsboost.threads import available_cores, nothing, read_ahead, run_in_parallel, write_behind
+from fpsboost.timing.position import format_time
 from fpsboost.timing.rate import stretched
 from fpsboost.timing.schedule import ExposureSchedule, RetimeSchedule, Schedule, Step, rising_time
 
+LONG, MOST_NOTED = 2, 10
+"""Least intervals between two frames across which a cut is named in a remark, and the number of remarks from which no
+more are added."""
 FRAMES_PER_TASK = 4  # maximum number of output frames that one task makes
 
 
@@ -334,6 +338,12 @@ class _LoopState:
         elif not interval.is_still:
             self.summary.duplicates += len(interval.group) - 1
         self.summary.scene_cuts += interval.scene_cut
+        apart, end = interval.pair.apart, interval.following.position.seconds
+        if interval.scene_cut and apart * self.info.rate >= LONG and len(self.summary.remarks) < MOST_NOTED:
+            self.summary.remarks.append(
+                f"A scene seems to end between {format_time(end - apart)} and {format_time(end)}, so that no motion is "
+                "followed there; if it goes on, use `no_cuts`."
+            )
         self.summary.note_match(interval.match)
 
     def intervals(self, groups: Iterable[tuple[SourceFrame, ...]]) -> Iterator[_Interval]:
@@ -361,7 +371,9 @@ class _LoopState:
                 nearest = min(shown, key=lambda each, time=step.time: abs(each.frame.time - time))  # type: ignore[misc]
                 outputs.append(_Output(source, step, self.output_number(step, source), nearest=nearest))
             self.index += 1
-        pair = self.interpolator.pair(group[0], following[0], following[0].frame.time - group[0].frame.time)
+        duration, apart = (following[0].frame.time - each.frame.time for each in (group[0], shown[-2]))
+        is_gap = following[0].frame.ends_gap
+        pair = self.interpolator.pair(group[0], following[0], duration, apart=apart, is_gap=is_gap)
         return _Interval(group, outputs, first_output, following[0], pair)
 
     def output_number(self, step: Step, source: SourceFrame) -> int:

@@ -16,11 +16,12 @@ import av
 import cv2
 import numpy as np
 import pytest
-from truth import CutsWhere, accelerating, prepared
+from truth import CutsWhere, accelerating, noise, prepared
 from video_truth import packets_of, pictures_of, samples_of, write_clip
 
 from fpsboost import (
     ClipInfo,
+    CutDetector,
     Encoding,
     Frame,
     InputError,
@@ -226,6 +227,27 @@ def test_nothing_depends_on_more_than_the_neighbouring_pairs(method):
     assert len(inner) == 4
     for frame in inner:
         np.testing.assert_array_equal(frame.image, by_time[frame.time])
+
+
+def test_a_named_gap_is_no_cut_and_a_cut_in_a_long_interval_is_named():
+    """Whatever the frames around a gap look like; elsewhere, the remark says where the cut is, and what to do."""
+    one, other = (noise(60, 80, seed=seed) for seed in (1, 2))
+    times = [Fraction(number, 25) for number in (0, 1, 2, 7, 8)]
+    shown = [Frame(image, time) for image, time in zip((one, one, one, other, other), times, strict=True)]
+    named = [*shown[:3], replace(shown[3], ends_gap=True), shown[4]]
+    detecting = replace(BLEND, cuts=CutDetector(), duplicates=None)
+    made, summary = run(shown, ByRate(Fraction(25)), holds=False, interpolator=detecting)
+    assert summary.scene_cuts == 1
+    assert summary.remarks[0] == (
+        "A scene seems to end between 0:00.080 and 0:00.280, so that no motion is followed there; if it goes on, use "
+        "`no_cuts`."
+    )
+    filled, summary = run(named, ByRate(Fraction(25)), holds=False, interpolator=detecting)
+    assert (summary.scene_cuts, len(summary.remarks)) == (0, 2)
+    np.testing.assert_array_equal(made[3].image, one)
+    np.testing.assert_allclose(filled[3].image, 0.8 * one + 0.2 * other, atol=0.51)
+    listed = replace(detecting, cuts=CutsWhere(lambda image0, image1: (image0.image != image1.image).any()))
+    assert run(named, ByRate(Fraction(25)), holds=False, interpolator=listed)[1].scene_cuts == 1
 
 
 def test_the_loop_follows_curved_paths():

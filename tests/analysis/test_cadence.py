@@ -147,6 +147,17 @@ def test_a_conversion_makes_again_what_a_camera_dropped(fpsboost_, gaps, factor)
     assert packets_of(Path("out.mp4"), "audio") == packets_of(Path("in.mp4"), "audio")
 
 
+def test_a_gap_that_is_named_is_no_scene_cut(tmp_path, monkeypatch):
+    """The frames missing there are made from both sides, however little these have in common."""
+    monkeypatch.chdir(tmp_path)
+    write_moving([*range(4), *range(1000, 1004)], range(0, 8 * 1001, 1001))
+    options = {"factor": 1, "method": "blend", "encoding": FAST}
+    summary = convert("in.mp4", "out.mp4", gaps="3x2", **options)
+    assert (summary.frames_out, summary.frames_made, summary.scene_cuts) == (10, 2, 0)
+    mixed = pictures_of(Path("out.mp4"))[4].to_ndarray(format="bgr24").astype(float)
+    assert abs(mixed - (pan(9) * (2 / 3) + pan(3000) * (1 / 3))).mean() < 8
+
+
 @pytest.mark.parametrize(
     ("times", "options", "says"),
     [

@@ -35,6 +35,9 @@ def is_cut(detector, image0, image1):
     return detector.is_cut(detector.match_score(image0, image1), 0.9)
 
 
+MOVES = [(0, 1), (3, 1), (0, 2), (3, 2)]
+"""By how much the pictures of two scenes are moved, and which scene each shows."""
+
 BLACK = frozen(np.zeros((90, 120, 3), np.uint8))
 
 
@@ -144,6 +147,31 @@ def test_the_rendered_scenes_hold_no_cut(scene_name):
     assert not any(pair.is_cut() for pair in pairs)
     for pairs_of_a_sequence in (pairs[::2], pairs[1::2]):
         assert not any(pair.is_cut(before, after) for before, pair, after in with_neighbours(pairs_of_a_sequence))
+
+
+def pairs_of(images, durations):
+    """The pairs of a sequence of frames, of these durations."""
+    return [methods["nlm"].pair(*each, time) for each, time in zip(pairwise(images), durations, strict=True)]
+
+
+@needs_scenes
+@pytest.mark.parametrize("scene_name", ["glass", "reflective", "texture"])
+def test_frames_farther_apart_in_time_match_less_and_are_no_cut(scene_name):
+    """Where four frames are missing, the scene goes on; in a pair as short as those around it, that would be a cut."""
+    paths = [SCENES / scene_name / f"{number:04}.png" for number in (6, 7, 12, 13)]
+    images = [FrameCache(cv2.imread(str(path))) for path in paths]
+    before, pair, after = pairs_of(images, (1, 5, 1))
+    assert not pair.is_cut(before, after)
+    assert methods["nlm"].pair(*images[1:3]).is_cut(before, after) == (scene_name == "reflective")
+
+
+@pytest.mark.parametrize("duration", [1, 5, 30])
+def test_cuts_after_a_pause_are_found(duration):
+    """However long a picture stands before the scene changes, and whether its repeats are frames or a pause."""
+    one, same, other, moved = (as_type(moved_waves((90, 120), dx, 0, 3, seed), np.uint8) for dx, seed in MOVES)
+    images = prepared(one, same, other, moved)
+    before, pair, after = pairs_of(images, (1, duration, 1))
+    assert pair.is_cut(before, after)
 
 
 def found_cuts(frames):

@@ -16,7 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from vector_truth import constant, save_flows, save_vectors
 
-from fpsboost import VectorFolder, convert, find_method, methods
+from fpsboost import CutDetector, VectorFolder, convert, find_method, methods
+from fpsboost.analysis.scene_cuts import CutList
 from fpsboost.cli.compare import match_vectors
 from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
@@ -211,6 +212,20 @@ def test_gaps_of_any_pattern_are_filled(offsets, first, in_place):
             found = read_image(target / f"{number:04d}.png").astype(int)
             assert np.abs(found - picture(number, numbers[0])).max() <= 1
         assert not any("varies" in remark or "shows nothing new" in remark for remark in summary.remarks)
+
+
+def test_missing_images_are_no_scene_cut(tmp_path):
+    """The mix of both is made between images of nothing in common; a list of cuts counts all the same."""
+    images = {number: np.random.default_rng(number // 4).integers(0, 256, (60, 80, 3)) for number in (0, 1, 4, 5)}
+    for number, image in images.items():
+        (tmp_path / "in").mkdir(exist_ok=True)
+        save(tmp_path / "in" / f"{number:04}.png", image)
+    cuts = CutList((parse_position("2f", "`cuts`"),))
+    for policy, shown in ((CutDetector(), images[0] * 2 / 3 + images[4] / 3), (cuts, images[0])):
+        target = tmp_path / type(policy).__name__
+        summary = run(tmp_path / "in", target, replace(BLEND, cuts=policy), fill_gaps=True)
+        assert summary.scene_cuts == isinstance(policy, CutList)
+        np.testing.assert_allclose(read_image(target / "0002.png"), shown, atol=0.6)
 
 
 def test_long_gaps_are_no_pauses(tmp_path):
