@@ -24,7 +24,7 @@ from av.packet import PacketSideData, PktSideDataT
 from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS
 from fpsboost.media.errors import OutputError, undone_by
 from fpsboost.media.fitting import Fitting, check_readable, open_muxer
-from fpsboost.media.other_streams import OtherStreams
+from fpsboost.media.other_streams import MOVIE_CLOCK, OtherStreams
 from fpsboost.media.staging import rename_safely, sync
 from fpsboost.media.traits import VideoTraits
 
@@ -189,10 +189,13 @@ class Assembly:
                 self._others = OtherStreams(fitting, output.stream.video, self._output, stream)
                 if traits.stereo_mode:
                     stream.metadata["stereo_mode"] = traits.stereo_mode  # Matroska's and WebM's element
-                if container in EXACT_TIME_BASE_CONTAINERS:
-                    self._output.container_options["movie_timescale"] = str(self._others.clock)
-                    if self._others.tags.free_keys:
-                        self._output.container_options["movflags"] = "+faststart+use_metadata_tags"
+                if self._others.tags.free_keys:
+                    self._output.container_options["movflags"] = "+faststart+use_metadata_tags"
+            if container in EXACT_TIME_BASE_CONTAINERS:
+                clock = MOVIE_CLOCK if self._others is None else self._others.clock
+                if output.timing.rate > clock:  # a whole frame could lie behind the end of its rounded edit list
+                    clock = self._time_base.denominator
+                self._output.container_options["movie_timescale"] = str(clock)
             self._output.start_encoding()
             if self._others is not None:
                 self._others.copy_cover()

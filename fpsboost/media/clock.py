@@ -30,6 +30,7 @@ MAX_WAITING = 8
 """Number of consecutive frames no later than the last good one that ends the wait; if they rise, the clock jumped."""
 
 MAX_RATE = 1000
+"""Highest rate that is believed of a header: most higher ones count a clock's ticks. Times may tell a higher one."""
 ASSUMED_RATE = Fraction(25)
 MAX_DRIFT = Fraction(1, 8)  # maximum deviation of the end of a clip from its time at the declared rate, frames
 JITTER_DIVISOR = 8
@@ -105,7 +106,7 @@ def nominal_rate(stream: av.VideoStream, cadence: Cadence | None, *, raw: bool =
         for rate in map(as_fraction, rates)
         if rate is not None and 0 < rate <= (MAX_DISPLAY_RATE if raw else MAX_RATE)
     ]
-    if cadence is None or cadence.interval * MAX_RATE < 1:
+    if cadence is None:
         return (declared[0], True) if declared else (ASSUMED_RATE, False)
     # the nearest integer rate and NTSC rate (14.985, 23.976, 29.97 and their multiples), then the nearest half
     rate = 1 / cadence.interval

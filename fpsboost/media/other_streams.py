@@ -30,6 +30,9 @@ from fpsboost.media.tags import copy_labels, find_timecode, lost_labels, tags_fo
 MAX_INTERLEAVING = 10  # maximum time by which packets of different streams in one file may be out of order, seconds
 MAX_PRIMING = Fraction(1, 10)  # hidden sound before the beginning that decoders need to have decoded, at most, seconds
 
+MOVIE_CLOCK = 1000
+"""Ticks per second by which mp4 and mov place their streams, where nothing needs finer ones."""
+
 MIN_TEXT_TICK = Fraction(1, 90_000)
 """Shortest tick of subtitles in mp4 and mov, seconds: their muxer refuses two cues that are 2**31 ticks apart."""
 
@@ -97,9 +100,9 @@ class OtherStreams:
             for stream in self._input.streams
             if stream.start_time is not None and stream.time_base
         ]
-        ticks = math.lcm(1000, *(time.denominator for time in times))
-        self.clock = ticks if ticks < 2**31 else 1000
-        """Ticks per second in which starts, and ends of re-encoded audio, are exact; by default it is 1000."""
+        ticks = math.lcm(MOVIE_CLOCK, *(time.denominator for time in times))
+        self.clock = ticks if ticks < 2**31 else MOVIE_CLOCK
+        """Ticks per second in which starts, and ends of re-encoded audio, are exact."""
         self._packets = self._read()
         self._ahead: av.Packet[av.stream.Stream] | None = None
 

@@ -267,6 +267,18 @@ def test_a_clock_that_drifts(tmp_path):
     assert (summary.frames_out, summary.frames_made, summary.remarks) == (1600, 800, [])
 
 
+@pytest.mark.parametrize("rate", [Fraction(1001), Fraction(1200), 2400 * NTSC, Fraction(30_000)])
+def test_a_high_speed_camera_keeps_its_frames(tmp_path, rate):
+    """A file of more than 1000 frames per second is at its rate, and so is its conversion when it is read again."""
+    clip, out = tmp_path / "in.mov", tmp_path / "out.mp4"
+    write_clip(clip, times=range(20), time_base=1 / rate, rate=rate, size=(16, 16))
+    summary = convert(str(clip), str(out), method=keeping_duplicates("nearest"))
+    assert (summary.frames_in, summary.frames_out, summary.remarks) == (20, 40, [])
+    with VideoSource(out) as source:
+        assert source.info.rate == 2 * rate
+        assert [frame.time * 2 * rate for frame in source] == list(range(40))
+
+
 def rate_by(times, tick, guessed=None, average=None):
     """The rate of a stream with these times, of which FFmpeg says so much."""
     stream: Any = SimpleNamespace(guessed_rate=guessed, average_rate=average)
