@@ -237,6 +237,7 @@ def looped(ready: Preparation) -> tuple[FoldedSource, OutputRange]:
     shown = [times[number % count] + number // count * (end - start) for number in order]
     info = replace(source.info, frame_count=count, duration=end - start)
     total = count_frames(schedule, info, holds_last_frame=True)
+    seam = [step.t for step in schedule.steps(count - 1, start, times[-1], end)]
     before = schedule.output_position(order[0], start, schedule.presentation_time(start, shown[0]))
     remarks, video = list(dict.fromkeys([*whole.remarks, *again.remarks])), whole.stream_info.video
     if ready.target.kind == "video" and ready.output.encoding.audio and video and "sound" in video.companions:
@@ -244,6 +245,8 @@ def looped(ready: Preparation) -> tuple[FoldedSource, OutputRange]:
             f"{info.name} has sound, which does not become a loop; where it outlasts the {total} frames, players hold "
             "the last one until its end; leave it out with `audio=False`."
         )
+    if len(seam) > 1 and not any(seam):
+        remarks.append(f"{info.name} holds its last frame, and so does its loop; no frames lead from it to the first.")
     return (
         FoldedSource(info, remarks, [number % count for number in order], shown, read_from, beginning(source)),
         OutputRange(stop=total, entry=Entry(order[0], start, math.ceil(before)), round_frames=count, round_end=end),

@@ -217,6 +217,11 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
         rate.replacement.check(clip.whole.info)
     encoding, lost = _adapt_audio(job.encoding, stream, rate, clip.clip_curve, target.path)
     schedule = rate.schedule(info, has_clock=target.has_clock, curve=clip.curve)
+    most, asked = target.highest_rate, rate.timing(info, schedule).rate
+    if most is not None and asked > most and rate.follows_source:
+        rate = replace(rate, fps=most) if rate.slow_motion else replace(rate, factor=rate.multiple * most / asked)
+        schedule = rate.schedule(info, has_clock=target.has_clock, curve=clip.curve)
+        lost.append(f"{target.path} has {most} frames per second, the most that {target.file_type} can show.")
     multiple = schedule.rate(info.rate) / info.rate
     images = stream.images
     keeps_numbers = (

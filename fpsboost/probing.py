@@ -183,7 +183,8 @@ def probe(
     and `allow_playlists` reads playlists and the files that they name.
     """
     # A size that changes or wrong colours are to be reported, though a conversion would stop there.
-    may_change = Path(path).is_file() and not is_animation(Path(path))
+    is_animated = is_animation(Path(path))
+    may_change = Path(path).is_file() and not is_animated
     size_change: SizeChange = "scale" if may_change else "stop"
     decoding = DecodeOptions(input_fps=input_fps, stream=stream, allow_playlists=allow_playlists)
     decoding = replace(decoding, size_change=size_change, force_colours=may_change)
@@ -208,7 +209,10 @@ def probe(
             refused = refused or source.stopped_by
         info, times = source.info, findings.times
         counted = replace(info, frame_count=len(times), duration=findings.end - times[0])
-        intervals = [later - earlier for earlier, later in pairwise(times)] or [1 / info.rate]
+        # that of the last frame is its own in an animation; in a video, some headers are a few frames off
+        last = findings.end - times[-1]
+        ends = [findings.end] if is_animated or last > 4 / info.rate else []
+        intervals = [later - earlier for earlier, later in pairwise([*times, *ends])] or [1 / info.rate]
         cadence = None if findings.repeats is None else findings.repeats.cadence(info.rate)
         median, spread = statistics.median(intervals), max(intervals) - min(intervals)
         return Probe(

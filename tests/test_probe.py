@@ -154,6 +154,20 @@ def test_a_conversion_says_how_many_duplicates(fpsboost_, tmp_path):
     assert "duplicate" not in fpsboost_("in.mp4", "kept.mp4", "-m", "blend", "--duplicates", "keep").err
 
 
+@pytest.mark.parametrize("name", ["in.gif", "in.apng", "in.webp", "in.mp4"])
+@pytest.mark.parametrize("place", [0, 2, 5])
+def test_one_long_frame_does_not_change_the_rate(tmp_path, name, place):
+    """The usual interval is the rate, and the rate varies, also where the last frame is the long one."""
+    delays, path = [200 if number == place else 4 for number in range(6)], tmp_path / name
+    if name == "in.mp4":
+        write_clip(path, times=[sum(delays[:k]) for k in range(6)], end=sum(delays), time_base=Fraction(1, 100))
+    else:
+        write_animation(path, [disc(index) for index in range(6)], [10 * delay for delay in delays])
+    found = probe(str(path))
+    assert (found.rate, found.varies, found.longest) == (25, True, 2)
+    assert found.duration == pytest.approx(2.2)
+
+
 @pytest.mark.parametrize("name", ["in.gif", "in.apng", "in.webp"])
 def test_animations(tmp_path, name):
     """As many frames as a conversion to an .mp4 writes, at its rate."""

@@ -247,7 +247,7 @@ def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
     is_known = (
         len({len(truth.repeats) for truth in row[:-1]}) == 1
         and not any(truth.is_repeat for truth in row[1:])
-        and not any(clock.is_pause(later.frame.time - earlier.frame.time) for earlier, later in pairwise(row))
+        and not any(later.frame.time - earlier.frame.time > clock.longest for earlier, later in pairwise(row))
     )
     return Interval(
         before.source_position,

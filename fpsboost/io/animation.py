@@ -34,7 +34,7 @@ from fpsboost.io.images.encoder import colours_of
 from fpsboost.io.images.files import PNG_SIGNATURE, ImageMetadata, content_of, png_chunks
 from fpsboost.io.output import Output, StreamInfo, check_frame_size
 from fpsboost.io.video.ycc import straight_16_bit
-from fpsboost.media import MASTERING, StagedSink, as_fraction, check_writable, missing_codecs
+from fpsboost.media import MASTERING, StagedSink, as_fraction, check_writable, measured_cadence, missing_codecs
 from fpsboost.memory import MemoryLimit
 
 if TYPE_CHECKING:
@@ -130,9 +130,12 @@ class AnimationSource(ClosesOnExit):
         self.remarks = [remark for remark, is_due in said.items() if is_due]
         self.plays = _plays_of(image)
         self.stream_info = StreamInfo(colours=colours, plays=self.plays, files=[Path(path)])
-        rate = len(self._delays) / sum(self._delays, Fraction(0))
-        time_base = Fraction(1, math.lcm(*(delay.denominator for delay in self._delays)))
-        self.info = ClipInfo(path, height, width, rate, time_base, len(self._delays))
+        per_second = 100 if self._format == "GIF" else 1000
+        tick = Fraction(1, math.lcm(per_second, *(delay.denominator for delay in self._delays)))
+        times = list(accumulate(self._delays, initial=Fraction(0)))
+        cadence = measured_cadence([int(time / tick) for time in times], tick)
+        assert cadence is not None, "every delay is above 0"
+        self.info = ClipInfo(path, height, width, 1 / cadence.interval, tick, len(self._delays), times[-1])
 
     def _survey(self, image: PillowImage) -> bool:
         """Read delays and alpha up to the end or the first damage; return whether all frames could be decoded.

@@ -12,7 +12,7 @@ from fpsboost.contracts import FrameSink
 from fpsboost.errors import InputError, OptionError, OutputError, explained, refuse
 from fpsboost.frame import ClipInfo
 from fpsboost.io import DescribedSource
-from fpsboost.io.animation import ANIMATION_SUFFIXES, AnimationSink, AnimationSource, is_animation
+from fpsboost.io.animation import ANIMATION_SUFFIXES, AnimationSink, AnimationSource, is_animation, types
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, keeps_alpha
 from fpsboost.io.images.layers import ALL, BEAUTY
 from fpsboost.io.images.sink import ImagePartSink, ImageSink
@@ -255,6 +255,11 @@ class Target:
     def has_rate(self) -> bool:
         """Whether the output stores a frame rate."""
         return self.kind != "images"
+
+    @property
+    def highest_rate(self) -> Fraction | None:
+        """Highest frame rate that the type of an animation can hold; None for other outputs."""
+        return 1 / types[self.file_type].shortest if self.kind == "animation" else None
 
     @property
     def holds_layers(self) -> bool:

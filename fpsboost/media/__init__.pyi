@@ -11,6 +11,7 @@ from .clock import ASSUMED_RATE as ASSUMED_RATE
 from .clock import TIME_TOLERANCE as TIME_TOLERANCE
 from .clock import Window as Window
 from .clock import assumed_rate_remark as assumed_rate_remark
+from .clock import measured_cadence as measured_cadence
 from .demuxer import check_is_no_playlist as check_is_no_playlist
 from .demuxer import open_video as open_video
 from .encoded_sound import sound_encoders as sound_encoders

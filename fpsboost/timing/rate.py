@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from fpsboost.errors import InputError, OptionError, refuse, rounded
-from fpsboost.media import OutputTiming, is_implausible
+from fpsboost.media import FOREVER, OutputTiming, is_implausible
 from fpsboost.options import AnyDuplicates, Checked, PathName, Range, Rate, option
 from fpsboost.timing.position import Gaps, Replacement, format_time
 from fpsboost.timing.retime import parse_curve, parse_speeds, read_curve
@@ -23,6 +23,7 @@ from fpsboost.timing.schedule import (
     RetimeSchedule,
     Schedule,
     Shutter,
+    longest_interval,
     parse_number,
     parse_rate,
     representable,
@@ -243,6 +244,11 @@ class OutputRate(Checked):
         )
 
     @property
+    def follows_source(self) -> bool:
+        """Whether the output's rate is neither given nor that of the source's own frames."""
+        return self.factor is None and self.fps is None and not self.keeps_frames
+
+    @property
     def stretch(self) -> Fraction:
         """Duration of the output as a multiple of the source's; 1 but in slow motion."""
         return self.multiple if self.slow_motion else Fraction(1)
@@ -270,7 +276,7 @@ class OutputRate(Checked):
         factor = self.multiple
         keeps_timing = self.keep_timing or self.keeps_frames or self.duplicates == "drop" or not has_clock
         if self.fps is None and not self.fill_gaps and self.gaps is None and curve is None and keeps_timing:
-            return ByFactor(factor)
+            return ByFactor(factor, FOREVER if factor == 1 else longest_interval(info.rate))
         if self.fps is None and info.mean_rate is not None and is_implausible(info.rate, info.mean_rate):
             raise InputError(
                 f"{info.name} plays at {float(info.rate):.6g} frames per second by its clock and holds "
@@ -297,10 +303,11 @@ class OutputRate(Checked):
 
         `frame_intervals` are those of all frames, so that this is called at the end.
         """
-        if not isinstance(schedule, ByRate) or self.fill_gaps:
+        if not isinstance(schedule, ByFactor | ByRate):
             return []
         remarks = []
-        if self.fps is None and not self.retimes and self.gaps is None and frame_intervals.varies(info):
+        follows_rate = self.fps is None and not self.fill_gaps and not self.retimes and self.gaps is None
+        if isinstance(schedule, ByRate) and follows_rate and frame_intervals.varies(info):
             slowest, fastest = (
                 rounded(float(1 / each), 4) for each in (frame_intervals.longest, frame_intervals.shortest)
             )
@@ -309,12 +316,12 @@ class OutputRate(Checked):
                 f"{info.name} varies from {slowest} to {fastest} frames per second; the output is constant at "
                 f"{rate:.5g}, and `keep_timing` keeps it variable."
             )
-        if schedule.is_pause(frame_intervals.longest):
+        if frame_intervals.longest > schedule.longest:
             filled = "held there" if frame_intervals.longest <= MAX_FILLED else "held there as one long frame"
             remarks.append(
                 f"{info.name} shows nothing new for {float(frame_intervals.longest):.1f} s from "
                 f"{float(frame_intervals.begin):.1f} s on; "
-                f"the picture was {filled}, as in all pauses of more than {float(schedule.longest or 0):g} s."
+                f"the picture was {filled}, as in all pauses of more than {float(schedule.longest):g} s."
             )
         return remarks
 

@@ -18,7 +18,7 @@ from fractions import Fraction
 from typing import Annotated, NamedTuple, Protocol, Self, runtime_checkable
 
 from fpsboost.errors import OptionError
-from fpsboost.media import ClipInfo
+from fpsboost.media import FOREVER, ClipInfo
 from fpsboost.options import Checked, Range, check_type
 from fpsboost.timing.time_map import TimeMap
 
@@ -93,6 +93,8 @@ class ByFactor(Checked):
     ----------
     factor : Fraction
         Output frames per source frame, 0 < factor <= 1000.
+    longest : Fraction
+        Maximum seconds between two source frames for which frames are made between them; see `ByRate`.
 
     Examples
     --------
@@ -101,16 +103,19 @@ class ByFactor(Checked):
     """
 
     factor: Annotated[Fraction, Range(above=0, most=MAX_FACTOR)]
+    longest: Fraction = FOREVER
 
     def presentation_time(self, start: Fraction, time: Fraction) -> Fraction:
         """Return `time`: no frame is moved."""
         return time
 
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
-        """Yield the output frames of an interval; see `Schedule.steps`."""
-        for k in range(math.ceil(index * self.factor), math.ceil((index + 1) * self.factor)):
+        """Yield the output frames of an interval; see `Schedule.steps`. In a pause, all repeat the earlier frame."""
+        first, is_pause = math.ceil(index * self.factor), time1 - time0 > self.longest
+        for k in range(first, math.ceil((index + 1) * self.factor)):
             t = k / self.factor - index
-            yield Step(time0 + t * (time1 - time0), t)
+            at = Fraction(0) if is_pause and k == first else t
+            yield Step(time0 + at * (time1 - time0), Fraction(0) if is_pause else t)
 
     def output_position(self, index: int, start: Fraction, time: Fraction) -> Fraction:
         """Return ``index * factor``; see `Schedule.output_position`."""
@@ -136,9 +141,9 @@ class ByRate:
         Nominal rate of the source, for `tolerance`.
     tolerance : Fraction
         Maximum distance of a source frame from its nominal time, seconds, at which it is taken to be shown then.
-    longest : Fraction, optional
+    longest : Fraction
         Maximum seconds between two source frames for which frames are made between them; across a longer pause the
-        first is repeated. No limit by default.
+        first is repeated.
 
     Examples
     --------
@@ -149,7 +154,7 @@ class ByRate:
     frames_per_second: Fraction
     source_rate: Fraction | None = None
     tolerance: Fraction = Fraction(0)
-    longest: Fraction | None = None
+    longest: Fraction = FOREVER
 
     def __post_init__(self) -> None:
         check_type("fps", self.frames_per_second, Annotated[Fraction, Range(above=0, most=MAX_RATE)])
@@ -159,12 +164,11 @@ class ByRate:
         """Return a schedule for a source whose clock rounds, jitters or pauses.
 
         A frame may miss its nominal time by a tick of the clock, or by an eighth of a frame, as with phones and
-        browsers; never by half a frame of the source or of the output. Across a pause of more than a second that is
-        also longer than ten frames, no frames are interpolated, as no motion connects the two. A `tick` is in seconds.
+        browsers; never by half a frame of the source or of the output. Pauses are held. A `tick` is in seconds.
         """
         shorter = min(1 / source_rate, 1 / frames_per_second)
         tolerance = min(max(tick, 1 / source_rate / 8), shorter * 2 / 5)
-        return cls(frames_per_second, source_rate, tolerance, max(Fraction(1), 10 / source_rate))
+        return cls(frames_per_second, source_rate, tolerance, longest_interval(source_rate))
 
     def presentation_time(self, start: Fraction, time: Fraction) -> Fraction:
         """Return the nominal time of a source frame if its own is within `tolerance` of it, else its own."""
@@ -173,15 +177,11 @@ class ByRate:
         nominal = start + round((time - start) * self.source_rate) / self.source_rate
         return nominal if abs(time - nominal) <= self.tolerance else time
 
-    def is_pause(self, interval: Fraction) -> bool:
-        """Return whether two frames are too far apart for interpolation: by more than `longest` seconds."""
-        return self.longest is not None and interval > self.longest
-
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
         """Yield the output frames of an interval; see `Schedule.steps`. In a pause, all repeat the earlier frame."""
         first = math.ceil((time0 - start) * self.frames_per_second)
         last = math.ceil((time1 - start) * self.frames_per_second)
-        is_pause = self.is_pause(time1 - time0)
+        is_pause = time1 - time0 > self.longest
         if is_pause and time1 - time0 > MAX_FILLED:
             last = min(last, first + 1)
         for k in range(first, last):
@@ -223,7 +223,7 @@ class RetimeSchedule(ByRate):
 
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
         """Yield the output frames that show source times of an interval; see `Schedule.steps`."""
-        rate, is_pause = self.frames_per_second, self.is_pause(time1 - time0)
+        rate, is_pause = self.frames_per_second, time1 - time0 > self.longest
         first, last = (self.curve.frames_before(time - start, rate) for time in (time0, time1))
         offsets = [Fraction(0)] if self.shutter is None or is_pause else self.shutter.offsets
         for number in range(first - 1, last + 1):
@@ -236,6 +236,11 @@ class RetimeSchedule(ByRate):
     def output_position(self, index: int, start: Fraction, time: Fraction) -> Fraction:
         """Return how many output frames are shown before a source frame; see `Schedule.output_position`."""
         return Fraction(self.curve.frames_before(time - start, self.frames_per_second))
+
+
+def longest_interval(source_rate: Fraction) -> Fraction:
+    """Return the seconds between two frames above which no motion connects them: one, and ten frames of a rate."""
+    return max(Fraction(1), 10 / source_rate)
 
 
 def rising_time(schedule: Schedule, start: Fraction, time: Fraction, last: Fraction | None) -> Fraction | None:

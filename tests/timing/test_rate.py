@@ -51,8 +51,9 @@ def test_twice_the_rate_unless_told():
     assert OutputRate().schedule(info) == forgiving(Fraction(48), Fraction(24), tick)
     assert OutputRate(Fraction(5, 2)).schedule(info) == forgiving(Fraction(60), Fraction(24), tick)
     assert OutputRate(fps=NTSC).schedule(info) == forgiving(NTSC, Fraction(24), tick)
-    assert OutputRate(keep_timing=True).schedule(info) == ByFactor(Fraction(2))
-    assert OutputRate(Fraction(3)).schedule(info, has_clock=False) == ByFactor(Fraction(3))
+    assert OutputRate(keep_timing=True).schedule(info) == ByFactor(Fraction(2), Fraction(1))
+    assert OutputRate(Fraction(3)).schedule(info, has_clock=False) == ByFactor(Fraction(3), Fraction(1))
+    assert OutputRate(Fraction(3)).schedule(info_of(Fraction(2)), has_clock=False).longest == 5
     assert OutputRate(fps=NTSC).schedule(info, has_clock=False) == forgiving(NTSC, Fraction(24), tick)
 
 

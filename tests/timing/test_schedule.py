@@ -68,6 +68,18 @@ def test_source_frames_keep_their_exact_times_under_whole_factors(factor, start,
         assert [step.time for pair, step in steps if pair == k] == [time0 + gap * j / factor for j in range(factor)]
 
 
+@pytest.mark.parametrize("kind", [ByFactor, ByRate])
+def test_a_pause_is_held(kind):
+    """Between two frames that are further apart than a schedule says, the first is repeated, from its time on."""
+    schedule = kind(Fraction(5, 2), longest=Fraction(1))
+    times = [Fraction(0), Fraction(2, 5), Fraction(7, 5), Fraction(22, 5)]
+    shown = [[step for pair, step in all_steps(schedule, times) if pair == k] for k in range(3)]
+    assert any(step.t for step in [*shown[0], *shown[1]])
+    assert len(shown[2]) > 1
+    assert {step.t for step in shown[2]} == {0}
+    assert shown[2][0].time - times[2] < (Fraction(1, 9999) if kind is ByFactor else Fraction(2, 5))
+
+
 @given(rates, starts, intervals)
 def test_a_rate_hits_every_tick_of_its_own_clock(rate, start, gaps):
     """Against brute force: all start + k / rate before the last source frame, each in the one pair that holds it."""

@@ -165,18 +165,19 @@ def test_opaque_frames_among_transparent_ones(tmp_path, suffix, colours):
 @pytest.mark.parametrize(
     ("suffix", "delays", "found"),
     [
-        *((suffix, [30, 70, 500, 40], [30, 70, 500, 40]) for suffix in SUFFIXES),
+        *((suffix, [20, 70, 500, 20], [20, 70, 500, 20]) for suffix in SUFFIXES),
         (".gif", [0, 10, 20, 20], [100, 100, 20, 20]),  # too short ones are a tenth of a second, as in every browser
     ],
 )
 def test_delays_are_read(tmp_path, suffix, delays, found):
-    """Every frame comes at the sum of the delays before it; the header tells rate, clock and count."""
+    """Every frame comes at the sum of the delays before it; they tell the usual rate, clock, count and length."""
     path = write_animation(tmp_path / f"in{suffix}", [scene(index) for index in range(4)], delays)
     with AnimationSource(str(path)) as source:
         frames = list(source)
     assert [frame.time * 1000 for frame in frames] == [sum(found[:index]) for index in range(4)]
     assert [frame.duration * 1000 for frame in frames] == found
-    assert (source.info.rate, source.info.frame_count) == (Fraction(4 * 1000, sum(found)), 4)
+    assert (source.info.rate, source.info.frame_count) == (50, 4)
+    assert source.info.duration == Fraction(sum(found), 1000)
     assert all((frame.time / source.info.time_base).denominator == 1 for frame in frames)
 
 
@@ -217,9 +218,59 @@ def test_gif_ends_at_fifty_frames(tmp_path):
     """A rate that players of GIF slow down is refused, with what to do, before anything is made."""
     clip = write_clip(tmp_path / "in.mp4", times=range(4), time_base=Fraction(1, 30))
     with pytest.raises(OutputError, match=r"out\.gif cannot show 60 frames .* 50; use `fps=50` or less.*\.apng"):
-        fpsboost.convert(str(clip), str(tmp_path / "out.gif"))
+        fpsboost.convert(str(clip), str(tmp_path / "out.gif"), factor=2)
     fpsboost.convert(str(clip), str(tmp_path / "out.gif"), method="blend", rate=OutputRate(fps=50))
     assert {seen.delay for seen in read_animation(tmp_path / "out.gif")} == {20}
+
+
+@pytest.mark.parametrize(
+    ("delays", "options", "expected"),
+    [
+        ([30] * 4, {}, [20] * 6),
+        ([30] * 4, {"loop": True}, [20] * 6),
+        ([30] * 4, {"keep_timing": True}, [20] * 6),
+        ([20] * 4, {}, [20] * 4),
+        ([16, 17, 17] * 2, {"retime": "0=0 0.1s=0.1s"}, [20] * 5),
+        ([10] * 4, {"slow_motion": True}, [20] * 4),
+        ([30, 30, 2000, 30], {}, [20, 20, 20, 1330, 680, 20]),
+        ([40] * 4, {}, None),
+    ],
+    ids=str,
+)
+def test_nobody_asked_for_more_than_a_gif_can_show(tmp_path, delays, options, expected):
+    """Without a rate, a GIF gets at most 50 frames per second, and a note says so; what takes less has none."""
+    clip = write_animation(tmp_path / "in.webp", [disc(index) for index in range(len(delays))], delays)
+    summary = fpsboost.convert(str(clip), str(tmp_path / "out.gif"), method="blend", **options)
+    assert [seen.delay for seen in read_animation(tmp_path / "out.gif")] == (expected or [20] * 8)
+    note = f"{tmp_path / 'out.gif'} has 50 frames per second, the most that .gif can show."
+    assert (note in summary.remarks) == (expected is not None)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("loop", [False, True])
+@pytest.mark.parametrize("place", [1, 5])
+def test_a_long_frame_is_held(tmp_path, suffix, loop, place):
+    """One of two seconds among those of a tenth: all frames of the animation are in a video of twice their usual rate.
+
+    Nothing is made between the long frame and the next, in an animation neither, and a loop that ends with it says so.
+    """
+    levels, delays = list(range(0, 240, 40)), [2000 if number == place else 100 for number in range(6)]
+    images = [np.full((16, 16, 3), level, np.uint8) for level in levels]
+    path, out = write_animation(tmp_path / f"in{suffix}", images, delays), tmp_path / f"out{suffix}"
+    ready = [(str(path), str(tmp_path / "out.mov")), (str(path), str(out))]
+    video, again = (fpsboost.convert(*names, method="blend", loop=loop) for names in ready)
+    shown = [int(np.rint(picture.to_ndarray(format="gray").mean())) for picture in pictures_of(tmp_path / "out.mov")]
+    begin = [2 * sum(delays[:number]) // 100 for number in range(6)]
+    assert len(shown) == 50
+    assert [shown[number] for number in begin] == pytest.approx(levels, abs=3)
+    assert shown[begin[place] : begin[place] + 40] == pytest.approx([levels[place]] * 40, abs=3)
+    of_level = [seen.delay for seen in read_animation(out) if abs(int(seen.image[8, 8, 0]) - levels[place]) < 4]
+    assert of_level == [1000, 1000]
+    for summary in (video, again):
+        assert any("holds its last frame, and so does its loop" in each for each in summary.remarks) == (
+            loop and place == 5
+        )
+        assert any("shows nothing new for 2.0 s from 0.1 s on" in each for each in summary.remarks) == (place == 1)
 
 
 @pytest.mark.parametrize(
