@@ -214,8 +214,12 @@ class TimeMap(Protocol):
     def time_of(self, source: Fraction) -> Fraction:
         """Return the output time at which the source first reaches a time."""
 
-    def end_of(self, begin: Fraction, end: Fraction) -> Fraction:
-        """Return the output time at which a part of the source, `begin` to `end`, was shown."""
+    @property
+    def reverses(self) -> bool:
+        """Whether the source plays backwards somewhere."""
+
+    def passages(self, begin: Fraction, end: Fraction) -> Sequence[tuple[Fraction, Fraction]]:
+        """Return the output times, from and to, between which a part of the source, `begin` to `end`, is shown."""
 
 
 @dataclass
@@ -239,16 +243,14 @@ class Window:
         """Return the number of frames before the part, at a rate."""
         return max(0, math.ceil((self.begin - self.origin - TIME_TOLERANCE) * rate))
 
-    def output_time(self, time: Fraction, begin: Fraction | None = None) -> Fraction:
-        """Return the output time, seconds, at which a time of the source is shown.
+    def output_time(self, time: Fraction) -> Fraction:
+        """Return the output time, seconds, at which a time of the source is first shown."""
+        return time - self.begin if self.curve is None else self.curve.time_of(time - self.begin)
 
-        With `begin`, the time is the end of something that begins there, and the result is when that ends in the
-        output.
-        """
-        at = time - self.begin
-        if self.curve is None:
-            return at
-        return self.curve.time_of(at) if begin is None else self.curve.end_of(begin - self.begin, at)
+    def passages(self, begin: Fraction, end: Fraction) -> Sequence[tuple[Fraction, Fraction]]:
+        """Return the output times, from and to, between which a part of the source, `begin` to `end`, is shown."""
+        part = begin - self.begin, end - self.begin
+        return [part] if self.curve is None else self.curve.passages(*part)
 
 
 @dataclass(frozen=True)

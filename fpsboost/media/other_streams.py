@@ -7,9 +7,11 @@ format, a timecode is converted to the new rate, and audio is re-encoded if it i
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from fractions import Fraction
+from heapq import merge
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, cast
 
@@ -25,7 +27,15 @@ from fpsboost.media.errors import EncryptedError
 from fpsboost.media.fitting import Fitting, add_copied, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
 from fpsboost.media.pyav import open_input, printable
 from fpsboost.media.remarks import Damage, counted, encrypted_stream_sentence, not_held_remark
-from fpsboost.media.tags import copy_labels, find_timecode, lost_labels, tags_for, timecode_at, unread_of_chapters
+from fpsboost.media.tags import (
+    copy_labels,
+    find_timecode,
+    lost_labels,
+    regional_languages,
+    tags_for,
+    timecode_at,
+    unread_of_chapters,
+)
 
 MAX_INTERLEAVING = 10  # maximum time by which packets of different streams in one file may be out of order, seconds
 MAX_PRIMING = Fraction(1, 10)  # hidden sound before the beginning that decoders need to have decoded, at most, seconds
@@ -69,12 +79,14 @@ class OtherStreams:
         self._window, self._encoding = fitting.output.window, fitting.output.encoding
         self._name, self._container = fitting.output.path, fitting.container
         self._curve = None if self._window is None else self._window.curve
+        self._reverses = self._curve is not None and self._curve.reverses
         self.written: dict[int, str] = {}
         """Type of each stream of the source of which packets were muxed, by its number."""
         self._input = source.open()
         self._targets: dict[int, av.stream.Stream] = {}
         self._labels: dict[int, tuple[str, dict[str, str], av.stream.Disposition]] = {}
         """Type, tags and flags of each target when all is muxed; PyAV reads none of a file that is closed."""
+        self._regional = regional_languages(self._input)
         self._last_dts: dict[int, int] = {}
         self._covers: list[av.Packet[Any]] = []
         self._converters: dict[int, TextConverter] = {}
@@ -103,8 +115,8 @@ class OtherStreams:
         ticks = math.lcm(MOVIE_CLOCK, *(time.denominator for time in times))
         self.clock = ticks if ticks < 2**31 else MOVIE_CLOCK
         """Ticks per second in which starts, and ends of re-encoded audio, are exact."""
-        self._packets = self._read()
-        self._ahead: av.Packet[av.stream.Stream] | None = None
+        self._packets = self._moved()
+        self._ahead: tuple[Fraction, av.Packet[av.stream.Stream]] | None = None
 
     def close(self) -> None:
         """Close the source file; the output stays open."""
@@ -117,9 +129,9 @@ class OtherStreams:
         Times must not decrease from call to call. Packets before the window are left out, and those out of order too,
         with a remark. Raises `EncryptedError` for an encrypted packet before the end of the window.
         """
-        while (packet := self._ahead or next(self._packets, None)) is not None:
-            self._ahead, due = packet, (packet.dts or 0) * Fraction(packet.time_base)
-            if time is not None and (due if self._window is None else self._window.output_time(due)) > time:
+        while (ahead := self._ahead or next(self._packets, None)) is not None:
+            self._ahead, (due, packet) = ahead, ahead
+            if time is not None and due > time:
                 break
             self._ahead = None
             self._copy(packet)
@@ -154,17 +166,21 @@ class OtherStreams:
     def _add(self, stream: av.stream.Stream) -> None:
         """Add an output stream for a stream of the source as `fit_streams` has chosen, or remark on its loss."""
         is_kept = is_wanted(stream, self._encoding)
+        is_copied = is_kept or (stream.type == "data" and keeps_data(self._container, stream))
+        can_turn = stream.type == "audio" or (is_text(stream) and codec_of(stream) != "eia_608")
         if stream.type == "video" and is_cover_art(stream):
             self._add_cover(stream)
         elif stream.discard == av.stream.Discard.all:
             pass  # chapter track of an mp4, which FFmpeg reads as chapters
         elif stream.index in self._fitting.left_out:
             self.remarks.append(self._fitting.left_out[stream.index])
+        elif is_copied and self._reverses and not can_turn:
+            self._remark(f"lost stream {stream.index} ({kind_of(stream)}) of its source, which cannot play backwards.")
         elif stream.index in self._fitting.encoders:
             self._add_encoded(stream, self._fitting.encoders[stream.index])
         elif is_kept and is_text(stream) and not fits(self._container, stream, None):
             self._add_converted(stream)
-        elif is_kept or (stream.type == "data" and keeps_data(self._container, stream)):
+        elif is_copied:
             self._add_target(stream, add_copied(self._output, stream, self._container))
         elif stream.type == "attachment" and keeps_data(self._container, stream):
             self._output.add_stream_from_template(stream)
@@ -220,9 +236,10 @@ class OtherStreams:
                     f"{self._source.name} is damaged: {counted(sound.lost_packets, 'packet')} of sound in stream "
                     f"{index} could not be decoded, where {self._name} is silent; listen to it."
                 )
-        self._labels = {
-            index: (target.type, dict(target.metadata), target.disposition) for index, target in self._targets.items()
-        }
+        for index, target in self._targets.items():
+            given = self._regional.get(index)
+            tags = {**target.metadata, "language": given} if given else dict(target.metadata)
+            self._labels[index] = target.type, tags, target.disposition
         self.close()
 
     def _copy_timecode(self, video: av.VideoStream) -> bool:
@@ -256,12 +273,45 @@ class OtherStreams:
             keeping = [suffix for suffix, container in containers.items() if container in ("mp4", "matroska")]
             self.remarks.append(not_held_remark(self._name, "the cover picture", keeping))
 
-    def _read(self) -> Iterator[av.Packet[av.stream.Stream]]:
-        """Yield the packets to mux, in file order, with times from the start of the clip; text as decoded cues.
+    def _moved(self) -> Iterator[tuple[Fraction, av.Packet[av.stream.Stream]]]:
+        """Yield the packets to mux, and when each is due in the output, seconds.
+
+        They are in file order. Where the source plays backwards, all cues are read first and put in the output's order.
+        """
+        cues = [index for index, stream in self._targets.items() if stream.type == "subtitle" and self._reverses]
+        packets = self._due(self._read(self._input, self._targets.keys() - cues))
+        if not cues:
+            yield from packets
+            return
+        with self._source.open() as file:
+            moved = [
+                ((packet.pts or 0) * Fraction(packet.time_base), packet)
+                for _, packet in self._due(self._read(file, cues))
+            ]
+        yield from merge(packets, sorted(moved, key=itemgetter(0)), key=itemgetter(0))
+
+    def _due(
+        self, packets: Iterator[av.Packet[av.stream.Stream]]
+    ) -> Iterator[tuple[Fraction, av.Packet[av.stream.Stream]]]:
+        """Yield packets, at times in the output but for sound that is encoded, and when that which they hold is due."""
+        window, end = self._window, None if self._window is None else self._window.end
+        for packet in packets:
+            index, kind = packet.stream.index, packet.stream.type
+            time = (packet.dts or 0) * Fraction(packet.time_base)
+            if is_encrypted(packet) and (end is None or time < end):
+                raise EncryptedError(encrypted_stream_sentence(self._source.name, kind, index))
+            due = time if window is None else window.output_time(time)
+            for moved in [packet] if window is None or index in self._sounds else self._move(packet, window):
+                yield due, moved
+
+    def _read(
+        self, file: av.container.InputContainer, streams: Collection[int]
+    ) -> Iterator[av.Packet[av.stream.Stream]]:
+        """Yield packets of streams of the source, in file order, with times from the start of the clip; text as cues.
 
         Ends soon after the window does. Damage is remarked once.
         """
-        if not self._targets:
+        if not streams:
             return
         # where all later packets of any stream are after the window too
         past = None if self._window is None or self._window.end is None else self._window.end + MAX_INTERLEAVING
@@ -270,7 +320,7 @@ class OtherStreams:
             f"{self._source.name} is damaged where sound, subtitles or data lie, so some may be missing in "
             f"{self._name}; listen to it."
         )
-        for packet in read_packets(self._input, self._targets.keys(), damage):
+        for packet in read_packets(file, streams, damage):
             if damage.unreadable and sentence not in self.remarks:
                 self.remarks.append(sentence)
             if packet.dts is not None and not self._is_hidden(packet):
@@ -281,8 +331,8 @@ class OtherStreams:
                     break
                 converter = self._converters.get(packet.stream.index)
                 yield from [packet] if converter is None else converter.cues(packet)
-        for converter in self._converters.values():
-            yield from converter.last_cues()
+        for index, converter in self._converters.items():
+            yield from converter.last_cues() if index in streams else ()
 
     def _is_hidden(self, packet: av.Packet[av.stream.Stream]) -> bool:
         """Return whether the edit list hides a packet that is copied, the output cannot, and no decoder needs it."""
@@ -290,8 +340,8 @@ class OtherStreams:
         is_copied = packet.stream.index not in self._sounds and self._container not in EXACT_TIME_BASE_CONTAINERS
         return packet.is_discard and is_copied and end < -MAX_PRIMING
 
-    def _move(self, packet: av.Packet[av.stream.Stream], window: Window) -> bool:
-        """Offset a packet's times like those of the pictures; return whether it lies in the window."""
+    def _move(self, packet: av.Packet[av.stream.Stream], window: Window) -> Sequence[av.Packet[av.stream.Stream]]:
+        """Move a packet like the pictures; return what lies in the window, a cue as often as it is shown."""
         tick, dts = Fraction(packet.time_base), packet.dts or 0
         pts = dts if packet.pts is None else packet.pts
         begin, end = pts * tick, (pts + max(packet.duration or 0, 1)) * tick
@@ -299,17 +349,25 @@ class OtherStreams:
         is_exact = self._container in EXACT_TIME_BASE_CONTAINERS
         leads = not is_exact and packet.stream.type == "audio" and window.begin == window.origin
         if (end <= window.begin and not leads) or (window.end is not None and begin >= window.end):
-            return False
+            return []
         moved = round(window.begin / tick)
         packet.pts, packet.dts = pts - moved, dts - moved
         if packet.stream.type == "subtitle":
             begin, end = max(begin, window.begin), end if window.end is None else min(end, window.end)
+            if packet.duration or self._reverses:
+                times = [(round(time0 / tick), round(time1 / tick)) for time0, time1 in window.passages(begin, end)]
+                return [self._shown_from(packet, time0, time1) for time0, time1 in times if time0 < time1]
             packet.pts = packet.dts = round(window.output_time(begin) / tick)
-            if packet.duration:
-                packet.duration = round(window.output_time(end, begin) / tick) - packet.pts
-                if not packet.duration:  # not in the part that the curve shows
-                    return False
-        return packet.pts >= 0 or is_exact or leads
+        return [packet] if packet.pts >= 0 or is_exact or leads else []
+
+    def _shown_from(self, packet: av.Packet[av.stream.Stream], begin: int, end: int) -> av.Packet[av.stream.Stream]:
+        """Return a copy of a cue that is shown from one tick to another."""
+        again: av.Packet[Any] = av.Packet(bytes(packet))
+        again.stream, again.time_base = self._input.streams[packet.stream.index], packet.time_base
+        again.pts, again.dts, again.duration = begin, begin, end - begin
+        for data in packet.iter_sidedata():
+            again.set_sidedata(data)
+        return again
 
     def _copy(self, packet: av.Packet[av.stream.Stream]) -> None:
         """Mux, convert or encode one packet.
@@ -318,11 +376,6 @@ class OtherStreams:
         """
         assert packet.dts is not None
         index, kind = packet.stream.index, packet.stream.type
-        end = None if self._window is None else self._window.end
-        if is_encrypted(packet) and (end is None or packet.dts * Fraction(packet.time_base) < end):
-            raise EncryptedError(encrypted_stream_sentence(self._source.name, kind, index))
-        if index not in self._sounds and self._window is not None and not self._move(packet, self._window):
-            return
         last = self._last_dts.get(index)
         # short audio packets may share a millisecond, and re-encoded audio gets new times
         equal_is_fine = kind == "subtitle" or index in self._sounds or self._container not in EXACT_TIME_BASE_CONTAINERS
@@ -352,16 +405,18 @@ class OtherStreams:
 def _chapters_within(file: av.container.InputContainer, window: Window | None, start: Fraction) -> list[Any]:
     """Return the chapters that overlap a window, cut to it, with their output times."""
     window = window or Window(Fraction(0), None, None)
-    kept = []
+    kept: list[Any] = []
     for chapter in file.chapters():
         tick = Fraction(chapter["time_base"] or 1)
         begin, end = max(chapter["start"] * tick - start, window.begin), chapter["end"] * tick - start
         end = end if window.planned_end is None else min(end, window.planned_end)
-        if begin < end:
-            shown = {"start": window.output_time(begin), "end": window.output_time(end, begin)}
-            times = {name: round(time / tick) for name, time in shown.items()}
+        for time0, time1 in window.passages(begin, end) if begin < end else ():
+            times = {"start": round(time0 / tick), "end": round(time1 / tick)}
             if times["start"] < times["end"]:
                 kept.append({**chapter, **times, "metadata": printable(chapter["metadata"])})
+    if window.curve is not None and window.curve.reverses:
+        kept.sort(key=lambda chapter: chapter["start"] * Fraction(chapter["time_base"] or 1))
+        kept = [{**chapter, "id": number} for number, chapter in enumerate(kept, 1)]  # one may come several times
     return kept
 
 

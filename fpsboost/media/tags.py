@@ -5,7 +5,7 @@ Of Matroska's chapters FFmpeg reads a time and a name; their other properties ar
 
 import mmap
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
@@ -58,6 +58,9 @@ PARENTS_OF_CHAPTERS = (b"\x18\x53\x80\x67", CHAPTERS, b"\x45\xb9", CHAPTER, CHAP
 IS_ORDERED, IS_HIDDEN, LANGUAGE = b"\x45\xdd", b"\x98", b"\x43\x7c"
 """Identifiers of EditionFlagOrdered, ChapterFlagHidden and ChapLanguage."""
 
+TRACKS, TRACK, TRACK_LANGUAGE = b"\x16\x54\xae\x6b", b"\xae", b"\x22\xb5\x9d"
+"""Identifiers of Tracks, TrackEntry and LanguageBCP47."""
+
 ORDER = "the order of editions"
 
 NO_LANGUAGES = (b"und", b"eng")
@@ -96,7 +99,8 @@ def tags_for(source: Mapping[str, str], container: str) -> Tags:
 def copy_labels(stream: av.stream.Stream, target: av.stream.Stream, container: str) -> None:
     """Copy language, title and disposition of a stream to a stream of a container.
 
-    Languages become three-letter codes; .mov supports only one of two codes for some languages.
+    Languages become three-letter codes; .mov supports only one of two codes for some languages. Matroska and WebM keep
+    the name of a region or script, too.
     """
     labels = {
         key: value for key, value in stream.metadata.items() if not key.lower().startswith(STREAM_SPECIFIC_TAG_PREFIXES)
@@ -104,6 +108,8 @@ def copy_labels(stream: av.stream.Stream, target: av.stream.Stream, container: s
     if "name" in labels:  # FFmpeg reads mp4's stream title as "name", but writes it from "title", as Matroska's
         labels.setdefault("title", labels.pop("name"))
     for language in [key for key in labels if key.lower() == "language"]:
+        if "-" in labels[language] and container in ("matroska", "webm"):
+            continue
         known = _language_codes(labels[language])
         kept = [code for code in known if _tags_read_back({}, container, language=code)[1].get("language") == code]
         labels[language] = next(iter([*kept, *known]), labels[language])
@@ -122,6 +128,28 @@ def lost_labels(tags: dict[str, str], flags: av.stream.Disposition, stream: av.s
         **{f"role {role.name}": roles & role for role in av.stream.Disposition},
     }
     return [what for what, is_lost in lost.items() if is_lost]
+
+
+def regional_languages(file: av.container.InputContainer) -> dict[int, str]:
+    """Return the languages with a region or script, such as pt-BR, by the numbers of their streams.
+
+    Beside the tag, Matroska has an element for them, which FFmpeg does not read; its tracks are FFmpeg's first streams.
+    """
+    found = {stream.index: _lower(stream.metadata).get("language", "") for stream in file.streams}
+    if file.format.name == "matroska,webm":
+        with open(file.name, "rb") as source, mmap.mmap(source.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            begin, end = next(_inside(data, (PARENTS_OF_CHAPTERS[0], TRACKS), 0, len(data)), (0, 0))
+            for index, (start, stop) in enumerate(_inside(data, (TRACK,), begin, end)):
+                for first, last in _inside(data, (TRACK_LANGUAGE,), start, stop):
+                    found[index] = data[first:last].strip(b"\0").decode("utf-8", "replace")
+    return {index: language for index, language in found.items() if "-" in language}
+
+
+def _inside(data: mmap.mmap, path: Sequence[bytes], begin: int, end: int) -> Iterator[tuple[int, int]]:
+    """Yield where the elements at the end of a path of identifiers, each in the one before, begin and end."""
+    for name, start, stop in _elements(data, begin, end):
+        if name == path[0]:
+            yield from _inside(data, path[1:], start, stop) if path[1:] else [(start, stop)]
 
 
 def _language_codes(language: str) -> list[str]:

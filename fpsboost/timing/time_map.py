@@ -21,6 +21,8 @@ SOUND_SPEEDS = Fraction(1, 2), Fraction(2)
 """Lowest and highest speed at which sound is stretched at its pitch by default."""
 ALL_SPEEDS = Fraction(1, 1000), Fraction(1000)
 """Lowest and highest speed at which sound can be stretched."""
+MILLISECONDS = Fraction(1000)
+"""Positions per second to which times are rounded where the speed changes."""
 MIN_SOUND = Fraction(1, 4)
 """Shortest duration of a constant speed for which sound is stretched, seconds: a few windows of the filter."""
 
@@ -41,6 +43,32 @@ class Segment(Passage):
         u = (time - self.begin) / length
         bend = u * (1 - u) * length * ((1 - u) * self.slope0 - u * self.slope1)
         return self.source0 + (u * rise if self.speed is not None else u * u * (3 - 2 * u) * rise + bend)
+
+    def place(self, source: Fraction, rate: Fraction) -> Fraction:
+        """Return the position, in output frames, at which a source time between both ends is reached.
+
+        While the speed changes, it is the next whole one.
+        """
+        if self.speed is not None:
+            return (self.begin + (source - self.source0) / self.speed) * rate
+        numbers = range(math.ceil(self.begin * rate), math.ceil(self.end * rate))
+        sign = 1 if self.source1 > self.source0 else -1
+        return Fraction(
+            numbers.start + bisect_left(numbers, sign * source, key=lambda number: sign * self.source(number / rate))
+        )
+
+    def passage(self, begin: Fraction, end: Fraction) -> tuple[Fraction, Fraction] | None:
+        """Return when a part of the source, `begin` to before `end`, is shown, from when and to when; None if never."""
+        low, high = sorted((self.source0, self.source1))
+        if low == high:
+            return (self.begin, self.end) if begin <= low < end else None
+        if begin >= high or end <= low:
+            return None
+        first, last = (begin, end) if self.source0 == low else (end, begin)
+        return (
+            self.place(first, MILLISECONDS) / MILLISECONDS if low < first < high else self.begin,
+            self.place(last, MILLISECONDS) / MILLISECONDS if low < last < high else self.end,
+        )
 
 
 @dataclass(frozen=True)
@@ -162,21 +190,25 @@ class TimeMap:
 
         It is exact where the speed is constant, and rounded up to a millisecond where it changes.
         """
-        return self._place(source, Fraction(1000)) / 1000
+        return self._place(source, MILLISECONDS) / MILLISECONDS
 
-    def end_of(self, begin: Fraction, end: Fraction) -> Fraction:
-        """Return the output time at which a part of the source, `begin` to `end`, was shown.
+    def passages(self, begin: Fraction, end: Fraction) -> list[tuple[Fraction, Fraction]]:
+        """Return the output times, from and to, between which a part of the source, `begin` to `end`, is shown.
 
-        That is when the source first reaches `end`; if it turns back before, when it is last not before `begin`.
+        There are several where the source is shown again. They are as exact as those of `time_of`.
+
+        Examples
+        --------
+        >>> points = [(Fraction(0), Fraction(0)), (Fraction(4), Fraction(4)), (Fraction(8), Fraction(0))]
+        >>> passages = TimeMap.through(points).passages(Fraction(1), Fraction(2))
+        >>> [(int(begin), int(end)) for begin, end in passages]
+        [(1, 2), (6, 7)]
         """
-        if not begin <= self.top < end:
-            return self.time_of(end)
-        length = self.length
-        mirrored = tuple(
-            Segment(length - each.end, length - each.begin, each.source1, each.source0, -each.slope1, -each.slope0)
-            for each in reversed(self.segments)
-        )
-        return length - TimeMap(mirrored).time_of(begin)
+        found = list[tuple[Fraction, Fraction]]()
+        for time0, time1 in filter(None, (each.passage(begin, end) for each in self.segments)):
+            goes_on = found and time0 <= found[-1][1]
+            found.append((found.pop()[0] if goes_on else time0, time1))
+        return found
 
     def frames_before(self, source: Fraction, rate: Fraction) -> int:
         """Return the number of output frames, at a rate, that are shown before the source reaches a time."""
@@ -193,10 +225,7 @@ class TimeMap:
         segment = self.segments[place]
         if segment.source0 >= source:
             return segment.begin * rate
-        if segment.speed is not None:
-            return (segment.begin + (source - segment.source0) / segment.speed) * rate
-        numbers = range(math.ceil(segment.begin * rate), math.ceil(segment.end * rate))
-        return Fraction(numbers.start + bisect_left(numbers, source, key=lambda number: segment.source(number / rate)))
+        return segment.place(source, rate)
 
     @cached_property
     def _tops(self) -> list[Fraction]:

@@ -499,14 +499,39 @@ def test_texts_that_are_not_utf_8_are_read(tmp_path, suffix):
 
 @pytest.mark.parametrize(
     ("suffix", "expected"),
-    [(".mp4", ["spa", "deu", "por"]), (".mov", ["spa", "ger", "por"]), (".mkv", ["spa", "deu", "por"])],
+    [
+        (".mp4", ["spa", "deu", "por", "zho"]),
+        (".mov", ["spa", "ger", "por", "chi"]),
+        (".mkv", ["spa", "deu", "pt-BR", "zh-Hans"]),
+    ],
 )
 def test_languages_get_three_letters(tmp_path, suffix, expected):
-    """Two letters and regions become what the container wants, and .mov the spelling that it knows."""
-    assert double(write_tags(tmp_path / "in.mkv", {}, ["es", "deu", "pt-BR"]), tmp_path / f"out{suffix}") == []
+    """Two letters become what the container wants, and .mov the spelling that it knows; lost regions are said."""
+    clip, target = write_tags(tmp_path / "in.mkv", {}, ["es", "deu", "pt-BR", "zh-Hans"]), tmp_path / f"out{suffix}"
+    assert double(clip, target) == [
+        f"{target} lost of stream {index} of its source: language {language}."
+        for index, language in ((3, "pt-BR"), (4, "zh-Hans"))
+        if suffix != ".mkv"
+    ]
     assert [
         labels["language"] for kind, labels, _ in streams_of(tmp_path / f"out{suffix}") if kind == "audio"
     ] == expected
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
+def test_a_region_that_ffmpeg_does_not_read_is_said(tmp_path, suffix):
+    """Matroska's element for it is read from the file, and the three letters beside it are kept."""
+    clip, target = tmp_path / "in.mkv", tmp_path / f"out{suffix}"
+    with av.open(str(clip), "w") as output:
+        _, packets = add_pictures(output)
+        sound = output.add_stream("aac", rate=48000)
+        sound.metadata.update({"language": "por", "title": "region"})
+        mux_in_order(output, packets + tone(sound))
+    data = clip.read_bytes()
+    assert data.count(b"Sn\x86region") == 1
+    clip.write_bytes(data.replace(b"Sn\x86region", b"\x22\xb5\x9d\x85pt-BR"))  # in place of its title
+    assert double(clip, target) == [f"{target} lost of stream 1 of its source: language pt-BR."]
+    assert streams_of(target)[1][1]["language"] == "por"
 
 
 def test_lost_labels_are_said(tmp_path):

@@ -13,7 +13,7 @@ from conversion_options import grouped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_pipeline import BLEND, FAST, FakeSink, FakeSource, regular
-from video_truth import packets_of, pictures_of, scene, write_clip
+from video_truth import copy_packets, packets_of, pictures_of, scene, write_clip
 
 from fpsboost import OptionError, OutputRange, Part, RunOptions, convert, join, run_conversion, stream
 from fpsboost.timing.rate import OutputRate, exposed
@@ -211,6 +211,68 @@ def test_a_clip_plays_backwards(tmp_path, curve):
         convert(str(clip), str(tmp_path / "parts.mkv"), **options, run=RunOptions(chunk=Part(number, 2)))
     join(str(tmp_path / "parts.mkv"), [str(tmp_path / "parts.mkv.parts")])
     assert packets_of(tmp_path / "parts.mkv", "video") == packets_of(tmp_path / "out.mkv", "video")
+
+
+turns = st.lists(st.tuples(st.integers(1, 9), st.integers(0, 9)), min_size=1, max_size=5)
+
+
+@settings(deadline=None, max_examples=60)
+@given(turns, st.booleans(), st.integers(0, 9), st.integers(0, 9), st.integers(1, 6))
+def test_a_part_of_the_source_is_shown_whenever_the_curve_passes_it(turns, smooth, first, begin, length):
+    """By brute force: an output time lies in a passage if and only if its source time lies in the part."""
+    points = [(Fraction(0), Fraction(first))]
+    for step, source in turns:
+        points.append((points[-1][0] + step, Fraction(source)))
+    curve, end = TimeMap.through(points, smooth=smooth), begin + length
+    passages = curve.passages(Fraction(begin), Fraction(end))
+    assert all(before[0] < before[1] < after[0] for before, after in pairwise(passages))
+    for number in range(round(curve.length * 7)):
+        time = Fraction(number, 7) + Fraction(1, 100)
+        source, near = (
+            curve.source(time),
+            any(abs(time - each) < Fraction(1, 500) for both in passages for each in both),
+        )
+        assert near or any(time0 <= time < time1 for time0, time1 in passages) == (begin <= source < end)
+
+
+@pytest.mark.parametrize("suffix", [".mkv", ".mp4"])
+@pytest.mark.parametrize(
+    ("curve", "cues", "chapters"),
+    [
+        ("0=4s 4s=0", [(1.0, 2.0, b"second"), (2.5, 3.5, b"first")], [(0.0, 2.0, "two"), (2.0, 4.0, "one")]),
+        (
+            "0=0 2s=2s 4s=0 7s=3s",
+            [(0.5, 1.5, b"first"), (2.5, 3.5, b"first"), (4.5, 5.5, b"first"), (6.0, 7.0, b"second")],
+            [(0.0, 6.0, "one"), (6.0, 7.0, "two")],
+        ),
+        (
+            "0=3.5s 1s=3.5s 3s=1.5s 4s=2.5s",
+            [(1.5, 2.5, b"second"), (3.5, 4.0, b"second")],
+            [(0.0, 2.5, "two"), (2.5, 3.5, "one"), (3.5, 4.0, "two")],
+        ),
+    ],
+)
+def test_cues_and_chapters_come_wherever_the_curve_passes_them(tmp_path, suffix, curve, cues, chapters):
+    """Backwards too: each as often as its part of the source is shown, from and until when it is."""
+    lines = [(500, 1000, b"first"), (2000, 1000, b"second")]
+    whole = write_clip(tmp_path / "whole.mkv", times=range(100), subtitles=lines)
+    marks = [
+        {"id": 7 + begin, "start": begin, "end": begin + 2, "time_base": Fraction(1), "metadata": {"title": title}}
+        for begin, title in ((0, "one"), (2, "two"))
+    ]
+    clip = copy_packets(whole, tmp_path / "in.mkv", chapters=marks)
+    out = tmp_path / f"out{suffix}"
+    summary = convert(str(clip), str(out), method="nearest", encoding=FAST, **grouped(retime=curve))
+    assert not any("lost" in remark for remark in summary.remarks)
+    with av.open(str(out)) as file:
+        packets = [packet for packet in file.demux(file.streams.subtitles) if packet.size > 2]
+        tick = Fraction(packets[0].time_base)
+        shown = [(packet.pts * tick, (packet.pts + packet.duration) * tick, bytes(packet)) for packet in packets]
+        found = [(each["start"], each["end"], each["time_base"], each["metadata"]["title"]) for each in file.chapters()]
+    assert [
+        (float(begin), float(end), text.lstrip(b"\0\5\6")) for begin, end, text in shown
+    ] == cues  # mp4 counts bytes
+    assert [(float(begin * base), float(end * base), title) for begin, end, base, title in found] == chapters
 
 
 def test_what_lies_long_before_a_curve_is_not_decoded(tmp_path, monkeypatch):
