@@ -2,7 +2,7 @@
 
 import math
 from bisect import bisect_left
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -216,13 +216,28 @@ class FoldedSource(ClosesOnExit):
                 stop += 1
             first, wanted = min(order[place], order[stop - 1]), {*order[place:stop]}
             with self.read_from(first) as source:
-                numbered = enumerate(source, first if isinstance(source, RandomAccess) else 0)
-                frames = islice((frame for number, frame in numbered if number in wanted), len(wanted))
+                begin = first if isinstance(source, RandomAccess) else 0
+                # to the end of the clip, if this is all that is wanted
+                length = None if len(wanted) + self.first == len(order) else max(wanted) + 1 - begin
+                frames = _kept(enumerate(islice(source, length), begin), wanted)
                 for frame in frames if step >= 0 else list(frames)[::-1]:
                     ends_gap = any(self.missing[place - 1 : place])
                     yield replace(frame, time=self.times[place], duration=Fraction(0), ends_gap=ends_gap)
                     place += 1
                 self.remarks += [remark for remark in source.remarks if remark not in self.remarks]
+
+
+def _kept(numbered: Iterable[tuple[int, Frame]], wanted: set[int]) -> Iterator[Frame]:
+    """Yield the wanted frames with the closed captions of those left out before each, or behind the last one."""
+    last, captions = None, b""
+    for number, frame in numbered:
+        captions += frame.captions
+        if number in wanted:
+            if last is not None:
+                yield last
+            last, captions = replace(frame, captions=captions), b""
+    if last is not None:
+        yield replace(last, captions=last.captions + captions)
 
 
 def without_repeats(

@@ -81,6 +81,8 @@ class Frame:
     confidence: NDArray[Any] | None = None
     """(H, W) float32 or None: confidence of every pixel of an interpolated frame, 0 to 1, for a sink that asks for it;
     None for others."""
+    captions: bytes = b""
+    """Closed captions that came since the frame before; see `fpsboost.media.captions_of`."""
     motion: PairMotion | None = None
     """Motion between the two frames of the source around it, for a sink that asks for it, with the first frame that is
     made between them."""

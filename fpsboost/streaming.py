@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
 from itertools import chain, groupby, islice, pairwise
@@ -162,10 +162,9 @@ def interpolate_frames(
         stop = None if outputs.stop is None else outputs.stop - before
         made = _output_frames(frames, clip, holds_last_frame, in_order)
         exposed = _exposed(made, interpolator.mask) if clip.has_exposures else map(_Output.finished, made)
-        if clip.curve is None:
-            timed = _with_durations(exposed, clip)
-        else:  # the times of frames are those of the source so far
-            numbered, rate = enumerate(exposed, before), schedule.rate(source.info.rate)
+        timed = _completed(exposed, clip)
+        if clip.curve is not None:  # the times of frames are those of the source so far
+            numbered, rate = enumerate(timed, before), schedule.rate(source.info.rate)
             timed = (replace(frame, time=clip.start + number / rate, duration=1 / rate) for number, frame in numbered)
         if outputs.first > before or stop is not None:
             timed = islice(timed, outputs.first - before, stop)
@@ -279,6 +278,8 @@ class _LoopState:
     """Previous group of frames."""
     end: Fraction = Fraction(0)
     """Time at which the clip ends, when all frames are read."""
+    captions: list[tuple[Fraction, bytes]] = field(default_factory=list)
+    """Closed captions of the frames read, with their times, that no output frame has yet."""
 
     def __post_init__(self) -> None:
         schedule = self.schedule
@@ -306,6 +307,7 @@ class _LoopState:
                 self.summary.frame_intervals.note(frame.time, self.start)
                 self.summary.frames_in += 1
             time = rising_time(self.schedule, self.start, frame.time, last)
+            self.captions.append((time or frame.time, frame.captions))
             if time is None:
                 continue
             last = time
@@ -518,9 +520,15 @@ def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: 
     return interval, finished
 
 
-def _with_durations(frames: Iterator[Frame], clip: _LoopState) -> Iterator[Frame]:
-    """Set the duration of every frame to last until the next one, and of the last one until the clip ends."""
+def _completed(frames: Iterator[Frame], clip: _LoopState) -> Iterator[Frame]:
+    """Set the duration of every frame to last until the next one, and of the last one until the clip ends.
+
+    Each gets the closed captions since the frame before, and the last one also those behind it.
+    """
     for frame, following in pairwise(chain(frames, [None])):
         assert frame is not None, "only the last one is"
         end = clip.end if following is None else min(following.time, clip.outputs.round_end or following.time)
-        yield replace(frame, duration=end - frame.time)
+        latest = clip.end if following is None else frame.time
+        captions = [each for time, each in clip.captions if time <= latest]
+        del clip.captions[: len(captions)]
+        yield replace(frame, duration=end - frame.time, captions=b"".join(captions))

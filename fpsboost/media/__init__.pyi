@@ -1,5 +1,6 @@
 """Public names, by the modules that they are loaded from at first use; see `lazy_loader` and SPEC 1."""
 
+from .captions import captions_of as captions_of
 from .chunks import CHUNK_FRAMES as CHUNK_FRAMES
 from .chunks import Chunk as Chunk
 from .chunks import complete_chunk as complete_chunk
@@ -64,6 +65,7 @@ from .remarks import counted as counted
 from .remarks import interlaced_remark as interlaced_remark
 from .remarks import lost_companions_remark as lost_companions_remark
 from .remarks import lost_shape_remark as lost_shape_remark
+from .side_data import CAPTIONS as CAPTIONS
 from .side_data import MASTERING as MASTERING
 from .staging import IN_EXISTING_FOLDER as IN_EXISTING_FOLDER
 from .staging import INDEX_NAME as INDEX_NAME

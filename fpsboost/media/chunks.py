@@ -21,6 +21,7 @@ from zipfile import BadZipFile, ZipFile, ZipInfo
 import av
 from av.packet import PacketSideData, PktSideDataT
 
+from fpsboost.media.captions import with_captions
 from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS
 from fpsboost.media.errors import OutputError, undone_by
 from fpsboost.media.fitting import Fitting, check_readable, open_muxer
@@ -60,15 +61,16 @@ class ChunkWriter:
         self._extradata = extradata
         self._packets: list[Any] = []
 
-    def add(self, packet: av.Packet[Any], duration: int) -> None:
-        """Append a packet, in decoding order; its data and side data are copied.
+    def add(self, packet: av.Packet[Any], duration: int, captions: bytes) -> None:
+        """Append a packet, in decoding order; its data and side data are copied, with closed captions for its picture.
 
         Its times and `duration` are in ticks of the output's time base.
         """
+        picture = with_captions(bytes(packet), captions)
         side_data = [(item.data_type, bytes(item)) for item in packet.iter_sidedata()]
-        self._data.write(b"".join([bytes(packet), *(content for _, content in side_data)]))
+        self._data.write(b"".join([picture, *(content for _, content in side_data)]))
         sizes = [(kind, len(content)) for kind, content in side_data]
-        self._packets.append(((packet.pts, packet.dts, duration), packet.is_keyframe, packet.size, sizes))
+        self._packets.append(((packet.pts, packet.dts, duration), packet.is_keyframe, len(picture), sizes))
 
     def finish(self, frames: int) -> Chunk:
         """Write the index, sync the file to disk and rename it; return the chunk, with its number of frames.

@@ -208,6 +208,10 @@ class TimeMap(Protocol):
         """Whether the source plays at one speed, in one passage, to its end."""
 
     @property
+    def reverses(self) -> bool:
+        """Whether the source plays backwards somewhere."""
+
+    @property
     def sounding(self) -> Sequence[Passage]:
         """Passages whose sound is heard, each at one speed."""
 

@@ -26,8 +26,11 @@ from fpsboost.media.errors import OptionError, OutputError
 from fpsboost.media.info import EncodeSettings
 from fpsboost.media.output import Output
 from fpsboost.media.pixels import FULL_RANGE, LIMITED_RANGE, RGB, has_alpha, is_gray
-from fpsboost.media.side_data import filtered, stereo_modes
+from fpsboost.media.side_data import CAPTIONS, filtered, stereo_modes
 from fpsboost.media.traits import LightLevel, MasteringDisplay, VideoTraits
+
+CAPTIONED = ("libx264", "libx264rgb")
+"""Encoders into whose packets closed captions are written."""
 
 MIN_CUTREE_WIDTH = 64
 """Minimum width for x265's "cutree", pixels; in narrower pictures it writes out of bounds (seen up to 48)."""
@@ -64,7 +67,8 @@ class VideoEncoder:
     ) -> None:
         self._encoder, self._format = encoder, container
         self._name, self._info, self._timing, self._encoding = output.path, output.info, output.timing, output.encoding
-        self.traits, name = traits, self._name
+        self.traits, name, window = traits, self._name, output.window
+        self._plays_backwards = window is not None and window.curve is not None and window.curve.reverses
         self.full_range, self._options = traits.full_range, dict(options)
         is_default = traits.chroma_location == "left" and encoder in ("libx264", "libx265")  # needs no tag
         if traits.tagged_chroma_location and not is_default:
@@ -95,7 +99,7 @@ class VideoEncoder:
             f"{name} lost the {' and the '.join(lost)} of its source.": bool(lost),
         }
         self.remarks += [remark for remark, is_due in said.items() if is_due]
-        self.has_captions = "A53_CC" in kept & traits.side_data.keys()
+        self.keeps_captions = CAPTIONS in kept
         self._nowhere: av.container.OutputContainer | None = None
         self._stream: av.VideoStream | None = None
 
@@ -106,9 +110,9 @@ class VideoEncoder:
         return f"{self._encoder}, {self.pixel_format}, {options}"
 
     def _kept_side_data(self, traits: VideoTraits) -> set[str]:
-        """Return the types of side data that the output keeps; x264 writes these of the pictures of the source."""
+        """Return the types of side data that the output keeps; x264 writes the stereo mode of pictures."""
         is_passed = self._encoder == "libx264" and not _is_rgb(traits.pixel_format)
-        kept = {"A53_CC"} if is_passed else set()
+        kept = {CAPTIONS} if self._encoder in CAPTIONED and not self._plays_backwards else set()
         if traits.stereo_mode and self._format in ("matroska", "webm"):
             kept.add("STEREO3D")
         elif is_passed and any(traits.stereo_mode == left_first for left_first, _ in stereo_modes.values()):
@@ -190,7 +194,7 @@ class VideoEncoder:
             context.sample_aspect_ratio = self.traits.sample_aspect_ratio
         if av.Codec(self._encoder, "w").canonical_name == "hevc" and self._format in EXACT_TIME_BASE_CONTAINERS:
             context.codec_tag = "hvc1"  # the only tag of HEVC that Apple's players accept
-        context.options = dict(self._options)
+        context.options = {**self._options, "a53cc": "0"}  # the writer writes captions
         self._open_encoder(context)
         self._nowhere.start_encoding()  # only this copies the encoder's parameters to the stream
         return stream

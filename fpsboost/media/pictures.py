@@ -24,7 +24,7 @@ from fpsboost.media.pixels import (
 )
 from fpsboost.media.pyav import as_fraction, pulled
 from fpsboost.media.remarks import Damage, counted, interlaced_remark, lost_alpha_remark
-from fpsboost.media.side_data import Crop
+from fpsboost.media.side_data import CAPTIONS, Crop
 from fpsboost.media.traits import VideoTraits, primaries, tag_name, transfers
 
 MAX_REORDERED = 16
@@ -41,6 +41,12 @@ REPEATING_CODECS = {"mpeg1video", "mpeg2video", "h264", "hevc", "vc1", "cavs"}
 
 WIDE_COLOURS = {8, 9, 10, 11, 12, 16, 17, 18, 22}
 """FFmpeg's numbers of transfers and primaries that look wrong where BT.709's are expected: HDR, BT.2020, cinema."""
+
+DEINTERLACING = (
+    ("bwdif", "mode=send_field:parity=auto:deint=all"),
+    ("sidedata", f"mode=delete:type={CAPTIONS}:enable='mod(n,2)'"),
+)
+"""FFmpeg's filters that make two pictures of each."""
 
 decoders_of_hidden_alpha = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 
@@ -263,14 +269,14 @@ class ReorderBuffer:
 def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction, name: str) -> Iterator[av.VideoFrame]:
     """Yield two progressive pictures for each interlaced one, by FFmpeg's bwdif, in the field order of its flag.
 
-    The second is presented halfway to the next picture. If no order is flagged, the top field is first, as in FFmpeg.
-    The time base of the output is half of the pictures' own, or of `time_base`. Raises `InputError` for pictures that
-    are too small or in a pixel format that cannot be deinterlaced.
+    The second is presented halfway to the next picture, and has no closed captions. If no order is flagged, the top
+    field is first, as in FFmpeg. The time base of the output is half of the pictures' own, or of `time_base`. Raises
+    `InputError` for pictures that are too small or in a pixel format that cannot be deinterlaced.
     """
     for _, alike in groupby(pictures, kind_of_picture):
         first = next(alike)
         try:
-            graph = graph_of(first, ("bwdif", "mode=send_field:parity=auto:deint=all"), time_base=time_base)
+            graph = graph_of(first, *DEINTERLACING, time_base=time_base)
         except (av.error.FFmpegError, ValueError):
             raise InputError(
                 f"{name} holds pictures of {first.width}x{first.height} {first.format.name}, which cannot be "

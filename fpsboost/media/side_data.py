@@ -1,4 +1,10 @@
-"""Side data: metadata of pictures beside their samples, stored with each of them or in the container's header."""
+"""Side data: metadata of pictures beside their samples, stored with each of them or in the container's header.
+
+Closed captions belong to a time and not to a picture; see `fpsboost.media.captions`. All other types describe the
+picture that carries them: how it is to be shown (active format, pan and scan, stereo mode, HDR), which number it has in
+its source (timecodes), or how it was taken (user data of a camera). They are either true of the whole output, or lost,
+which is said.
+"""
 
 import struct
 import sys
@@ -12,6 +18,7 @@ import av.filter
 from fpsboost.media.pixels import graph_of
 from fpsboost.media.pyav import trial_file
 
+CAPTIONS = "A53_CC"
 ICC_PROFILE = 15  # FFmpeg's number of the type
 unnamed_types = {ICC_PROFILE: "ICC_PROFILE", 28: "LCEVC", 29: "VIEW_ID", 30: "THREE_D_REFERENCE_DISPLAYS", 31: "EXIF"}
 """Names of FFmpeg's types, by their numbers, that PyAV is not asked for: PyAV 18 has no name for those from 28 on."""
@@ -20,7 +27,7 @@ FIRST_UNNAMED, LAST_TYPE = 28, 40  # numbers of the types that are looked for; F
 
 DYNAMIC_HDR, MASTERING = "dynamic HDR metadata", "HDR mastering data"
 words = {
-    "A53_CC": "closed captions",
+    CAPTIONS: "closed captions",
     "AFD": "active format",
     "AMBIENT_VIEWING_ENVIRONMENT": "ambient viewing environment",
     "CONTENT_LIGHT_LEVEL": MASTERING,

@@ -19,17 +19,12 @@ from typing import Any, Self
 
 import av
 
+from fpsboost.media.captions import captions_of
 from fpsboost.media.chunks import CHUNK_FRAMES, Assembly, Chunk, ChunkWriter, find_chunks
 from fpsboost.media.clip import Clip
 from fpsboost.media.clock import Window
 from fpsboost.media.encoder import VideoEncoder
-from fpsboost.media.encoding import (
-    EXACT_TIME_BASE_CONTAINERS,
-    MATROSKA_TICK,
-    VIDEO_SUFFIXES,
-    choose_encoder,
-    containers,
-)
+from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, choose_encoder, containers
 from fpsboost.media.errors import CompleteAlreadyError, OutputError
 from fpsboost.media.fitting import fit_streams
 from fpsboost.media.info import EncodeSettings, OutputTiming
@@ -83,7 +78,8 @@ class Writer(StagedSink):
         self._chunks: list[Chunk] = []
         self._first_chunk = 0 if output.part is None else output.part.first // chunk_frames
         self._writer: ChunkWriter | None = None
-        self._durations: dict[int, int] = {}
+        self._pending: dict[int | None, tuple[int, bytes]] = {}
+        """Duration, ticks, and closed captions of each picture in the encoder, by its time."""
         self._frames_seen = self._frames_in_chunk = 0
         self._last_pts: int | None = None
         self._unifier: FormatUnifier | None = None
@@ -136,7 +132,13 @@ class Writer(StagedSink):
         return self._frames_seen < self.completed_frames
 
     def write(
-        self, picture: av.VideoFrame | None, time: Fraction, duration: Fraction, *, is_original: bool = False
+        self,
+        picture: av.VideoFrame | None,
+        time: Fraction,
+        duration: Fraction,
+        *,
+        is_original: bool = False,
+        captions: bytes | None = None,
     ) -> bool:
         """Encode the next picture, unless an earlier run has finished it.
 
@@ -149,6 +151,8 @@ class Writer(StagedSink):
             must increase by at least one.
         is_original : bool
             Whether it is a decoded picture of the source, whose own colour tags stay; others get the encoder's.
+        captions : bytes, optional
+            Closed captions to begin with it, as `captions_of` returns them; by default those that the picture carries.
 
         Returns
         -------
@@ -174,7 +178,9 @@ class Writer(StagedSink):
             if self._writer is None:
                 extradata = bytes(encoder.stream.codec_context.extradata or b"")
                 self._writer = ChunkWriter(self._folder, self._first_chunk + len(self._chunks), extradata)
-            self._durations[pts] = ticks = max(1, round((time + duration) / time_base) - pts)
+            ticks = max(1, round((time + duration) / time_base) - pts)
+            captions = captions_of(picture) if captions is None else captions
+            self._pending[pts] = ticks, captions if encoder.keeps_captions else b""
             picture = self._like_encoded(picture, encoder)
             self._keep(self._writer, encoder.encode(picture, pts, ticks, is_original=is_original))
             self._frames_in_chunk += 1
@@ -216,9 +222,9 @@ class Writer(StagedSink):
             self._writer, self._frames_in_chunk = None, 0
 
     def _keep(self, writer: ChunkWriter, packets: Iterable[av.Packet[Any]]) -> None:
-        """Append packets to the chunk, each with the duration of its frame."""
+        """Append packets to the chunk, each with the duration and the closed captions of its frame."""
         for packet in packets:
-            writer.add(packet, self._durations.pop(packet.pts, 0) if packet.pts is not None else 0)
+            writer.add(packet, *self._pending.pop(packet.pts, (0, b"")))
 
     def _choose_encoder(self, traits: VideoTraits | None) -> tuple[str, dict[str, str]]:
         """Return FFmpeg's encoder and its options; the depth of images is known only from the first image on."""
@@ -364,7 +370,7 @@ def container_of(output: Output) -> str:
     """Return FFmpeg's name of an output's container; raise `OutputError` if none can hold it."""
     container = containers.get(Path(output.path).suffix.lower())
     if container is None:
-        raise OutputError(f"{output.path} has no suffix of a video file; use one of {', '.join(VIDEO_SUFFIXES)}.")
+        raise OutputError(f"{output.path} has no suffix of a video file; use one of {', '.join(containers)}.")
     if container not in EXACT_TIME_BASE_CONTAINERS and 1 / output.timing.rate < MATROSKA_TICK:
         raise OutputError(
             f"{output.path} counts time in milliseconds and cannot hold {float(output.timing.rate):g} frames per "

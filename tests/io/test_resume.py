@@ -360,7 +360,7 @@ def test_no_picture_is_decoded_after_it_is_shown(tmp_path, given):
     for pts, dts in enumerate(given):
         packet = av.Packet(b"picture")
         packet.pts, packet.dts = pts, dts
-        writer.add(packet, 1)
+        writer.add(packet, 1, b"")
     first, second = (packet.dts for packet in timed_packets([writer.finish(2)]))
     assert first < second
     assert (-2 <= first <= 0, second <= 1) == (True, True)

@@ -4,6 +4,7 @@ import gc
 import struct
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,9 @@ import pytest
 from PIL import Image, ImageCms
 from video_truth import copy_packets, pictures_of, scene, write_clip
 
-from fpsboost import DecodeOptions, Encoding, InputError, convert
+from fpsboost import DecodeOptions, Encoding, InputError, convert, media
 from fpsboost.io.video.source import VideoSource
-from fpsboost.media import plane_arrays
+from fpsboost.media import captions_of, plane_arrays
 from fpsboost.media.side_data import described, is_ordinary, side_data_of
 from fpsboost.probing import probe
 
@@ -179,11 +180,87 @@ def test_what_an_output_lacks_is_said(tmp_path, codec, suffix, lost, kept):
     assert "closed captions" in remarks_of(clip, f"{tmp_path}/out/")
 
 
-def test_captions_with_gaps_are_said(tmp_path):
-    """Where pictures of the source give way to interpolated ones, their captions are gone."""
-    clip = write_with_messages(tmp_path / "in.ts", [message(4, CAPTIONS)])
-    assert "closed captions" not in remarks_of(clip, str(tmp_path / "twice.mp4"), "h264", factor=2)
-    assert "lost closed captions where" in remarks_of(clip, str(tmp_path / "half.mp4"), "h264", factor=Fraction(3, 2))
+def write_captions(path: Path, count: int = 24, first: int = 0, each: int = 1) -> Path:
+    """A clip at 25 frames per second whose pictures, from the first on, carry their number in captions with padding.
+
+    Every picture is shown in `each` frames.
+    """
+    plain = write_clip(
+        path.with_suffix(".h264"),
+        times=range(count),
+        options={"preset": "ultrafast", "tune": "zerolatency"},
+        picture=lambda index, height, width: scene(index // each, height, width),
+    )
+    numbers = iter(range(count))
+
+    def change(data: bytes) -> bytes:
+        number = next(numbers)
+        entries = bytes([0xFC, 1 + number, 0x80]) + b"\xfa\0\0" * 19
+        captions = message(4, b"\xb5\0\x31GA94\3" + bytes([0x40 | 20, 0xFF]) + entries + b"\xff")
+        return captions * (number >= first) + data
+
+    return rewrite(plain, path, change)
+
+
+def captions_in(path: Path) -> list[tuple[Fraction, list[int]]]:
+    """Time of every picture of a file, and the numbers in its captions."""
+    found = []
+    for picture in pictures_of(path):
+        data = captions_of(picture)
+        entries = [data[at : at + 3] for at in range(0, len(data), 3)]
+        found.append((picture.pts * picture.time_base, [entry[1] - 1 for entry in entries if entry[0] & 4]))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("options", "speed"),
+    [
+        ({"factor": 1}, 1),
+        ({"factor": 2}, 1),
+        ({"factor": Fraction(3, 2)}, 1),
+        ({"factor": Fraction(1, 7)}, 1),
+        ({"fps": 30}, 1),
+        ({"fps": 10, "shutter": 180}, 1),
+        ({"speed": "2"}, 2),
+        ({"speed": "0.5"}, 0.5),
+        ({"retime": "0=0s 1s=0.2s 2s=0.2s 3s=0.92s"}, None),
+        ({"replace": "5,6"}, 1),
+        ({"duplicates": "drop"}, 1),
+        ({"factor": 1, "decoding": DecodeOptions(deinterlace=True)}, 1),
+    ],
+    ids=str,
+)
+def test_captions_come_once_and_in_order(tmp_path, options, speed):
+    """Every entry is on the first picture that is shown no earlier, whichever pictures are made, left out or held."""
+    clip = write_captions(tmp_path / "in.ts", each=2 if "duplicates" in options else 1)
+    target = tmp_path / "out.mp4"
+    assert "lost" not in remarks_of(clip, str(target), "h264", **options)
+    written = captions_in(target)
+    assert [number for _, numbers in written for number in numbers] == list(range(24))
+    for (before, _), (time, numbers) in pairwise(written[:-1]):
+        assert speed is None or all(before < number / 25 / Fraction(speed) <= time + 0.001 for number in numbers)
+
+
+def test_captions_of_a_copy(tmp_path):
+    """Pictures that are written as they were read keep their captions, entry by entry."""
+    clip = write_captions(tmp_path / "in.ts")
+    with media.open(clip) as source, media.create(tmp_path / "out.mkv", like=source) as writer:
+        for timed in source.pictures():
+            writer.write(*timed)
+    before, after = ([captions_of(picture) for picture in pictures_of(path)] for path in (clip, tmp_path / "out.mkv"))
+    assert after == before
+
+
+@pytest.mark.parametrize(
+    ("first", "options"),
+    [(0, {"codec": "hevc"}), (3, {"codec": "vp9"}), (3, {"codec": "h264", "retime": "0=0.9s 1s=0s"})],
+)
+def test_captions_that_an_output_lacks_are_said(tmp_path, first, options):
+    """All of them are lost and one sentence says so, if the first picture has none or if they play backwards, too."""
+    clip = write_captions(tmp_path / ("in.ts" if "retime" not in options else "in.mp4"), first=first)
+    target = tmp_path / "out.mp4"
+    assert remarks_of(clip, str(target), **options).count("lost the closed captions of its source.") == 1
+    assert not any(numbers for _, numbers in captions_in(target))
 
 
 def exif(orientation: int) -> bytes:

@@ -62,7 +62,10 @@ def clips(draw: st.DrawFn) -> list[Frame]:
     ticks = [40 * index + (shifts[index] + pause * (index >= begin)) * (index > 0) for index in range(len(images))]
     times = [Fraction(tick, 1000) for tick in ticks]
     spans = [*(after - time for time, after in pairwise(times)), 1 / RATE]
-    return [Frame(image, *shown, original=object()) for image, *shown in zip(images, times, spans, strict=True)]
+    return [
+        Frame(image, *shown, original=object(), captions=bytes([number]))
+        for number, (image, *shown) in enumerate(zip(images, times, spans, strict=True))
+    ]
 
 
 SCHEDULES: dict[str, Schedule] = {
@@ -99,14 +102,14 @@ def entered(frames: list[Frame], schedule: Schedule, interpolator: Interpolator,
 
 
 def facts(frame: Frame) -> tuple[object, ...]:
-    return frame.time, frame.duration, frame.original, frame.preceding, frame.array.tobytes()
+    return frame.time, frame.duration, frame.original, frame.preceding, frame.captions, frame.array.tobytes()
 
 
 @given(clip=clips(), data=st.data())
 @settings(max_examples=8)
 @pytest.mark.parametrize("schedule", SCHEDULES.values(), ids=SCHEDULES)
 def test_ranges_are_parts_of_the_whole(schedule, clip, data):
-    """Frames, times, durations and counts of all ranges together are those of the whole, wherever reading begins."""
+    """Frames, times, captions and counts of all ranges together are those of the whole, wherever reading begins."""
     whole, of_all = run(clip, schedule, BLEND)
     cuts = sorted(data.draw(st.sets(st.integers(1, max(1, len(whole) - 1)), max_size=2)))
     ranges = [OutputRange(first, stop) for first, stop in pairwise([0, *cuts, None])]

@@ -16,6 +16,7 @@ from fpsboost.io.video.ycc import as_picture
 from fpsboost.media import (
     BT709,
     BT2020,
+    CAPTIONS,
     CHUNK_FRAMES,
     MASTERING,
     Chunk,
@@ -57,7 +58,6 @@ class VideoSink:
     def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:
         self._output, self._remarks, self._reformatter = output, list[str](), VideoReformatter()
         self._writer = (FileWriter if output.part is None else PartWriter)(output, chunk_frames=chunk_frames)
-        self._last_original: object | None = None
 
     @property
     def remarks(self) -> list[str]:
@@ -95,7 +95,7 @@ class VideoSink:
         self._remark_on(frame, encoder)
         picture = None if writer.is_complete else self._picture(frame, encoder)
         is_original = picture is not None and picture is frame.original
-        if writer.write(picture, frame.time, frame.duration, is_original=is_original):
+        if writer.write(picture, frame.time, frame.duration, is_original=is_original, captions=frame.captions):
             return_free_memory()  # of the encoder, which lived as long as its packets
 
     def _picture(self, frame: Frame, encoder: VideoEncoder) -> av.VideoFrame:
@@ -116,8 +116,6 @@ class VideoSink:
         """Add a remark, once each, on alpha, depth, light and closed captions of a frame that the output lacks."""
         name, is_float = self._output.path, frame.image.dtype == np.float32
         is_beyond = is_float and bool(np.logical_or(frame.array[..., :3] < 0, frame.array[..., :3] > 1).any())
-        # an original before this frame was not written
-        is_replaced = frame.original is None and frame.preceding is not self._last_original
         has_more = frame.image.shape[2] == 4 and not has_alpha(encoder.pixel_format)
         lost = {
             f"{name} cannot hold an alpha channel, which was left out.": has_more,
@@ -125,10 +123,10 @@ class VideoSink:
             f"{name} holds the floating-point values of its source in 16 bits.": is_float
             and depth_of(encoder.pixel_format) == 16,
             f"{name} holds no light beyond white or below black, which was clipped; images as .exr keep it.": is_beyond,
-            f"{name} lost closed captions where pictures of its source gave way to interpolated ones.": is_replaced
-            and encoder.has_captions,
+            f"{name} lost the closed captions of its source.": frame.captions
+            and not encoder.keeps_captions
+            and CAPTIONS not in encoder.traits.side_data,  # said of the first frame by the encoder
         }
-        self._last_original = frame.original or self._last_original
         self._remarks += [remark for remark, is_lost in lost.items() if is_lost and remark not in self._remarks]
 
 

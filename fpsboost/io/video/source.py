@@ -14,7 +14,16 @@ from fpsboost.image import Image
 from fpsboost.io.output import StreamInfo
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.ycc import coding_of, in_planes, is_on_its_side, to_bgr, turned_upright
-from fpsboost.media import MASTERING, Clip, Reading, TimedPicture, has_alpha, lost_companions_remark, lost_shape_remark
+from fpsboost.media import (
+    MASTERING,
+    Clip,
+    Reading,
+    TimedPicture,
+    captions_of,
+    has_alpha,
+    lost_companions_remark,
+    lost_shape_remark,
+)
 from fpsboost.memory import MemoryLimit
 from fpsboost.threads import available_cores
 
@@ -108,7 +117,8 @@ class VideoSource(Clip):
         with closing(pictures):  # which adds the remarks of the clip, also where not all of it was asked for
             for picture, time, duration in pictures:
                 image = self._convert(picture) if coding is None else in_planes(picture, coding)
-                yield Frame(image, time, duration, None if self._for_images else picture)
+                original = None if self._for_images else picture
+                yield Frame(image, time, duration, original, captions=captions_of(picture))
 
     def _convert(self, picture: av.VideoFrame) -> Image:
         """Convert a picture to BGR or BGRA, upright for images; raise `InputError` if FFmpeg cannot."""
