@@ -30,10 +30,12 @@ from fpsboost.media.remarks import Damage, counted, encrypted_stream_sentence, n
 from fpsboost.media.tags import (
     copy_labels,
     find_timecode,
+    is_timecode,
     lost_labels,
     regional_languages,
     tags_for,
     timecode_at,
+    timecode_rate,
     unread_of_chapters,
 )
 
@@ -157,7 +159,7 @@ class OtherStreams:
             for index, (kind, tags, flags) in self._labels.items():  # streams of each type are in order, but not all
                 place = next((n for n, stream in enumerate(streams) if stream.type == kind), None)
                 if place is not None and (lost := lost_labels(tags, flags, streams.pop(place))):
-                    self._remark(f"lost of stream {index} of its source: {', '.join(lost)}.")
+                    self._remark(f"lost {' and '.join(lost)} of stream {index} of its source.")
 
     def _remark(self, sentence: str) -> None:
         """Add a remark whose subject is the output."""
@@ -184,8 +186,9 @@ class OtherStreams:
             self._add_target(stream, add_copied(self._output, stream, self._container))
         elif stream.type == "attachment" and keeps_data(self._container, stream):
             self._output.add_stream_from_template(stream)
-        elif stream.type == "data" and find_timecode(stream.metadata) and self._has_timecode:
-            pass  # the muxer creates a timecode stream itself, or stores a tag
+        elif is_timecode(stream):  # the muxer creates a timecode stream itself, or stores a tag
+            if not self._has_timecode:
+                self._remark(f"lost the timecode of stream {stream.index} of its source, which its rate cannot count.")
         elif stream.type in ("data", "attachment", "unknown"):
             keeping = [suffix for suffix, container in containers.items() if keeps_data(container, stream)]
             what = f"stream {stream.index} ({kind_of(stream)})"
@@ -247,7 +250,7 @@ class OtherStreams:
         timecode = find_timecode(self._input.streams[self._source.stream_index].metadata, self._input.metadata)
         if timecode is None:
             return False
-        old, new = self._source.coded_rate, video.codec_context.framerate
+        old, new = timecode_rate(self._source.path) or self._source.coded_rate, video.codec_context.framerate
         is_counted = self._curve is None or self._curve.is_steady
         skipped = 0 if self._window is None else self._window.frames_before(old)
         again = timecode_at(timecode, old, Fraction(new), skipped) if new and is_counted else None

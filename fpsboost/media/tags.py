@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
 
 import av
 
@@ -39,6 +40,9 @@ counted_rates = {True: range(1, 256), False: range(30, 256, 30)}
 """Frames per second of a timecode track, which stores them in one byte, and of one that drops numbers."""
 
 TIMECODE_PATTERN = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})([:;.])(\d{1,3})")
+
+TIMECODE_ENTRY = re.compile(rb"(?s)stsd.{12}tmcd.{16}(.{4})(.{4})")
+"""Description of a timecode track in MP4 and MOV: the ticks per second, and those per frame."""
 
 terminological = {
     **{"alb": "sqi", "arm": "hye", "baq": "eus", "bur": "mya", "chi": "zho", "cze": "ces", "dut": "nld", "fre": "fra"},
@@ -123,9 +127,9 @@ def lost_labels(tags: dict[str, str], flags: av.stream.Disposition, stream: av.s
     language, title = before.get("language", "und"), before.get("title")
     roles = int(flags) & ~int(stream.disposition)
     lost = {
-        f"language {language}": language not in ("und", after.get("language")),
-        f"title {title}": title and title not in (after.get("title"), after.get("name")),
-        **{f"role {role.name}": roles & role for role in av.stream.Disposition},
+        f"the language {language}": language not in ("und", after.get("language")),
+        f"the title {title}": title and title not in (after.get("title"), after.get("name")),
+        **{f"the role {role.name}": roles & role for role in av.stream.Disposition},
     }
     return [what for what, is_lost in lost.items() if is_lost]
 
@@ -260,6 +264,24 @@ def _elements(data: mmap.mmap, begin: int, end: int) -> Iterator[tuple[bytes, in
 def find_timecode(*tags: Mapping[str, str]) -> str | None:
     """Return the first timecode in the tags of a stream or a file, or None; the case of tag names is ignored."""
     return next((value for mapping in tags for key, value in mapping.items() if key.lower() == "timecode"), None)
+
+
+def is_timecode(stream: av.stream.Stream) -> bool:
+    """Return whether a stream of data is a timecode, by its tags; FFmpeg gives no timecode that it cannot count."""
+    handler = stream.metadata.get("handler_name", "").lower().replace(" ", "")
+    return stream.type == "data" and ("timecode" in handler or find_timecode(stream.metadata) is not None)
+
+
+def timecode_rate(path: Path) -> Fraction | None:
+    """Return how many frames per second the timecode track of an MP4 or MOV counts; None if it has none."""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        begin = end = 0
+        while end < len(data) and data[begin + 4 : begin + 8] != b"moov":
+            begin, head = end, data[end : end + 16]
+            end += int.from_bytes(head[8:] if head[:4] == b"\0\0\0\1" else head[:4]) or len(data)
+        entry = TIMECODE_ENTRY.search(data, begin, end)
+        ticks, length = (int.from_bytes(number) for number in entry.groups()) if entry else (0, 0)
+    return Fraction(ticks, length) if length else None
 
 
 def timecode_at(timecode: str, old: Fraction, new: Fraction, later: int = 0) -> str | None:

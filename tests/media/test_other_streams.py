@@ -1,6 +1,7 @@
 """What survives of a file beside its pictures: attachments, data, timecodes, subtitles, labels, sound in its place."""
 
 import re
+import struct
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
@@ -110,6 +111,20 @@ def test_a_timecode_counts_at_the_new_rate(tmp_path):
     assert remarks == [
         f"{tmp_path / 'fast.mov'} lost the timecode 01:02:03:12 of its source, which its rate cannot count."
     ]
+
+
+@pytest.mark.parametrize(("flags", "rate", "says"), [(0, 30, "00:00:20:88"), (1, 24, None)])
+def test_a_timecode_counts_at_its_own_rate(tmp_path, flags, rate, says):
+    """That of its track, which may be half of the pictures'; one that nobody can count is said to be lost."""
+    clip = write_with(tmp_path / "in.mov", lambda _, video: video.metadata.update(timecode="00:00:10:22"), rate=60)
+    data = bytearray(clip.read_bytes())
+    at = next(place for place in range(len(data)) if re.match(rb"(?s)stsd.{12}tmcd", data[place : place + 20]))
+    struct.pack_into(">3IB", data, at + 32, flags, rate * 1000, 1000, rate)
+    clip.write_bytes(data)
+    target = tmp_path / "out.mkv"
+    lost = [f"{target} lost the timecode of stream 1 of its source, which its rate cannot count."]
+    assert double(clip, target) == ([] if says else lost)
+    assert streams_of(target)[0][1].get("timecode") == says
 
 
 @pytest.mark.parametrize(
@@ -539,8 +554,8 @@ def test_lost_labels_are_said(tmp_path):
     clip = write_tags(tmp_path / "in.mkv", {}, ["Klingon", "bre"])
     target = tmp_path / "out.mov"
     assert double(clip, target) == [
-        f"{target} lost of stream 1 of its source: language Klingon.",
-        f"{target} lost of stream 2 of its source: language bre.",
+        f"{target} lost the language Klingon of stream 1 of its source.",
+        f"{target} lost the language bre of stream 2 of its source.",
     ]
 
 
