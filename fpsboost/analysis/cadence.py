@@ -126,14 +126,16 @@ class Repeats:
 
         A frame does so if it differs clearly from the one before, or where motion is small, more than most others of
         the cycle around it. So the pattern may begin anywhere, and change where the clip was edited; there, pictures
-        are shown up to one interval too early or too late, and beyond that left out or repeated.
+        are shown up to one interval too early or too late, and beyond that left out or repeated. Once there are
+        as many as the clip has room for, a clear difference is taken for noise, as encoders leave it in last frames.
         """
         chosen = list[int]()
         for number, (difference, is_repeat) in enumerate(zip(self.differences, self.are_repeats, strict=True)):
             # the cycle leaves out the first frame, whose difference says nothing
             begin = max(1, min(number - frames // 2, len(self.differences) - frames))
             least = sorted(self.differences[begin : begin + frames])[-pictures:][0]
-            is_new = difference >= least or (difference > self.detector.noise and not is_repeat)
+            lacks = len(chosen) < Fraction(len(self.differences) * pictures, frames)
+            is_new = difference >= least or (lacks and difference > self.detector.noise and not is_repeat)
             ahead = len(chosen) - Fraction(number * pictures, frames)
             if (is_new and ahead < 1) or ahead <= -1:
                 chosen.append(number)

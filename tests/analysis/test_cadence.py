@@ -56,6 +56,15 @@ def test_each_picture_of_a_regular_cadence_is_kept_once(name, first):
     assert repeats.cadence(Fraction(rate)) is None
 
 
+def test_noise_in_the_last_frames_is_no_picture():
+    """A picture that would be shown when the clip has ended is none, though it differs as clearly as in slow motion."""
+    pictures = shown([5], 100)
+    pictures[98:] = [pictures[98] + 0.3, pictures[99] + 0.4]
+    repeats = noted(pictures, 120)
+    assert repeats.differences[98] > DuplicateDetector().noise
+    assert repeats.kept(repeats.cadence(Fraction(120)))[0] == list(range(0, 100, 5))
+
+
 def test_motion_as_small_as_noise_keeps_the_cadence():
     """A slow part tells nothing of it, and as many of its frames stay as elsewhere."""
     pictures = shown([1, 1, 1, 2], 60)
