@@ -161,7 +161,9 @@ def _not_held(
     if stream.type == "audio" and encoder is not None and can_encode(stream, encoder):
         common = next(common for common, other in sound_encoders.items() if other == encoder)
         ways.insert(0, f"encode it anew with `audio_codec={common!r}`")
-    reason = "" if is_whole else ", whose headers are missing"
+    # raw AAC, which its container describes; that of transport streams describes itself, and .mp4 and .mkv hold it
+    is_unknown = codec_of(stream) == "aac" and not others and not cast(Any, stream.codec_context).extradata
+    reason = ", whose headers are missing" if is_unknown or not is_whole else ""
     cause = f"{name} cannot hold the {codec_of(stream)} {what} of {source}{reason}"
     return cause, ways, f"leave the {what} out with {option}"
 

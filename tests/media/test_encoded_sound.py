@@ -44,6 +44,25 @@ def write_noise(path: Path, codec: str = "pcm_s16le", rate: int = RATE, packet: 
     return samples
 
 
+def test_aac_without_its_configuration_is_named(tmp_path):
+    """The sentence gives the reason, which is not the container, for a file without the packet that describes AAC."""
+    with av.open(str(tmp_path / "whole.flv"), "w") as output:
+        _, packets = add_pictures(output, 25, codec="flv")
+        mux_in_order(output, [*packets, *tone(output.add_stream("aac", rate=44100))])
+    data, clip, at = (tmp_path / "whole.flv").read_bytes(), tmp_path / "in.flv", 13
+    with clip.open("wb") as file:
+        file.write(data[:at])
+        while at < len(data):
+            tag = data[at : at + 15 + int.from_bytes(data[at + 1 : at + 4])]
+            if not (tag[0] == 8 and tag[12] == 0):
+                file.write(tag)
+            at += len(tag)
+    for suffix in (".mp4", ".mkv"):
+        with pytest.raises(OutputError, match=r"cannot hold the aac sound of .*, whose headers are missing; encode it"):
+            double(clip, tmp_path / f"out{suffix}")
+    assert len(double(clip, tmp_path / "out.mp4", "aac")) == 1
+
+
 def lag(truth: NDArray[Any], found: NDArray[Any]) -> int:
     """How many samples late a sound is."""
     size = 1 << 17
