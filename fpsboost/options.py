@@ -201,7 +201,7 @@ class Checked:
 class Range(NamedTuple):
     """Range of a field's numbers, in ``Annotated[float, Range(0, 1)]``; `above` and `below` are outside of it."""
 
-    least: float = -math.inf
+    least: float | Fraction = -math.inf
     most: float = math.inf
     above: float = -math.inf
     below: float = math.inf
@@ -213,9 +213,9 @@ class Range(NamedTuple):
 
     def __str__(self) -> str:
         bounds = {"at least": self.least, "above": self.above, "at most": self.most, "below": self.below}
-        words = [f"{word} {bound:.15g}" for word, bound in bounds.items() if math.isfinite(bound)]
+        words = [f"{word} {float(bound):.15g}" for word, bound in bounds.items() if math.isfinite(bound)]
         is_closed = math.isfinite(self.most - self.least)
-        return (f"{self.least:.15g} to {self.most:.15g}" if is_closed else " and ".join(words)) + self.unit
+        return (f"{float(self.least):.15g} to {self.most:.15g}" if is_closed else " and ".join(words)) + self.unit
 
 
 def checked(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:

@@ -113,3 +113,10 @@ def test_an_empty_name_is_no_folder(tmp_path, monkeypatch, save_images):
         open_source("", decoding=DecodeOptions(input_fps=Fraction(24)))
     with pytest.raises(OptionError, match="is empty"):
         Target.parse("")
+
+
+def test_a_bound_is_in_its_range():
+    """The lowest frame rate of images that the message names is taken, and no lower one."""
+    assert DecodeOptions(input_fps="0.001").input_fps == Fraction(1, 1000)
+    with pytest.raises(OptionError, match=r"`input_fps` must be 0\.001 to 100000, not 1/1001"):
+        DecodeOptions(input_fps=Fraction(1, 1001))

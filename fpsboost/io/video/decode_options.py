@@ -1,6 +1,7 @@
 """Options of the user for reading a source."""
 
 from dataclasses import dataclass, fields
+from fractions import Fraction
 from typing import Annotated, Literal
 
 from fpsboost.options import Checked, Range, Rate, option
@@ -55,7 +56,7 @@ class DecodeOptions(Checked):
     """
 
     trim: Trim = Trim()
-    input_fps: Annotated[Rate, Range(0.001, 100_000)] | None = option(
+    input_fps: Annotated[Rate, Range(Fraction(1, 1000), 100_000)] | None = option(
         None, "Frame rate of images, or of a raw stream such as .264.", parse=parse_rate
     )
     stream: Annotated[int, Range(0)] | None = option(None, "Video stream, numbered as in probe; else the largest.")
