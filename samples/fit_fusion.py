@@ -8,7 +8,7 @@ plain weights, with an additional price on every patch that becomes worse. The e
 from plain weights and hinges of random directions, or from the table of the package. ``--mean`` prints the mean of
 tables that were fitted in different ways.
 
-Needs numpy, numba and OpenCV.
+Needs numpy and OpenCV.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
@@ -92,11 +91,6 @@ class Patches:
     """(squares, 12)."""
     importance: NDArray[np.float32]
     """How many times as likely each patch would be if all were equally likely, (patches,)."""
-
-    @property
-    def candidates(self) -> tuple[NDArray[np.float32], ...]:
-        """What the mixture is made of."""
-        return self.features, self.priors, self.gains, self.mixed, self.change, self.shape
 
 
 def draw_patches(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[Any], count: int, seed: int) -> Patches:
@@ -170,130 +164,65 @@ def draw_clip(folder: Path, method: Interpolator, count: int, seed: int) -> list
     return drawn
 
 
-@njit(nogil=True, fastmath=True)
-def find_logits(rows, exchanged, outputs, features, sums, logits):
-    """Write the sums of features of frame 0 and of frame 1, and the logarithms of the weights of all three options.
+class Numbers(NamedTuple):
+    """What is fitted: the rows of a table, (2 + HINGES, FEATURES), and the outputs of the hinges, (HINGES, 2)."""
 
-    `exchanged` are the rows with the two frames exchanged.
-    """
-    for r in range(rows.shape[0]):
-        sums[r] = 0
-        for f in range(rows.shape[1]):
-            sums[r, 0] += rows[r, f] * features[f]
-            sums[r, 1] += exchanged[r, f] * features[f]
-    logits[0], logits[1], logits[2] = 0.5 * (sums[0, 0] + sums[0, 1]), sums[1, 0], sums[1, 1]
-    for n in range(outputs.shape[0]):
-        hinge0, hinge1 = max(sums[n + 2, 0], 0.0), max(sums[n + 2, 1], 0.0)
-        logits[0] += outputs[n, 0] * 0.5 * (hinge0 + hinge1)
-        logits[1] += outputs[n, 1] * hinge0
-        logits[2] += outputs[n, 1] * hinge1
+    rows: NDArray[np.float64]
+    outputs: NDArray[np.float64]
 
 
-@njit(nogil=True, fastmath=True)
-def mix_square(rows, exchanged, outputs, features, priors, gains, mixed, change, shape, sums, weights, totals, mean):
-    """Write the mixture at a square, and the weights of all options of all candidates and their sums by node."""
-    total, logits = 0.0, np.empty(3)
-    mean[:] = 0
-    for n in range(4):
-        if shape[n] <= 0:
-            continue
-        W = 1e-30
-        for k in range(priors.shape[1]):
-            if priors[n, k] <= 0:
-                weights[n, k] = 0
-                continue
-            find_logits(rows, exchanged, outputs, features[n, k], sums[n, k], logits)
-            for o in range(3):
-                weights[n, k, o] = priors[n, k] * np.exp(min(max(logits[o], -40.0), 20.0))
-            weights[n, k, 0] *= gains[n, k]
-            W += weights[n, k].sum()
-        totals[n] = W
-        a = shape[n] / np.sqrt(W)
-        total += a * W
-        for k in range(priors.shape[1]):
-            both = weights[n, k, 0] + weights[n, k, 1] + weights[n, k, 2]
-            lean = 0.5 * (weights[n, k, 2] - weights[n, k, 1])
-            if both > 0:
-                for p in range(12):
-                    mean[p] += a * (both * mixed[n, k, p] + lean * change[n, k, p])
-    for p in range(12):
-        mean[p] /= total
-    return total
+class Mixture(NamedTuple):
+    """The mixture at every square, and what its gradient needs again."""
+
+    mean: NDArray[np.floating]
+    """(squares, 12)."""
+    hinges: NDArray[np.floating]
+    """Hinges of frame 0 and of frame 1, (squares, 4, KEPT, 2, HINGES)."""
+    weights: NDArray[np.floating]
+    """Of both frames, of frame 0 and of frame 1, of every candidate, (squares, 4, KEPT, 3)."""
+    means: NDArray[np.floating]
+    """Mixtures of the nodes by themselves, (squares, 4, 12)."""
+    shares: NDArray[np.floating]
+    """Factors of the weights of a node in the mixture, (squares, 4)."""
 
 
-@njit(nogil=True, fastmath=True)
-def make_fit_work(rows, kept):
-    """Return the arrays that `mix_square` writes: sums, weights, their sums by node, and the mixture."""
-    return np.zeros((4, kept, rows, 2)), np.zeros((4, kept, 3)), np.ones(4), np.zeros(12)
+def mix(numbers: Numbers, patches: Patches) -> Mixture:
+    """Return the mixture at each square, by numbers for features as they are."""
+    rows, outputs = numbers
+    both_orders = np.concatenate([rows, mirrored(rows)]).astype(np.float32)
+    sums = (patches.features @ both_orders.T).reshape(*patches.priors.shape, 2, len(rows))
+    hinges = np.maximum(sums[..., 2:], 0)
+    logits = np.empty((*patches.priors.shape, 3))
+    logits[..., 0] = 0.5 * (sums[..., 0] + hinges @ outputs[:, 0]).sum(-1)
+    logits[..., 1:] = sums[..., 1] + hinges @ outputs[:, 1]
+    weights = patches.priors[..., None] * np.exp(logits.clip(-40, 20))
+    weights[..., 0] *= patches.gains
+    totals = weights.sum((2, 3)) + 1e-30
+    both, lean = weights.sum(-1) / totals[..., None], 0.5 * (weights[..., 2] - weights[..., 1]) / totals[..., None]
+    means = (both[:, :, None] @ patches.mixed + lean[:, :, None] @ patches.change)[:, :, 0]
+    parts = patches.shape * np.sqrt(totals)
+    parts /= parts.sum(1, keepdims=True)
+    return Mixture((parts[:, None] @ means)[:, 0], hinges, weights, means, parts / totals)
 
 
-@njit(nogil=True, fastmath=True)
-def mix(rows, exchanged, outputs, features, priors, gains, mixed, change, shape, mixture):
-    """Write the mixture at each square, (squares, 12)."""
-    work = make_fit_work(rows.shape[0], priors.shape[2])
-    for i in range(len(mixture)):
-        square = features[i], priors[i], gains[i], mixed[i], change[i], shape[i]
-        mix_square(rows, exchanged, outputs, *square, *work)
-        mixture[i] = work[3]
-
-
-@njit(nogil=True, fastmath=True)
-def average_node(mixed, change, weights, total, mean):
-    """Write the mean of a node's samples by the weights of its options."""
-    mean[:] = 0
-    for k in range(len(mixed)):
-        both, lean = weights[k].sum() / total, 0.5 * (weights[k, 2] - weights[k, 1]) / total
-        for p in range(12):
-            mean[p] += both * mixed[k, p] + lean * change[k, p]
-
-
-@njit(nogil=True, fastmath=True)
-def pull_numbers(rows, outputs, features, sums, pull, row_slopes, exchanged_slopes, output_slopes):
-    """Add the gradient of a candidate, given that with respect to the three logarithms."""
-    for r in range(rows.shape[0]):
-        pull0, pull1 = 0.5 * pull[0], 0.5 * pull[0]
-        if r == 1:
-            pull0, pull1 = pull[1], pull[2]
-        elif r > 1:
-            both, alone = outputs[r - 2]
-            hinge0, hinge1 = max(sums[r, 0], 0.0), max(sums[r, 1], 0.0)
-            output_slopes[r - 2, 0] += pull[0] * 0.5 * (hinge0 + hinge1)
-            output_slopes[r - 2, 1] += pull[1] * hinge0 + pull[2] * hinge1
-            pull0 = (pull[0] * 0.5 * both + pull[1] * alone) * (hinge0 > 0)
-            pull1 = (pull[0] * 0.5 * both + pull[2] * alone) * (hinge1 > 0)
-        for f in range(rows.shape[1]):
-            row_slopes[r, f] += pull0 * features[f]
-            exchanged_slopes[r, f] += pull1 * features[f]
-
-
-@njit(nogil=True, fastmath=True)
-def differentiate(rows, exchanged, outputs, features, priors, gains, mixed, change, shape, slopes, into):
-    """Add the gradient `into` those of the rows, of the exchanged rows and of the outputs.
-
-    `slopes` is the gradient with respect to the mixture, (squares, 12).
-    """
-    kept = priors.shape[2]
-    work = make_fit_work(rows.shape[0], kept)
-    sums, weights, totals, mean = work
-    here, pull = np.zeros(12), np.zeros(3)
-    for i in range(len(slopes)):
-        square = features[i], priors[i], gains[i], mixed[i], change[i], shape[i]
-        total = mix_square(rows, exchanged, outputs, *square, *work)
-        for n in range(4):
-            if shape[i, n] <= 0:
-                continue
-            average_node(mixed[i, n], change[i, n], weights[n], totals[n], here)
-            share = shape[i, n] / np.sqrt(totals[n]) / total
-            for k in range(kept):
-                if priors[i, n, k] <= 0:
-                    continue
-                level, across = 0.0, 0.0
-                for p in range(12):
-                    level += slopes[i, p] * (mixed[i, n, k, p] - 0.5 * here[p] - 0.5 * mean[p])
-                    across += slopes[i, p] * 0.5 * change[i, n, k, p]
-                for o in range(3):
-                    pull[o] = weights[n, k, o] * share * (level + (o == 2) * across - (o == 1) * across)
-                pull_numbers(rows, outputs, features[i, n, k], sums[n, k], pull, *into)
+def differentiate(numbers: Numbers, patches: Patches, mixture: Mixture, slopes: NDArray[np.floating]) -> Numbers:
+    """Return the gradient with respect to numbers, given that with respect to the mixture, (squares, 12)."""
+    _, outputs = numbers
+    mean, hinges, weights, means, shares = mixture
+    along = slopes[:, None, :, None]
+    level = (patches.mixed @ along)[..., 0] - 0.5 * (means + mean[:, None]) @ slopes[..., None]
+    across = 0.5 * (patches.change @ along)[..., 0]
+    pull = weights * shares[..., None, None] * np.stack([level, level - across, level + across], axis=-1)
+    half, alone = 0.5 * pull[..., :1], pull[..., 1:]  # of frame 0 and of frame 1
+    onto_sums = np.empty((*alone.shape, 2 + len(outputs)), np.float32)
+    onto_sums[..., 0], onto_sums[..., 1] = half, alone
+    onto_sums[..., 2:] = (hinges > 0) * (half[..., None] * outputs[:, 0] + alone[..., None] * outputs[:, 1])
+    features = patches.features.reshape(-1, FEATURES)
+    own, exchanged = np.moveaxis(onto_sums.reshape(len(features), 2, -1), 1, 0)
+    row_slopes = own.T @ features + mirrored(exchanged.T @ features)
+    every = hinges.reshape(-1, len(outputs))
+    half = np.broadcast_to(half, alone.shape)
+    return Numbers(row_slopes, np.stack([half.ravel() @ every, alone.ravel() @ every], axis=1))
 
 
 def measure_edges(samples: NDArray[np.floating]) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
@@ -336,13 +265,6 @@ def measure(mixture: NDArray[Any], truth: NDArray[Any], edge_weight: float) -> t
     return errors, np.where(mixture == shown, slopes, 0)
 
 
-class Numbers(NamedTuple):
-    """What is fitted: the rows of a table, (2 + HINGES, FEATURES), and the outputs of the hinges, (HINGES, 2)."""
-
-    rows: NDArray[np.float64]
-    outputs: NDArray[np.float64]
-
-
 class Objective:
     """What is minimised: the error relative to that of plain weights, dB, with a price on patches that become worse.
 
@@ -355,7 +277,8 @@ class Objective:
         self._means, self._deviations = every.mean(0), np.maximum(every.std(0), MIN_DEVIATION)
         self._means[CONSTANT], self._deviations[CONSTANT] = 0, 1
         self._frames, self._edge_weight = frames, edge_weight
-        self._plain = [self._errors(self.plain(-78), frame)[0] for frame in frames]
+        plain = self.raw(self.plain(-78))
+        self._plain = [measure(mix(plain, frame).mean, frame.truth, edge_weight)[0] for frame in frames]
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -379,27 +302,13 @@ class Objective:
         rows[:, CONSTANT] -= rows @ self._means
         return Numbers(rows, numbers.outputs)
 
-    def _errors(self, numbers: Numbers, frame: Patches) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return the error of each patch of a frame, and its gradient with respect to the mixture."""
-        rows, outputs = self.raw(numbers)
-        mixture = np.empty(frame.truth.shape)
-        mix(rows, mirrored(rows), outputs, *frame.candidates, mixture)
-        return measure(mixture, frame.truth, self._edge_weight)
-
-    def _slopes(self, numbers: Numbers, frame: Patches, slopes: NDArray[Any]) -> Numbers:
-        """Return the gradient with respect to numbers, given that with respect to the mixture."""
-        rows, outputs = self.raw(numbers)
-        into = np.zeros_like(rows), np.zeros_like(rows), np.zeros_like(outputs)
-        differentiate(rows, mirrored(rows), outputs, *frame.candidates, slopes, into)
-        row_slopes = into[0] + mirrored(into[1])
-        return Numbers((row_slopes - row_slopes[:, [CONSTANT]] * self._means) / self._deviations, into[2])
-
     def __call__(self, numbers: Numbers, chosen: Sequence[int]) -> tuple[float, Numbers]:
         """Return the mean loss of the chosen frames and its gradient."""
-        loss, total = 0.0, Numbers(*map(np.zeros_like, numbers))
+        loss, total, raw = 0.0, Numbers(*map(np.zeros_like, numbers)), self.raw(numbers)
         for number in chosen:
             frame, plain = self._frames[number], self._plain[number]
-            errors, slopes = self._errors(numbers, frame)
+            mixture = mix(raw, frame)
+            errors, slopes = measure(mixture.mean, frame.truth, self._edge_weight)
             weight = frame.importance / len(plain)
             before, now = weight @ plain + FLOOR, weight @ errors + FLOOR
             worse = errors > plain + FLOOR
@@ -407,17 +316,18 @@ class Objective:
             loss += 10 * np.log10(now / before) + EXCESS * DECIBELS * excess / before
             price = DECIBELS * weight * (1 / now + EXCESS * worse / before) / len(chosen)
             slopes *= np.repeat(price, SIDE**2)[:, None]
-            total = Numbers(*map(np.add, total, self._slopes(numbers, frame, slopes)))
-        return loss / len(chosen), total
+            total = Numbers(*map(np.add, total, differentiate(raw, frame, mixture, slopes)))
+        rows, outputs = total
+        rows = (rows - rows[:, [CONSTANT]] * self._means) / self._deviations
+        return loss / len(chosen), Numbers(rows, outputs)
 
     def gain(self, numbers: Numbers) -> NDArray[np.float64]:
         """Return how many dB better than plain weights each frame is."""
-        return np.array(
-            [
-                10 * np.log10((frame.importance @ plain) / (frame.importance @ self._errors(numbers, frame)[0]))
-                for frame, plain in zip(self._frames, self._plain, strict=True)
-            ]
-        )
+        raw, gains = self.raw(numbers), []
+        for frame, plain in zip(self._frames, self._plain, strict=True):
+            errors, _ = measure(mix(raw, frame).mean, frame.truth, self._edge_weight)
+            gains.append(10 * np.log10((frame.importance @ plain) / (frame.importance @ errors)))
+        return np.array(gains)
 
 
 def as_numbers(table: Iterable[Sequence[float]], outputs: Sequence[Sequence[float]]) -> Numbers:

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -54,8 +55,10 @@ def openjd(*arguments: object, **environment: str) -> subprocess.CompletedProces
 
 def program(folder: Path, code: str) -> Path:
     """Write Python code as an executable program."""
-    path = folder / "program"
-    path.write_text(f"#!{sys.executable}\n{code}")
+    path, script = folder / "program", folder / "program.py"
+    script.write_text(code)
+    # a first line that names Python itself would end at a space in its path
+    path.write_text(f'#!/bin/sh\nexec {shlex.join([sys.executable, str(script)])} "$@"\n')
     path.chmod(0o755)
     return path
 
