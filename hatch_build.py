@@ -81,6 +81,9 @@ def compile_kernels(platform: Platform, folder: Path) -> Path:
     print(f"Compiling the kernels for {platform.target} by {shlex.join(compiler)}", flush=True)
     flags = [*FLAGS, *(["-fPIC"] if platform.suffix != ".dll" else []), *further]
     with tempfile.TemporaryDirectory() as objects, ThreadPoolExecutor(os.cpu_count()) as pool:
+        # Zig keeps its caches in the home folder otherwise, 50 MB, and fails where that cannot be written
+        caches = dict.fromkeys(("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"), str(Path(objects, "zig")))
+        environment = caches | os.environ
         jobs = [
             (source, level, str(Path(objects, f"{source.stem}-{level}.o")))
             for source in sorted(SOURCES.glob("*.cpp"))
@@ -91,21 +94,21 @@ def compile_kernels(platform: Platform, folder: Path) -> Path:
             source, level, to = job
             processor = platform.levels[level].replace("_", "-") if own else platform.levels[level]
             options = [f"-march={processor}", f"-DLEVEL={level}", "-c", str(source), "-o", to]
-            run_compiler([*compiler, *flags, *options])
+            run_compiler([*compiler, *flags, *options], environment)
 
         list(pool.map(compile_one, jobs))
         library = Path(objects, f"kernels{platform.suffix}")
-        link = [*compiler, "-shared", "-s", *further, *(to for *_, to in jobs), "-o", library.name]
-        run_compiler(link, objects)  # macOS's linker writes the name that it is given into the library
+        link = [*compiler, *flags, "-shared", "-s", *(to for *_, to in jobs), "-o", library.name]
+        run_compiler(link, environment, objects)  # macOS's linker writes the name that it is given into the library
         # under a name of its own at first, as a process may have loaded the old one
         new = Path(shutil.copy(library, folder / f"new-{library.name}"))
         return new.replace(folder / library.name)
 
 
-def run_compiler(command: list[str], folder: str | None = None) -> None:
+def run_compiler(command: list[str], environment: dict[str, str], folder: str | None = None) -> None:
     """Run a compiler, in a folder if one is given; exit with a sentence below its output if it is missing or fails."""
     try:
-        subprocess.run(command, check=True, cwd=folder)
+        subprocess.run(command, check=True, cwd=folder, env=environment)
     except OSError as error:
         sys.exit(f"The compiler {command[0]} cannot be run ({error.strerror}); name a clang or gcc by CC, or unset it.")
     except subprocess.CalledProcessError as error:

@@ -2,6 +2,7 @@
 
 import re
 import runpy
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -11,8 +12,10 @@ import pytest
 from video_truth import write_clip
 
 from fpsboost import __version__
+from fpsboost.kernels import binding
 
 ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "fpsboost"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
@@ -70,7 +73,34 @@ def test_every_dependency_has_a_lowest_version(requirement):
     assert re.fullmatch(r"[\w-]+>=\d+(\.\d+)*(,<\d+(\.\d+)*)?", requirement)
 
 
-PACKAGE = Path(__file__).parents[2] / "fpsboost"
+BUILD = """
+import sys
+from pathlib import Path
+import hatch_build as build
+
+build.SOURCES = Path("native")
+build.compile_kernels(build.PLATFORMS[build.this_platform()], Path())
+"""
+"""Compiles what is in the folder native of the working directory."""
+
+
+def test_a_build_needs_no_home_folder_and_leaves_the_library_alone(tmp_path, monkeypatch):
+    """Where nothing can be written but the folder of the library and that of temporary files, which is empty again."""
+    pytest.importorskip("ziglang")
+    for name in ("native", "temporary"):
+        (tmp_path / name).mkdir()
+    for source in (PACKAGE / "native" / "processor.cpp", *(PACKAGE / "native").glob("*.h")):
+        shutil.copy(source, tmp_path / "native")
+    for name in ("CC", "CFLAGS", "ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
+        monkeypatch.delenv(name, raising=False)
+    for name in ("HOME", "USERPROFILE", "LOCALAPPDATA", "XDG_CACHE_HOME"):
+        monkeypatch.setenv(name, __file__)  # in which not even an administrator can write
+    for name in ("TMPDIR", "TEMP", "TMP"):
+        monkeypatch.setenv(name, str(tmp_path / "temporary"))
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    subprocess.run([sys.executable, "-c", BUILD], cwd=tmp_path, check=True)
+    made = {path.name for path in tmp_path.rglob("*") if path.parent.name != "native"}
+    assert made == {"native", "temporary", f"kernels{binding.LIBRARY.suffix}"}
 
 
 @pytest.mark.parametrize(
