@@ -45,6 +45,7 @@ from .method_table import interpolate as interpolate
 from .method_table import interpolate_with_confidence as interpolate_with_confidence
 from .method_table import methods as methods
 from .motion import MotionEstimator as MotionEstimator
+from .motion.field import MotionField as MotionField
 from .motion.rendered import RenderedVectors as RenderedVectors
 from .pair import Pair as Pair
 from .parts.join import join as join
@@ -61,6 +62,7 @@ from .rerender.regions import Rectangle as Rectangle
 from .run_options import Part as Part
 from .run_options import RunOptions as RunOptions
 from .streaming import run_conversion as run_conversion
+from .synthesis import FramePair as FramePair
 from .synthesis import InterpolatedImage as InterpolatedImage
 from .synthesis import Synthesizer as Synthesizer
 from .timing.position import Gaps as Gaps

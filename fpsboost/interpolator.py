@@ -10,6 +10,7 @@ from itertools import chain
 from types import MappingProxyType
 from typing import Annotated, Any, Protocol, Self, TypeVar, runtime_checkable
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,7 +21,7 @@ from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy, counts_frames
 from fpsboost.errors import OptionError, SceneCutWarning, refuse
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Image, TakesPlanes, check_pair, view
+from fpsboost.image import Image, ImageView, TakesPlanes, check_pair, view
 from fpsboost.layered import FrameImage
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.field import COMPARABLE, MotionField, ZeroMotion
@@ -471,7 +472,7 @@ def _generate(
     if layered is None and with_confidence and isinstance(synthesizer, FusesHypotheses):
         return synthesizer.fuse(frame_pair, times)
     if layered is None:
-        images = synthesizer.synthesize(frame_pair, times)
+        images = _checked_images(synthesizer, frame_pair, times)
     elif isinstance(synthesizer, MixesLayers):
         images = synthesizer.synthesize_layers(frame_pair, layered, times)
     else:
@@ -483,6 +484,29 @@ def _generate(
     else:
         confidences = (measure_agreement(frame_pair, t) for t in times)
     return map(InterpolatedImage, images, confidences)
+
+
+def _checked_images(synthesizer: Synthesizer, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Any]:
+    """Yield the images of a synthesizer, which may be a user's; raise `OptionError` unless they are like the frames."""
+    image0, image1 = frame_pair.image0, frame_pair.image1
+    frame = image0.pixels
+    told = (
+        f"The synthesizer {type(synthesizer).__name__} must yield an image for every time, like "
+        f"`frame_pair.image0.array`: of shape {frame.shape} and {frame.dtype}"
+    )
+    made: Iterator[Any] = iter(synthesizer.synthesize(frame_pair, times))
+    for _ in times:
+        image = next(made, None)
+        if not isinstance(image, np.ndarray | ImageView):
+            raise OptionError(f"{told}, not {type(image).__name__}.")
+        if (image.shape, image.dtype, view(image).coding) != (frame.shape, frame.dtype, view(frame).coding):
+            raise OptionError(f"{told}, not {image.shape} and {image.dtype}.")
+        if image.dtype == np.float32:
+            # every eighth pixel shows another scale; nothing compares with NaN
+            limit = 16 * (1 + image0.cached(cv2.norm, cv2.NORM_INF) + image1.cached(cv2.norm, cv2.NORM_INF))
+            if cv2.norm(view(image).array()[::8, ::8], cv2.NORM_INF) > limit:
+                raise OptionError(f"{told}, in the range of the frames, in which white is 1.0, and not 255.")
+        yield image
 
 
 def _extrapolate(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[MotionField, MotionField]:

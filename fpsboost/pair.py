@@ -13,12 +13,16 @@ from fpsboost.analysis.grain import PairGrain, measure_grain
 from fpsboost.analysis.illumination import IlluminationModel, compensate_either, estimate_illumination
 from fpsboost.analysis.scene_cuts import MOST_DECAY, CutDetector, CutPolicy
 from fpsboost.colour import normalised
+from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache, Results
 from fpsboost.image import check_pair, view
 from fpsboost.layered import LayeredImage
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.components import gray, half_chroma
 from fpsboost.motion.field import MotionField
+
+MAX_LENGTH = 1e6
+"""No vector is as long, pixels."""
 
 Layered = tuple[LayeredImage, LayeredImage]
 """Two frames with their further layers."""
@@ -160,6 +164,7 @@ class Pair:
 
     def _estimate(self) -> tuple[MotionField, MotionField]:
         fields = self._estimator.estimate(*self.compensated)
+        check_fields(self._estimator, fields, self.image0.pixels.shape[:2])
         if self.illumination is not None:  # no other pair uses these: saves memory
             for image in self.compensated:
                 image.clear()
@@ -212,6 +217,20 @@ class Pair:
             part.release_caches()
         self.image0.clear(gray, half_chroma)  # overlays are static in the frame before a pair, too
         self._results.discard({"compensated", "grain"}.__contains__)
+
+
+def check_fields(estimator: MotionEstimator, fields: Any, size: tuple[int, ...]) -> None:
+    """Raise `OptionError` unless an estimator, which may be a user's, returned two motion fields of such frames."""
+    told = f"The estimator {type(estimator).__name__} must return two `fpsboost.MotionField`"
+    if not isinstance(fields, tuple | list) or [type(each) for each in fields] != [MotionField, MotionField]:
+        raise OptionError(f"{told}, as in `return MotionField(flow01), MotionField(flow10)`.")
+    for each in fields:
+        if each.shape != size:
+            raise OptionError(f"{told} for frames of (height, width) {size}, not {each.shape}.")
+        vectors, similarities = each.vectors, each.similarities
+        in_range = vectors.min() > -MAX_LENGTH and vectors.max() < MAX_LENGTH  # NaN is not
+        if not (in_range and similarities.min() > -0.01 and similarities.max() < 1.01):  # sums are rounded
+            raise OptionError(f"{told} of finite vectors, in pixels, with `similarities` from 0 to 1.")
 
 
 def as_bgr(image: FrameCache) -> FrameCache:

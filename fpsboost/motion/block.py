@@ -97,7 +97,7 @@ class BlockMatching(Checked):
         flow, alike = (
             np.repeat(np.repeat(of_blocks, heights, axis=0), widths, axis=1) for of_blocks in (motion, similarity)
         )
-        return MotionField(flow.astype(np.float32), alike.clip(0, 1).astype(np.float32))
+        return MotionField(flow, alike.clip(0, 1))
 
 
 def colour_values(image: Image) -> NDArray[Any]:

@@ -7,13 +7,14 @@ for the pixels that share it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import check_pair
 from fpsboost.kernels.points import (
@@ -29,32 +30,55 @@ from fpsboost.kernels.points import (
 class MotionField:
     """Motion of every pixel of one frame to another frame.
 
+    Parameters
+    ----------
+    vectors : (rows, columns, 2) array
+        ``(dx, dy)`` in pixels, in one direction: ``image1[y + dy, x + dx]`` looks like ``image0[y, x]``.
+    similarities : (rows, columns) array, optional
+        Similarity of both ends of each vector, in [0, 1], by the estimator's own measure; 1 if it is left out.
+    search_radius : int, optional
+        Search range, pixels in x and in y, if the estimator chose it for these frames.
+    spacing : int
+        Pixels along x and y that share a vector.
+    size : (int, int), optional
+        Height and width of the frame; needed unless every pixel has a vector of its own.
+
+    Raises
+    ------
+    OptionError
+        The shapes of the arrays do not go with each other or with the size.
+
     Examples
     --------
     >>> vectors = np.array([[[3, 0], [0, 0]]], np.float32)  # two points, 8 pixels apart
     >>> field = MotionField(vectors, np.ones((1, 2), np.float32), spacing=8, size=(6, 14))
     >>> field.shape, field.flow[5, 7].tolist(), field.flow[5, 8].tolist()
     ((6, 14), [3.0, 0.0], [0.0, 0.0])
+    >>> MotionField(np.zeros((6, 14, 2))).similarity.min().tolist()
+    1.0
     """
 
     vectors: NDArray[Any]
-    """(rows, columns, 2) float32: ``(dx, dy)`` in pixels; the direction is in the variable's name (``field01``,
-    ``field10``)."""
-    similarities: NDArray[Any]
-    """(rows, columns) float32: similarity of the patches or blocks at both ends of each vector, in [0, 1], by the
-    estimator's own measure; 1 everywhere if it has none. In the default method, it is that of the whole-pixel vector
-    before refinement."""
+    """(rows, columns, 2) float32; the direction is in the variable's name (``field01``, ``field10``)."""
+    similarities: NDArray[Any] = field(default_factory=lambda: np.ones((1, 1), np.float32))
+    """(rows, columns) float32. In the default method, that of the whole-pixel vector before refinement."""
     search_radius: int | None = None
-    """Search range, pixels in x and in y, if the estimator chose it for these frames."""
     spacing: int = 1
-    """Pixels along x and y that share a vector."""
     size: tuple[int, int] | None = None
-    """(H, W) or None: size of the frame; None if every pixel has a vector of its own."""
 
     def __post_init__(self) -> None:
         """Bring the arrays, which may be views, into the form that kernels take."""
-        object.__setattr__(self, "vectors", np.ascontiguousarray(self.vectors, np.float32))
-        object.__setattr__(self, "similarities", np.ascontiguousarray(self.similarities, np.float32))
+        vectors, similarities = np.ascontiguousarray(self.vectors, np.float32), np.asarray(self.similarities)
+        height, width = self.size or vectors.shape[:2]
+        points = -(-height // self.spacing), -(-width // self.spacing)
+        if vectors.shape != (*points, 2) or similarities.shape not in {points, (1, 1)}:
+            raise OptionError(
+                f"`vectors` for {width}x{height} pixels with a `spacing` of {self.spacing} have the shape "
+                f"{(*points, 2)} and `similarities` {points}, not {vectors.shape} and {similarities.shape}."
+            )
+        similarities = np.broadcast_to(similarities, points)
+        object.__setattr__(self, "vectors", vectors)
+        object.__setattr__(self, "similarities", np.ascontiguousarray(similarities, np.float32))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -189,8 +213,7 @@ class ZeroMotion:
         """Return zero motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
         check_pair(image0.pixels, image1.pixels)
         height, width = image0.pixels.shape[:2]
-        nothing, alike = np.zeros((1, 1, 2), np.float32), np.ones((1, 1), np.float32)
-        still = MotionField(nothing, alike, spacing=max(height, width), size=(height, width))
+        still = MotionField(np.zeros((1, 1, 2)), spacing=max(height, width), size=(height, width))
         return still, still
 
 

@@ -150,10 +150,7 @@ def _estimate_both(
         cv2.copyMakeBorder(image.cached(gray), 0, below, 0, right, cv2.BORDER_REPLICATE) for image in (image0, image1)
     )
     field01, field10 = (
-        MotionField(
-            np.ascontiguousarray(flow(a, b, np.zeros((*a.shape, 2), np.float32))[:height, :width], np.float32),
-            np.ones((height, width), np.float32),
-        )
+        MotionField(flow(a, b, np.zeros((*a.shape, 2), np.float32))[:height, :width])
         for a, b in ((gray0, gray1), (gray1, gray0))
     )
     return field01, field10

@@ -106,8 +106,7 @@ class RenderedMotion:
         span = np.float32((number1 - number0) * self.vectors.step)
         forward = self.vectors.for_image(number0, image0.array).forward
         backward = self.vectors.for_image(number1, image1.array).backward
-        alike = np.ones(forward.shape[:2], np.float32)
-        return MotionField(forward * span, alike), MotionField(backward * span, alike)
+        return MotionField(forward * span), MotionField(backward * span)
 
 
 def frame_number(place: Fraction | None) -> int:

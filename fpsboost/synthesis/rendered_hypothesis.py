@@ -98,7 +98,7 @@ def _seen_from(here: FrameVectors, there: FrameVectors, distance: int) -> tuple[
     """
     motion, back = _displacement(here, distance), _displacement(there, -distance)
     height, width = motion.shape[:2]
-    error = forward_backward_error(motion, np.arange(height), np.arange(width), MotionField(back, back[..., 0]))
+    error = forward_backward_error(motion, np.arange(height), np.arange(width), MotionField(back))
     return motion, (error <= CONSISTENCY_TOLERANCE * abs(distance)) & ends_inside(motion)
 
 
