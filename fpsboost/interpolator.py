@@ -494,9 +494,10 @@ def _checked_images(synthesizer: Synthesizer, frame_pair: FramePair, times: Sequ
         f"The synthesizer {type(synthesizer).__name__} must yield an image for every time, like "
         f"`frame_pair.image0.array`: of shape {frame.shape} and {frame.dtype}"
     )
-    made: Iterator[Any] = iter(synthesizer.synthesize(frame_pair, times))
+    made: Any = synthesizer.synthesize(frame_pair, times)
+    images = iter(made if isinstance(made, Iterable) else ())
     for _ in times:
-        image = next(made, None)
+        image = next(images, None)
         if not isinstance(image, np.ndarray | ImageView):
             raise OptionError(f"{told}, not {type(image).__name__}.")
         if (image.shape, image.dtype, view(image).coding) != (frame.shape, frame.dtype, view(frame).coding):

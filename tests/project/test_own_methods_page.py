@@ -91,6 +91,7 @@ def test_what_is_no_motion_is_refused(page, result, said):
 @pytest.mark.parametrize(
     ("result", "said"),
     [
+        (None, "not NoneType"),
         ([], "not NoneType"),
         ([None], "not NoneType"),
         ([[1, 2]], "not list"),
