@@ -218,10 +218,6 @@ class TimeMap(Protocol):
     def time_of(self, source: Fraction) -> Fraction:
         """Return the output time at which the source first reaches a time."""
 
-    @property
-    def reverses(self) -> bool:
-        """Whether the source plays backwards somewhere."""
-
     def passages(self, begin: Fraction, end: Fraction) -> Sequence[tuple[Fraction, Fraction]]:
         """Return the output times, from and to, between which a part of the source, `begin` to `end`, is shown."""
 
