@@ -1,8 +1,9 @@
 """Encode frames into packets with an encoder that is configured once per clip and reopened for every chunk.
 
-A video keeps its pixel format if the encoder supports it, and otherwise gets the one that loses least. 8-bit images
-become 4:2:0, which every player shows. For lossless encoding, and for images deeper than 8 bits with a codec given, the
-format with the greatest bit depth and chroma resolution of the source that the encoder supports is chosen.
+A video of luma and chroma keeps its pixel format if the encoder supports it, and otherwise gets the one that loses
+least. 8-bit images and RGB video become 4:2:0, which every player shows. For lossless encoding, and for images deeper
+than 8 bits with a codec given, the format with the greatest bit depth and chroma resolution of the source that the
+encoder supports is chosen.
 """
 
 from __future__ import annotations
@@ -331,7 +332,7 @@ def choose_pixel_format(
     name : str
         The output in messages.
     of_images : bool
-        Whether the source is images, which become 4:2:0 unless lossless or deep.
+        Whether the source is images, which become 4:2:0 unless lossless or deep; RGB video does unless lossless.
 
     Returns
     -------
@@ -350,7 +351,8 @@ def choose_pixel_format(
     wanted = encoding.pixel_format or source
     if not offered:
         return wanted, []
-    whole_only = any(entry.name == encoder and entry.needs_whole_chroma for entry in encoders.values())
+    common = [entry for entry in encoders.values() if entry.name == encoder]
+    whole_only = any(entry.needs_whole_chroma for entry in common)
     fitting = [name for name in offered if not whole_only or _divides(name, *size)]
     if encoding.pixel_format:
         if wanted not in fitting:
@@ -358,14 +360,17 @@ def choose_pixel_format(
                 f"`pixel_format={wanted!r}` halves an odd size, which {encoder} cannot do for {name} at "
                 f"{size[0]}x{size[1]}; use yuv444p, or crop to an even size."
             )
-        return wanted, []
+        is_rare = bool(common) and not encoding.lossless and _chroma_of(av.VideoFormat(wanted)) == 1
+        return wanted, [f"{name} was written as {wanted}, as asked for, which few players show."] if is_rare else []
     is_deep = depth_of(source) > 8
     keeps_all = encoding.lossless or (codec.lossless and not codec.lossy)
-    if of_images and not keeps_all and not (is_deep and encoding.codec):
+    is_rgb_video = not of_images and _is_rgb(source) and "yuv420p" in offered
+    if not keeps_all and (is_rgb_video or (of_images and not (is_deep and encoding.codec))):
         alpha = has_alpha(source) and encodes_alpha(encoding, container)
         wanted = ("yuva420p" if alpha else "yuv420p") + ("10le" if is_deep else "")
     if wanted in fitting:
-        return wanted, _loss_remarks(name, encoder, wanted, source, exact=keeps_all) if of_images and is_deep else []
+        is_told = is_rgb_video or (of_images and is_deep)
+        return wanted, _loss_remarks(name, encoder, wanted, source, exact=keeps_all) if is_told else []
     keeps_alpha = encodes_alpha(encoding, container) and has_alpha(wanted)
     fitting = [name for name in fitting if has_alpha(name) or not keeps_alpha] or fitting
     if keeps_all or (of_images and is_deep):
@@ -381,11 +386,6 @@ def choose_pixel_format(
         remarks.append(
             f"{name} has the odd size {size[0]}x{size[1]} and was written as {best.name}, which few players "
             "show; write a .webm, or crop to an even size."
-        )
-    elif whole_only and av.VideoFormat(wanted).is_rgb and _chroma_of(best) == 1:
-        remarks.append(
-            f"{name} was written as {best.name} to keep the colours of its source, which few players show; "
-            "`pixel_format='yuv420p'` makes what all show."
         )
     elif lost and best.name != plain:
         remarks.append(f"{_loss_sentence(name, lost, encoder, best.name, wanted)}.")

@@ -13,6 +13,7 @@ from video_truth import QUARTER_TURN, scene, write_clip
 from fpsboost import DecodeOptions, Encoding, convert
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media.encoding import default_codec
+from fpsboost.media.pixels import LIMITED_RANGE, SMPTE170M
 
 DISPLAY = "G(13250,34500)B(7500,3000)R(34000,16000)WP(15635,16450)L(10000000,50)"
 
@@ -124,12 +125,71 @@ def test_light_beyond_white_is_said(tmp_path):
     assert np.array_equal(first_image(target)[1], np.rint(image * np.float32(65535)))
 
 
+RGB_SOURCES = [
+    *((codec, "rgb24", ".mov", "yuv420p") for codec in ("qtrle", "png")),
+    *(("rawvideo", kind, ".nut", "yuv420p") for kind in ("bgr24", "rgb555le", "bgr8")),
+    *(("ffv1", "bgr0", ".mkv", "yuv420p"), ("utvideo", "gbrp", ".avi", "yuv420p")),
+    *(("zmbv", "bgr0", ".avi", "yuv420p"), ("libx264rgb", "bgr24", ".mkv", "yuv420p")),
+    *(("ffv1", kind, ".mkv", "yuv420p10le") for kind in ("gbrp10le", "gbrp16le")),
+]
+"""Codec, pixel format and suffix of screen recordings and other RGB video, and what most players show of it."""
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".webm"])
+@pytest.mark.parametrize(("codec", "pixel_format", "ending", "expected"), RGB_SOURCES)
+def test_rgb_video_becomes_what_players_show(tmp_path, codec, pixel_format, ending, expected, suffix):
+    """4:2:0 of limited range, by the matrix of its size, in its own colours; the lost colour resolution is said."""
+    rows, columns = np.mgrid[:48, :64]
+    ramps = np.uint8(np.dstack([columns * 3 + 20, rows * 4 + 20, 220 - columns * 2]))
+    clip = write_clip(
+        tmp_path / f"in{ending}", times=range(2), codec=codec, pixel_format=pixel_format, picture=lambda *_: ramps
+    )
+    target = tmp_path / f"out{suffix}"
+    (remark,) = convert(str(clip), str(target), method="nearest").remarks
+    assert "colour resolution than its source" in remark
+    assert f"wrote {expected} for" in remark
+    with VideoSource(target) as source:
+        traits, image = source.traits, next(iter(source)).image
+    assert (traits.pixel_format, traits.tagged_color_space, traits.color_range) == (expected, SMPTE170M, LIMITED_RANGE)
+    before, after = (each / np.float64(257 if each.dtype == np.uint16 else 1) for each in (first_image(clip)[1], image))
+    off = after - before
+    assert np.abs(off.mean((0, 1))).max() < 1
+    assert np.abs(off).mean() < (20 if pixel_format == "bgr8" else 5)
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".webm"])
+def test_rgb_video_of_odd_size(tmp_path, suffix):
+    """4:2:0 where the encoder takes it; H.264, which does not, says what few players show."""
+    clip = write_clip(tmp_path / "in.mkv", times=range(2), codec="ffv1", pixel_format="bgr0", size=(47, 63))
+    (remark,) = convert(str(clip), str(tmp_path / f"out{suffix}"), method="nearest").remarks
+    found, image = first_image(tmp_path / f"out{suffix}")
+    assert image.shape == (47, 63, 3)
+    assert found == ("yuv444p" if suffix == ".mp4" else "yuv420p")
+    assert ("has the odd size 63x47" if suffix == ".mp4" else "has less colour resolution") in remark
+
+
+@pytest.mark.parametrize(
+    ("suffix", "options", "expected"),
+    [
+        (".mp4", {}, "yuv444p"),
+        (".webm", {}, "yuv444p"),
+        (".webm", {"pixel_format": "gbrp"}, "gbrp"),
+        (".mp4", {"codec": "hevc", "pixel_format": "gbrp"}, "gbrp"),
+    ],
+)
+def test_full_colour_resolution_of_rgb_video_on_request(tmp_path, suffix, options, expected):
+    """4:4:4 and RGB are written if they are asked for, with a note on players."""
+    clip = write_clip(tmp_path / "in.mkv", times=range(2), codec="ffv1", pixel_format="bgr0")
+    target, encoding = tmp_path / f"out{suffix}", Encoding(**{"pixel_format": "yuv444p", **options})
+    remarks = convert(str(clip), str(target), method="nearest", encoding=encoding).remarks
+    assert remarks == [f"{target} was written as {expected}, as asked for, which few players show."]
+    assert first_image(target)[0] == expected
+
+
 def test_lossless_rgb_video(tmp_path):
-    """A screen capture in RGB comes back from H.264, too; without --lossless it says what few players show."""
+    """A screen capture in RGB comes back from H.264 and FFV1, without a remark; 4:2:0 on request needs none either."""
     image = noise(np.uint8)
     clip = write_clip(tmp_path / "in.mkv", times=range(2), codec="ffv1", pixel_format="bgr0", picture=lambda *_: image)
-    (remark,) = convert(str(clip), str(tmp_path / "out.mp4"), factor=1).remarks
-    assert "out.mp4 was written as yuv444p to keep the colours of its source, which few players show" in remark
     encoding = Encoding(pixel_format="yuv420p")
     assert convert(str(clip), str(tmp_path / "plain.mp4"), factor=1, encoding=encoding).remarks == []
     for codec, pixel_format in (("h264", "yuv444p10le"), ("ffv1", "bgr0")):
@@ -139,6 +199,10 @@ def test_lossless_rgb_video(tmp_path):
         found, back = first_image(target)
         assert found == pixel_format
         assert np.array_equal(back if back.dtype == np.uint8 else np.rint(back / 257), image)
+    for codec, pixel_format in (("prores_ks", "yuv444p12le"), ("qtrle", "rgb24"), ("png", "rgb24")):
+        target = tmp_path / f"{codec}.mov"
+        convert(str(clip), str(target), factor=1, encoding=Encoding(codec=codec))
+        assert first_image(target)[0] == pixel_format
 
 
 @pytest.mark.parametrize(
