@@ -18,6 +18,7 @@ from fpsboost.analysis.duplicates import DuplicateDetector
 from fpsboost.analysis.grain import match_grain
 from fpsboost.analysis.overlay import find_overlay, keep_overlay
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy, counts_frames
+from fpsboost.analysis.still_parts import find_still_parts
 from fpsboost.errors import OptionError, SceneCutWarning, refuse
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache
@@ -196,7 +197,7 @@ class Interpolator(Checked):
         Parameters
         ----------
         image0, image1 : (H, W, C) uint8, uint16 or float32
-            Two frames of one size and type.
+            Two frames of one size and type; white is 1 in float32, and light may be brighter.
         times : sequence of float or Fraction
             Each in [0, 1]; 0 gives frame 0 and 1 gives frame 1, unchanged.
         cuts : CutPolicy, optional
@@ -212,10 +213,12 @@ class Interpolator(Checked):
         InputError
             The two are not images of one size and type.
         OptionError
-            A time lies outside of [0, 1].
+            A time lies outside of [0, 1], or float images are surely on another scale: from -1 to 1, or whole numbers.
 
         Warns
         -----
+        UserWarning
+            Float images have NaN, or are probably 8-bit levels.
         SceneCutWarning
             There is a cut, and a time lies between the two.
         """
@@ -355,17 +358,17 @@ class Interpolator(Checked):
     ) -> Iterator[InterpolatedImage]:
         """Interpolate what is behind a mask, and what it shows, each by itself, and put the one over the other."""
         background = replace(self, mask=None, uncertain="keep", below=LEAST_CONFIDENCE)
-        # where the mask stands still, what no motion explains is not to be mixed, such as digits
-        layer = replace(
-            background,
-            uncertain="keep" if counts_frames(mask) else "nearest",
-            match_grain=False,  # flat areas have none to measure
-        )
+        layer = replace(background, match_grain=False)  # flat areas have none to measure
         earlier, later = ((None, None) if each is None else each.parts(*mask.parts) for each in (before, after))
+        parts = pair.parts(*mask.parts)
         behind, shown = (
             method.images(part, times, *around, with_confidence=with_confidence)
-            for method, part, *around in zip((background, layer), pair.parts(*mask.parts), earlier, later, strict=True)
+            for method, part, *around in zip((background, layer), parts, earlier, later, strict=True)
         )
+        if not counts_frames(mask):  # what changes where it stands, such as digits, is not to be mixed
+            layers = parts[1]
+            still = layers.uncertainty_map(lambda: find_still_parts(layers.image0, layers.image1, layers.fields[0]))
+            shown = _replace_uncertain(shown, times, layers, still, mix=False)
         return map(mask.composite, behind, shown)
 
     def _fall_back(
@@ -379,14 +382,8 @@ class Interpolator(Checked):
             return measure_uncertainty(confidence, self.below, self.uncertain)
 
         uncertainty = pair.uncertainty_map(measure)
-        for (image, confidence), t in zip(made or make(times), times, strict=True):
-            pixels = view(image).picture
-            image0, image1 = (
-                view((frame if view(pixels).coding else as_bgr(frame)).image).picture
-                for frame in (pair.image0, pair.image1)
-            )
-            shown = blend_fallback(pixels, image0, image1, t, uncertainty, mix=self.uncertain == "blend")
-            yield InterpolatedImage(shown, confidence)
+        images = made or make(times)
+        return _replace_uncertain(iter(images), times, pair, uncertainty, mix=self.uncertain == "blend")
 
     def frame_pair(self, pair: Pair, before: Pair | None, after: Pair | None) -> FramePair:
         """Return what the synthesizer takes of two frames that motion connects, and of the pairs before and after."""
@@ -508,6 +505,19 @@ def _checked_images(synthesizer: Synthesizer, frame_pair: FramePair, times: Sequ
             if cv2.norm(view(image).array()[::8, ::8], cv2.NORM_INF) > limit:
                 raise OptionError(f"{told}, in the range of the frames, in which white is 1.0, and not 255.")
         yield image
+
+
+def _replace_uncertain(
+    images: Iterator[InterpolatedImage], times: Sequence[float], pair: Pair, weights: NDArray[Any], *, mix: bool
+) -> Iterator[InterpolatedImage]:
+    """Put the two frames in place of parts of images, by a weight for each pixel; see `blend_fallback`."""
+    for (image, confidence), t in zip(images, times, strict=True):
+        pixels = view(image).picture
+        image0, image1 = (
+            view((frame if view(pixels).coding else as_bgr(frame)).image).picture
+            for frame in (pair.image0, pair.image1)
+        )
+        yield InterpolatedImage(blend_fallback(pixels, image0, image1, t, weights, mix=mix), confidence)
 
 
 def _extrapolate(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[MotionField, MotionField]:

@@ -2,8 +2,8 @@
 
 What stays is that of the source frame that is nearest in time, in the pixels or the planes of the video itself. Or it
 is a layer: every frame is then divided into what is behind, filled from its surroundings where the mask hides it, and
-the layer, whose alpha is the mask. Motion is found in either without the other. Behind a mask that stands still, the
-layer is that of the nearer frame where its motion is uncertain, as of digits that change.
+the layer, whose alpha is the mask. Motion is found in either without the other. Where the mask stands still, only parts
+of the layer that move as a whole are moved, and the rest is that of the nearer frame, as digits that change.
 """
 
 from collections.abc import Sequence

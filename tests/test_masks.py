@@ -2,6 +2,7 @@
 
 import base64
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -72,7 +73,7 @@ KINDS = {
     [
         ("", SHARES, SHARES, 0),
         (" --mask-as layer", 0 * SHARES, 0 * SHARES, 0),
-        (" --mask-as layer", 0 * SHARES + 1, 0 * SHARES, 0.03),
+        (" --mask-as layer", 0 * SHARES + 1, 0 * SHARES, 0.04),
     ],
     ids=["kept", "layer of nothing", "layer of all"],
 )
@@ -147,6 +148,108 @@ def test_a_layer_is_interpolated_by_itself(tmp_path, scale, slides):
     without, kept, layer = (np.float64(pictures)[3:10:2] / scale - frames[3:10:2] for pictures, _ in made)
     assert np.abs(layer).mean() < (0.7 if slides else 0.97) * min(np.abs(without).mean(), np.abs(kept).mean())
     assert np.abs(layer - without)[:, :, -12:].max() < 0.1
+
+
+COUNTS = {
+    "counter": [str(96 + 37 * number) for number in range(6)],
+    "clock": [f"12:{58 + number}" if number < 2 else f"13:0{number - 2}" for number in range(6)],
+    "a digit more": ["7", "77", "777", "778", "77", "7"],
+    "subtitle": ["Who goes", "Who goes", "A friend", "A friend", "Pass then", "Pass then"],
+    "appears": ["", "PAUSE", "PAUSE", "", "PAUSE", ""],
+}
+"""Texts that change where they stand, by frame."""
+
+SIZE = 72, 160
+"""Rows and columns of these frames."""
+
+
+def over_a_pan(path: Path, drawn: Sequence[NDArray], scale: np.generic, *, with_panel: bool) -> NDArray:
+    """Put white drawings, (H, W) of 255, over a picture that moves by 6 pixels a frame, and save one mask for all."""
+    background = cv2.resize(turntable(80, 3)[0], None, fx=1, fy=1.5)[:72]
+    mask = np.max(drawn, axis=0)
+    if with_panel:
+        mask = np.zeros_like(mask)
+        mask[8:64, 12:148] = 255
+    cv2.imwrite(str(path), mask)
+    frames = []
+    for number, text in enumerate(drawn):
+        picture = np.roll(background, -6 * number, axis=1)[:, :160].astype(float)
+        picture[mask > 0] = picture[mask > 0] * (not with_panel) + 30 * with_panel
+        frames.append(picture + (245 - picture) * text[..., None] / 255)
+    return np.rint(frames).astype(np.uint8) * scale
+
+
+def written(text: str, column: float = 16) -> NDArray:
+    """White letters on black, (72, 160) uint8."""
+    large = np.zeros((288, 640), np.uint8)
+    cv2.putText(large, text, (round(4 * column), 190), cv2.FONT_HERSHEY_SIMPLEX, 4, 255, 12, cv2.LINE_AA)
+    return cv2.resize(large, (160, 72), interpolation=cv2.INTER_AREA)
+
+
+def as_layer(path: Path, frames: NDArray, method: str) -> NDArray:
+    """Twice the frames, the one mask as a layer, on the scale of 8 bits."""
+    masked = replace(fpsboost.find_method(method), mask=fpsboost.Mask(path, mask_as="layer"))
+    return fpsboost.interpolate_clip(frames, 24, method=masked)[0]
+
+
+@pytest.mark.parametrize("scale", [np.uint8(1), np.uint16(257), np.float32(1 / 255)])
+@pytest.mark.parametrize("with_panel", [True, False], ids=["panel", "letters"])
+@pytest.mark.parametrize("kind", COUNTS)
+def test_what_changes_in_a_still_layer_stays_legible(tmp_path, kind, with_panel, scale):
+    """Every pixel of the layer that changes is, to the rounding, that of the nearer frame."""
+    texts = [written(text) for text in COUNTS[kind]]
+    frames = over_a_pan(tmp_path / "mask.png", texts, scale, with_panel=with_panel)
+    made = as_layer(tmp_path / "mask.png", frames, "nlm-fast")
+    in_layer = cv2.imread(str(tmp_path / "mask.png"), cv2.IMREAD_GRAYSCALE) == 255
+    for number in range(5):
+        before, after, between = (
+            each / np.float64(scale) for each in (*frames[number : number + 2], made[2 * number + 1])
+        )
+        changed = (np.abs(after - before).max(axis=2) > 25) & in_layer
+        assert np.abs(between - before)[changed].max(initial=0) < 1
+
+
+def test_legible_digits_in_gray(tmp_path):
+    """Images of one channel, too."""
+    frames = over_a_pan(tmp_path / "mask.png", [*map(written, COUNTS["clock"])], np.uint8(1), with_panel=True)
+    made = as_layer(tmp_path / "mask.png", frames[..., :1], "nlm-fast")
+    assert np.abs(made[1:11:2].astype(int) - frames[:5, ..., :1])[:, 9:63, 13:147].max() <= 1
+
+
+def test_legible_digits_in_the_planes_of_a_video(tmp_path, fpsboost_):
+    """Of 4:2:0, to the rounding of its conversion to RGB and back."""
+    texts = [written(text) for text in COUNTS["counter"]]
+    frames = over_a_pan(tmp_path / "mask.png", texts, np.uint8(1), with_panel=True)
+    write_clip(tmp_path / "in.mkv", times=range(6), size=SIZE, codec="ffv1", picture=lambda index, *_: frames[index])
+    result = fpsboost_("in.mkv", "out.mkv", "--codec", "ffv1", "--mask", "mask.png", "--mask-as", "layer")
+    assert result.code == 0, result.err
+    source, made = ([planes[0].astype(int) for planes in frames_of(tmp_path / name)] for name in ("in.mkv", "out.mkv"))
+    for number in range(5):
+        changed = np.abs(source[number + 1] - source[number])[10:62, 14:146] > 25
+        assert np.abs(made[2 * number + 1] - source[number])[10:62, 14:146][changed].max() <= 2
+
+
+@pytest.mark.parametrize("method", ["nlm", "dis"])
+def test_what_moves_in_a_still_layer_moves(tmp_path, method):
+    """A ticker, a bar that grows and a counter that changes, in one mask: each is where it is halfway, or legible."""
+
+    def drawn(half: int) -> NDArray:
+        image = np.zeros(SIZE, np.uint8)
+        image[9:34, 14:146] = written("HIJKLMNOPQR", 60 - 2 * half)[25:50, 14:146]
+        image[46:56, 20 : 40 + half] = 255
+        image[38:63, 100:146] = written(str(17 + 37 * (half // 2)), 104)[25:50, 100:146]
+        return image
+
+    halves = [drawn(half) for half in range(7)]
+    frames = over_a_pan(tmp_path / "mask.png", halves[::2], np.uint8(1), with_panel=True)
+    truth = over_a_pan(tmp_path / "truth.png", halves, np.uint8(1), with_panel=True)
+    made = as_layer(tmp_path / "mask.png", frames, method)
+    for half in (1, 3, 5):
+        off = np.abs(made[half].astype(float) - truth[half])
+        held = np.abs(frames[half // 2].astype(float) - truth[half])
+        assert off[9:34, 30:130].mean() < held[9:34, 30:130].mean() / 5
+        assert off[46:56, 14:90].mean() < held[46:56, 14:90].mean() * (0.2 if method == "nlm" else 0.8)
+        assert off[38:63, 100:146].max() < 2
 
 
 def test_preview_tints_what_is_kept(tmp_path, fpsboost_):
