@@ -291,7 +291,8 @@ def stream(
     ----------
     source : str, os.PathLike, cv2.VideoCapture or iterable of (H, W, C) uint8, uint16 or float32
         A path as `fpsboost.convert` takes it; an open capture of a file, a camera, a pipeline or a network stream,
-        which the caller keeps; or arrays in BGR(A) order, which must not be written to afterwards.
+        which the caller keeps; or arrays in BGR(A) order, which must not be written to afterwards. White is 1 in
+        float32, and light may be brighter.
     factor : Fraction, int, float or str, optional
         Output frames per source frame; 2 if neither `factor` nor `fps` is given.
     fps : Fraction, int, float or str, optional
@@ -313,7 +314,9 @@ def stream(
     Raises
     ------
     OptionError
-        Options contradict each other, or `fps` is given for a source whose own rate is not known.
+        Options contradict each other, `fps` is given for a source whose own rate is not known, or float arrays are
+        surely on another scale: from -1 to 1, or whole numbers; the first one that is not of one value decides. Where
+        they have NaN, or are probably 8-bit levels, a `UserWarning` says so.
     InputError
         The source gives fewer than two frames, or frames that differ in size or type.
 
@@ -447,7 +450,9 @@ def interpolate_clip(
     Raises
     ------
     OptionError
-        `to_fps` and `factor` are both given, or an argument is out of range.
+        `to_fps` and `factor` are both given, an argument is out of range, or float frames are surely on another scale:
+        from -1 to 1, or whole numbers; the first one that is not of one value decides. Where they have NaN, or are
+        probably 8-bit levels, a `UserWarning` says so.
     InputError
         `frames` has fewer than two frames (of a loop, none), frames that are no images or that differ in size or type,
         or a tensor that is not in the computer's own memory.

@@ -22,7 +22,7 @@ from fpsboost.analysis.still_parts import find_still_parts
 from fpsboost.errors import OptionError, SceneCutWarning, refuse
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Image, ImageView, TakesPlanes, check_pair, view
+from fpsboost.image import Image, ImageView, TakesPlanes, check_pair, check_values, view
 from fpsboost.layered import FrameImage
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.field import COMPARABLE, MotionField, ZeroMotion
@@ -223,6 +223,8 @@ class Interpolator(Checked):
             There is a cut, and a time lies between the two.
         """
         check_pair(image0, image1, "image0", "image1")
+        check_values(image0, "image0")
+        check_values(image1, "image1")
         interpolator = replace(self, cuts=cuts)
         pair = interpolator.pair(FrameCache(image0), FrameCache(image1))
         arrays = [view(image).array() for image, _ in interpolator.images(pair, times)]

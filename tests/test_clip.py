@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from video_truth import scene, turntable, write_clip
 
-from fpsboost import InputError, OptionError, Part, convert, interpolate_clip, stream
+from fpsboost import InputError, OptionError, Part, convert, find_method, interpolate_clip, stream
 from fpsboost.evaluation.steadiness import StepMeter
 
 
@@ -196,3 +196,73 @@ def test_what_is_no_clip_is_refused(frames, options, error, sentence):
     """In a sentence that names the argument."""
     with pytest.raises(error, match=rf"{sentence}.*\.$"):
         list(interpolate_clip(frames, **{"fps": 16, "method": "blend", **options}))
+
+
+LEVELS = turntable(4).astype(np.float32)
+"""Frames of whole numbers from 0 to 255 in floats."""
+
+MISTAKEN = {
+    "8-bit levels": (LEVELS, OptionError, "divide them by 255"),
+    "16-bit levels": (LEVELS * 257, OptionError, "divide them by 65535"),
+    "-1 to 1": (LEVELS / 127.5 - 1, OptionError, "values / 2 \\+ 0.5"),
+    "dark, -1 to 1": (LEVELS / 510 - 1, OptionError, "values / 2 \\+ 0.5"),
+    "8-bit levels, resized": (LEVELS * np.float32(0.99), UserWarning, "divide them by 255"),
+    "NaN": (np.where(LEVELS > 250, np.nan, LEVELS / 255), UserWarning, "has NaN"),
+}
+"""Float clips on another scale than 0 to 1, with what is raised or said."""
+
+LINEAR = turntable(4).astype(np.float32) / 255
+SPARKS = LINEAR > 0.98
+LIGHT = {
+    "black": LINEAR * 0,
+    "masks of 0 and 1": np.rint(LINEAR),
+    "overshoots of a filter": LINEAR * np.float32(1.2) - np.float32(0.09),
+    "outside of the gamut": LINEAR * np.float32(1.3) - np.float32(0.1) * (LINEAR < 0.3),
+    "bright light": LINEAR * np.float32(20),
+    "candela per square metre": LINEAR**4 * np.float32(4000),
+    "highlights": np.where(SPARKS, np.float32(1000), LINEAR),
+    "highlights on black": np.where(SPARKS, np.float32(1000), np.float32(0)),
+    "infinite": np.where(SPARKS, np.inf, LINEAR),
+}
+"""Float clips of light, brighter than white, too."""
+
+
+def by_clip(frames: NDArray) -> list[NDArray]:
+    return list(interpolate_clip(frames.astype(np.float32), 16, method="nearest")[0])
+
+
+def by_iterator(frames: NDArray) -> list[NDArray]:
+    return [frame for frame, _ in interpolate_clip(iter(frames.astype(np.float32)), 16, method="nearest")]
+
+
+def by_stream(frames: NDArray) -> list[NDArray]:
+    return list(stream(frames.astype(np.float32), method="nearest"))
+
+
+def by_pairs(frames: NDArray) -> list[NDArray]:
+    return find_method("nearest").interpolate(*frames[:2].astype(np.float32), [0.5])
+
+
+WAYS = pytest.mark.parametrize("way", [by_clip, by_iterator, by_stream, by_pairs])
+
+
+@WAYS
+@pytest.mark.parametrize("kind", MISTAKEN)
+def test_floats_on_another_scale_are_refused_or_warned_of(kind, way):
+    """Refused with the cure where they are certain to be, else warned of; a black frame before hides nothing."""
+    frames, expected, sentence = MISTAKEN[kind]
+    black = [] if way is by_pairs else [np.zeros_like(frames[:1])]
+    for clip in (frames, np.concatenate([*black, frames])):
+        with (
+            pytest.raises(expected, match=sentence)
+            if expected is OptionError
+            else pytest.warns(expected, match=sentence)
+        ):
+            way(clip)
+
+
+@WAYS
+@pytest.mark.parametrize("kind", LIGHT)
+def test_light_is_taken_as_it_is(kind, way):
+    """Of any brightness, with values a little below 0, without a word."""
+    assert len(way(LIGHT[kind])) > 0

@@ -214,6 +214,7 @@ def test_float_images_may_be_brighter_than_white():
     assert made.max() <= max(image0.max(), image1.max())
 
 
+@pytest.mark.filterwarnings("ignore:image0 has NaN")
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_what_is_no_number_stays_in_its_place(value):
     """One such pixel spoils nothing further away than 24 pixels."""

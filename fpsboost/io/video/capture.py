@@ -13,7 +13,7 @@ import numpy as np
 from fpsboost.contracts import ClosesOnExit
 from fpsboost.errors import InputError, undone_by
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.image import Image, check_pair
+from fpsboost.image import Image, check_pair, check_values
 from fpsboost.io.output import StreamInfo
 from fpsboost.memory import MemoryLimit
 
@@ -38,6 +38,8 @@ class ArraySource(ClosesOnExit):
     ------
     InputError
         There is no image, or one is invalid; while iterating also: one differs from the first.
+    OptionError
+        While iterating: float images are not on the scale from 0 to 1, by the first one that is not of one value.
     """
 
     def __init__(self, images: Iterable[Image], rate: Fraction, name: str = "The source") -> None:
@@ -55,8 +57,12 @@ class ArraySource(ClosesOnExit):
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames; the images are consumed."""
+        is_checked = False
         for number, image in enumerate(map(_with_channels, self._images)):
             check_pair(self._first, image)
+            if not is_checked and (image != image[0, 0, 0]).any():  # black tells nothing
+                check_values(image, self.info.name)
+                is_checked = True
             yield Frame(image, number / self.info.rate, 1 / self.info.rate)
 
 
