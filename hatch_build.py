@@ -9,8 +9,10 @@ The compiler is Zig's clang, a package on PyPI that pip brings for the build. En
 
 from __future__ import annotations
 
+import ast
 import os
 import re
+import runpy
 import shlex
 import shutil
 import subprocess
@@ -21,10 +23,12 @@ from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
+from zlib import crc32
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 SOURCES = Path(__file__).parent / "fpsboost" / "native"
+DESCRIPTIONS = SOURCES.parent / "kernels"
 
 ZIG = "ziglang==0.17.1"
 """Package of the compiler: one version, as another one may give other bits."""
@@ -84,6 +88,7 @@ def compile_kernels(platform: Platform, folder: Path) -> Path:
         # Zig keeps its caches in the home folder otherwise, 50 MB, and fails where that cannot be written
         caches = dict.fromkeys(("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"), str(Path(objects, "zig")))
         environment = caches | os.environ
+        headers(Path(objects))
         jobs = [
             (source, level, str(Path(objects, f"{source.stem}-{level}.o")))
             for source in sorted(SOURCES.glob("*.cpp"))
@@ -93,8 +98,8 @@ def compile_kernels(platform: Platform, folder: Path) -> Path:
         def compile_one(job: tuple[Path, str, str]) -> None:
             source, level, to = job
             processor = platform.levels[level].replace("_", "-") if own else platform.levels[level]
-            options = [f"-march={processor}", f"-DLEVEL={level}", "-c", str(source), "-o", to]
-            run_compiler([*compiler, *flags, *options], environment)
+            options = [f"-march={processor}", f"-DLEVEL={level}", "-I", objects, "-I", str(SOURCES)]
+            run_compiler([*compiler, *flags, *options, "-c", str(source), "-o", to], environment)
 
         list(pool.map(compile_one, jobs))
         library = Path(objects, f"kernels{platform.suffix}")
@@ -103,6 +108,106 @@ def compile_kernels(platform: Platform, folder: Path) -> Path:
         # under a name of its own at first, as a process may have loaded the old one
         new = Path(shutil.copy(library, folder / f"new-{library.name}"))
         return new.replace(folder / library.name)
+
+
+class Descriptions:
+    """What ``fpsboost/kernels`` says of the kernels, declared in C++: one record for each named tuple and kernel.
+
+    The files are read, and not imported, as there is no NumPy where a wheel is made. `fpsboost.kernels.binding` makes
+    the same layouts of the annotations themselves.
+    """
+
+    def __init__(self) -> None:
+        constants = runpy.run_path(str(DESCRIPTIONS / "constants.py"))
+        self.constants = {name: value for name, value in constants.items() if name.isupper()}
+        self.names: dict[
+            str, dict[str, ast.ClassDef | ast.expr | str]
+        ] = {}  # in each file: a definition, or the file it comes from
+        self.layouts: dict[str, str] = {}  # of each record
+        self.lines: list[str] = []
+        files = {path.stem: ast.parse(path.read_text("utf-8")) for path in sorted(DESCRIPTIONS.glob("*.py"))}
+        for file, module in files.items():
+            known = self.names[file] = {}
+            for node in module.body:
+                if isinstance(node, ast.ClassDef):
+                    known[node.name] = node
+                elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+                    known[node.targets[0].id] = node.value
+                elif isinstance(node, ast.ImportFrom) and str(node.module).startswith("fpsboost.kernels."):
+                    known |= {each.name: str(node.module).rpartition(".")[2] for each in node.names}
+        for file, module in files.items():
+            for node in module.body:
+                if isinstance(node, ast.FunctionDef) and "compiled" in map(ast.unparse, node.decorator_list):
+                    self.declare_kernel(file, node)
+
+    def declare_kernel(self, file: str, node: ast.FunctionDef) -> None:
+        """Declare a kernel and its arguments; `RESULT_` and `ENTRY_` are what its definition begins with."""
+        arguments = node.name.title().replace("_", "")
+        fields = {each.arg: each.annotation for each in node.args.args if each.annotation}
+        checksum = f"{crc32(f'{self.declare_record(file, arguments, fields)}{self.constants}'.encode()):08x}"
+        result = "Int" if "scratch" in fields else {"None": "void", "int": "Int"}[ast.unparse(node.returns)]
+        self.lines += [
+            f"#define ENTRY_{node.name} AT_LEVEL({node.name}_{checksum}, LEVEL)",
+            f'extern "C" EXPORT {result} ENTRY_{node.name}(const {arguments} &);',
+        ]
+
+    def declare_record(self, file: str, name: str, fields: dict[str, ast.expr]) -> str:
+        """Declare a record, after those in it, unless that is done; return its layout."""
+        members, layouts = [], []
+        for field, annotation in fields.items():
+            kind, count, layout = self.field(file, annotation)
+            members.append(f"  {kind} {field}{count};")
+            layouts.append(f"{field} {layout}")
+        layout = f"({', '.join(layouts)})"
+        if self.layouts.setdefault(name, layout) != layout:
+            sys.exit(f"Two records of fpsboost/kernels are called {name}; rename the one in {file}.py.")
+        if (declared := [f"struct {name} {{", *members, "};"])[0] not in self.lines:
+            self.lines += declared
+        return layout
+
+    def field(self, file: str, annotation: ast.expr) -> tuple[str, str, str]:
+        """Return the type of a field, the number of its elements in brackets, if any, and its layout."""
+        if isinstance(annotation, ast.BinOp):  # or None
+            annotation = annotation.left
+        if isinstance(annotation, ast.Subscript):
+            return self.field_of_parts(file, annotation)
+        name = ast.unparse(annotation)
+        if number := {"int": "q", "bool": "q", "np.uint8": "q", "float": "d", "np.float32": "d"}.get(name):
+            return {"q": "Int", "d": "double"}[number], "", number
+        definition = self.names[file][name]
+        if isinstance(definition, ast.ClassDef):
+            members = [each for each in definition.body if isinstance(each, ast.AnnAssign)]
+            fields = {ast.unparse(each.target): each.annotation for each in members}
+            return name, "", self.declare_record(file, name, fields)
+        return self.field(definition, annotation) if isinstance(definition, str) else self.field(file, definition)
+
+    def field_of_parts(self, file: str, annotation: ast.Subscript) -> tuple[str, str, str]:
+        """Return the same of a tuple, an array, or a record with a scope."""
+        first, *others = annotation.slice.elts if isinstance(annotation.slice, ast.Tuple) else [annotation.slice]
+        if ast.unparse(annotation.value) == "tuple":
+            kind, _, layout = self.field(file, first)
+            return kind, f"[{1 + len(others)}]", f"({', '.join(f'{n} {layout}' for n in range(1 + len(others)))})"
+        if ast.unparse(first) != "Array":
+            return self.field(file, first)
+        types, axes = re.findall(r"^(?:\w+: )?([\w|]+) \((.*?),?\)[a-z ]*$", ast.literal_eval(others[0]))[0]
+        element = {"bool": "bool", "float32": "float", "float64": "double"}.get(types, f"{types}_t")
+        count = 1 + axes.count(",")
+        return f"ArrayOf<{'Any' if '|' in types else element}, {count}>", "", f"{types}[{count}]"
+
+
+def headers(folder: Path) -> None:
+    """Write the headers that declare in C++ what is described in Python."""
+    descriptions = Descriptions()
+    numbers = [
+        f"constexpr {'float' if isinstance(value, float) else 'Int'} {name} = {value}{'f' * isinstance(value, float)};"
+        for name, value in descriptions.constants.items()
+        if isinstance(value, int | float)
+    ]
+    kinds = f"enum Kind : Int {{ {', '.join(descriptions.constants['KINDS']).upper()} }};"
+    lines = ["#pragma once", "#include <stdint.h>", "typedef int64_t Int;", kinds, "namespace {", *numbers, "}"]
+    (folder / "constants.h").write_text("\n".join(lines) + "\n", "utf-8")
+    lines = ["#pragma once", '#include "arrays.h"', *descriptions.lines]
+    (folder / "records.h").write_text("\n".join(lines) + "\n", "utf-8")
 
 
 def run_compiler(command: list[str], environment: dict[str, str], folder: str | None = None) -> None:

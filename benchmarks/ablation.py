@@ -41,7 +41,8 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.kernels.candidates import list_candidates
-from fpsboost.kernels.planes import LANES, WHITE, level_scale
+from fpsboost.kernels.constants import LANES, WHITE
+from fpsboost.kernels.planes import level_scale
 from fpsboost.method_table import methods
 from fpsboost.motion import MotionEstimator, nlm
 from fpsboost.motion.components import padded_planes

@@ -33,7 +33,7 @@ from fpsboost.evaluation.report.pictures import draw_wheel, in_colour
 from fpsboost.evaluation.report.self_contained import as_heat
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache
-from fpsboost.kernels.window_samples import WINDOW
+from fpsboost.kernels.constants import WINDOW
 from fpsboost.motion import nlm
 from fpsboost.motion.components import contrast_components
 from fpsboost.pair import Pair

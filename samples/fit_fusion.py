@@ -28,9 +28,9 @@ from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator
+from fpsboost.kernels.constants import FEATURES, SQUARES_PER_ROW, SQUARES_PER_WINDOW, WINDOW
 from fpsboost.kernels.multi_hypothesis import describe_node, window_shape
-from fpsboost.kernels.pair_context import FEATURES
-from fpsboost.kernels.window_samples import SQUARES_PER_ROW, WINDOW, make_plane_group
+from fpsboost.kernels.window_samples import PlaneGroup
 from fpsboost.method_table import find_method
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.fusion_table import OUTPUTS, TABLE, mirrored
@@ -129,18 +129,18 @@ def draw_patches(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[A
                 square = (y[i] - 8 * row + 4) * SQUARES_PER_ROW + x[i] - 8 * column + 4
                 out.shape[i, slot] = share[square]
                 wanted.setdefault((row, column), []).append((i, slot, square))
-    layer = make_plane_group(*_full_samples(pair), (1, 1), 0, 0)
+    layer = PlaneGroup(*_full_samples(pair), 1, 1)
     weighting, half = synthesizer._weighting(pair.image0.pixels), np.float32(0.5)
-    room, squares_per_window = moment.candidates.weights.shape[2], SQUARES_PER_ROW**2
-    features, gains = (np.zeros((room, *size, squares_per_window), np.float32) for size in ((FEATURES,), ()))
+    room, found = moment.candidates.weights.shape[2], np.empty(1, np.int64)
+    features, gains = (np.zeros((room, *size, SQUARES_PER_WINDOW), np.float32) for size in ((FEATURES,), ()))
     mixed, change = (np.zeros((room, 3, WINDOW * WINDOW), np.float32) for _ in range(2))
     for (row, column), squares in wanted.items():
         node = layer, row, column, half, moment.candidates, weighting, moment.surroundings
-        found = describe_node(*node, features, gains, mixed, change)
+        describe_node(*node, features, gains, mixed, change, found)
         priors = moment.candidates.weights[row, column, : moment.candidates.listed[row, column]]
-        priors = priors[priors > 0][:found]
+        priors = priors[priors > 0][: found[0]]
         for i, slot, square in squares:
-            order = np.argsort(-priors * np.exp(18 * features[:found, 0, square]), kind="stable")[:KEPT]
+            order = np.argsort(-priors * np.exp(18 * features[: found[0], 0, square]), kind="stable")[:KEPT]
             n = order.size
             out.features[i, slot, :n] = features[order, :, square]
             out.priors[i, slot, :n], out.gains[i, slot, :n] = priors[order], gains[order, square]

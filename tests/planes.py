@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.planes import LANES, PlanePair
+from fpsboost.kernels.constants import LANES
+from fpsboost.kernels.planes import PlanePair
 
 
 def plane_pair(image0: NDArray, image1: NDArray, padding: int, most: int) -> PlanePair:

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from fpsboost.colour import normalised
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels, view
-from fpsboost.kernels.overlay import STATIC_CONTRAST, Frames, mark_overlay
+from fpsboost.kernels.constants import STATIC_CONTRAST
+from fpsboost.kernels.overlay import FourFrames, mark_overlay
 from fpsboost.motion.components import CHROMA_WEIGHT, gray, half_chroma
 from fpsboost.motion.field import MotionField
 
@@ -82,9 +83,9 @@ def _mark(planes: Sequence[NDArray[Any]], motion: NDArray[Any], white: float, st
     difference in code values that corresponds to that of black and white in luma.
     """
     same, different = (int(levels * white // 255) for levels in (STATIC_THRESHOLD, CHANGE_THRESHOLD))
-    frames = Frames(*map(np.ascontiguousarray, planes))
-    marks, smallest = np.empty(frames.image0.shape, np.uint8), np.empty_like(frames.image0[0])
-    mark_overlay(frames, motion, BLOCK_SIZE // step, MIN_MOTION / np.float32(step), same, different, smallest, marks)
+    frames = FourFrames(*map(np.ascontiguousarray, planes))
+    marks = np.empty(frames.image0.shape, np.uint8)
+    mark_overlay(frames, motion, BLOCK_SIZE // step, MIN_MOTION / np.float32(step), same, different, marks)
     return marks
 
 

@@ -2,7 +2,9 @@
 
 A kernel is a Python function without a body, whose annotations describe its arguments and whose docstring says what
 they mean. `compiled` makes it call the function of the same name in ``fpsboost/native``. There, the arguments are one
-record, whose fields have the names and the order of the parameters. Python's lock is released during the call.
+record, whose fields have the names and the order of the parameters; ``hatch_build.py`` declares it in C++ from the same
+annotations. The name of the compiled function ends with a checksum of the description, so that a library that was
+compiled from other ones is never called. Python's lock is released during the call.
 
 Annotations must be the types themselves, so the modules of kernels do not postpone their evaluation: to evaluate them
 when a program starts would take longer than to make a frame.
@@ -16,15 +18,20 @@ import os
 import re
 import struct
 import sys
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Hashable
 from functools import cache, lru_cache, wraps
 from inspect import get_annotations, signature
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, ParamSpec, TypeVar, Union, cast, get_args, get_origin
+from typing import Annotated, Any, NamedTuple, ParamSpec, TypeVar, Union, cast, get_args, get_origin
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
+
+from fpsboost.kernels import constants
+from fpsboost.kernels.constants import KINDS, MAX_AXES
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
@@ -37,27 +44,47 @@ LEVELS = ("baseline", "avx2", "avx512")
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 LIBRARY = Path(__file__).parent.parent / "native" / f"kernels{SUFFIX}"
 
-KINDS = ("uint8", "uint16", "float32", "int32", "int64", "float64", "bool")
-"""Types of elements; the place of each is its number in C++."""
+CONSTANTS = {name: value for name, value in vars(constants).items() if name.isupper()}
 
-MAX_AXES = 5
-
-ALIGNMENT = 64
-"""Bytes of a cache line, at which every piece of scratch memory begins."""
-
-Convert = Callable[[Any], bytes]
-"""Function that converts a value to the bytes of its field in a record."""
+Convert = Callable[[Any, list[Hashable]], bytes]
+"""Function that converts a value to the bytes of its field in a record, and appends what is compared of it to a list:
+whole numbers, and the types and shapes of arrays."""
 
 
-class ArrayRecord(ctypes.Structure):
-    """Array as C++ has it: the first element, the number of the element type, and sizes and steps along the axes."""
+class Scratch(NamedTuple):
+    """Work memory of a kernel, which allocates none itself. None asks for the number of bytes that the kernel needs.
 
-    _fields_ = (
-        ("data", ctypes.c_void_p),
-        ("kind", ctypes.c_int64),
-        ("shape", ctypes.c_int64 * MAX_AXES),
-        ("steps", ctypes.c_int64 * MAX_AXES),  # in elements
-    )
+    A description ends with it as a parameter that is None by default; each call of the kernel makes the memory.
+    """
+
+    address: int
+    size: int
+
+
+class Compared(NamedTuple):
+    """Part of the arguments of a call that must agree with the others."""
+
+    scope: str
+    """Where names of axes count, by the annotation; empty for the whole call."""
+    name: str
+    """Of the argument, as messages show it."""
+    kinds: list[str]
+    """Possible types of an array's elements; none for a whole number."""
+    variable: str | None
+    """Arrays with the same variable take the same place in their lists of types."""
+    axes: list[str]
+    may_be_empty: bool
+
+
+class Field(NamedTuple):
+    """Field of a record."""
+
+    layout: str
+    """Description of the field, whose checksum is part of the kernel's name in the library."""
+    size: int
+    """Bytes."""
+    compared: list[Compared]
+    convert: Convert
 
 
 Start = ctypes.c_char * 0
@@ -90,9 +117,17 @@ def compiled(function: Callable[Parameters, Result]) -> Callable[Parameters, Res
     """Decorate the description of a kernel: calls check the arguments and go to the kernel of the same name in C++.
 
     Arguments are integers, floats, arrays, named tuples of these, and tuples of a fixed number of them; a named tuple
-    may be None, which C++ sees as zeros. Arrays are annotated as ``Annotated[Array, "uint8|uint16 (height, width)"]``,
-    with their possible types of elements and their axes; numbers among the axes are checked. All but those that are
-    ``strided`` must fill their memory in C order.
+    may be None, which C++ sees as zeros. Arrays are annotated as ``Annotated[Array, "float32 (height, width)"]``, with
+    the type of their elements and their axes:
+
+    - Axes of one name have one size in all arrays of a call. A name may be followed by a condition on it, such as
+      ``columns >= width + 2 * padding``, of other axes, of the whole numbers among the arguments, and of `constants`;
+      numbers and constants in place of a name are the size itself.
+    - ``pixel: uint8|uint16 (height, width)``: of several types, arrays of the same variable have the same one, or that
+      in the same place of their lists.
+    - ``... or empty``: an array without elements stands for none.
+    - ``... strided``: the array need not fill its memory in C order, as all others must.
+    - ``Annotated[Record, "further"]``, or a further text for an array: names of axes count within this scope first.
 
     Raises `TypeError` if an array has another type, `ValueError` if it has another shape, and `struct.error` if a
     number is none of its type.
@@ -100,91 +135,168 @@ def compiled(function: Callable[Parameters, Result]) -> Callable[Parameters, Res
     names = list(signature(function).parameters)
 
     @cache
-    def entry() -> tuple[Any, Convert]:
-        kernel = getattr(library(), f"{function.__name__}_{processor_level()}")
-        kernel.restype = {None: None, int: ctypes.c_int64, float: ctypes.c_double}[get_annotations(function)["return"]]
-        return kernel, arguments_of(function)[1]
+    def entry() -> tuple[Any, Convert, Callable[[tuple[Hashable, ...]], None]]:
+        hints, fields = get_annotations(function), arguments_of(function)
+        symbol = f"{function.__name__}_{crc32(f'{fields.layout}{CONSTANTS}'.encode()):08x}_{processor_level()}"
+        try:
+            kernel = getattr(library(), symbol)
+        except AttributeError:
+            raise ImportError(
+                f"The compiled kernels in {LIBRARY} are not those of this version of fpsboost; compile them by "
+                f"`python hatch_build.py` in its checkout, or reinstall it with pip."
+            ) from None
+        result = int if "scratch" in hints else hints["return"]
+        kernel.restype = {None: None, int: ctypes.c_int64, float: ctypes.c_double}[result]
+        return kernel, fields.convert, agreement_of(fields.compared)
+
+    def run(given: tuple[Any, ...]) -> Any:
+        kernel, as_record, check = entry()
+        compared: list[Hashable] = []
+        record = as_record(given, compared)
+        check(tuple(compared))
+        return kernel(record)
 
     @wraps(function)
     def call(*arguments: Parameters.args, **named: Parameters.kwargs) -> Result:
-        kernel, as_record = entry()
-        given = (*arguments, *[named[name] for name in names[len(arguments) :]])
-        return cast("Result", kernel(as_record(given)))
+        given = (*arguments, *[named[name] for name in names[len(arguments) : len(names) - has_scratch]])
+        if not has_scratch:
+            return cast("Result", run(given))
+        memory = np.empty(run((*given, None)), np.uint8)
+        run((*given, Scratch(memory.ctypes.data, memory.size)))
+        return cast("Result", None)
 
+    has_scratch = "scratch" in names
     return call
 
 
-def arguments_of(function: Callable[..., Any]) -> tuple[type[ctypes.Structure], Convert]:
-    """Return the record of a kernel, and the function that converts arguments to it; see `record`."""
+def arguments_of(function: Callable[..., Any]) -> Field:
+    """Return the record of a kernel's arguments."""
     hints = get_annotations(function)
-    fields = {name: converter(f"{function.__name__}: {name}", hint) for name, hint in hints.items() if name != "return"}
-    return record(function.__name__, fields)
+    fields = {name: field_of(f"{function.__name__}: {name}", hint) for name, hint in hints.items() if name != "return"}
+    return record(fields)
 
 
-@cache
-def converter(name: str, hint: Any) -> tuple[Any, Convert]:
-    """Return the type that C++ has for an annotation, and the function that converts values to it."""
+def field_of(name: str, hint: Any, scope: str = "") -> Field:
+    """Return what an annotation describes."""
     if get_origin(hint) is Annotated:
-        return ArrayRecord, array_converter(name, *get_args(hint)[1:])
+        hint, *texts = get_args(hint)
+        scope = "".join(texts[1:] if hint is Array else texts) or scope
+        if hint is Array:
+            return array_field(name, texts[0], scope)
     members = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
     hint = next(kind for kind in members if kind is not NoneType)
+    if hint is Scratch:  # which is another in each call
+        pack_memory = struct.Struct("2q").pack
+        return Field("(address q, size q)", 16, [], lambda memory, _: pack_memory(*memory or (0, 0)))
     if get_origin(hint) is tuple:
-        structure, convert = record(name, {f"{n}": converter(name, each) for n, each in enumerate(get_args(hint))})
-        return structure._fields_[0][1] * len(structure._fields_), convert
+        return record({f"{n}": field_of(name, each, scope) for n, each in enumerate(get_args(hint))})
     if hasattr(hint, "_fields"):
         fields = get_annotations(hint)
-        return record(hint.__name__, {each: converter(f"{name}.{each}", fields[each]) for each in hint._fields})
-    kind, code = (ctypes.c_int64, "q") if issubclass(hint, int | np.integer) else (ctypes.c_double, "d")
-    return kind, struct.Struct(code).pack
+        return record({each: field_of(f"{name}.{each}", fields[each], scope) for each in hint._fields})
+    if not issubclass(hint, int | np.integer):
+        pack = struct.Struct("d").pack
+        return Field("d", 8, [], lambda value, _: pack(value))
+    pack_whole = struct.Struct("q").pack
+
+    def convert(value: Any, compared: list[Hashable]) -> bytes:
+        compared.append(value)
+        return pack_whole(value)
+
+    return Field("q", 8, [Compared(scope, re.split(r"[.: ]+", name)[-1], [], None, [], False)], convert)
 
 
-def record(name: str, fields: dict[str, tuple[Any, Convert]]) -> tuple[type[ctypes.Structure], Convert]:
-    """Return a structure with these fields, and the function that converts a tuple to it, and None to zeros.
+def record(fields: dict[str, Field]) -> Field:
+    """Return a record of fields, which is converted from a tuple, or from None to zeros.
 
-    The structure only describes the bytes: to join them is several times faster than to fill its fields.
+    To join bytes is several times faster than to fill the fields of a structure of ctypes.
     """
-    structure = type(name, (ctypes.Structure,), {"_fields_": [(each, kind) for each, (kind, _) in fields.items()]})
-    zeros, converts = bytes(ctypes.sizeof(structure)), [convert for _, convert in fields.values()]
+    layout = ", ".join(f"{name} {field.layout}" for name, field in fields.items())
+    size, compared = (
+        sum(field.size for field in fields.values()),
+        [each for f in fields.values() for each in f.compared],
+    )
+    converts, zeros, nothing = [field.convert for field in fields.values()], bytes(size), [None] * len(compared)
 
-    def convert(values: Any) -> bytes:
+    def convert(values: Any, compared: list[Hashable]) -> bytes:
         if values is None:
+            compared += nothing
             return zeros
-        return b"".join([convert(value) for convert, value in zip(converts, values, strict=True)])
+        return b"".join([convert(value, compared) for convert, value in zip(converts, values, strict=True)])
 
-    return structure, convert
+    return Field(f"({layout})", size, compared, convert)
 
 
-def array_converter(name: str, description: str) -> Convert:
-    """Return the function that converts an array of the type and shape that are described, after checking it."""
-    kinds, axes, strided = re.fullmatch(r"([\w|]+) \(([^()]*)\)( strided)?", description).groups()  # type: ignore[union-attr]
-    sizes = [int(axis) if axis.isdigit() else None for axis in re.split(", *", axes.rstrip(","))]
-    numbers = {np.dtype(kind): KINDS.index(kind) for kind in kinds.split("|")}
-    unused = [0] * (MAX_AXES - len(sizes))
+def array_field(name: str, description: str, scope: str) -> Field:
+    """Return the field of an array of the type and axes that are described."""
+    variable, kinds, axes, empty, strided = re.fullmatch(  # type: ignore[union-attr]
+        r"(?:(\w+): )?([\w|]+) \((.*)\)( or empty)?( strided)?", description
+    ).groups()
+    own = Compared(scope, name, kinds.split("|"), variable, re.split(", *", axes.rstrip(",")), bool(empty))
+    numbers = {np.dtype(kind): KINDS.index(kind) for kind in own.kinds}
+    unused = [0] * (MAX_AXES - len(own.axes))
 
     @lru_cache(32)  # arrays of a run have few shapes
     def checked(kind: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ...], is_contiguous: bool) -> bytes:
         if kind not in numbers:
-            raise TypeError(f"{name} must be {kinds.replace('|', ' or ')}, not {kind}.")
-        if len(shape) != len(sizes) or any(size not in (None, own) for size, own in zip(sizes, shape, strict=True)):
+            raise TypeError(f"{name} must be {' or '.join(own.kinds)}, not {kind}.")
+        if len(shape) != len(own.axes):
             raise ValueError(f"{name} must have the shape ({axes}), not {shape}.")
         if not (strided or is_contiguous):
             raise ValueError(f"{name} must be contiguous.")
         steps = [stride // kind.itemsize for stride in strides]
         return struct.pack(f"{1 + 2 * MAX_AXES}q", numbers[kind], *shape, *unused, *steps, *unused)
 
-    def convert(array: Array) -> bytes:
+    def convert(array: Array, compared: list[Hashable]) -> bytes:
         rest = checked(array.dtype, array.shape, array.strides, array.flags.c_contiguous)
+        compared.append(rest)
         # the quick way to the address needs an array that fills its memory and may be written
         quick = array.flags.carray
         address = ctypes.addressof(Start.from_buffer(array)) if quick else array.ctypes.data  # type: ignore[arg-type]
         return address.to_bytes(8, sys.byteorder) + rest
 
-    return convert
+    return Field(f"{kinds}[{len(own.axes)}]", 16 * (1 + MAX_AXES), [own], convert)
 
 
-def scratch_of(*sizes: int) -> Array:
-    """Return memory for pieces of these sizes, bytes, as ``fpsboost/native/scratch.h`` takes them from it.
+def agreement_of(compared: list[Compared]) -> Callable[[tuple[Hashable, ...]], None]:
+    """Return the function that checks what is compared of a call; calls of a run are alike, and checked once."""
 
-    Compiled kernels allocate no memory themselves.
-    """
-    return np.empty(sum(-(-size // ALIGNMENT) for size in sizes) * ALIGNMENT + ALIGNMENT, np.uint8)
+    @lru_cache(64)
+    def check(values: tuple[Any, ...]) -> None:
+        known: defaultdict[str, dict[str, Any]] = defaultdict(dict)
+        shapes: list[tuple[Compared, list[int]]] = []
+        for own, value in zip(compared, values, strict=True):
+            if value is not None and not own.kinds:
+                known[own.scope][own.name] = value
+            elif value is not None:
+                kind, *sizes = struct.unpack_from(f"{1 + MAX_AXES}q", value)
+                check_type(own, KINDS[kind], known[""])
+                shape = sizes[: len(own.axes)]
+                if not (own.may_be_empty and 0 in shape):
+                    shapes.append((own, shape))
+        for own, shape in shapes:
+            for axis, size in zip(own.axes, shape, strict=True):
+                known[own.scope].setdefault(axis.partition(" ")[0], size)
+        for own, shape in shapes:
+            check_shape(own, shape, CONSTANTS | known[""] | known[own.scope])
+
+    return check
+
+
+def check_type(own: Compared, kind: str, known: dict[str, Any]) -> None:
+    """Check the type of an array against those of the same variable before, whose places in their lists are known."""
+    places = {n for n, each in enumerate(own.kinds) if each == kind}
+    shared = known.setdefault(f"type of {own.variable or own.name}", set(range(len(own.kinds))))
+    if not shared & places:
+        raise TypeError(f"{own.name} must be {' or '.join({own.kinds[n] for n in shared})} here, not {kind}.")
+    shared &= places
+
+
+def check_shape(own: Compared, shape: list[int], known: dict[str, Any]) -> None:
+    """Check the sizes of an array against what is known of its axes."""
+    for axis, size in zip(own.axes, shape, strict=True):
+        name, _, condition = axis.partition(" ")
+        if size != eval(name, known) or (condition and not eval(axis, known)):
+            names = dict.fromkeys(re.findall(r"[a-z]\w*", axis))
+            given = [f"{each} = {known[each]}" for each in names if each in known]
+            where = f" with {', '.join(given)}" if given else ""
+            raise ValueError(f"{own.name} must have the shape ({', '.join(own.axes)}){where}, not {(*shape,)}.")

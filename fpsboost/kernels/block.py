@@ -14,7 +14,7 @@ class SearchPlan(NamedTuple):
 
     offsets: Annotated[Array, "int32 (offsets, 2)"]
     """``(dy, dx)`` to try relative to the best position so far, pass by pass; the first is no motion."""
-    turns: Annotated[Array, "int32 (turns + 1,)"]
+    turns: Annotated[Array, "int32 (ends == turns + 1,)"]
     """Pass k tries ``offsets[turns[k]:turns[k + 1]]``, all relative to the best position before the pass."""
     repeated: Annotated[Array, "bool (turns,)"]
     """Whether a pass is repeated for as long as it finds a better position."""
@@ -22,18 +22,18 @@ class SearchPlan(NamedTuple):
 
 @compiled
 def match_blocks(
-    rows0: Annotated[Array, "uint8|uint16|float32 (height, values)"],
-    rows1: Annotated[Array, "uint8|uint16|float32 (height, values)"],
+    rows0: Annotated[Array, "pixel: uint8|uint16|float32 (height, values)"],
+    rows1: Annotated[Array, "pixel: uint8|uint16|float32 (height, values)"],
     channels: int,
     block_size: int,
     search_range: int,
     plan: SearchPlan,
-    motion: Annotated[Array, "int32 (rows, columns, 2)"],
-    difference: Annotated[Array, "int64|float32 (rows, columns)"],
+    motion: Annotated[Array, "int32 (rows == -(-height // block_size), columns, 2)"],
+    difference: Annotated[Array, "pixel: int64|int64|float32 (rows, columns == -(-values // channels // block_size))"],
 ) -> None:
     """Find the best match in the second image for every block of the first.
 
-    - `rows0`, `rows1`: (H, W * channels), both of one type
+    - `rows0`, `rows1`: (H, W * channels)
     - `block_size`: side of a block, pixels; blocks at the right and at the bottom edge may be smaller
     - `search_range`: largest motion along x and y, pixels; positions outside of the frame are not considered
     - `motion`: ``(dx, dy)``, out

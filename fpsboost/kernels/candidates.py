@@ -10,28 +10,19 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from fpsboost.kernels.binding import Array, compiled
-
-SUMS_PER_CANDIDATE = 10
-"""Number of sums per candidate: dx, dy; of votes whose acceleration is known, votes, ax, ay, ax^2 + ay^2; and the
-gradients of dx and dy along x, then along y."""
-
-VALUES_PER_MOTION = 8
-"""Number of values per candidate: dx, dy; acceleration ax, ay; and the gradients of dx and dy along x, then along y."""
-
-UNKNOWN = np.float32(0.1)
-"""Share of a candidate's votes that count as votes for zero acceleration."""
+from fpsboost.kernels.constants import SUMS_PER_CANDIDATE
 
 
 class Votes(NamedTuple):
     """Votes of the points of a frame, the first half a step from its corner, the last within it."""
 
-    vectors: Annotated[Array, "float32 (points down, points across, 2)"]
+    vectors: Annotated[Array, "float32 (down == -(-height // step), across == -(-width // step), 2)"]
     """Motion to the other frame."""
-    gradients: Annotated[Array, "float32 (points down, points across, 2, 2)"]
+    gradients: Annotated[Array, "float32 (down, across, 2, 2)"]
     """Gradients of dx and dy along x, then along y, pixels per pixel."""
-    accelerations: Annotated[Array, "float32 (points down, points across, 3)"]
+    accelerations: Annotated[Array, "float32 (down, across, 3)"]
     """Whether it is known, 0 or 1, and pixels per interval squared, or 0."""
-    trust: Annotated[Array, "float32 (points down, points across)"]
+    trust: Annotated[Array, "float32 (down, across)"]
     """Weight of each vote, 0 to 1."""
 
 
@@ -44,9 +35,9 @@ class CollectedVotes(NamedTuple):
     """Votes of each listed candidate."""
     places: Annotated[Array, "int32 (rows, columns, capacity)"]
     """Index of each listed candidate in `sums`."""
-    sums: Annotated[Array, "float32 (candidates, 10)"]
-    """Sums over the votes of all candidates in the order in which they were found, (rows * columns * capacity,
-    SUMS_PER_CANDIDATE); as most nodes have few candidates, most of it is never touched."""
+    sums: Annotated[Array, "float32 (candidates == rows * columns * capacity, SUMS_PER_CANDIDATE)"]
+    """Sums over the votes of all candidates in the order in which they were found; as most nodes have few candidates,
+    most of it is never touched."""
     total: Annotated[Array, "int64 (1,)"]
     """Number of candidates of all nodes."""
     spacing: int
@@ -57,9 +48,9 @@ class Candidates(NamedTuple):
 
     listed: Annotated[Array, "int32 (rows, columns)"]
     """Number of candidates."""
-    motions: Annotated[Array, "float32 (rows, columns, capacity, 8)"]
+    motions: Annotated[Array, "float32 (rows, columns, room, VALUES_PER_MOTION)"]
     """The VALUES_PER_MOTION of each candidate."""
-    weights: Annotated[Array, "float32 (rows, columns, capacity)"]
+    weights: Annotated[Array, "float32 (rows, columns, room)"]
     """At least 0, with a sum of 1; 0 beyond the listed candidates."""
     spacing: int
 

@@ -7,19 +7,18 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from fpsboost.kernels.binding import Array, compiled, scratch_of
+from fpsboost.kernels.binding import Array, Scratch, compiled
 from fpsboost.kernels.planes import PlanePair
-from fpsboost.kernels.tiles import EIGHT, tile_scratch
 
 
 class CoarseMotion(NamedTuple):
     """Motion in both directions that a coarser level proposes, at places `spacing` pixels apart."""
 
-    proposed: Annotated[Array, "float32 (2, places down, places across, 2)"]
+    proposed: Annotated[Array, "float32 (2, down, across, 2)"]
     """Motion in pixels of that level."""
-    expected: Annotated[Array, "float32 (2, places down, places across, 2)"]
+    expected: Annotated[Array, "float32 (2, down, across, 2)"]
     """Motion that every point there keeps, whatever its similarity, if it is proposed or zero."""
-    ties: Annotated[Array, "float32 (2, places down, places across)"]
+    ties: Annotated[Array, "float32 (2, down, across)"]
     """Share of the smoothness that applies to the points there."""
 
 
@@ -48,39 +47,22 @@ class LevelSettings(NamedTuple):
 class Points(NamedTuple):
     """Motion in both directions at points `step` pixels apart, the first at step / 2."""
 
-    flow: Annotated[Array, "float32 (2, points down, points across, 2)"]
-    similarity: Annotated[Array, "float32 (2, points down, points across)"]
-
-
-def search_level(pair: PlanePair, coarse: CoarseMotion, settings: LevelSettings, points: Points) -> None:
-    """Find the motion of points in both directions, in whole pixels, around the motion that a coarser level proposes.
-
-    The pair is as for `fpsboost.kernels.tiles.search_tiles`; the points are written.
-    """
-    search_level_in(pair, coarse, settings, points, scratch_of(*level_scratch(coarse, settings, points)))
+    flow: Annotated[Array, "float32 (2, rows == -(-height // step), columns == -(-width // step), 2)"]
+    similarity: Annotated[Array, "float32 (2, rows, columns)"]
 
 
 @compiled
-def search_level_in(
+def search_level(
     pair: PlanePair,
     coarse: CoarseMotion,
     settings: LevelSettings,
     points: Points,
-    scratch: Annotated[Array, "uint8 (bytes)"],
+    scratch: Scratch | None = None,
 ) -> None:
-    """Do the work of `search_level`, given memory for `level_scratch`."""
+    """Find the motion of points in both directions, in whole pixels, around the motion that a coarser level proposes.
 
-
-def level_scratch(coarse: CoarseMotion, settings: LevelSettings, points: Points) -> tuple[int, ...]:
-    """Return the bytes that `search_level_in` needs: its own, and those of both steps."""
-    (_, rows, columns), (_, down, across, _), labels = points.similarity.shape, coarse.proposed.shape, settings.labels
-    places, nodes = 8 * down * across, 4 * rows * columns
-    radii = settings.step, settings.refine_radius, settings.max_offset
-    return (
-        *(places, places, nodes, nodes * (-(-labels // EIGHT) * EIGHT), nodes, nodes * labels, 2 * nodes * labels),
-        *tile_scratch(*radii, settings.spacing, labels),
-        *label_scratch(rows * columns, labels),
-    )
+    The pair is as for `fpsboost.kernels.tiles.search_tiles`; the points are written.
+    """
 
 
 @compiled
@@ -91,10 +73,10 @@ def choose_labels(
     ties: Annotated[Array, "float32 (rows, columns)"],
     smoothness: np.float32,
     slope: np.float32,
-    costs: Annotated[Array, "float32 (rows, columns, padded)"],
+    costs: Annotated[Array, "float32 (rows, columns, padded == (capacity + 7) // 8 * 8)"],
     flow: Annotated[Array, "float32 (rows, columns, 2)"],
     chosen: Annotated[Array, "float32 (rows, columns)"],
-    scratch: Annotated[Array, "uint8 (bytes)"],
+    scratch: Scratch | None = None,
 ) -> None:
     """Choose the label of every node with the lowest cost, aggregated over its neighbours; the first of several.
 
@@ -108,12 +90,6 @@ def choose_labels(
     - `similarity`: of each label; its negative is the cost at the node
     - `ties`: share of the smoothness that applies to a node, between two the smaller of both
     - `smoothness`, `slope`: maximum cost of a change of motion between neighbours, and its cost per pixel
-    - `costs`: of the paths to each label, out; `padded` is the capacity rounded up to a multiple of EIGHT
+    - `costs`: of the paths to each label, out
     - `flow`, `chosen`: motion and similarity of the chosen label, out
-    - `scratch`: by `fpsboost.kernels.binding.scratch_of` of `label_scratch`
     """
-
-
-def label_scratch(nodes: int, capacity: int) -> tuple[int, int, int, int]:
-    """Return the bytes that `choose_labels` needs: motion along x and y and two costs of all labels and a node more."""
-    return (4 * (nodes + 1) * (-(-capacity // EIGHT) * EIGHT),) * 4

@@ -10,14 +10,11 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from fpsboost.kernels.binding import Array, compiled
+from fpsboost.kernels.binding import Array, Scratch, compiled
 from fpsboost.kernels.candidates import Candidates
+from fpsboost.kernels.constants import SQUARES_PER_ROW, WINDOW
 from fpsboost.kernels.pair_context import PairContext
-from fpsboost.kernels.window_samples import SQUARES_PER_ROW, WINDOW, PlaneGroup, Samples, make_plane_group
-
-CONFIDENCE_POWER = 8
-"""Power of the similarity that is the confidence: eight corresponds to a bandwidth of about a third, as a few levels
-hardly change the weights, but are visible."""
+from fpsboost.kernels.window_samples import PlaneGroup
 
 
 class Weighting(NamedTuple):
@@ -32,14 +29,14 @@ class Weighting(NamedTuple):
     min_vote_share: np.float32
     """Remaining candidates are also skipped once the votes of the next one are below this share of the least
     accumulated weight of any pixel."""
-    window_shape: Annotated[Array, "float32 (256,)"]
+    window_shape: Annotated[Array, "float32 (SQUARES_PER_WINDOW,)"]
     """Weight of each square of a window, by `window_shape`."""
-    even: Annotated[Array, "float32 (10, 24)"]
+    even: Annotated[Array, "float32 (FEATURE_SUMS, FEATURES)"]
     """Coefficients of the features of sums of them: for both frames along a candidate, for either alone, and for each
     hinge; plain weights need none."""
-    odd: Annotated[Array, "float32 (10, 24)"]
+    odd: Annotated[Array, "float32 (FEATURE_SUMS, FEATURES)"]
     """Offsets that are added to these coefficients for frame 0, and subtracted for frame 1."""
-    factors: Annotated[Array, "float32 (10, 2)"]
+    factors: Annotated[Array, "float32 (FEATURE_SUMS, 2)"]
     """Factors of these sums in the logarithm of the weight of both frames, and of either alone."""
 
 
@@ -56,93 +53,61 @@ class ValueRange(NamedTuple):
     """Whether to divide all other planes by the last one."""
 
 
-Planes = Annotated[Array, "uint8|uint16|float32 (planes, height, width) strided"]
-
-
 class Blended(NamedTuple):
     """Generated frame."""
 
-    image: Planes
+    image: Annotated[Array, "uint8|uint16|float32 (planes, height, width) strided"]
     """Planes at full resolution, in any order of the axes."""
-    further: Planes
+    further: Annotated[
+        Array,
+        "uint8|uint16|float32 (planes, own_height == height or planes == 0, own_width == width or planes == 0) strided",
+        "further",
+    ]
     """Planes that are sampled along, any number."""
-    confidence: Annotated[Array, "float32 (height, width)"]
-    """Has no columns if the confidence is not requested."""
+    confidence: Annotated[Array, "float32 (height, width) or empty"]
+    """Is empty if the confidence is not requested."""
 
 
 @compiled
-def blend_nodes(
-    full: PlaneGroup,
-    further: PlaneGroup,
-    t: np.float32,
-    candidates: Candidates,
-    weighting: Weighting,
-    context: PairContext | None,
-    value_range: ValueRange,
-    blended: Blended,
-) -> None:
-    """Write the in-between frame, one row of nodes at a time; see `blend_hypotheses`."""
-
-
 def blend_hypotheses(
-    full: tuple[Samples, Samples],
-    further: tuple[Samples, Samples],
-    subsampling: tuple[int, int],
+    full: PlaneGroup,
+    further: Annotated[PlaneGroup, "further"],
     t: np.float32,
     candidates: Candidates,
     weighting: Weighting,
     context: PairContext | None,
     value_range: ValueRange,
     blended: Blended,
+    scratch: Scratch | None = None,
 ) -> None:
-    """Write the in-between frame; without `context`, by plain weights.
+    """Write the in-between frame, one row of nodes at a time; without `context`, by plain weights.
 
     - `full`: planes of both frames at full resolution; coefficients have SPARE columns or more beyond the right margin
     - `further`: planes of both frames that are sampled along, if any: subsampled chroma, with one sample for two
       columns of pixels, whose differences weigh like those of the full planes; or layers of full resolution, which
       have no say in the weights
-    - `subsampling`: rows and columns of pixels per sample of the further planes: (1, 1) for layers, (1 or 2, 2) for
-      chroma
     """
-    (channels, _, width), has_confidence = blended.image.shape, blended.confidence.shape[1] > 0
-    full_group = make_plane_group(*full, (1, 1), channels + 1 + has_confidence, width)
-    further_channels, _, further_width = blended.further.shape
-    further_group = make_plane_group(*further, subsampling, further_channels + 1, further_width)
-    blend_nodes(full_group, further_group, t, candidates, weighting, context, value_range, blended)
 
 
 @compiled
-def compare_candidates(
+def find_dominant_motion(
     layer: PlaneGroup,
     t: np.float32,
     candidates: Candidates,
     weighting: Weighting,
     weights: Annotated[Array, "float32 (height, width)"],
     places: Annotated[Array, "float32 (4, height, width)"],
-) -> None:
-    """Write where each pixel lies along the candidate with the largest weight; see `find_dominant_motion`."""
-
-
-def find_dominant_motion(
-    samples0: Samples,
-    samples1: Samples,
-    t: np.float32,
-    candidates: Candidates,
-    weighting: Weighting,
-    weights: Array,
-    places: Array,
+    scratch: Scratch | None = None,
 ) -> None:
     """Write where each pixel lies in both frames along the candidate with the largest weight.
 
     This is for values that must not be averaged, such as object numbers. Candidates are weighted as in
     `blend_hypotheses`, but the weights of a motion that several nodes list are not added up.
 
-    - `weights`: the largest weights, (height, width) float32; zero at first
-    - `places`: column and row in frame 0, and in frame 1, (4, height, width) float32; not written where no candidate
-      has any weight
+    - `layer`: at full resolution
+    - `weights`: the largest weights; zero at first
+    - `places`: column and row in frame 0, and in frame 1; not written where no candidate has any weight
     """
-    layer = make_plane_group(samples0, samples1, (1, 1), band_planes=0, width=0)
-    compare_candidates(layer, t, candidates, weighting, weights, places)
 
 
 @cache
@@ -159,7 +124,7 @@ def window_shape(spacing: int) -> np.ndarray:
 
 
 @compiled
-def describe_node(  # type: ignore[empty-body]
+def describe_node(
     layer: PlaneGroup,
     row: int,
     column: int,
@@ -167,15 +132,19 @@ def describe_node(  # type: ignore[empty-body]
     candidates: Candidates,
     weighting: Weighting,
     context: PairContext,
-    features: Annotated[Array, "float32 (capacity, 24, 256)"],
-    gains: Annotated[Array, "float32 (capacity, 256)"],
-    mixed: Annotated[Array, "float32 (capacity, planes, samples)"],
-    change: Annotated[Array, "float32 (capacity, planes, samples)"],
-) -> int:
-    """Write the inputs of the learnt weights for the compared candidates of a node; return their number.
+    features: Annotated[Array, "float32 (room, FEATURES, SQUARES_PER_WINDOW)"],
+    gains: Annotated[Array, "float32 (room, SQUARES_PER_WINDOW)"],
+    mixed: Annotated[Array, "float32 (room, planes, samples == WINDOW * WINDOW)"],
+    change: Annotated[Array, "float32 (room, planes, samples)"],
+    count: Annotated[Array, "int64 (1,)"],
+    scratch: Scratch | None = None,
+) -> None:
+    """Write the inputs of the learnt weights for the compared candidates of a node.
 
     - `layer`: whose planes have the frame's full size
     - `features`: of each square of the window; see `fpsboost.synthesis.fusion_table`
     - `gains`: factors on the weights of the foreground of the dominant motion of the window
-    - `mixed`, `change`: samples, as those of `fpsboost.kernels.window_samples.PlaneGroup`
+    - `mixed`, `change`: samples of the candidate, blended by time; and those of frame 1 minus those of frame 0, 0 where
+      either lies outside of its frame
+    - `count`: number of compared candidates, out
     """

@@ -1,4 +1,4 @@
-"""Context of a pair besides its samples, for the learnt weights, and the number of features of a candidate.
+"""Context of a pair besides its samples, for the learnt weights.
 
 A feature is a number of one square of a window and one candidate; ``fusion_features.h`` computes them, and
 `fpsboost.synthesis.fusion_table` names them in order.
@@ -11,34 +11,35 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from fpsboost.kernels.binding import Array, compiled
+from fpsboost.kernels.binding import Array, Scratch, compiled
 from fpsboost.kernels.candidates import Candidates
 
-SQUARE_FEATURES, CELL_FEATURES, SCALAR_FEATURES = 7, 12, 5
-FEATURES = SQUARE_FEATURES + CELL_FEATURES + SCALAR_FEATURES
-"""Features that differ from square to square, from cell to cell of the motion fields, or not within a window."""
-
-Luma = Annotated[Array, "float32 (rows, columns)"]
-Points = Annotated[Array, "float32 (rows, columns, 5)"]
+Luma = Annotated[Array, "float32 (luma_rows, luma_columns)"]
+OtherLuma = Annotated[Array, "float32 (luma_rows, luma_columns) or empty"]
+FieldFeatures = Annotated[Array, "float32 (points_down, points_across, 5)"]
 
 
 class PairContext(NamedTuple):
     """Context of a pair besides the samples of its frames."""
 
-    luma: tuple[Luma, Luma, Luma, Luma]
-    """Spline coefficients of the luma at half the size, white 1, of the frame before, both, and the frame after; has no
-    rows where there is none."""
+    luma: tuple[OtherLuma, Luma, Luma, OtherLuma]
+    """Spline coefficients of the luma at half the size, white 1, of the frame before, both, and the frame after; empty
+    where there is none."""
     times: tuple[np.float32, np.float32, np.float32, np.float32]
     """Times of the four frames, in intervals from the first of the pair."""
-    points: tuple[Points, Points]
+    points: tuple[FieldFeatures, FieldFeatures]
     """Features of the points of both frames: motion (dx, dy), similarity, 1 over 1 + the forward-backward error in
     pixels, flatness."""
     step: int
     """Pixels between points."""
-    landings: Annotated[Array, "float32 (2, rows, columns)"]
+    landings: Annotated[Array, "float32 (2, points_down, points_across)"]
     """Number of points of either frame that land around each point of the in-between frame."""
-    support: Annotated[Array, "float32 (rows, columns, capacity)"]
+    support: Annotated[Array, "float32 (rows, columns, room)"]
     """Support of each candidate by those of the neighbouring nodes, 0 to 1."""
+    luma_scale: np.float32
+    """Factor on squared differences of luma, as the sum of three gray channels at the bandwidth of the synthesis."""
+    sharpness: np.float32
+    """Rate at which the belief in a candidate decays as the similarity of the luma falls."""
 
 
 @compiled
@@ -61,9 +62,10 @@ def measure_support(
     candidates: Candidates,
     context: PairContext,
     t: np.float32,
-    beliefs: Annotated[Array, "float32 (rows, columns, capacity)"],
+    support: Annotated[Array, "float32 (rows, columns, room)"],
+    scratch: Scratch | None = None,
 ) -> None:
-    """Write how far the neighbours of each node agree with each of its candidates, into the support of `context`.
+    """Write how far the neighbours of each node agree with each of its candidates, the support of `PairContext`.
 
-    - `beliefs`: work array
+    The support in the context is not read.
     """

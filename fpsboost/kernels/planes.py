@@ -17,28 +17,14 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from fpsboost.kernels.binding import Array, compiled
-
-LANES = 16
-"""Group size, pixels: rows are processed in whole groups, as a remainder would cost as much as ten of them."""
+from fpsboost.kernels.binding import Array, Scratch, compiled
+from fpsboost.kernels.constants import FRACTION_BITS, WHITE
 
 CACHE_LINE = 64
 """Bytes; a vector that straddles two lines costs two accesses."""
 
-HIGH_PASS_SIZE = 9
-"""Side of the box whose mean luma is subtracted, pixels."""
-
-RADIUS = HIGH_PASS_SIZE // 2
-KEPT_ROWS = HIGH_PASS_SIZE + 1
-"""Rows of luma that a running sum over boxes needs: those of the box, and the one that leaves it."""
-
-
-FRACTION_BITS = 20
 UNIT = 1 << FRACTION_BITS
 """Fixed-point similarity of two equal pixels."""
-
-WHITE = 255
-"""Largest level."""
 
 TRUNCATION = 4
 """Sum of absolute differences, in units of the bandwidth, at which the similarity reaches 0."""
@@ -62,9 +48,8 @@ def truncation(bandwidth: float) -> int:
 class PlanePair(NamedTuple):
     """Component planes of two frames of `height` x `width` pixels, with edges repeated over `padding` pixels."""
 
-    planes0: Annotated[Array, "uint8|float32 (3, rows, columns)"]
-    """H + 2 padding rows and W + 2 padding columns or more, both."""
-    planes1: Annotated[Array, "uint8|float32 (3, rows, columns)"]
+    planes0: Annotated[Array, "level: uint8|float32 (3, tall == height + 2 * padding, wide)"]
+    planes1: Annotated[Array, "level: uint8|float32 (3, tall, wide >= width + 2 * padding + LANES)"]
     padding: int
     height: int
     width: int
@@ -90,26 +75,15 @@ class CodeLevels(NamedTuple):
     chroma_unit: np.float32
 
 
-class WorkArrays(NamedTuple):
-    """Work arrays. The high-pass filter follows the conversion by RADIUS rows."""
-
-    rows: Annotated[Array, "float32 (10, width)"]
-    """Ring buffer of the latest rows of luma: the KEPT_ROWS of `make_work_arrays`."""
-    sums: Annotated[Array, "float64 (columns,)"]
-    """Sum of each column over the rows of the box, with RADIUS reflected columns on either side, (W + 2 RADIUS,)."""
-    chroma: Annotated[Array, "uint8 (width,)"]
-    """A row of the third plane at the resolution of chroma."""
-
-
 @compiled
 def split_colours(
-    image: Annotated[Array, "uint8|uint16|float32 (height, width, channels)"],
+    image: Annotated[Array, "uint8|uint16|float32 (height, width, channels <= 4)"],
     normalise: np.float32,
     scale: np.float32,
     middle: np.float32,
     padding: int,
-    work: WorkArrays,
-    planes: Annotated[Array, "uint8 (3, rows, columns)"],
+    planes: Annotated[Array, "uint8 (3, rows == height + 2 * padding, columns >= width + 2 * padding)"],
+    scratch: Scratch | None = None,
 ) -> None:
     """Write half the luma, twice its difference from the local mean, and mean chroma.
 
@@ -117,42 +91,35 @@ def split_colours(
     - `normalise`: factor that scales the image's white to 1
     - `scale`, `middle`: levels that represent a difference of 1, and the level of zero difference from the mean
     - `padding`: pixels on every side of the planes
-    - `planes`: (3, H + 2 padding, W + 2 padding or more) out, with repeated edges
+    - `planes`: out, with repeated edges
     """
 
 
 @compiled
 def split_planes(
-    y_plane: Annotated[Array, "uint8|uint16 (height, width)"],
-    cb_plane: Annotated[Array, "uint8|uint16 (rows, columns)"],
-    cr_plane: Annotated[Array, "uint8|uint16 (rows, columns)"],
+    y_plane: Annotated[Array, "pixel: uint8|uint16 (height, width)"],
+    cb_plane: Annotated[Array, "pixel: uint8|uint16 (down == height or down == -(-height // 2), across)"],
+    cr_plane: Annotated[Array, "pixel: uint8|uint16 (down, across == width or across == -(-width // 2))"],
     code_levels: CodeLevels,
     scale: np.float32,
     middle: np.float32,
     padding: int,
-    work: WorkArrays,
-    planes: Annotated[Array, "uint8 (3, rows, columns)"],
+    planes: Annotated[Array, "uint8 (3, rows == height + 2 * padding, columns >= width + 2 * padding)"],
+    scratch: Scratch | None = None,
 ) -> None:
-    """Do the same as `split_colours` for an image in planes of luma and chroma, all of one type.
+    """Do the same as `split_colours` for an image in planes of luma and chroma.
 
     Chroma has the shape of luma, or is subsampled by 2 along x or along both axes.
     """
 
 
-def make_work_arrays(width: int) -> WorkArrays:
-    """Return the work arrays for images of some columns."""
-    return WorkArrays(
-        np.empty((KEPT_ROWS, width), np.float32), np.empty(width + 2 * RADIUS, np.float64), np.empty(width, np.uint8)
-    )
-
-
 @compiled
 def shrink(
     rows: Annotated[Array, "uint8|uint16|float32 (height, values)"],
-    line: Annotated[Array, "float32 (values,)"],
-    small: Annotated[Array, "float32 (rows, columns, channels)"],
+    small: Annotated[Array, "float32 (rows <= height, columns <= values // channels, channels)"],
+    scratch: Scratch | None = None,
 ) -> None:
     """Write the mean over the area of each pixel of a reduced image; partly covered pixels count in part.
 
-    The image is (H, W * C), the reduced one (h, w, C) with h from 1 to H and w from 1 to W; `line` is a work array.
+    The image is (H, W * C), the reduced one (h, w, C) with h from 1 to H and w from 1 to W.
     """

@@ -25,7 +25,7 @@ def measure_forward_backward_errors(
     vectors: Annotated[Array, "float32 (rows, columns, 2)"],
     y: Annotated[Array, "int64 (rows,)"],
     x: Annotated[Array, "int64 (columns,)"],
-    back: Annotated[Array, "float32 (points down, points across, 2)"],
+    back: Annotated[Array, "float32 (down == -(-height // spacing), across == -(-width // spacing), 2)"],
     spacing: int,
     height: int,
     width: int,
@@ -42,8 +42,8 @@ def measure_forward_backward_errors(
 class RoundTrip(NamedTuple):
     """Motion to another frame and back."""
 
-    there: Annotated[Array, "float32 (points down, points across, 2)"]
-    back: Annotated[Array, "float32 (points down, points across, 2)"]
+    there: Annotated[Array, "float32 (down == -(-height // spacing), across == -(-width // spacing), 2)"]
+    back: Annotated[Array, "float32 (down, across, 2)"]
 
 
 class FieldLayout(NamedTuple):

@@ -29,8 +29,8 @@ def search_iteratively(
 def bin_landings(
     flow: Annotated[Array, "float32 (height, width, 2)"],
     t: np.float32,
-    starts: Annotated[Array, "int32 (pixels + 1,)"],
-    members: Annotated[Array, "int32 (pixels,)"],
+    starts: Annotated[Array, "int32 (ends == height * width + 1,)"],
+    members: Annotated[Array, "int32 (pixels == height * width,)"],
 ) -> None:
     """Sort all source pixels by the pixel on which they land at time t, in raster order within such a cell.
 
@@ -44,8 +44,8 @@ def search_nearest_landing(
     flow: Annotated[Array, "float32 (height, width, 2)"],
     t: np.float32,
     search_radius: int,
-    starts: Annotated[Array, "int32 (pixels + 1,)"],
-    members: Annotated[Array, "int32 (pixels,)"],
+    starts: Annotated[Array, "int32 (ends == height * width + 1,)"],
+    members: Annotated[Array, "int32 (pixels == height * width,)"],
     source: Annotated[Array, "int32 (height, width)"],
     lands: Annotated[Array, "bool (height, width)"],
 ) -> None:
@@ -61,19 +61,19 @@ def search_nearest_landing(
 
 @compiled
 def fetch_both(
-    image0: Annotated[Array, "uint8|uint16|float32 (height, width, channels)"],
-    image1: Annotated[Array, "uint8|uint16|float32 (height, width, channels)"],
+    image0: Annotated[Array, "pixel: uint8|uint16|float32 (height, width, channels)"],
+    image1: Annotated[Array, "pixel: uint8|uint16|float32 (height, width, channels)"],
     t: np.float32,
     half: np.float32,
     source0: Annotated[Array, "int32 (height, width)"],
     lands0: Annotated[Array, "bool (height, width)"],
     source1: Annotated[Array, "int32 (height, width)"],
     lands1: Annotated[Array, "bool (height, width)"],
-    out: Annotated[Array, "uint8|uint16|float32 (height, width, channels)"],
+    out: Annotated[Array, "pixel: uint8|uint16|float32 (height, width, channels)"],
 ) -> None:
     """Write the colour of every target: both sources blended in time, or the only source that lands on it.
 
-    The images and the output are of one type; `half` is 0.5 to round integers, else 0.
+    `half` is 0.5 to round integers, else 0.
     """
 
 

@@ -14,6 +14,7 @@ from fpsboost.kernels.binding import Array, compiled
 from fpsboost.kernels.planes import PlanePair
 
 
+@compiled
 def search_residuals_bidirectional(
     pair: PlanePair,
     step: int,
@@ -21,7 +22,8 @@ def search_residuals_bidirectional(
     patch_radius: int,
     min_similarity: np.float32,
     better: np.float32,
-    flow: Array,
+    flow: Annotated[Array, "float32 (2, down == -(-height // step), across == -(-width // step), 2)"],
+    similarity: Annotated[Array, "float32 (2, 2, down, across)"],
 ) -> None:
     """Replace the motion of unexplained points by motion to unexplained positions of the other frame, in whole pixels.
 
@@ -33,37 +35,19 @@ def search_residuals_bidirectional(
     - `patch_radius`: radius r of the small patches at both ends of a point's motion, at most 7 pixels
     - `min_similarity`: similarity of these patches, 0 to 1, at which a point counts as explained
     - `better`: minimum increase of the similarity by another motion
-    - `flow`: in both directions, (2, points down, points across, 2) float32; updated in place
-    """
-    similarity = np.empty((2, *flow.shape[:3]), np.float32)
-    search_residuals_in(pair, step, max_offset, patch_radius, min_similarity, better, flow, similarity)
-
-
-@compiled
-def search_residuals_in(
-    pair: PlanePair,
-    step: int,
-    max_offset: int,
-    patch_radius: int,
-    min_similarity: np.float32,
-    better: np.float32,
-    flow: Annotated[Array, "float32 (2, points down, points across, 2)"],
-    similarity: Annotated[Array, "float32 (2, 2, points down, points across)"],
-) -> None:
-    """Do the work of `search_residuals_bidirectional`.
-
-    `similarity` receives that of the points of both frames, and the lowest of each point and its neighbours.
+    - `flow`: in both directions; updated in place
+    - `similarity`: that of the points of both frames, and the lowest of each point and its neighbours, out
     """
 
 
 @compiled
 def loosen_ties(
-    flow: Annotated[Array, "float32 (2, points down, points across, 2)"],
-    before: Annotated[Array, "float32 (2, points down, points across, 2)"],
+    flow: Annotated[Array, "float32 (2, down, across, 2)"],
+    before: Annotated[Array, "float32 (2, down, across, 2)"],
     step: np.float32,
     tolerance: np.float32,
     weak: np.float32,
-    ties: Annotated[Array, "float32 (2, points down, points across)"],
+    ties: Annotated[Array, "float32 (2, down, across)"],
 ) -> None:
     """Give points with new motion that the other frame confirms a smaller share of the smoothness.
 
@@ -84,8 +68,8 @@ def refine_bidirectional(
     damping: np.float32,
     largest: np.float32,
     steps: int,
-    refined: Annotated[Array, "float32 (2, points down, points across, 2)"],
-    flow: Annotated[Array, "float32 (2, points down, points across, 2)"],
+    refined: Annotated[Array, "float32 (2, down, across, 2) or empty"],
+    flow: Annotated[Array, "float32 (2, down == -(-height // step), across == -(-width // step), 2)"],
 ) -> None:
     """Refine the vector of every point of both frames by least-squares steps on its window.
 

@@ -13,23 +13,14 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.binding import Array, compiled, scratch_of
-from fpsboost.kernels.planes import LANES, PlanePair
-
-STRIP_WIDTH = 640
-"""Columns per pass: wide enough for a small overhead of the patch margins, narrow enough for the caches."""
-
-OFFSETS_PER_PASS = 8
-"""Neighbouring offsets processed together row by row."""
-
-ROWS_AT_ONCE = 6
-"""Windows with weights, one below the other, that share the reads of their rows."""
+from fpsboost.kernels.binding import Array, Scratch, compiled
+from fpsboost.kernels.planes import PlanePair
 
 
 class BestOffsets(NamedTuple):
     """Best offset of every pixel of a frame so far."""
 
-    similarity: Annotated[Array, "int32|float32 (height, columns)"]
+    similarity: Annotated[Array, "score: int32|float32 (height, columns >= width + 2 * LANES)"]
     """Summed similarity, int32 (box) or float32 (weights), -1 at the start."""
     ranks: Annotated[Array, "int32 (height, columns)"]
     """Rank of the best offset, 0 at the start."""
@@ -51,66 +42,41 @@ def rank_offsets(search_radius: int) -> tuple[NDArray[np.int32], NDArray[np.floa
     return ranks.reshape(dx.shape), offsets
 
 
+@compiled
 def search(
-    planes0: Array,
-    planes1: Array,
+    planes0: Annotated[Array, "float32 (3, rows == height + taps - 1, columns0 >= width + taps - 1 + 2 * LANES)"],
+    planes1: Annotated[Array, "float32 (3, rows, columns1 >= width + taps - 1 + 4 * LANES)"],
     height: int,
     width: int,
-    ranks: Array,
-    prices: Array,
+    ranks: Annotated[Array, "int32 (offsets, offsets)"],
+    prices: Annotated[Array, "score: int32|float32 (offsets, offsets)"],
     found01: BestOffsets,
     found10: BestOffsets,
-    weights: Array,
+    weights: Annotated[Array, "float32 (taps <= 2 * MAX_PATCH_RADIUS + 1,)"],
+    scratch: Scratch | None = None,
 ) -> None:
     """Compare every pixel with those to which any offset leads, in both directions.
 
     With L = LANES, a search radius R and patches of (2r + 1) x (2r + 1) pixels:
 
-    - `planes0`: (3, H + 2r, W + 2r + 2L or more) float32, scaled by `colour_scale`, edges repeated
-    - `planes1`: (3, H + 2r, W + 2r + 4L or more) float32, the same; column L + r is the first of the image
-    - `ranks`: (2R + 1, 2R + 1) int32, from `rank_offsets`
-    - `prices`: (2R + 1, 2R + 1), the type of the similarity, from which they are subtracted; 0 for no motion
-    - `found01`: (H, W + L or more)
-    - `found10`: (H, W + 2L or more); column L is the first of the image
-    - `weights`: those of one axis of a separable window, symmetric, (2r + 1,) float32; not used if the similarity is
-      int32, which is the sum over a box. r is at most 20
+    - `planes0`: scaled by `colour_scale`, edges repeated
+    - `planes1`: the same; column L + r is the first of the image
+    - `ranks`: (2R + 1, 2R + 1), from `rank_offsets`
+    - `prices`: subtracted from the similarity; 0 for no motion
+    - `found10`: column L is the first of the image
+    - `weights`: those of one axis of a separable window, symmetric, (2r + 1,); not used if the similarity is int32,
+      which is the sum over a box
     """
-    scratch = scratch_of(*search_scratch(weights.size, width, prices.dtype == np.int32))
-    search_in(planes0, planes1, height, width, ranks, prices, found01, found10, weights, scratch)
-
-
-@compiled
-def search_in(
-    planes0: Annotated[Array, "float32 (3, rows, columns)"],
-    planes1: Annotated[Array, "float32 (3, rows, columns)"],
-    height: int,
-    width: int,
-    ranks: Annotated[Array, "int32 (offsets, offsets)"],
-    prices: Annotated[Array, "int32|float32 (offsets, offsets)"],
-    found01: BestOffsets,
-    found10: BestOffsets,
-    weights: Annotated[Array, "float32 (size,)"],
-    scratch: Annotated[Array, "uint8 (bytes)"],
-) -> None:
-    """Do the work of `search`, given memory for `search_scratch`."""
-
-
-def search_scratch(size: int, width: int, is_box: bool) -> list[int]:
-    """Return the bytes that `search_in` needs: the last rows and a further one of every offset, and all scores."""
-    at_once = 1 if is_box else ROWS_AT_ONCE
-    columns = (min(width, STRIP_WIDTH) + size + 4 * LANES) // (2 * LANES) * (2 * LANES)
-    rows = 4 * (size + at_once - 1) * columns, 4 * columns
-    return [*rows * OFFSETS_PER_PASS, 4 * at_once * OFFSETS_PER_PASS * (columns + 4 * LANES)]
 
 
 class ShortestMotion(NamedTuple):
     """Motion that explains each point."""
 
-    own: Annotated[Array, "float32 (points down, points across)"]
+    own: Annotated[Array, "float32 (down, across)"]
     """Similarity of the point's own motion, 0 to 1; negative where it leads out of the frame."""
-    best: Annotated[Array, "float32 (points down, points across)"]
+    best: Annotated[Array, "float32 (down, across)"]
     """Largest similarity of all motions compared."""
-    shortest: Annotated[Array, "float32 (points down, points across)"]
+    shortest: Annotated[Array, "float32 (down, across)"]
     """Larger component of the shortest motion whose similarity is sufficient, pixels."""
 
 
@@ -121,7 +87,7 @@ def find_shortest(
     patch_radius: int,
     support_radius: int,
     tolerance: np.float32,
-    flow: Annotated[Array, "float32 (points down, points across, 2)"],
+    flow: Annotated[Array, "float32 (down == -(-height // step), across == -(-width // step), 2)"],
     motion: ShortestMotion,
 ) -> None:
     """Compare each point's motion with the motions of the points around it, and with zero motion.

@@ -6,50 +6,29 @@ taps; in return, each frame is filtered beforehand (Unser, Aldroubi, Eden 1993, 
 
 import math
 from functools import cache
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fpsboost.kernels.binding import Array, compiled
-
-MARGIN = 40
-"""Width of the repeated edges beyond the frame, pixels."""
+from fpsboost.kernels.binding import Array, Scratch, compiled
 
 POLE = math.sqrt(3) - 2
 """Pole of the recursive prefilter: its impulse response decays by this factor per pixel."""
 
 
-def find_coefficients(
-    planes: NDArray[Any], unit: np.float32, weights: NDArray[Any], coefficients: NDArray[Any]
-) -> None:
-    """Compute the B-spline coefficients of planes, (C, H, W) uint8, uint16 or float32, whose edges are repeated.
-
-    - `unit`: factor on every value
-    - `weights`: at most five, by `filter_weights`
-    - `coefficients`: (C, H + 2 MARGIN, W + 2 MARGIN or more) float32 out; the frame begins MARGIN rows and columns from
-      the corner
-    """
-    stages, reach, width = weights.size, (1 << weights.size) - 1, coefficients.shape[2]
-    lines = np.empty((2, width + 2 * reach), np.float32)
-    # of what is filtered before these are full, nothing remains
-    rows = np.zeros((stages, reach + 2, width), np.float32)
-    filter_planes(planes, unit, weights, lines, rows, coefficients)
-
-
 @compiled
-def filter_planes(
+def find_coefficients(
     planes: Annotated[Array, "uint8|uint16|float32 (channels, height, width)"],
     unit: np.float32,
-    weights: Annotated[Array, "float32 (stages,)"],
-    lines: Annotated[Array, "float32 (2, columns and reach)"],
-    rows: Annotated[Array, "float32 (stages, reach + 2, columns)"],
-    coefficients: Annotated[Array, "float32 (channels, rows, columns)"],
+    weights: Annotated[Array, "float32 (stages <= 5,)"],
+    coefficients: Annotated[Array, "float32 (channels, rows == height + 2 * MARGIN, columns >= width + 2 * MARGIN)"],
+    scratch: Scratch | None = None,
 ) -> None:
-    """Compute the coefficients of planes in place of `find_coefficients`, which makes the work arrays.
+    """Compute the B-spline coefficients of planes, whose edges are repeated.
 
-    - `lines`: two rows, with the columns that the filter reaches on both sides
-    - `rows`: the latest rows of each stage of the filter down, all 0
+    - `unit`: factor on every value
+    - `weights`: by `filter_weights`
+    - `coefficients`: out; the frame begins MARGIN rows and columns from the corner
     """
 
 
@@ -71,8 +50,8 @@ def filter_weights(precision: float) -> np.ndarray:
 class Source(NamedTuple):
     """One of the two frames, as seen from the frame between them."""
 
-    coefficients: Annotated[Array, "float32 (channels, rows, columns)"]
-    """(C, H + 2 MARGIN, W + 2 MARGIN or more), by `find_coefficients`."""
+    coefficients: Annotated[Array, "float32 (channels, rows == height + 2 * MARGIN, columns >= width + 2 * MARGIN)"]
+    """By `find_coefficients`."""
     motion: Annotated[Array, "float32 (height, width, 2)"]
     """Motion from each pixel of the frame between to this frame."""
     is_visible: Annotated[Array, "bool (height, width)"]

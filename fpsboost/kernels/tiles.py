@@ -10,31 +10,20 @@ and only the neighbours can tell which one is correct.
 
 from typing import Annotated, NamedTuple
 
-from fpsboost.kernels.binding import Array, compiled
-from fpsboost.kernels.planes import LANES, PlanePair
-
-TILE = 32
-"""Side of a tile, pixels."""
-
-PROPOSAL_MARGIN = 8
-"""Distance beyond the tile within which proposals are collected, pixels."""
+from fpsboost.kernels.binding import Array, Scratch, compiled
+from fpsboost.kernels.constants import LANES, TILE
+from fpsboost.kernels.planes import PlanePair
 
 PADDING = TILE + LANES
 """Maximum distance beyond the frame at which a tile may be compared, pixels."""
-
-VALUES_PER_ENTRY = 3
-"""Number of values per entry of a list: similarity, dx, dy."""
-
-EIGHT = 8
-"""Numbers of a vector: points whose lists are kept together, and labels whose costs are computed together."""
 
 
 class Proposals(NamedTuple):
     """Motion that a coarser level proposes, at places `spacing` pixels apart, the first at spacing / 2."""
 
-    motion: Annotated[Array, "int32 (places down, places across, 2)"]
+    motion: Annotated[Array, "int32 (places_down, places_across, 2)"]
     """``(dx, dy)``."""
-    expected: Annotated[Array, "int32 (places down, places across, 2)"]
+    expected: Annotated[Array, "int32 (places_down, places_across, 2)"]
     """Motion that every point there keeps, whatever its similarity, if it is proposed or zero."""
     spacing: int
 
@@ -42,11 +31,11 @@ class Proposals(NamedTuple):
 class OffsetLists(NamedTuple):
     """Most similar offsets of each point in decreasing order, at points `step` pixels apart, the first at step / 2."""
 
-    listed: Annotated[Array, "int32 (points down, points across)"]
+    listed: Annotated[Array, "int32 (down == -(-height // step), across == -(-width // step))"]
     """Number of offsets of each point."""
-    similarity: Annotated[Array, "float32 (points down, points across, capacity)"]
+    similarity: Annotated[Array, "float32 (down, across, capacity)"]
     """Mean similarity."""
-    flow: Annotated[Array, "float32 (points down, points across, capacity, 2)"]
+    flow: Annotated[Array, "float32 (down, across, capacity, 2)"]
     """Offsets, whole pixels."""
 
 
@@ -60,7 +49,7 @@ def search_tiles(
     patch_radius: int,
     row_step: int,
     lists: OffsetLists,
-    scratch: Annotated[Array, "uint8 (bytes)"],
+    scratch: Scratch | None = None,
 ) -> None:
     """Find the most similar offsets, at least one, at every point of a frame.
 
@@ -72,13 +61,4 @@ def search_tiles(
       x and y, pixels
     - `patch_radius`: radius r of the patch of (2r + 1) x (2r + 1) pixels, at most 10
     - `row_step`: 1, or 2 to compare every second row of the patches; then `step` is a multiple of 4
-    - `scratch`: by `fpsboost.kernels.binding.scratch_of` of `tile_scratch`
     """
-
-
-def tile_scratch(step: int, refine_radius: int, max_offset: int, spacing: int, capacity: int) -> tuple[int, int, int]:
-    """Return the bytes that `search_tiles` needs: flags of all offsets, offsets of a tile, and lists of its points."""
-    offsets, places = (2 * max_offset + 1) ** 2, (TILE + 2 * PROPOSAL_MARGIN) // spacing + 2
-    proposed = 1 + ((2 * refine_radius + 1) * places) ** 2
-    points = max((TILE // step) ** 2, EIGHT)
-    return offsets, 8 * min(offsets, proposed), 4 * VALUES_PER_ENTRY * capacity * points

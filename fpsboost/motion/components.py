@@ -15,17 +15,8 @@ from numpy.typing import NDArray
 from fpsboost.colour import compress_highlights
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, Pixels, view
-from fpsboost.kernels.planes import (
-    HIGH_PASS_SIZE,
-    LANES,
-    CodeLevels,
-    aligned_empty,
-    level_scale,
-    make_work_arrays,
-    shrink,
-    split_colours,
-    split_planes,
-)
+from fpsboost.kernels.constants import HIGH_PASS_SIZE, LANES
+from fpsboost.kernels.planes import CodeLevels, aligned_empty, level_scale, shrink, split_colours, split_planes
 
 Components = NDArray[Any]
 """Components of an image, (H, W, 3) float32."""
@@ -98,7 +89,7 @@ def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> NDArray[An
     height, width = image.shape[:2]
     planes = np.empty((3, height + 2 * padding, width + 2 * padding + 2 * LANES), np.uint8)
     seen = view(image)
-    target = np.float32(level_scale(bandwidth)), ZERO_LEVEL, padding, make_work_arrays(width), planes
+    target = np.float32(level_scale(bandwidth)), ZERO_LEVEL, padding, planes
     if seen.coding is None:
         white = 1 if seen.dtype == np.float32 else np.iinfo(seen.dtype).max
         colours = compress_highlights(seen.array()) if seen.dtype == np.float32 else seen.array()
@@ -133,7 +124,7 @@ def _shrunk(size: tuple[int, int], image: Image) -> NDArray[Any]:
     across, down = min(size[0], width), min(size[1], height)
     small = np.empty((down, across, channels), np.float32)
     rows = np.ascontiguousarray(image).reshape(height, width * channels)
-    shrink(rows, np.empty(rows.shape[1], np.float32), small)
+    shrink(rows, small)
     if (across, down) == size:
         return small
     return cv2.resize(small, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], channels)

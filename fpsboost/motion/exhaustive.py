@@ -31,7 +31,8 @@ from numpy.typing import NDArray
 from fpsboost.colour import colour_components
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import check_pair
-from fpsboost.kernels.planes import LANES, UNIT, PlanePair, colour_scale
+from fpsboost.kernels.constants import LANES, MAX_PATCH_RADIUS
+from fpsboost.kernels.planes import UNIT, PlanePair, colour_scale
 from fpsboost.kernels.search import ShortestMotion, find_shortest
 from fpsboost.motion.components import contrast_components, padded_planes, small_copy
 from fpsboost.motion.field import MotionField
@@ -43,7 +44,6 @@ from fpsboost.options import Checked, Range
 
 Implementation = Literal["fused", "passes"]
 """One fused kernel, or passes of OpenCV over whole images, as Algorithm 1 of the report is written."""
-MAX_PATCH_RADIUS = 20  # (2r + 1)^2 fixed-point similarities must fit 31 bits
 
 
 @dataclass(frozen=True)

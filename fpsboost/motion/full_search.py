@@ -14,7 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.planes import LANES, UNIT, colour_scale
+from fpsboost.kernels.constants import LANES
+from fpsboost.kernels.planes import UNIT, colour_scale
 from fpsboost.kernels.search import BestOffsets, rank_offsets, search
 from fpsboost.motion.components import Components, padded_planes
 from fpsboost.motion.field import MotionField
@@ -72,10 +73,8 @@ def search_fused(
     planes0 = padded_planes(colours0, patch_radius, 0, 2 * LANES, scale)
     planes1 = padded_planes(colours1, patch_radius, LANES, 3 * LANES, scale)
     score_type = np.int32 if is_box else np.float32
-    found01, found10 = (
-        BestOffsets(np.full((height, columns), -1, score_type), np.zeros((height, columns), np.int32))
-        for columns in (width + LANES, width + 2 * LANES)
-    )
+    shape = height, width + 2 * LANES
+    found01, found10 = (BestOffsets(np.full(shape, -1, score_type), np.zeros(shape, np.int32)) for _ in range(2))
     ranks, offsets = rank_offsets(search_radius)
     share = np.float32(1 / (UNIT * (2 * patch_radius + 1) ** 2) if is_box else 1 / UNIT)
     penalties = _motion_penalties(search_radius, penalty / share, score_type)

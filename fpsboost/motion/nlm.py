@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from fpsboost.colour import normalised
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels, check_pair, view
+from fpsboost.kernels.constants import MAX_TILE_PATCH_RADIUS
 from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, search_level
 from fpsboost.kernels.planes import PlanePair, colour_scale, level_scale, truncation
 from fpsboost.kernels.residual_search import loosen_ties, refine_bidirectional, search_residuals_bidirectional
@@ -122,7 +123,7 @@ class CoarseToFine(Checked):
     takes_planes: ClassVar[bool] = True
 
     max_motion_share: Annotated[float, Range(above=0, most=1, unit=" of the frame")] = 1 / 6
-    patch_radius: Annotated[int, Range(1, 10, unit=" pixels")] = 5
+    patch_radius: Annotated[int, Range(1, MAX_TILE_PATCH_RADIUS, unit=" pixels")] = 5
     v: Annotated[float, Range(above=0)] = 0.09
     labels: Annotated[int, Range(1)] = 8
     smoothness: Annotated[float, Range(0)] = 1
@@ -216,8 +217,9 @@ class CoarseToFine(Checked):
         Small objects are those whose motion their surroundings do not predict.
         """
         looked, ties = flow.copy(), np.empty(flow.shape[:3], np.float32)
+        similarity = np.empty((2, *ties.shape), np.float32)
         search_residuals_bidirectional(
-            pair, step, self._max_offset(pair), SMALL_RADIUS, min_similarity, MIN_GAIN, looked
+            pair, step, self._max_offset(pair), SMALL_RADIUS, min_similarity, MIN_GAIN, looked, similarity
         )
         self._refine(pair, flow, looked, step)
         loosen_ties(looked, flow, np.float32(step), CONSISTENCY_TOLERANCE, WEAK_SMOOTHNESS, ties)

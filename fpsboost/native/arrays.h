@@ -1,6 +1,7 @@
-// Arrays and numbers as Python passes them, and how kernels are declared.
+// Arrays as Python passes them, and how kernels are defined. The build makes constants.h and records.h of the
+// descriptions in fpsboost/kernels.
 #pragma once
-#include <stdint.h>
+#include "constants.h"
 
 #define INLINE static inline __attribute__((always_inline))
 #if defined(_WIN32)
@@ -13,23 +14,28 @@
 #endif
 #define JOINED(name, level) name##_##level
 #define AT_LEVEL(name, level) JOINED(name, level)
-// Begins the function that `compiled` of fpsboost/kernels/binding.py calls, once for each level of processors.
-#define KERNEL(type, name, Arguments) extern "C" EXPORT type AT_LEVEL(name, LEVEL)(const Arguments &a)
+// Begins the function that `compiled` of fpsboost/kernels/binding.py calls, once for each level of processors. It is
+// declared in records.h, under a name that ends with a checksum of its description.
+#define KERNEL(type, name, Arguments) extern "C" EXPORT type ENTRY_##name(const Arguments &a)
 
-typedef int64_t Int;
-enum Kind : Int { UINT8, UINT16, FLOAT32, INT32, INT64, FLOAT64, BOOL };  // KINDS of binding.py
-
-constexpr int MAX_AXES = 5;
-
-struct Array {  // ArrayRecord of binding.py; steps are in elements
+struct Array {  // as `array_field` of binding.py packs it; steps are in elements
   void *data;
   Kind kind;
   Int shape[MAX_AXES], steps[MAX_AXES];
 };
 
+struct Any {};  // one of several types: that of the array's kind
+
+template <typename T, int AXES> struct ArrayOf : Array {};
+
 // Everything below is compiled at each level by itself: nothing may be shared between them, or the linker would keep the
 // code of one level for all.
 namespace {
+
+template <typename T, typename Described> constexpr bool may_view = false;
+template <typename T> constexpr bool may_view<T, T> = true;
+template <typename T> constexpr bool may_view<const T, T> = true;
+template <typename T> constexpr bool may_view<T, Any> = true;
 
 // An array of some type that fills its memory in C order; view(i, j) is an element, view.at(i) the address of a row.
 template <typename T, int N> struct View {
@@ -37,7 +43,8 @@ template <typename T, int N> struct View {
   Int shape[N];
 
   View() = default;
-  explicit View(const Array &array) : data((T *)array.data) {
+  template <typename Described> explicit View(const ArrayOf<Described, N> &array) : data((T *)array.data) {
+    static_assert(may_view<T, Described>, "the type of elements that the array is described with");
     for (int n = 0; n < N; n++) shape[n] = array.shape[n];
   }
   template <typename... Indices> T *at(Indices... indices) const {

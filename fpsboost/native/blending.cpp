@@ -4,35 +4,6 @@
 // overlapped and added (overlapped block motion compensation, Orchard and Sullivan 1994, doi:10.1109/83.334974).
 #include "pixel_weights.h"
 
-struct ValueRange {
-  double white, rounding_offset, lowest, highest;
-  Int straight_alpha;
-};
-
-struct Blended {
-  Array image, further, confidence;
-};
-
-struct BlendNodes {
-  PlaneGroup full, further;
-  double t;
-  Candidates candidates;
-  Weighting weighting;
-  PairContext context;
-  ValueRange value_range;
-  Blended blended;
-};
-
-struct DescribeNode {
-  PlaneGroup layer;
-  Int row, column;
-  double t;
-  Candidates candidates;
-  Weighting weighting;
-  PairContext context;
-  Array features, gains, mixed, change;
-};
-
 namespace {
 
 // Adds the samples of a candidate, times their weights, to the sums of the node.
@@ -138,6 +109,7 @@ void finish_confidence(const LayerSamples &layer, Int first, Int last, Int top, 
     const float *weights = layer.band.at(layer.channels, j), *similarities = layer.band.at(layer.channels + 1, j);
     float *to = confidence.at(top + j);
     for (Int x = 0; x < confidence.shape[1]; x++) {
+      static_assert(CONFIDENCE_POWER == 8, "three squarings");
       float trust = least(similarities[x] / weights[x], 1.f);
       trust *= trust;
       trust *= trust;
@@ -148,15 +120,20 @@ void finish_confidence(const LayerSamples &layer, Int first, Int last, Int top, 
 
 }  // namespace
 
-KERNEL(void, blend_nodes, BlendNodes) {
-  LayerSamples full(a.full), further(a.further);
+KERNEL(Int, blend_hypotheses, BlendHypotheses) {
+  Workspace workspace(a.scratch);
+  const Array &image = a.blended.image, &more = a.blended.further;
+  const bool has_confidence = a.blended.confidence.shape[0] * a.blended.confidence.shape[1] > 0;
+  LayerSamples full(a.full, image.shape[0] + 1 + has_confidence, image.shape[2], workspace);
+  LayerSamples further(a.further, more.shape[0] + 1, more.shape[2], workspace);
+  if (workspace.is_counting()) return workspace.size();
   CandidateWeights candidate;
   NodeSums sums;
   const View<const int32_t, 2> listed(a.candidates.listed);
   const View<float, 2> confidence(a.blended.confidence);
   const float *shape = (const float *)a.weighting.window_shape.data, t = float(a.t);
   const Int spacing = a.candidates.spacing, before = (WINDOW - spacing) / 2;
-  const Int height = a.blended.image.shape[1], width = a.blended.image.shape[2];
+  const Int height = image.shape[1], width = image.shape[2];
   const bool has_further = further.channels > 0;
   const PairContext *context = a.context.points[0].data ? &a.context : nullptr;
   LayerSamples *layers[] = {&full, &further};
@@ -178,20 +155,24 @@ KERNEL(void, blend_nodes, BlendNodes) {
     }
     // the windows of the next row of nodes overlap the rows below
     const Int first = most(-top, Int(0)), last = row < listed.shape[0] - 1 ? spacing : least(height - top, Int(WINDOW));
-    if (confidence.shape[1] > 0) finish_confidence(full, first, last, top, confidence);
-    finish_layer(full, first, last, top, spacing, a.value_range, a.blended.image);
-    if (has_further) finish_layer(further, first, last, top, spacing, a.value_range, a.blended.further);
+    if (has_confidence) finish_confidence(full, first, last, top, confidence);
+    finish_layer(full, first, last, top, spacing, a.value_range, image);
+    if (has_further) finish_layer(further, first, last, top, spacing, a.value_range, more);
   }
+  return 0;
 }
 
-// Writes what is compared of the candidates of a node, from which weights are learnt; returns their number.
+// Writes what is compared of the candidates of a node, from which weights are learnt.
 KERNEL(Int, describe_node, DescribeNode) {
-  LayerSamples layer(a.layer);
+  Workspace workspace(a.scratch);
+  LayerSamples layer(a.layer, 0, 0, workspace);
+  if (workspace.is_counting()) return workspace.size();
   CandidateWeights candidate;
   NodeSums sums;
   const View<float, 3> features(a.features), mixed(a.mixed), change(a.change);
   const View<float, 2> gains(a.gains);
-  Int count = 0;
+  Int &count = *(Int *)a.count.data;
+  count = 0;
   weigh_candidates(a.row, a.column, a.candidates, float(a.t), a.weighting, &a.context, layer, nullptr, candidate, sums,
                    [&](Int, const Motion &) {
                      const Features &found = candidate.features;
@@ -211,5 +192,5 @@ KERNEL(Int, describe_node, DescribeNode) {
                      }
                      count++;
                    });
-  return count;
+  return 0;
 }

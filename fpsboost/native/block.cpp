@@ -1,19 +1,8 @@
 // Block matching as in video coding: for each block of one frame, the block of the other with the lowest sum of
 // absolute differences.
-#include "arrays.h"
+#include "records.h"
 
 namespace {
-
-struct SearchPlan {
-  Array offsets, turns, repeated;
-};
-
-struct MatchBlocks {
-  Array rows0, rows1;
-  Int channels, block_size, search_range;
-  SearchPlan plan;
-  Array motion, difference;
-};
 
 struct Block {
   Int top, left, bottom, right;

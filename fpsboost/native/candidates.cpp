@@ -3,47 +3,20 @@
 
 namespace {
 
-// Sums over the votes for a candidate: SUMS_PER_CANDIDATE floats of kernels/candidates.py.
+// Sums over the votes for a candidate.
 struct VoteSums {
   float dx, dy;
   float sure, ax, ay, squared_acceleration;  // of votes whose acceleration is known
   float gradients[4];                        // of dx and dy along x, then along y
 };
 
-// A candidate: VALUES_PER_MOTION floats of kernels/candidates.py.
-struct Motion {
+struct Motion {  // of a candidate
   float dx, dy, ax, ay;
   float gradients[4];
 };
 
-struct Votes {
-  Array vectors, gradients, accelerations, trust;
-};
-
-struct CollectedVotes {
-  Array listed, votes, places, sums, total;
-  Int spacing;
-};
-
-struct Candidates {
-  Array listed, motions, weights;
-  Int spacing;
-};
-
-struct CollectCandidates {
-  Votes points;
-  double sign, t;
-  Int step;
-  double support, tolerance;
-  Int height, width;
-  CollectedVotes collected;
-};
-
-struct ListCandidates {
-  CollectedVotes collected;
-  double zero_motion_prior, acceleration_tolerance, min_share, min_weight;
-  Candidates candidates;
-};
+static_assert(sizeof(VoteSums) == SUMS_PER_CANDIDATE * sizeof(float) && sizeof(Motion) == VALUES_PER_MOTION * sizeof(float),
+              "as in the arrays of kernels/candidates.py");
 
 // What is listed of a node so far, and the sums of all nodes in the order in which they were found.
 struct NodeVotes {
@@ -131,9 +104,6 @@ INLINE Int next_by_votes(const float *votes, Int count, Int last) {
   }
   return best < 0 ? 0 : best;  // votes that are not numbers have no order
 }
-
-// Share of a candidate's votes that count as votes for zero acceleration; of kernels/candidates.py.
-constexpr float UNKNOWN = 0.1f;
 
 // The mean acceleration of a candidate, as far as its votes agree on it.
 INLINE void set_acceleration(const VoteSums &its, float vote, float tolerance, Motion &motion) {

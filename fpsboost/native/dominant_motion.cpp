@@ -4,14 +4,6 @@
 // motion that several nodes list are not added up.
 #include "pixel_weights.h"
 
-struct CompareCandidates {
-  PlaneGroup layer;
-  double t;
-  Candidates candidates;
-  Weighting weighting;
-  Array weights, places;
-};
-
 namespace {
 
 // Writes where a window's pixels lie in both frames along a motion, wherever its weight is the largest so far.
@@ -43,8 +35,10 @@ void keep_heavier(const float *weight, const Motion &motion, float t, Int top, I
 
 }  // namespace
 
-KERNEL(void, compare_candidates, CompareCandidates) {
-  LayerSamples layer(a.layer);
+KERNEL(Int, find_dominant_motion, FindDominantMotion) {
+  Workspace workspace(a.scratch);
+  LayerSamples layer(a.layer, 0, 0, workspace);
+  if (workspace.is_counting()) return workspace.size();
   CandidateWeights candidate;
   NodeSums sums;
   const View<const int32_t, 2> listed(a.candidates.listed);
@@ -62,4 +56,5 @@ KERNEL(void, compare_candidates, CompareCandidates) {
                          keep_heavier(pixels, motion, t, row * spacing - before, column * spacing - before, weights,
                                       places);
                        });
+  return 0;
 }

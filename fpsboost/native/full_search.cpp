@@ -7,31 +7,18 @@
 #include "scratch.h"
 #include "similarity.h"
 
-struct BestOffsets {  // of fpsboost/kernels/search.py
-  Array similarity, ranks;
-};
-
-struct Search {
-  Array planes0, planes1;
-  Int height, width;
-  Array ranks, prices;
-  BestOffsets found01, found10;
-  Array weights, scratch;
-};
-
 namespace {
 
 typedef uint32_t U32 __attribute__((vector_size(64)));
 typedef uint32_t U32Unaligned __attribute__((vector_size(64), aligned(4), may_alias));
 
-constexpr Int LANES = 16;         // of kernels/planes.py: planes are so much wider, and those of frame 1 begin behind it
 constexpr Int STRIP_WIDTH = 640;  // columns per pass: little overhead of patch margins, and small enough for caches
 constexpr Int OFFSETS_PER_PASS = 8;  // neighbouring offsets that are processed together
 constexpr Int OFFSETS_AT_ONCE = 4;   // of which so many are compared with the best ones at a time
 constexpr Int BLOCK = 2 * LANES;     // pixels whose weighted sums are computed together
 constexpr Int OUTSIDE = 2 * LANES;   // totals on either side of the candidates that may be compared with them
 
-constexpr Int MAX_SIZE = 41;  // of patches
+constexpr Int MAX_SIZE = 2 * MAX_PATCH_RADIUS + 1;  // of patches
 
 INLINE U32 load_words(const uint32_t *from) { return *(const U32Unaligned *)from; }
 INLINE void store_words(uint32_t *to, U32 values) { *(U32Unaligned *)to = values; }
@@ -61,7 +48,7 @@ template <typename Score> INLINE void store_scores(Score *to, typename Vector<Sc
   *(typename Vector<Score>::Unaligned *)to = values;
 }
 
-// Sizes of the work arrays, in elements of four bytes; `search_scratch` of fpsboost/kernels/search.py has the same.
+// Sizes of the work arrays, in elements of four bytes.
 struct Layout {
   Int size, slots, columns, line;  // of patches, rows that are kept, similarities in a row, scores of an offset
 
@@ -125,7 +112,7 @@ template <Int SIZE> struct BoxScores {
   Int size, row_size;
   uint32_t *ring, *latest;  // the last rows of sums across, and a row of similarities
 
-  BoxScores(const Layout &layout, const float *, Scratch &scratch)
+  BoxScores(const Layout &layout, const float *, Workspace &scratch)
       : size(SIZE ? SIZE : layout.size), row_size(layout.columns),
         ring(scratch.take<uint32_t>(layout.slots * row_size)), latest(scratch.take<uint32_t>(row_size) + LANES) {}
 
@@ -174,7 +161,7 @@ template <Int SIZE> struct WindowScores {
   const float *weights;
   float *ring, *latest;  // the last rows of sums across, and a row of similarities
 
-  WindowScores(const Layout &layout, const float *weights, Scratch &scratch)
+  WindowScores(const Layout &layout, const float *weights, Workspace &scratch)
       : size(SIZE ? SIZE : layout.size), slots(layout.slots), row_size(layout.columns), weights(weights),
         ring(scratch.take<float>(slots * row_size)), latest(scratch.take<float>(row_size)) {}
 
@@ -241,23 +228,23 @@ INLINE void keep_best(const Score *const (&scores)[OFFSETS_AT_ONCE], const int32
 }
 
 // Pixels of a strip that an offset leads into the other frame.
-struct Candidates {
+struct Columns {
   Int begin, end;
 };
 
-INLINE Candidates find_candidates(Int dx, Int left, Int pixels, Int width) {
+INLINE Columns find_candidates(Int dx, Int left, Int pixels, Int width) {
   return {most(Int(0), -dx - left), least(pixels, width - dx - left)};
 }
 
 // A neighbouring offset that is processed with others.
 template <typename Score> struct Candidate {
   Int dx;
-  Candidates pixels;
+  Columns pixels;
   Score price;
   int32_t rank01, rank10;
 };
 
-template <typename Scores> void search_all(const Search &a) {
+template <typename Scores> Int search_all(const Search &a) {
   typedef typename Scores::Score Score;
   constexpr Int AT_ONCE = Scores::ROWS_AT_ONCE;
   const View<const float, 3> planes0(a.planes0), planes1(a.planes1);
@@ -267,13 +254,14 @@ template <typename Scores> void search_all(const Search &a) {
   const View<int32_t, 2> winners01(a.found01.ranks), winners10(a.found10.ranks);
   const Int height = a.height, width = a.width, radius = ranks.shape[0] / 2, size = a.weights.shape[0];
   const Layout layout(size, AT_ONCE, width);
-  Scratch scratch(a.scratch);
+  Workspace scratch(a.scratch);
   const float *weights = (const float *)a.weights.data;
   Scores sums[OFFSETS_PER_PASS] = {{layout, weights, scratch}, {layout, weights, scratch}, {layout, weights, scratch},
                                    {layout, weights, scratch}, {layout, weights, scratch}, {layout, weights, scratch},
                                    {layout, weights, scratch}, {layout, weights, scratch}};
   const Int apart = OFFSETS_PER_PASS * layout.line;
   Score *const scores = scratch.take<Score>(AT_ONCE * apart) + OUTSIDE;
+  if (scratch.is_counting()) return scratch.size();
 
   // Searches some offsets in a strip: from the nearest to zero on, whose rank is lowest, to the left or to the right.
   const auto search_pass = [&](Int dy, Int left, Int nearest, Int sign) {
@@ -284,7 +272,7 @@ template <typename Scores> void search_all(const Search &a) {
       const Int dx = nearest + sign * n;
       offsets[n] = {dx, find_candidates(dx, left, pixels, width), prices(radius + dy, radius + dx),
                     ranks(radius + dy, radius + dx), ranks(radius - dy, radius - dx)};
-      const Candidates &within = offsets[n].pixels;
+      const Columns &within = offsets[n].pixels;
       if (within.begin < within.end)
         sums[n].begin(within.end - within.begin, offsets[n].price, scores + n * layout.line + within.begin);
     }
@@ -315,7 +303,7 @@ template <typename Scores> void search_all(const Search &a) {
             from01[k] = line, from10[k] = line - offset.dx;
             ranks01[k] = offset.rank01, ranks10[k] = offset.rank10;
           }
-          const Candidates widest = offsets[first].pixels;
+          const Columns widest = offsets[first].pixels;
           if (widest.begin >= widest.end) continue;
           const Int last_dx = offsets[least(first + OFFSETS_AT_ONCE, count) - 1].dx, dx = offsets[first].dx;
           for (Int k = 0; k < OFFSETS_AT_ONCE; k++) from01[k] += widest.begin;
@@ -334,14 +322,15 @@ template <typename Scores> void search_all(const Search &a) {
     for (Int left = 0; left < width; left += STRIP_WIDTH)
       for (Int sign = 1; sign >= -1; sign -= 2)
         for (Int nearest = sign < 0 ? -1 : 0; nearest * sign <= radius; nearest += sign * OFFSETS_PER_PASS) {
-          const Candidates pixels = find_candidates(nearest, left, least(STRIP_WIDTH, width - left), width);
+          const Columns pixels = find_candidates(nearest, left, least(STRIP_WIDTH, width - left), width);
           if (pixels.begin < pixels.end) search_pass(dy, left, nearest, sign);
         }
+  return 0;
 }
 
 }  // namespace
 
-KERNEL(void, search_in, Search) {
+KERNEL(Int, search, Search) {
   const bool is_box = a.prices.kind == INT32;
   switch (a.weights.shape[0]) {
     case 5: return (is_box ? search_all<BoxScores<5>> : search_all<WindowScores<5>>)(a);

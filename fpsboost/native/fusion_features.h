@@ -6,14 +6,6 @@
 #pragma once
 #include "window_rows.h"
 
-struct PairContext {
-  Array luma[4];
-  double times[4];
-  Array points[2];
-  Int step;
-  Array landings, support;
-};
-
 namespace {
 
 constexpr int CELLS_PER_ROW = 4, CELLS = CELLS_PER_ROW * CELLS_PER_ROW, CELL = WINDOW / CELLS_PER_ROW;
@@ -23,13 +15,10 @@ enum { SIMILARITY, FINE_SIMILARITY, COARSE_SIMILARITY, FLATNESS, ONWARD0, ONWARD
 // Features of cells: each of these of frame 0, then of frame 1, then how far both are apart.
 enum { SEARCH_SIMILARITY = 0, AGREEMENT = 3, CONSISTENCY = 6, LANDINGS = 9, CELL_FEATURES = 12 };
 enum { CONSTANT, VOTES, ACCELERATION, GRADIENT, SUPPORT, SCALAR_FEATURES };  // features of the whole window
-constexpr int FEATURES = SQUARE_FEATURES + CELL_FEATURES + SCALAR_FEATURES;
-static_assert(FEATURES == 24, "as Weighting of multi_hypothesis.py says");
+static_assert(FEATURES == SQUARE_FEATURES + CELL_FEATURES + SCALAR_FEATURES, "as in the table of weights");
 
 constexpr float FINE = 100, COARSE = 9;  // factors on squared differences for bandwidths of 0.03 and 0.1 instead of 0.3
-constexpr float LUMA_SCALE =
-    float(3 * 0.5 / 0.09);              // counts those of luma as three gray channels at a bandwidth of 0.3
-constexpr float FINE_LUMA = 25;         // for a bandwidth of 0.06 instead of 0.3
+constexpr float FINE_LUMA = 25;         // the same for luma, for a bandwidth of 0.06
 constexpr float LEAST_SUPPORT = 0.02f;  // so that the logarithm of the support has a limit
 
 struct Features {  // of a candidate
@@ -177,7 +166,7 @@ inline void describe_onward(Int top, Int left, const Motion &motion, float t, co
   alignas(64) float near[SQUARES_PER_WINDOW], far[SQUARES_PER_WINDOW];
   for (int n = 0; n < 2; n++) {
     float *out = features.squares[ONWARD0 + n];
-    if (context.luma[3 * n].shape[0] == 0) {  // there is no such frame
+    if (context.luma[3 * n].shape[0] * context.luma[3 * n].shape[1] == 0) {  // there is no such frame
       for (int i = 0; i < SQUARES_PER_WINDOW; i++) out[i] = features.squares[COARSE_SIMILARITY][i];
       continue;
     }
@@ -188,7 +177,7 @@ inline void describe_onward(Int top, Int left, const Motion &motion, float t, co
       store(near + i, apart * apart);
     }
     average_patches(near, far);
-    write_decay(far, 0, LUMA_SCALE * FINE_LUMA, 1, out);
+    write_decay(far, 0, float(context.luma_scale) * FINE_LUMA, 1, out);
   }
   for (int i = 0; i < SQUARES_PER_WINDOW; i += 16)
     store(features.squares[ONWARD_DISTANCE] + i,

@@ -1,12 +1,5 @@
 // Landings of points: how many points of a frame land around each point of the in-between frame.
-#include "arrays.h"
-
-struct CountLandings {
-  Array points;
-  double t;
-  Int step;
-  Array landings;
-};
+#include "records.h"
 
 KERNEL(void, count_landings, CountLandings) {
   const View<const float, 3> points(a.points);

@@ -2,53 +2,6 @@
 #include "semi_global.h"
 #include "tiles.h"
 
-struct Proposals {  // of fpsboost/kernels/tiles.py, as OffsetLists
-  Array motion, expected;
-  Int spacing;
-};
-
-struct OffsetLists {
-  Array listed, similarity, flow;
-};
-
-struct SearchTiles {
-  PlanePair pair;
-  Proposals proposals;
-  Int step, refine_radius, max_offset, patch_radius, row_step;
-  OffsetLists lists;
-  Array scratch;
-};
-
-struct ChooseLabels {
-  Array count, motions, similarity, ties;
-  double smoothness, slope;
-  Array costs, flow, chosen, scratch;
-};
-
-struct CoarseMotion {  // of fpsboost/kernels/level_search.py, as the others
-  Array proposed, expected, ties;
-};
-
-struct LevelSettings {
-  double scale;
-  Int spacing;
-  Int step, refine_radius, max_offset, patch_radius, row_step;
-  Int labels;
-  double smoothness, slope;
-};
-
-struct Points {
-  Array flow, similarity;
-};
-
-struct SearchLevel {
-  PlanePair pair;
-  CoarseMotion coarse;
-  LevelSettings settings;
-  Points points;
-  Array scratch;
-};
-
 namespace {
 
 // Motion in units of another scale, in whole pixels.
@@ -59,25 +12,33 @@ INLINE void whole_pixels(const float *motion, Int places, float scale, Offset *r
 
 }  // namespace
 
-KERNEL(void, search_tiles, SearchTiles) {
+KERNEL(Int, search_tiles, SearchTiles) {
+  Workspace workspace(a.scratch);
+  const TileSettings settings = {a.step, a.refine_radius, a.max_offset, a.patch_radius, a.row_step};
+  const TileWork work(settings, a.proposals.spacing, a.lists.similarity.shape[2], workspace);
+  if (workspace.is_counting()) return workspace.size();
   const Array &motion = a.proposals.motion, &listed = a.lists.listed;
   search_tiles(Frames<uint8_t>(a.pair),
                {(const Offset *)motion.data, (const Offset *)a.proposals.expected.data, motion.shape[0],
                 motion.shape[1], a.proposals.spacing},
-               {a.step, a.refine_radius, a.max_offset, a.patch_radius, a.row_step},
+               settings,
                {(int32_t *)listed.data, (float *)a.lists.similarity.data, (float (*)[2])a.lists.flow.data,
                 listed.shape[0], listed.shape[1], a.lists.similarity.shape[2]},
-               Scratch(a.scratch));
+               work);
+  return 0;
 }
 
-KERNEL(void, choose_labels, ChooseLabels) {
+KERNEL(Int, choose_labels, ChooseLabels) {
+  Workspace workspace(a.scratch);
+  const Lattice lattice(a.count.shape[0] * a.count.shape[1], a.similarity.shape[2], (float *)a.costs.data, workspace);
+  if (workspace.is_counting()) return workspace.size();
   choose_labels({(const int32_t *)a.count.data, (const float (*)[2])a.motions.data, (const float *)a.similarity.data,
                  (const float *)a.ties.data, a.count.shape[0], a.count.shape[1], a.similarity.shape[2]},
-                float(a.smoothness), float(a.slope), (float *)a.costs.data, (float (*)[2])a.flow.data,
-                (float *)a.chosen.data, Scratch(a.scratch));
+                float(a.smoothness), float(a.slope), lattice, (float (*)[2])a.flow.data, (float *)a.chosen.data);
+  return 0;
 }
 
-KERNEL(void, search_level_in, SearchLevel) {
+KERNEL(Int, search_level, SearchLevel) {
   const View<const float, 4> proposed(a.coarse.proposed), expected(a.coarse.expected);
   const View<const float, 3> coarse_ties(a.coarse.ties);
   const View<float, 4> flow(a.points.flow);
@@ -87,7 +48,7 @@ KERNEL(void, search_level_in, SearchLevel) {
             step = a.settings.step;
   const TileSettings tiles = {step, a.settings.refine_radius, a.settings.max_offset, a.settings.patch_radius,
                               a.settings.row_step};
-  Scratch scratch(a.scratch);
+  Workspace scratch(a.scratch);
   Offset *whole_proposed = scratch.take<Offset>(down * across), *whole_expected = scratch.take<Offset>(down * across);
   float *ties = scratch.take<float>(nodes), *costs = scratch.take<float>(nodes * ((labels + 7) / 8 * 8));
   CandidateLists lists = {scratch.take<int32_t>(nodes),
@@ -96,11 +57,14 @@ KERNEL(void, search_level_in, SearchLevel) {
                           rows,
                           columns,
                           labels};
+  const TileWork work(tiles, spacing, labels, scratch);
+  const Lattice lattice(nodes, labels, costs, scratch);
+  if (scratch.is_counting()) return scratch.size();
   Frames<uint8_t> frames(a.pair);
   for (int direction = 0; direction < 2; direction++) {
     whole_pixels(proposed.at(direction), down * across, float(a.settings.scale), whole_proposed);
     whole_pixels(expected.at(direction), down * across, float(a.settings.scale), whole_expected);
-    search_tiles(frames, {whole_proposed, whole_expected, down, across, spacing}, tiles, lists, scratch);
+    search_tiles(frames, {whole_proposed, whole_expected, down, across, spacing}, tiles, lists, work);
     for (Int row = 0; row < rows; row++)
       for (Int column = 0; column < columns; column++) {
         // points have the ties of the places in which they lie
@@ -109,8 +73,9 @@ KERNEL(void, search_level_in, SearchLevel) {
         ties[row * columns + column] = coarse_ties(direction, y, x);
       }
     choose_labels({lists.listed, lists.flow, lists.similarity, ties, rows, columns, labels},
-                  float(a.settings.smoothness), float(a.settings.slope), costs, (float (*)[2])flow.at(direction),
-                  similarity.at(direction), scratch);
+                  float(a.settings.smoothness), float(a.settings.slope), lattice, (float (*)[2])flow.at(direction),
+                  similarity.at(direction));
     frames = frames.opposite();
   }
+  return 0;
 }

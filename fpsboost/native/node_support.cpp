@@ -3,17 +3,9 @@
 // Each candidate is compared with those that its neighbours believe in, by their votes and by the luma around them.
 #include "fusion_features.h"
 
-struct MeasureSupport {
-  Candidates candidates;
-  PairContext context;
-  double t;
-  Array beliefs;
-};
-
 namespace {
 
 constexpr int SIDE = 8, AREA = SIDE * SIDE;  // samples of luma around a node that are compared
-constexpr float SHARPNESS = 18;  // rate at which the belief decays as the similarity falls, as that of plain weights
 
 // How alike the luma of both frames is around a node along a candidate, 0 to 1.
 float compare_luma(Int top, Int left, const Motion &motion, float t, const PairContext &context) {
@@ -26,7 +18,7 @@ float compare_luma(Int top, Int left, const Motion &motion, float t, const PairC
   }
   for (int i = 0; i < AREA; i += 16) {
     const F16 apart = absolute(load<F16>(samples[0] + i) - load<F16>(samples[1] + i));
-    store(samples[0] + i, decay(apart * apart, 0, LUMA_SCALE, 1.f / AREA));
+    store(samples[0] + i, decay(apart * apart, 0, float(context.luma_scale), 1.f / AREA));
   }
   float alike = 0;
   for (int i = 0; i < AREA; i++) alike += samples[0][i];
@@ -44,7 +36,7 @@ void find_beliefs(Int row, Int column, const Candidates &candidates, const PairC
     beliefs[k] = node.priors[k];
     if (beliefs[k] > 0 && node.count > 1) {
       const float alike = compare_luma(top, left, node.motion(k), t, context);
-      beliefs[k] *= float(__builtin_exp(double(SHARPNESS * (alike - 1))));
+      beliefs[k] *= float(__builtin_exp(double(float(context.sharpness) * (alike - 1))));
     }
     total += beliefs[k];
   }
@@ -53,7 +45,7 @@ void find_beliefs(Int row, Int column, const Candidates &candidates, const PairC
 
 // How far the neighbours of a node agree with a motion, 0 to 1: their beliefs, less for a motion that differs.
 float agreement(Int row, Int column, const Motion &motion, const Candidates &candidates,
-                const View<const float, 3> &beliefs) {
+                const View<float, 3> &beliefs) {
   float total = 0, nodes = 0;
   for (Int y = most(row - 1, Int(0)); y < least(row + 2, beliefs.shape[0]); y++)
     for (Int x = most(column - 1, Int(0)); x < least(column + 2, beliefs.shape[1]); x++) {
@@ -70,9 +62,13 @@ float agreement(Int row, Int column, const Motion &motion, const Candidates &can
 
 }  // namespace
 
-KERNEL(void, measure_support, MeasureSupport) {
-  const View<float, 3> beliefs(a.beliefs), support(a.context.support);
-  const Int rows = beliefs.shape[0], columns = beliefs.shape[1];
+KERNEL(Int, measure_support, MeasureSupport) {
+  const View<float, 3> support(a.support);
+  const Int rows = support.shape[0], columns = support.shape[1];
+  Workspace workspace(a.scratch);
+  View<float, 3> beliefs = support;
+  beliefs.data = workspace.take<float>(rows * columns * support.shape[2]);
+  if (workspace.is_counting()) return workspace.size();
   for (Int row = 0; row < rows; row++)
     for (Int column = 0; column < columns; column++)
       find_beliefs(row, column, a.candidates, a.context, float(a.t), beliefs.at(row, column));
@@ -80,6 +76,7 @@ KERNEL(void, measure_support, MeasureSupport) {
     for (Int column = 0; column < columns; column++) {
       const NodeCandidates node(a.candidates, row, column);
       for (Int k = 0; k < node.count; k++)
-        support(row, column, k) = agreement(row, column, node.motion(k), a.candidates, View<const float, 3>(a.beliefs));
+        support(row, column, k) = agreement(row, column, node.motion(k), a.candidates, beliefs);
     }
+  return 0;
 }

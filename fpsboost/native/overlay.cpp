@@ -1,27 +1,12 @@
 // Static overlays on moving frames: pixels that stay the same where their surroundings move.
-#include "arrays.h"
+#include "scratch.h"
 
 namespace {
-
-enum Mark : uint8_t { STATIC = 1, STATIC_CONTRAST = 2 };  // of kernels/overlay.py
-
-struct Frames {
-  Array image0, image1, before, after;
-};
-
-struct MarkOverlay {
-  Frames frames;
-  Array motion;
-  Int spacing;
-  double shortest;
-  Int same, different;
-  Array smallest, marks;
-};
 
 template <typename T> struct Pictures {
   View<const T, 2> image0, image1, before, after;
 
-  explicit Pictures(const Frames &frames)
+  explicit Pictures(const FourFrames &frames)
       : image0(frames.image0), image1(frames.image1), before(frames.before), after(frames.after) {}
 };
 
@@ -79,23 +64,25 @@ template <typename T> void mark_static(const Pictures<T> &pictures, Int y, T sam
   for (Int x = 0; x < width; x++) {
     const T luma = image0[x];
     const T of_others = most(difference(before[x], luma), difference(after[x], luma));
-    row[x] = most(difference(image1[x], luma), of_others) <= same ? STATIC : 0;
+    row[x] = most(difference(image1[x], luma), of_others) <= same ? uint8_t(STATIC) : 0;
   }
 }
 
 // Writes STATIC_CONTRAST in place of STATIC where a pixel would be different if it had moved.
 template <typename T>
 void mark_changes(const T *smallest, T different, Int left, Int right, uint8_t *__restrict row) {
-  for (Int x = left; x < right; x++) row[x] = smallest[x] > different && row[x] == STATIC ? STATIC_CONTRAST : row[x];
+  for (Int x = left; x < right; x++) row[x] = smallest[x] > different && row[x] == STATIC ? uint8_t(STATIC_CONTRAST) : row[x];
 }
 
-template <typename T> void mark(const MarkOverlay &a) {
+template <typename T> Int mark(const MarkOverlay &a) {
   const Pictures<T> pictures(a.frames);
   const View<const float, 3> motion(a.motion);
   const View<uint8_t, 2> marks(a.marks);
   const Int height = marks.shape[0], width = marks.shape[1], spacing = a.spacing, blocks = motion.shape[1];
   const float shortest = float(a.shortest);
-  T *smallest = (T *)a.smallest.data;
+  Workspace workspace(a.scratch);
+  T *smallest = workspace.take<T>(width);
+  if (workspace.is_counting()) return workspace.size();
   for (Int top = 0; top < height; top += spacing) {
     const Int block_row = top / spacing, bottom = least(top + spacing, height);
     for (Int y = top; y < bottom; y++) mark_static(pictures, y, T(a.same), marks.at(y), width);
@@ -116,8 +103,9 @@ template <typename T> void mark(const MarkOverlay &a) {
       }
     }
   }
+  return 0;
 }
 
 }  // namespace
 
-KERNEL(void, mark_overlay, MarkOverlay) { return a.frames.image0.kind == UINT8 ? mark<uint8_t>(a) : mark<uint16_t>(a); }
+KERNEL(Int, mark_overlay, MarkOverlay) { return a.frames.image0.kind == UINT8 ? mark<uint8_t>(a) : mark<uint16_t>(a); }

@@ -6,14 +6,8 @@
 #pragma once
 #include "fusion_features.h"
 
-struct Weighting {
-  double scale, sharpness, sufficient_similarity, min_vote_share;
-  Array window_shape, even, odd, factors;
-};
-
 namespace {
 
-constexpr int FEATURE_SUMS = 10;            // of both frames, of either alone, and of each hinge
 constexpr float MIN_WEIGHT_SUM = 1e-30f;    // initial value of sums of weights, which keeps them above zero
 constexpr float HIGHEST_LOGIT = 20;         // logarithms of weights are limited to this
 constexpr float FOREGROUND_SCALE = 4;       // on squared differences: a bandwidth of 0.15 at which thin things match

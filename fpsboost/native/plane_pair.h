@@ -1,11 +1,6 @@
 // Two frames as the searches compare them: three planes each, with edges repeated.
 #pragma once
-#include "arrays.h"
-
-struct PlanePair {  // of fpsboost/kernels/planes.py
-  Array planes0, planes1;
-  Int padding, height, width, max_similarity;
-};
+#include "records.h"
 
 namespace {
 

@@ -1,17 +1,21 @@
 // Planes in which the searches compare two frames: half luma, its high-pass and mean chroma in bytes; and small copies.
-#include "arrays.h"
+#include "scratch.h"
 
 namespace {
 
-constexpr float WHITE = 255;                   // of kernels/planes.py
-constexpr int HIGH_PASS_SIZE = 9;              // side of the box whose mean luma is subtracted, pixels
-constexpr int RADIUS = HIGH_PASS_SIZE / 2;
-constexpr int KEPT_ROWS = HIGH_PASS_SIZE + 1;  // rows of luma that a running sum over boxes needs
+constexpr Int RADIUS = HIGH_PASS_SIZE / 2;
+constexpr Int KEPT_ROWS = HIGH_PASS_SIZE + 1;  // rows of luma that a running sum over boxes needs
 // Weight of each pixel of the box.
 constexpr double SHARE = 1.0 / (HIGH_PASS_SIZE * HIGH_PASS_SIZE);
 
 struct WorkArrays {
-  Array rows, sums, chroma;
+  float *rows;      // ring buffer of the latest rows of luma
+  double *sums;     // of each column over the rows of the box, with RADIUS reflected columns on either side
+  uint8_t *chroma;  // a row of the third plane at the resolution of chroma
+
+  WorkArrays(Int width, Workspace &workspace)
+      : rows(workspace.take<float>(KEPT_ROWS * width)), sums(workspace.take<double>(width + 2 * RADIUS)),
+        chroma(workspace.take<uint8_t>(width)) {}
 };
 
 struct Levels {  // that represent a difference of 1, and no difference from the mean
@@ -19,7 +23,7 @@ struct Levels {  // that represent a difference of 1, and no difference from the
 };
 
 // A value rounded and clipped to a byte.
-INLINE uint8_t to_byte(float value) { return uint8_t(within(value + 0.5f, 0.0f, WHITE)); }
+INLINE uint8_t to_byte(float value) { return uint8_t(within(value + 0.5f, 0.0f, float(WHITE))); }
 
 // The index that stands for one beyond the ends of an axis, mirrored at the first and last element.
 Int reflected(Int place, Int size) {
@@ -30,19 +34,16 @@ Int reflected(Int place, Int size) {
 
 // High-pass filter that follows the conversion of rows to luma by RADIUS rows.
 struct HighPass {
-  View<float, 2> rows;  // ring buffer of the latest rows of luma
-  View<double, 1> sums;  // of each column over the rows of the box, with RADIUS reflected columns on either side
+  WorkArrays work;
   Int height, width;
 
-  HighPass(const WorkArrays &work, Int height)
-      : rows(work.rows), sums(work.sums), height(height), width(rows.shape[1]) {}
-  float *row(Int y) const { return rows.at(y % KEPT_ROWS); }
+  float *row(Int y) const { return work.rows + y % KEPT_ROWS * width; }
 
   // Moves the box to row y, which must be called in order. Sums of integer codes are exact.
   void move_to(Int y) const {
-    double *__restrict inner = sums.data + RADIUS;
+    double *__restrict inner = work.sums + RADIUS;
     if (y == 0) {
-      for (Int x = 0; x < sums.shape[0]; x++) sums.data[x] = 0;
+      for (Int x = 0; x < width + 2 * RADIUS; x++) work.sums[x] = 0;
     } else {
       const float *leaves = row(reflected(y - RADIUS - 1, height));
       for (Int x = 0; x < width; x++) inner[x] -= double(leaves[x]);
@@ -61,8 +62,8 @@ struct HighPass {
     move_to(y);
     const float *luma = row(y), twice = 2 * levels.scale;
     for (Int x = 0; x < width; x++) {
-      double total = sums.data[x];
-      for (int n = 1; n < HIGH_PASS_SIZE; n++) total += sums.data[x + n];
+      double total = work.sums[x];
+      for (int n = 1; n < HIGH_PASS_SIZE; n++) total += work.sums[x + n];
       second[x] = to_byte(twice * (luma[x] - float(total * SHARE)) + levels.middle);
     }
   }
@@ -91,9 +92,9 @@ void replicate_border(Int height, Int width, Int padding, const View<uint8_t, 3>
 
 // Writes all three planes of `height` rows; `split(y, luma, first, third)` gives a row of luma, half luma and chroma.
 template <typename Split>
-INLINE void write_planes(const WorkArrays &work, Int height, Int padding, const Levels &levels,
+INLINE void write_planes(const WorkArrays &work, Int height, Int width, Int padding, const Levels &levels,
                          const View<uint8_t, 3> &planes, Split split) {
-  const HighPass high_pass(work, height);
+  const HighPass high_pass{work, height, width};
   for (Int y = 0; y < height + RADIUS; y++) {
     if (y < height)
       split(y, high_pass.row(y), planes.at(0, padding + y) + padding, planes.at(2, padding + y) + padding);
@@ -102,15 +103,7 @@ INLINE void write_planes(const WorkArrays &work, Int height, Int padding, const 
   replicate_border(height, high_pass.width, padding, planes);
 }
 
-struct SplitColours {
-  Array image;
-  double normalise, scale, middle;
-  Int padding;
-  WorkArrays work;
-  Array planes;
-};
-
-template <typename T, int CHANNELS> void split_pixels(const SplitColours &a) {
+template <typename T, int CHANNELS> void split_pixels(const SplitColours &a, const WorkArrays &work) {
   const View<const T, 3> image(a.image);
   const Int height = image.shape[0], width = image.shape[1];
   const Levels levels{float(a.scale), float(a.middle)};
@@ -133,30 +126,17 @@ template <typename T, int CHANNELS> void split_pixels(const SplitColours &a) {
       third[x] = to_byte(chroma * scale);
     }
   };
-  write_planes(a.work, height, a.padding, levels, View<uint8_t, 3>(a.planes), split);
+  write_planes(work, height, width, a.padding, levels, View<uint8_t, 3>(a.planes), split);
 }
 
-template <typename T> void split_image(const SplitColours &a) {
+template <typename T> void split_image(const SplitColours &a, const WorkArrays &work) {
   switch (a.image.shape[2]) {
-    case 1: return split_pixels<T, 1>(a);
-    case 2: return split_pixels<T, 2>(a);
-    case 3: return split_pixels<T, 3>(a);
-    default: return split_pixels<T, 4>(a);
+    case 1: return split_pixels<T, 1>(a, work);
+    case 2: return split_pixels<T, 2>(a, work);
+    case 3: return split_pixels<T, 3>(a, work);
+    default: return split_pixels<T, 4>(a, work);
   }
 }
-
-struct CodeLevels {
-  double black, luma_unit, neutral, chroma_unit;
-};
-
-struct SplitPlanes {
-  Array y_plane, cb_plane, cr_plane;
-  CodeLevels code_levels;
-  double scale, middle;
-  Int padding;
-  WorkArrays work;
-  Array planes;
-};
 
 // Writes a row of the third plane at the resolution of chroma.
 template <typename T>
@@ -168,9 +148,8 @@ void mix_chroma(const T *cb, const T *cr, float neutral, float unit, float scale
   }
 }
 
-template <typename T> void split_codes(const SplitPlanes &a) {
+template <typename T> void split_codes(const SplitPlanes &a, const WorkArrays &work) {
   const View<const T, 2> luma_codes(a.y_plane), cb(a.cb_plane), cr(a.cr_plane);
-  const View<uint8_t, 1> chroma_row(a.work.chroma);
   const Int height = luma_codes.shape[0], width = luma_codes.shape[1], rows = cb.shape[0], columns = cb.shape[1];
   const Int down = rows == height ? 1 : 2;
   const Levels levels{float(a.scale), float(a.middle)};
@@ -183,9 +162,9 @@ template <typename T> void split_codes(const SplitPlanes &a) {
       luma[x] = value;
       first[x] = to_byte(value * 0.5f * levels.scale);
     }
-    const uint8_t *chroma = chroma_row.data;
+    const uint8_t *chroma = work.chroma;
     if (y % down == 0)
-      mix_chroma(cb.at(y / down), cr.at(y / down), neutral, chroma_unit, levels.scale, chroma_row.data, columns);
+      mix_chroma(cb.at(y / down), cr.at(y / down), neutral, chroma_unit, levels.scale, work.chroma, columns);
     if (columns == width) {
       for (Int x = 0; x < width; x++) third[x] = chroma[x];
       return;
@@ -193,17 +172,12 @@ template <typename T> void split_codes(const SplitPlanes &a) {
     for (Int x = 0; x < width / 2; x++) third[2 * x] = third[2 * x + 1] = chroma[x];
     third[width - 1] = chroma[columns - 1];
   };
-  write_planes(a.work, height, a.padding, levels, View<uint8_t, 3>(a.planes), split);
+  write_planes(work, height, width, a.padding, levels, View<uint8_t, 3>(a.planes), split);
 }
 
-struct Shrink {
-  Array rows, line, small;
-};
-
-template <typename T> void shrink_rows(const Shrink &a) {
+template <typename T> void shrink_rows(const Shrink &a, float *__restrict line) {
   const View<const T, 2> rows(a.rows);
   const View<float, 3> small(a.small);
-  float *__restrict line = (float *)a.line.data;
   const Int height = rows.shape[0], down = small.shape[0], across = small.shape[1], channels = small.shape[2];
   const Int values = rows.shape[1], width = values / channels;
   const double area = double(height) / double(down) * (double(width) / double(across));
@@ -232,22 +206,34 @@ template <typename T> void shrink_rows(const Shrink &a) {
 
 }  // namespace
 
-KERNEL(void, split_colours, SplitColours) {
+KERNEL(Int, split_colours, SplitColours) {
+  Workspace workspace(a.scratch);
+  const WorkArrays work(a.image.shape[1], workspace);
+  if (workspace.is_counting()) return workspace.size();
   switch (a.image.kind) {
-    case UINT8: return split_image<uint8_t>(a);
-    case UINT16: return split_image<uint16_t>(a);
-    default: return split_image<float>(a);
+    case UINT8: split_image<uint8_t>(a, work); break;
+    case UINT16: split_image<uint16_t>(a, work); break;
+    default: split_image<float>(a, work);
   }
+  return 0;
 }
 
-KERNEL(void, split_planes, SplitPlanes) {
-  return a.y_plane.kind == UINT8 ? split_codes<uint8_t>(a) : split_codes<uint16_t>(a);
+KERNEL(Int, split_planes, SplitPlanes) {
+  Workspace workspace(a.scratch);
+  const WorkArrays work(a.y_plane.shape[1], workspace);
+  if (workspace.is_counting()) return workspace.size();
+  a.y_plane.kind == UINT8 ? split_codes<uint8_t>(a, work) : split_codes<uint16_t>(a, work);
+  return 0;
 }
 
-KERNEL(void, shrink, Shrink) {
+KERNEL(Int, shrink, Shrink) {
+  Workspace workspace(a.scratch);
+  float *line = workspace.take<float>(a.rows.shape[1]);
+  if (workspace.is_counting()) return workspace.size();
   switch (a.rows.kind) {
-    case UINT8: return shrink_rows<uint8_t>(a);
-    case UINT16: return shrink_rows<uint16_t>(a);
-    default: return shrink_rows<float>(a);
+    case UINT8: shrink_rows<uint8_t>(a, line); break;
+    case UINT16: shrink_rows<uint16_t>(a, line); break;
+    default: shrink_rows<float>(a, line);
   }
+  return 0;
 }

@@ -8,16 +8,6 @@ INLINE float minmod(float before, float after) {
   return most(least(before, after), 0.0f) + least(most(before, after), 0.0f);
 }
 
-struct FindGradients {
-  Array vectors;
-  double spacing;
-  Array gradients;
-};
-
-struct FieldLayout {  // one vector for `spacing` x `spacing` pixels of a frame
-  Int spacing, height, width;
-};
-
 // How far from its start the vector of a pixel ends on the way there and back, and whether it leads into the frame.
 struct VectorError {
   float distance;
@@ -34,24 +24,6 @@ INLINE VectorError find_vector_error(float dx, float dy, const View<const float,
   return {float(__builtin_sqrt(apart_x * apart_x + apart_y * apart_y)),
           0 <= landing_y && landing_y < double(layout.height) && 0 <= landing_x && landing_x < double(layout.width)};
 }
-
-struct MeasureErrors {
-  Array vectors, y, x, back;
-  Int spacing, height, width;
-  Array distance;
-};
-
-struct RoundTrip {
-  Array there, back;
-};
-
-struct FindAccelerations {
-  RoundTrip onward, away;
-  FieldLayout layout;
-  Array y, x;
-  double ratio, consistent;
-  Array changes;
-};
 
 }  // namespace
 
@@ -74,7 +46,7 @@ KERNEL(void, find_gradients, FindGradients) {
       }
 }
 
-KERNEL(void, measure_forward_backward_errors, MeasureErrors) {
+KERNEL(void, measure_forward_backward_errors, MeasureForwardBackwardErrors) {
   const View<const float, 3> vectors(a.vectors), back(a.back);
   const View<const Int, 1> y(a.y), x(a.x);
   const View<float, 2> distance(a.distance);

@@ -2,14 +2,6 @@
 #include "plane_pair.h"
 #include "vectors.h"
 
-struct RefineBidirectional {
-  PlanePair pair;
-  Int step;
-  double tail, damping, largest;
-  Int steps;
-  Array refined, flow;
-};
-
 namespace {
 
 constexpr Int WINDOW_SIDE = 8;

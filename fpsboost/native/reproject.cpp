@@ -38,38 +38,6 @@ INLINE int32_t find_cell(const Flow &flow, float t, Int y, Int x) {
   return nearest_index(float(y) + t * motion[1], flow.shape[0]) * int32_t(flow.shape[1]) + cell_x;
 }
 
-struct SearchIteratively {
-  Array flow;
-  double t;
-  Int iterations;
-  Array source, lands;
-};
-
-struct BinLandings {
-  Array flow;
-  double t;
-  Array starts, members;
-};
-
-struct SearchNearestLanding {
-  Array flow;
-  double t;
-  Int search_radius;
-  Array starts, members, source, lands;
-};
-
-struct FetchBoth {
-  Array image0, image1;
-  double t, half;
-  Array source0, lands0, source1, lands1, out;
-};
-
-struct Splat {
-  Array flow, similarity;
-  double least_similarity, t;
-  Array source0, source1;
-};
-
 // The best source of a target so far.
 struct NearestLanding {
   const Flow &flow;

@@ -3,19 +3,6 @@
 #include "plane_pair.h"
 #include "similarity.h"
 
-struct SearchResiduals {
-  PlanePair pair;
-  Int step, max_offset, patch_radius;
-  double min_similarity, better;
-  Array flow, similarity;
-};
-
-struct LoosenTies {
-  Array flow, before;
-  double step, tolerance, weak;
-  Array ties;
-};
-
 namespace {
 
 // Pixels that are compared with one at a time.
@@ -97,7 +84,7 @@ INLINE bool compare_positions(const Frames<uint8_t> &frames, const Patch &patch,
 }
 
 // Replaces the motion of unexplained points by motion to unexplained positions of the other frame, in whole pixels.
-INLINE void search_residuals(const Frames<uint8_t> &frames, const SearchResiduals &a, const Patch &patch,
+INLINE void search_residuals(const Frames<uint8_t> &frames, const SearchResidualsBidirectional &a, const Patch &patch,
                              const View<float, 2> &similarity, const View<float, 2> &elsewhere,
                              const View<float, 3> &flow) {
   const Int step = a.step;
@@ -152,7 +139,7 @@ INLINE float forward_backward_error(const View<const float, 3> &back, Int row, I
 
 }  // namespace
 
-KERNEL(void, search_residuals_in, SearchResiduals) {
+KERNEL(void, search_residuals_bidirectional, SearchResidualsBidirectional) {
   const View<float, 4> flow(a.flow), measured(a.similarity);
   const View<float, 3> similarity = measured[0], lowest = measured[1];
   const Frames<uint8_t> there(a.pair), back = there.opposite();

@@ -1,6 +1,6 @@
 // Conversion of floats to whole numbers, also of those that have none.
 #pragma once
-#include "arrays.h"
+#include "records.h"
 
 namespace {
 

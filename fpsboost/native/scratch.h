@@ -1,22 +1,27 @@
 // Memory for work arrays, which Python makes: kernels allocate none, and stacks of threads are small.
 #pragma once
-#include "arrays.h"
+#include "records.h"
 
 namespace {
 
-// Hands out the pieces of a block that `scratch_of` of fpsboost/kernels/binding.py has made for them, in any order.
-struct Scratch {
-  uint8_t *next;
+// Hands out pieces of the memory that a kernel is given. Without any, as in the first of its two calls, it counts what
+// the kernel takes, which then returns `size()` before it does anything else.
+class Workspace {
+  static constexpr uintptr_t LINE = 64;  // of caches, bytes: every piece begins at one
+  uintptr_t begin, end, next;
 
-  explicit Scratch(const Array &block) : next((uint8_t *)block.data) { next += -(uintptr_t)next % ALIGNMENT; }
+public:
+  explicit Workspace(const Scratch &block)
+      : begin((uintptr_t(block.address) + LINE - 1) / LINE * LINE), end(uintptr_t(block.address + block.size)),
+        next(block.address ? begin : LINE) {}
+  bool is_counting() const { return !begin; }
+  Int size() const { return Int(next); }  // with what may be lost at the beginning
   template <typename T> T *take(Int count) {
     T *piece = (T *)next;
-    next += (count * Int(sizeof(T)) + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
+    next += (uintptr_t(count) * sizeof(T) + LINE - 1) / LINE * LINE;
+    if (!is_counting() && next > end) __builtin_trap();  // the two calls differ
     return piece;
   }
-
-private:
-  static constexpr Int ALIGNMENT = 64;  // of cache lines
 };
 
 }  // namespace

@@ -24,8 +24,14 @@ struct LabelLists {
 // The same by component, with room for a multiple of eight labels at every node, and one node more, at which paths
 // begin.
 struct Lattice {
-  float *x, *y, *data_cost, *path_cost, *total;
   Int room;
+  float *x, *y, *data_cost, *path_cost, *total;
+
+  Lattice(Int nodes, Int capacity, float *costs, Workspace &workspace) : room((capacity + 7) / 8 * 8), total(costs) {
+    const Int size = (nodes + 1) * room;
+    x = workspace.take<float>(size), y = workspace.take<float>(size);
+    data_cost = workspace.take<float>(size), path_cost = workspace.take<float>(size);
+  }
 };
 
 // Extends the cheapest paths to the labels of the node before by the labels of the next one. `path_cost` has the cost
@@ -68,14 +74,10 @@ INLINE void copy_labels(const LabelLists &lists, const Lattice &lattice) {
 
 // Chooses the label of every node with the lowest cost, the first of several; `choose_labels` of
 // fpsboost/kernels/level_search.py.
-INLINE void choose_labels(const LabelLists &lists, float smoothness, float slope, float *costs, float (*flow)[2],
-                          float *chosen, Scratch scratch) {
-  const Int rows = lists.rows, columns = lists.columns, nodes = rows * columns, room = (lists.capacity + 7) / 8 * 8;
-  const Int size = (nodes + 1) * room;
-  Lattice lattice;
-  lattice.x = scratch.take<float>(size), lattice.y = scratch.take<float>(size);
-  lattice.data_cost = scratch.take<float>(size), lattice.path_cost = scratch.take<float>(size);
-  lattice.total = costs, lattice.room = room;
+INLINE void choose_labels(const LabelLists &lists, float smoothness, float slope, const Lattice &lattice,
+                          float (*flow)[2], float *chosen) {
+  const Int rows = lists.rows, columns = lists.columns, nodes = rows * columns, room = lattice.room;
+  const float *costs = lattice.total;
   copy_labels(lists, lattice);
   for (int direction = 0; direction < 4; direction++) {
     const bool is_vertical = direction > 1, is_backward = direction % 2;

@@ -5,18 +5,6 @@
 #include "plane_pair.h"
 #include "similarity.h"
 
-struct ShortestMotion {  // of fpsboost/kernels/search.py
-  Array own, best, shortest;
-};
-
-struct FindShortest {
-  PlanePair pair;
-  Int step, patch_radius, support_radius;
-  double tolerance;
-  Array flow;
-  ShortestMotion motion;
-};
-
 namespace {
 
 // Motion in whole pixels.

@@ -18,8 +18,6 @@ INLINE U16 linear_similarity(const B16 (&pixels)[3], const uint8_t *second, Int 
 
 INLINE B16 broadcast_byte(uint8_t value) { return value - B16{}; }
 
-constexpr int UNIT_BITS = 20;  // FRACTION_BITS of fpsboost/kernels/planes.py
-
 // Polynomial that approximates 2^20 times 2^-f for a fraction f: Chebyshev's interpolation of degree 5 on [0, 1], with
 // a half added to the constant, so that truncation rounds.
 constexpr float POWER[] = {0x1.000008p+20f, -0x1.62e3a8p+19f, 0x1.ebe2f2p+17f,
@@ -39,7 +37,7 @@ INLINE void exponential_similarity(const float *first, Int plane0, const float *
     }
   I16 whole[COUNT];
   for (int n = 0; n < COUNT; n++) {
-    squares[n] = smaller(squares[n], broadcast<F16>(UNIT_BITS + 1));
+    squares[n] = smaller(squares[n], broadcast<F16>(FRACTION_BITS + 1));
     whole[n] = __builtin_convertvector(squares[n], I16);
     squares[n] -= __builtin_convertvector(whole[n], F16);
     power[n] = broadcast<F16>(POWER[5]);

@@ -1,4 +1,5 @@
 // Cubic B-splines: the coefficients of planes, and both frames mixed in time along the motion of every pixel.
+#include "scratch.h"
 #include "spline_samples.h"
 
 namespace {
@@ -22,33 +23,33 @@ void copy_row(const float *from, float *__restrict to, Int count) {
   for (Int x = 0; x < count; x++) to[x] = from[x];
 }
 
-// Filters a row of values times `unit`, with repeated edges, horizontally; `lines` are two rows for work.
+// Filters a row of values times `unit`, with repeated edges, horizontally; `lines` are two rows for work, one after the
+// other.
 template <typename T>
-void filter_across(const T *source, Int columns, float unit, const Prefilter &filter, const View<float, 2> &lines,
-                   float *out, Int width) {
+void filter_across(const T *source, Int columns, float unit, const Prefilter &filter, float *lines, float *out,
+                   Int width) {
   const Int begin = filter.reach + MARGIN;
   Int length = width + 2 * filter.reach;
-  float *line = lines.at(0), *inner = line + begin;
+  float *const others[] = {lines, lines + length}, *line = lines, *inner = line + begin;
   for (Int x = 0; x < columns; x++) inner[x] = float(source[x]) * unit;
   for (Int x = 0; x < begin; x++) line[x] = inner[0];
   for (Int x = columns; x < length - begin; x++) inner[x] = inner[columns - 1];
   for (Int k = 0; k < filter.stages; k++) {
     const Int distance = Int(1) << k;
-    line = lines.at(k % 2);
+    line = others[k % 2];
     length -= 2 * distance;
-    float *to = k < filter.stages - 1 ? lines.at((k + 1) % 2) : out;
+    float *to = k < filter.stages - 1 ? others[(k + 1) % 2] : out;
     filter_row(filter.weights[k], line, line + distance, line + 2 * distance, to, length);
   }
 }
 
 // The latest rows of each stage of the vertical filter; row y is in the same place as those a multiple of `size` away.
 struct Rings {
-  View<float, 3> rows;
-  Int size;
+  float *rows;
+  Int size, width;
 
-  explicit Rings(const Array &array) : rows(array), size(array.shape[1]) {}
   // y is at least -4 size, since what is filtered first lies twice the filter's reach above the frame
-  float *at(Int stage, Int y) const { return rows.at(stage, (y + 4 * size) % size); }
+  float *at(Int stage, Int y) const { return rows + (stage * size + (y + 4 * size) % size) * width; }
 };
 
 // Filters vertically what is known now that row y is there, as far as the filter reaches above it.
@@ -61,18 +62,16 @@ void filter_down(const Prefilter &filter, const Rings &rings, Int y, float *out,
   }
 }
 
-struct FilterPlanes {
-  Array planes;
-  double unit;
-  Array weights, lines, rows, coefficients;
-};
-
-template <typename T> void find_coefficients(const FilterPlanes &a) {
+template <typename T> Int filter_planes(const FindCoefficients &a) {
   const View<const T, 3> planes(a.planes);
   const View<float, 3> coefficients(a.coefficients);
-  const View<float, 2> lines(a.lines);
   const Prefilter filter(a.weights);
-  const Rings rings(a.rows);
+  Workspace workspace(a.scratch);
+  float *lines = workspace.take<float>(2 * (coefficients.shape[2] + 2 * filter.reach));
+  const Int kept = filter.reach + 2, size = filter.stages * kept * coefficients.shape[2];
+  const Rings rings{workspace.take<float>(size), kept, coefficients.shape[2]};
+  if (workspace.is_counting()) return workspace.size();
+  for (Int i = 0; i < size; i++) rings.rows[i] = 0;  // of what is filtered before they are full, nothing remains
   const Int height = planes.shape[1], tall = coefficients.shape[1], width = coefficients.shape[2], reach = filter.reach;
   float unit = float(a.unit);
   for (Int k = 0; k < filter.stages; k++) {  // so that flat areas keep their brightness
@@ -94,17 +93,8 @@ template <typename T> void find_coefficients(const FilterPlanes &a) {
     for (Int y = 0; y < first; y++) copy_row(coefficients.at(c, first), coefficients.at(c, y), width);
     for (Int y = last + 1; y < tall; y++) copy_row(coefficients.at(c, last), coefficients.at(c, y), width);
   }
+  return 0;
 }
-
-struct Source {  // one of the two frames, as seen from the frame between them
-  Array coefficients, motion, is_visible;
-};
-
-struct MixAlong {
-  Source source0, source1;
-  double t;
-  Array mixed, squared;
-};
 
 // The first of the 4 x 4 coefficients around a position, and their weights along both axes.
 struct SplinePlace {
@@ -137,11 +127,11 @@ INLINE float sample_spline(const View<const float, 3> &coefficients, Int plane, 
 
 }  // namespace
 
-KERNEL(void, filter_planes, FilterPlanes) {
+KERNEL(Int, find_coefficients, FindCoefficients) {
   switch (a.planes.kind) {
-    case UINT8: return find_coefficients<uint8_t>(a);
-    case UINT16: return find_coefficients<uint16_t>(a);
-    default: return find_coefficients<float>(a);
+    case UINT8: return filter_planes<uint8_t>(a);
+    case UINT16: return filter_planes<uint16_t>(a);
+    default: return filter_planes<float>(a);
   }
 }
 

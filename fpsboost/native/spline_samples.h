@@ -4,8 +4,7 @@
 
 namespace {
 
-constexpr int MARGIN = 40;  // columns and rows of coefficients before the frame's first one
-constexpr int TAPS = 4;     // coefficients that a sample depends on, along each axis
+constexpr int TAPS = 4;  // coefficients that a sample depends on, along each axis
 
 struct Taps {  // weights of the coefficients around a position
   float across[TAPS], down[TAPS];

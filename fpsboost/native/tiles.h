@@ -10,9 +10,7 @@
 
 namespace {
 
-constexpr Int TILE = 32;            // side of a tile, pixels
 constexpr Int PROPOSAL_MARGIN = 8;  // distance beyond the tile within which proposals are collected, pixels
-constexpr Int MAX_PATCH_RADIUS = 10;
 constexpr float NOTHING = -2, NOWHERE = 1e6f;  // similarity and offset of an empty entry
 
 struct Offset {
@@ -21,6 +19,23 @@ struct Offset {
 
 struct TileSettings {
   Int step, refine_radius, max_offset, patch_radius, row_step;
+};
+
+// Work arrays: a flag for each offset, the offsets of a tile, and the lists of its points.
+struct TileWork {
+  Int points, flags;
+  bool *is_listed;
+  Offset *offsets;
+  float *entries;
+
+  TileWork(const TileSettings &settings, Int spacing, Int capacity, Workspace &workspace) {
+    const Int per_tile = TILE / settings.step, side = 2 * settings.max_offset + 1;
+    const Int places = (TILE + 2 * PROPOSAL_MARGIN) / spacing + 2, reach = (2 * settings.refine_radius + 1) * places;
+    points = most(per_tile * per_tile, Int(8)), flags = side * side;
+    is_listed = workspace.take<bool>(flags);
+    offsets = workspace.take<Offset>(least(flags, 1 + reach * reach));
+    entries = workspace.take<float>(capacity * 3 * points);
+  }
 };
 
 // What a coarser level proposes: whole pixels, at places `spacing` pixels apart.
@@ -140,7 +155,7 @@ INLINE void write_lists(const Tile &tile, float *entries, Int points, Int per_ti
 // Sums of the similarity over the columns of a tile, from its top to each row, for one offset after another.
 // Differences of two of them are right even where the sums overflow.
 template <Int LANES> struct ColumnSums {
-  alignas(64) uint16_t sums[TILE + 2 * MAX_PATCH_RADIUS + 1][LANES];
+  alignas(64) uint16_t sums[TILE + 2 * MAX_TILE_PATCH_RADIUS + 1][LANES];
 
   void compare(const Frames<uint8_t> &frames, Int here, Int there, Int row_stride, Int rows) {
     const B16 max_similarity = broadcast_byte(uint8_t(frames.max_similarity));
@@ -159,19 +174,16 @@ template <Int LANES> struct ColumnSums {
 // LANES, the columns of a tile and its patches in whole vectors, is a constant, so that a row is one piece of code.
 template <Int LANES>
 void search_tiles_of(const Frames<uint8_t> &frames, const ProposedOffsets &proposals, const TileSettings &settings,
-                     const CandidateLists &lists, Scratch scratch) {
-  const Int step = settings.step, radius = settings.patch_radius, row_step = settings.row_step,
-            limit = settings.max_offset;
-  const Int size = 2 * radius + 1, side = 2 * limit + 1;
+                     const CandidateLists &lists, const TileWork &work) {
+  const Int step = settings.step, radius = settings.patch_radius, row_step = settings.row_step;
+  const Int size = 2 * radius + 1;
   const Int compared = (size + row_step - 1) / row_step;  // rows of a patch
   const float share = float(1 / double(frames.max_similarity * size * compared));
-  const Int per_tile = TILE / step, points = most(per_tile * per_tile, Int(8));
-  const Int places = (TILE + 2 * PROPOSAL_MARGIN) / proposals.spacing + 2,
-            reach = (2 * settings.refine_radius + 1) * places;
-  bool *is_listed = scratch.take<bool>(side * side);
-  Offset *offsets = scratch.take<Offset>(least(side * side, 1 + reach * reach));
-  float *entries = scratch.take<float>(lists.capacity * 3 * points);
-  __builtin_memset(is_listed, 0, side * side);
+  const Int per_tile = TILE / step, points = work.points;
+  bool *is_listed = work.is_listed;
+  Offset *offsets = work.offsets;
+  float *entries = work.entries;
+  __builtin_memset(is_listed, 0, work.flags);
   Offset expected[TILE * TILE];
   float values[TILE * TILE], similarities[TILE * TILE];  // of the offset, and of the expected one
   ColumnSums<LANES> columns;
@@ -230,9 +242,9 @@ void search_tiles_of(const Frames<uint8_t> &frames, const ProposedOffsets &propo
 }
 
 INLINE void search_tiles(const Frames<uint8_t> &frames, const ProposedOffsets &proposals, const TileSettings &settings,
-                         const CandidateLists &lists, Scratch scratch) {
+                         const CandidateLists &lists, const TileWork &work) {
   const bool fits = TILE + 2 * settings.patch_radius <= 48;
-  (fits ? search_tiles_of<48> : search_tiles_of<64>)(frames, proposals, settings, lists, scratch);
+  (fits ? search_tiles_of<48> : search_tiles_of<64>)(frames, proposals, settings, lists, work);
 }
 
 }  // namespace

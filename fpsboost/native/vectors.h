@@ -2,7 +2,7 @@
 //
 // The order of every sum is written out, and `fma` stands where one is meant, so that all levels give the same bits.
 #pragma once
-#include "arrays.h"
+#include "records.h"
 
 namespace {
 

@@ -5,8 +5,6 @@
 
 namespace {
 
-constexpr float END_WEIGHT = 0.75f;  // of the first and the last of five squares: sums over nine pixels around each
-
 // part * exp(-x), accurate to a millionth; x = offset + factor * value, from 0 to 60. A polynomial of x / 64 to the
 // 64th.
 INLINE F16 decay(F16 value, float offset, float factor, float part) {
@@ -91,7 +89,7 @@ INLINE F16 quarter_way(F16 near, F16 far) { return fma(far, broadcast<F16>(0.25f
 // where no candidate fits.
 inline void upsample_squares(const float *squares, Int across, Int down, float *out) {
   for (int j = 0; j < WINDOW / down; j++) {
-    const int row = down == 2 ? j : j / 2, other = within(row + 2 * (j % 2) - 1, 0, SQUARES_PER_ROW - 1);
+    const int row = down == 2 ? j : j / 2, other = within(row + 2 * (j % 2) - 1, 0, int(SQUARES_PER_ROW) - 1);
     const F16 near = load<F16>(squares + row * SQUARES_PER_ROW);
     if (across > 1) {
       const F16 far = down > 1 ? near : load<F16>(squares + other * SQUARES_PER_ROW);

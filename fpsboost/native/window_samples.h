@@ -4,29 +4,12 @@
 // are read in rows, without looking up single pixels. A window that is zoomed or turned is sampled in blocks, each of
 // which moves as its centre does.
 #pragma once
+#include "scratch.h"
 #include "spline_samples.h"
-
-struct Samples {
-  Array planes, coefficients;
-  double unit;
-};
-
-struct PlaneGroup {
-  Samples frame0, frame1;
-  Int down, across;
-  Array mixed, change, total, band;
-};
-
-struct Candidates {
-  Array listed, motions, weights;
-  Int spacing;
-};
 
 namespace {
 
-constexpr int WINDOW = 32;  // side of a window, pixels
-constexpr int BLOCK = 8;    // side of the blocks of a window that move as their centre does
-constexpr int SQUARES_PER_ROW = 16, SQUARES_PER_WINDOW = SQUARES_PER_ROW * SQUARES_PER_ROW;
+constexpr Int BLOCK = WINDOW_BLOCK;
 constexpr float MIN_GRADIENT = 0.05f, MAX_GRADIENT = 0.5f;  // of a window that is zoomed or turned, pixels per pixel
 
 // Lanes for filters that keep rows of coefficients in registers: with AVX2, sixteen would not fit.
@@ -80,7 +63,7 @@ INLINE Int divide_down(Int value, Int by) { return by == 2 ? value >> 1 : value;
 // pixels, along a candidate; and their sums over the candidates of a node and over the windows of a row of nodes.
 struct LayerSamples {
   View<const float, 3> coefficients[2];
-  Array planes[2];
+  ArrayOf<Any, 3> planes[2];
   float unit[2];
   Int channels, down, across, wide, tall, size;
   float *mixed;   // blended by time
@@ -89,20 +72,24 @@ struct LayerSamples {
   View<float, 3> band;
   alignas(64) float distance[WINDOW * WINDOW];  // squared differences, summed over the planes
 
-  explicit LayerSamples(const PlaneGroup &layer)
+  // Takes the work arrays of one window, and a band of so many planes and columns, which is zero at first.
+  LayerSamples(const PlaneGroup &layer, Int band_planes, Int columns, Workspace &workspace)
       : coefficients{View<const float, 3>(layer.frame0.coefficients), View<const float, 3>(layer.frame1.coefficients)},
         planes{layer.frame0.planes, layer.frame1.planes},
         unit{float(layer.frame0.unit), float(layer.frame1.unit)},
-        channels(layer.mixed.shape[0]),
+        channels(layer.frame0.planes.shape[0]),
         down(layer.down),
         across(layer.across),
         wide(WINDOW / across),
         tall(WINDOW / down),
         size(wide * tall),
-        mixed((float *)layer.mixed.data),
-        change((float *)layer.change.data),
-        total((float *)layer.total.data),
-        band(layer.band) {}
+        mixed(workspace.take<float>(channels * size)),
+        change(workspace.take<float>(channels * size)),
+        total(workspace.take<float>(channels * size)) {
+    band.data = workspace.take<float>(band_planes * tall * columns);
+    band.shape[0] = band_planes, band.shape[1] = tall, band.shape[2] = columns;
+    if (!workspace.is_counting()) __builtin_memset(band.data, 0, band_planes * tall * columns * sizeof(float));
+  }
 };
 
 INLINE void mark_inside(float start, Int size, float *marks) {
@@ -262,7 +249,7 @@ inline void filter_rigid(const float *coefficients, Int stride, Position window,
 
 // Copies a window that begins at a pixel, which may lie outside of the frame: its edges are repeated.
 template <typename T>
-inline void copy_window(const Array &planes, float unit, Int c, Int top, Int left, Int wide, Int tall, float *out) {
+inline void copy_window(const ArrayOf<Any, 3> &planes, float unit, Int c, Int top, Int left, Int wide, Int tall, float *out) {
   const View<const T, 3> values(planes);
   const Int height = values.shape[1], width = values.shape[2];
   for (Int j = 0; j < tall; j++) {
@@ -283,7 +270,7 @@ inline void fetch_window(const LayerSamples &layer, int n, Int c, Position at, f
   if (!motion.is_rigid()) {
     filter_blocks(plane.at(c), plane.shape[1], plane.shape[2], at, share, motion, wide, tall, out);
   } else if (is_whole(at)) {
-    const Array &planes = layer.planes[n];
+    const ArrayOf<Any, 3> &planes = layer.planes[n];
     const auto copy = planes.kind == UINT8    ? copy_window<uint8_t>
                       : planes.kind == UINT16 ? copy_window<uint16_t>
                                               : copy_window<float>;

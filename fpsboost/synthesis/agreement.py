@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels, view
-from fpsboost.kernels.window_samples import END_WEIGHT
+from fpsboost.kernels.constants import END_WEIGHT
 from fpsboost.motion.field import MotionField
 from fpsboost.options import Uncertain
 from fpsboost.synthesis import FramePair

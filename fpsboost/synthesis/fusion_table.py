@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.pair_context import FEATURES
+from fpsboost.kernels.constants import FEATURES
 
 TABLE: Mapping[str, tuple[float, ...]] = {
     "similarity": (15.2, 15.15, -4.632, 3.637, 3.409, 5.162, -1.311, 1.37, 2.034, -10.77),

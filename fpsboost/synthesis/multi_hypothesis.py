@@ -25,16 +25,9 @@ from fpsboost.colour import has_alpha, normalised, premultiplied
 from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, Pixels, as_image, colour_unseen, rounding_offset, view
-from fpsboost.kernels.candidates import (
-    VALUES_PER_MOTION,
-    Candidates,
-    Votes,
-    collect_candidates,
-    list_candidates,
-    no_votes,
-)
+from fpsboost.kernels.candidates import Candidates, Votes, collect_candidates, list_candidates, no_votes
+from fpsboost.kernels.constants import CONFIDENCE_POWER, MARGIN, SPARE, VALUES_PER_MOTION
 from fpsboost.kernels.multi_hypothesis import (
-    CONFIDENCE_POWER,
     Blended,
     ValueRange,
     Weighting,
@@ -44,8 +37,8 @@ from fpsboost.kernels.multi_hypothesis import (
 )
 from fpsboost.kernels.pair_context import PairContext
 from fpsboost.kernels.planes import aligned_empty
-from fpsboost.kernels.spline import MARGIN, filter_weights, find_coefficients
-from fpsboost.kernels.window_samples import SPARE, Samples
+from fpsboost.kernels.spline import filter_weights, find_coefficients
+from fpsboost.kernels.window_samples import PlaneGroup, Samples
 from fpsboost.layered import LayeredImage
 from fpsboost.motion.field import (
     ONE_SIDED_WEIGHT,
@@ -262,9 +255,8 @@ class MultiHypothesis(Checked):
             _, pixels, _ = view(image).blank()
             output = np.empty((len(planes0), height, width), np.float32)
             blend_hypotheses(
-                full,
-                (sampled0, sampled1),
-                (1, 1),
+                PlaneGroup(*full, 1, 1),
+                PlaneGroup(sampled0, sampled1, 1, 1),
                 np.float32(moment.t),
                 moment.candidates,
                 self._weighting(image),
@@ -285,7 +277,7 @@ class MultiHypothesis(Checked):
         places = np.empty((4, height, width), np.float32)
         places[::2], places[1::2] = np.arange(width), np.arange(height)[:, np.newaxis]
         find_dominant_motion(
-            *_full_samples(pair),
+            PlaneGroup(*_full_samples(pair), 1, 1),
             np.float32(t),
             moment.candidates,
             self._weighting(image),
@@ -313,7 +305,9 @@ class MultiHypothesis(Checked):
     def _moments(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[_Moment]:
         """Yield each time with its candidates, and with the context for learnt weights."""
         votes_of_both = self._collect_votes(frame_pair)
-        known = find_surroundings(frame_pair, self.step) if self.fusion == "learnt" else None
+        known = None
+        if self.fusion == "learnt":
+            known = find_surroundings(frame_pair, self.step, self.bandwidth, self.sharpness)
         for t in times:
             candidates = self._candidates(votes_of_both, frame_pair.image0.pixels.shape[:2], t)
             yield _Moment(frame_pair, t, candidates, None if known is None else at_time(known, t, candidates))
@@ -326,9 +320,8 @@ class MultiHypothesis(Checked):
         output, pixels, chroma = view(image0).blank()
         straight_alpha = has_alpha(image0) and image0.dtype != np.float32
         blend_hypotheses(
-            (full0, full1),
-            (chroma0, chroma1),
-            view(image0).subsampling,
+            PlaneGroup(full0, full1, 1, 1),
+            PlaneGroup(chroma0, chroma1, *view(image0).subsampling),
             np.float32(moment.t),
             moment.candidates,
             self._weighting(image0),

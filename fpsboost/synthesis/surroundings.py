@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.candidates import Candidates
+from fpsboost.kernels.constants import MARGIN, SQUARES_PER_ROW
 from fpsboost.kernels.pair_context import PairContext, count_landings, measure_support
-from fpsboost.kernels.spline import MARGIN
-from fpsboost.kernels.window_samples import SQUARES_PER_ROW
 from fpsboost.motion.components import gray
 from fpsboost.motion.field import point_places
 from fpsboost.synthesis import FramePair
@@ -45,8 +44,11 @@ def flatness(image: FrameCache, step: int) -> NDArray[Any]:
     return np.asarray(np.exp(exponents).astype(np.float32))
 
 
-def find_surroundings(frame_pair: FramePair, step: int) -> PairContext:
-    """Return the context of a pair as far as it does not depend on the time; see `at_time`."""
+def find_surroundings(frame_pair: FramePair, step: int, bandwidth: float, sharpness: float) -> PairContext:
+    """Return the context of a pair as far as it does not depend on the time; see `at_time`.
+
+    The bandwidth and the sharpness are those of `fpsboost.synthesis.multi_hypothesis.MultiHypothesis`.
+    """
     image0, image1, before, after = frame_pair.image0, frame_pair.image1, frame_pair.before, frame_pair.after
     first = NOTHING if before is None or before.other_light else before.image0.derived(half_luma)
     second, third = image0.derived(half_luma), image1.derived(half_luma)
@@ -60,7 +62,8 @@ def find_surroundings(frame_pair: FramePair, step: int) -> PairContext:
         for field, back, flat in ((field01, field10, flat0), (field10, field01, flat1))
     )
     nothing = np.empty((0, 0, 0), np.float32)
-    return PairContext((first, second, third, fourth), times, (points0, points1), step, nothing, nothing)
+    numbers = np.float32(3 * 0.5 / bandwidth**2), np.float32(sharpness)
+    return PairContext((first, second, third, fourth), times, (points0, points1), step, nothing, nothing, *numbers)
 
 
 def at_time(around: PairContext, t: float, candidates: Candidates) -> PairContext:
@@ -69,5 +72,5 @@ def at_time(around: PairContext, t: float, candidates: Candidates) -> PairContex
     for points, time, counts in zip(around.points, (t, 1 - t), landings, strict=True):
         count_landings(points, np.float32(time), around.step, counts)
     around = around._replace(landings=landings, support=np.zeros_like(candidates.weights))
-    measure_support(candidates, around, np.float32(t), np.empty_like(candidates.weights))
+    measure_support(candidates, around, np.float32(t), around.support)
     return around

@@ -10,7 +10,6 @@ import json
 import re
 from collections.abc import Callable
 from functools import wraps
-from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -33,19 +32,13 @@ KERNELS: dict[str, Kernel] = {
 """The description of every kernel."""
 
 
-WORKING = ("scratch", "full", "further")
-"""Parameters with memory that only the kernel itself uses, of which the layers of images have some, too."""
-
-
 def digest(name: str, text: Any, arrays: dict[str, np.ndarray]) -> str:
-    """Call a kernel with recorded arguments; digest what it returns, and all arrays after it but for `WORKING`."""
+    """Call a kernel with recorded arguments; digest what it returns, and all arrays after it."""
     arguments = json.loads(
         json.dumps(text), object_hook=lambda place: arrays[place["array"]].copy().transpose(place["axes"])
     )
     parts = hashlib.sha256(repr(binding.compiled(KERNELS[name])(*arguments)).encode())
-    parameters = zip(signature(KERNELS[name]).parameters, arguments, strict=True)
-    compared = [argument for parameter, argument in parameters if parameter not in WORKING]
-    json.dumps(compared, default=lambda array: parts.update(np.ascontiguousarray(array)))
+    json.dumps(arguments, default=lambda array: parts.update(np.ascontiguousarray(array)))
     return parts.hexdigest()[:16]
 
 
@@ -64,14 +57,17 @@ def record() -> None:
         arrays[name] = held
         return {"array": name, "axes": np.argsort(axes).tolist()}
 
-    def noting(function: Kernel) -> Kernel:
-        convert = arguments_of(function)
+    def noting(function: Kernel) -> binding.Field:
+        field = arguments_of(function)
 
-        def note(given: Any) -> Any:
-            calls[function.__name__, reason] = json.loads(json.dumps(given, default=as_text))
-            return convert(given)
+        def note(given: Any, compared: Any) -> bytes:
+            if given[-1] is None:  # asks for the size of the work memory, before all else
+                calls[function.__name__, reason] = json.loads(json.dumps(given[:-1], default=as_text))
+            elif not isinstance(given[-1], binding.Scratch):
+                calls[function.__name__, reason] = json.loads(json.dumps(given, default=as_text))
+            return field.convert(given, compared)
 
-        return note
+        return field._replace(convert=note)
 
     # what nothing is written to would be another in every recording
     np.empty = wraps(np.empty)(lambda shape, dtype=float, **_: np.full(shape, 77, dtype))
@@ -89,10 +85,11 @@ def record() -> None:
     binding.arguments_of = arguments_of
 
     # which only the program that fits the weights calls
-    full, _, t, candidates, weighting, around, *_ = calls["blend_nodes", "nlm, float32"]
+    full, _, t, candidates, weighting, around, *_ = calls["blend_hypotheses", "nlm, float32"]
     room = arrays[candidates[2]["array"]].shape[2]
     sizes = (room, 24, 256), (room, 256), (room, 3, 1024), (room, 3, 1024)
     written = [as_text(np.zeros(size, np.float32)) for size in sizes]
+    written.append(as_text(np.zeros(1, np.int64)))
     calls["describe_node", ""] = full, 1, 1, t, candidates, weighting, around, *written
 
     texts: dict[str, dict[str, Any]] = {}

@@ -7,15 +7,13 @@ from planes import points
 from twins import collected, listed_by_votes
 
 from fpsboost.kernels.candidates import (
-    SUMS_PER_CANDIDATE,
-    UNKNOWN,
-    VALUES_PER_MOTION,
     Candidates,
     Votes,
     collect_candidates,
     list_candidates,
     no_votes,
 )
+from fpsboost.kernels.constants import SUMS_PER_CANDIDATE, UNKNOWN, VALUES_PER_MOTION
 
 
 def collect(votes, times, size, *, step=16, support=16.0, tolerance=0.5, capacity=12, spacing=16):
@@ -140,7 +138,7 @@ def test_lists_equal_their_slow_twin(number, room, spread, least, seed):
     ]
     count, motions, weights = listing(candidates, room, spread=spread, least=least)
     expected_motions, expected_weights = listed_by_votes(
-        candidates, room, still_votes=0.5, spread=spread, least_share=0.01, least=least, unknown=float(UNKNOWN)
+        candidates, room, still_votes=0.5, spread=spread, least_share=0.01, least=least, unknown=UNKNOWN
     )
     assert count == len(expected_motions) <= room
     np.testing.assert_allclose(motions[:count], expected_motions, rtol=1e-3, atol=1e-4)

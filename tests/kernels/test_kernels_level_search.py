@@ -5,16 +5,8 @@ import pytest
 from planes import plane_pair, points
 from truth import noise
 
-from fpsboost.kernels.binding import scratch_of
-from fpsboost.kernels.level_search import (
-    CoarseMotion,
-    LevelSettings,
-    Points,
-    choose_labels,
-    label_scratch,
-    search_level,
-)
-from fpsboost.kernels.tiles import EIGHT, PADDING, OffsetLists, Proposals, search_tiles, tile_scratch
+from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, choose_labels, search_level
+from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals, search_tiles
 from fpsboost.motion.field import resample_points
 
 RADIUS, LABELS, MAX_OFFSET, MOST = 2, 3, 6, np.uint8(200)
@@ -29,15 +21,13 @@ def searched_in_one_direction(pair, size, proposed, expected, ties, settings):
     whole = (np.rint(each * settings.scale).astype(np.int32) for each in (proposed, expected))
     proposals = Proposals(*whole, settings.spacing)
     radii = settings.refine_radius, MAX_OFFSET, RADIUS
-    sizes = tile_scratch(settings.step, settings.refine_radius, MAX_OFFSET, settings.spacing, LABELS)
-    search_tiles(pair, proposals, settings.step, *radii, settings.row_step, lists, scratch_of(*sizes))
+    search_tiles(pair, proposals, settings.step, *radii, settings.row_step, lists)
     shared = np.ascontiguousarray(resample_points(ties, size, settings.spacing, settings.step))
-    costs = np.empty((*shape, EIGHT), np.float32)
+    costs = np.empty((*shape, 8), np.float32)
     flow, chosen = np.empty((*shape, 2), np.float32), np.empty(shape, np.float32)
     count, similarity, offsets = lists
     limits = settings.smoothness, settings.slope
-    scratch = scratch_of(*label_scratch(shared.size, LABELS))
-    choose_labels(count, offsets, similarity, shared, *limits, costs, flow, chosen, scratch)
+    choose_labels(count, offsets, similarity, shared, *limits, costs, flow, chosen)
     return flow, chosen
 
 

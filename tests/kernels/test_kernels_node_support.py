@@ -4,7 +4,8 @@ import numpy as np
 from truth import moved_waves
 
 from fpsboost.frame_cache import FrameCache
-from fpsboost.kernels.candidates import VALUES_PER_MOTION, Candidates
+from fpsboost.kernels.candidates import Candidates
+from fpsboost.kernels.constants import VALUES_PER_MOTION
 from fpsboost.kernels.pair_context import count_landings
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair
@@ -44,6 +45,6 @@ def test_neighbours_support_the_motion_that_they_believe_in():
     motions = np.zeros((6, 6, 2, VALUES_PER_MOTION), np.float32)
     motions[..., 0, 0], motions[..., 1, 0] = 3, -11
     candidates = Candidates(np.full((6, 6), 2, np.int32), motions, np.full((6, 6, 2), 0.5, np.float32), 16)
-    support = at_time(find_surroundings(FramePair(*frames, *fields), 8), 0.5, candidates).support
+    support = at_time(find_surroundings(FramePair(*frames, *fields), 8, 0.3, 18), 0.5, candidates).support
     assert (support[1:-1, 1:-1, 0] > 0.9).all()
     assert (support[1:-1, 1:-1, 1] < 0.2).all()

@@ -6,15 +6,15 @@ from hypothesis import strategies as st
 from planes import points
 from twins import marked
 
-from fpsboost.kernels.overlay import STATIC_CONTRAST, Frames, mark_overlay
+from fpsboost.kernels.constants import STATIC_CONTRAST
+from fpsboost.kernels.overlay import FourFrames, mark_overlay
 
 
 def mark(images, motion, spacing, shortest=1.0, same=8, different=25):
     """The kernel on four images; what was in its output before does not matter."""
     marks = np.full(images[0].shape, 77, np.uint8)
-    room = np.empty_like(images[0][0])
     motion, shortest = np.array(motion, np.float32), np.float32(shortest)
-    mark_overlay(Frames(*images), motion, spacing, shortest, same, different, room, marks)
+    mark_overlay(FourFrames(*images), motion, spacing, shortest, same, different, marks)
     return marks
 
 

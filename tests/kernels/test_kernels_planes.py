@@ -6,17 +6,8 @@ import pytest
 from truth import noise
 from twins import split_codes, split_levels
 
-from fpsboost.kernels.planes import (
-    HIGH_PASS_SIZE,
-    WHITE,
-    CodeLevels,
-    level_scale,
-    make_work_arrays,
-    shrink,
-    split_colours,
-    split_planes,
-    truncation,
-)
+from fpsboost.kernels.constants import HIGH_PASS_SIZE, WHITE
+from fpsboost.kernels.planes import CodeLevels, level_scale, shrink, split_colours, split_planes, truncation
 from fpsboost.motion.components import contrast_components, contrast_planes
 
 PADDING = 3
@@ -60,7 +51,7 @@ def test_splitting_colours_equals_its_slow_twin(dtype, channels, size, scale):
         image[..., : min(channels, 3)] *= 3
     white = 1 if dtype == np.float32 else np.iinfo(dtype).max
     planes = empty_planes(size)
-    split_colours(image, np.float32(1 / white), scale, MIDDLE, np.int64(PADDING), make_work_arrays(size[1]), planes)
+    split_colours(image, np.float32(1 / white), scale, MIDDLE, np.int64(PADDING), planes)
     assert_split(split_levels(image, white, scale), scale, planes)
 
 
@@ -81,7 +72,7 @@ def test_splitting_planes_equals_its_slow_twin(dtype, levels, steps, size, scale
     planes = empty_planes(size)
     black, luma_span, neutral, chroma_span = levels
     units = (np.float32(value) for value in (black, 1 / luma_span, neutral, 1 / chroma_span))
-    split_planes(*codes, CodeLevels(*units), scale, MIDDLE, np.int64(PADDING), make_work_arrays(size[1]), planes)
+    split_planes(*codes, CodeLevels(*units), scale, MIDDLE, np.int64(PADDING), planes)
     assert_split(split_codes(codes, levels, scale), scale, planes)
 
 
@@ -121,8 +112,7 @@ def test_a_small_copy_has_the_means_of_its_areas(dtype, size, small, channels):
     """Of whole pixels and of parts of them."""
     image = noise(*size, channels, dtype)
     found = np.empty((*small, channels), np.float32)
-    rows = image.reshape(size[0], -1)
-    shrink(rows, np.empty(rows.shape[1], np.float32), found)
+    shrink(image.reshape(size[0], -1), found)
     down, across = (covered(length, places) for length, places in zip(size, small, strict=True))
     expected = np.einsum("vy,ux,yxc->vuc", down, across, image.astype(float)) / (size[0] * size[1] / np.prod(small))
     np.testing.assert_allclose(found, expected, rtol=1e-4)

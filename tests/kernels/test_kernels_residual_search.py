@@ -9,7 +9,7 @@ from truth import noise
 from twins import level_similarity
 
 from fpsboost.kernels.points import measure_forward_backward_errors
-from fpsboost.kernels.residual_search import loosen_ties, search_residuals_bidirectional, search_residuals_in
+from fpsboost.kernels.residual_search import loosen_ties, search_residuals_bidirectional
 
 PADDING, RADIUS, MOST = 12, 1, np.uint8(255)
 
@@ -35,7 +35,7 @@ def measured(images, step, flow):
     """What the kernel measures in both directions, if every point counts as explained, so that no motion changes."""
     known, kept = np.empty((2, *flow.shape[:3]), np.float32), flow.copy()
     pair = plane_pair(*images, PADDING, MOST)
-    search_residuals_in(pair, step, 5, RADIUS, np.float32(0), np.float32(0), kept, known)
+    search_residuals_bidirectional(pair, step, 5, RADIUS, np.float32(0), np.float32(0), kept, known)
     np.testing.assert_array_equal(kept, flow)
     return known
 
@@ -67,8 +67,10 @@ def test_the_best_unexplained_place_is_found(height, width, step, seed):
     before = np.random.default_rng(seed).uniform(-3, 3, (2, rows.size, columns.size, 2)).astype(np.float32)
     known, lowest = measured(images, step, before)
     enough, better, limit = np.float32(np.quantile(known, 0.7)), np.float32(0.02), 5
-    flow = before.copy()
-    search_residuals_bidirectional(plane_pair(*images, PADDING, MOST), step, limit, RADIUS, enough, better, flow)
+    flow, unused = before.copy(), np.empty((2, 2, rows.size, columns.size), np.float32)
+    search_residuals_bidirectional(
+        plane_pair(*images, PADDING, MOST), step, limit, RADIUS, enough, better, flow, unused
+    )
     for direction, row, column in np.ndindex(known.shape):
         y, x, elsewhere = rows[row], columns[column], lowest[1 - direction]
         scores = {
@@ -93,11 +95,11 @@ def test_what_the_other_frame_explains_is_no_place_to_look():
     flow = np.zeros((2, 5, 6, 2), np.float32)
     flow[0] = np.random.default_rng(1).uniform(2, 4, (5, 6, 2))
     before = flow.copy()
-    limits = np.float32(0.6), np.float32(0.2)
-    search_residuals_bidirectional(plane_pair(image, image, PADDING, MOST), 4, 6, RADIUS, *limits, flow)
+    limits, unused = (np.float32(0.6), np.float32(0.2)), np.empty((2, 2, 5, 6), np.float32)
+    search_residuals_bidirectional(plane_pair(image, image, PADDING, MOST), 4, 6, RADIUS, *limits, flow, unused)
     np.testing.assert_array_equal(flow, before)
     flow[1] = flow[0]
-    search_residuals_bidirectional(plane_pair(image, image, PADDING, MOST), 4, 6, RADIUS, *limits, flow)
+    search_residuals_bidirectional(plane_pair(image, image, PADDING, MOST), 4, 6, RADIUS, *limits, flow, unused)
     assert not flow[:, 1:-1, 1:-1].any()
 
 

@@ -14,13 +14,15 @@ from twins import (
 )
 
 from fpsboost.kernels import tiles
-from fpsboost.kernels.binding import scratch_of
-from fpsboost.kernels.search import STRIP_WIDTH
-from fpsboost.kernels.tiles import PADDING, TILE, OffsetLists, Proposals
+from fpsboost.kernels.constants import TILE
+from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_by_passes, search_fused
 
 TOLERANCE = 1e-5
+STRIP_WIDTH = 640
+"""Columns that the kernel searches at a time, pixels."""
+
 WEIGHTS = {"box": box_weights, "gaussian": gaussian_weights}
 
 
@@ -135,8 +137,7 @@ def list_tiles(
     around = 2 * radius if proposals is None else 0
     proposals = proposals or Proposals(still, np.full_like(still, expected), 1)
     lists = OffsetLists(count, best, flows)
-    scratch = scratch_of(*tiles.tile_scratch(step, around, radius, proposals.spacing, capacity))
-    tiles.search_tiles(pair, proposals, step, around, radius, patch_radius, every, lists, scratch)
+    tiles.search_tiles(pair, proposals, step, around, radius, patch_radius, every, lists)
     return count, best, flows
 
 

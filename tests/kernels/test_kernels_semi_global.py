@@ -5,9 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from twins import smoothed
 
-from fpsboost.kernels.binding import scratch_of
-from fpsboost.kernels.level_search import choose_labels, label_scratch
-from fpsboost.kernels.tiles import EIGHT
+from fpsboost.kernels.level_search import choose_labels
 
 
 def smooth(motions, energies, smoothness, slope, room=0, ties=None):
@@ -24,11 +22,10 @@ def smooth(motions, energies, smoothness, slope, room=0, ties=None):
         count[place] = len(energies[place])
         numbers[place][: count[place]] = motions[place]
         similarity[place][: count[place]] = np.negative(energies[place])
-    costs = np.full((*motions.shape, -(-capacity // EIGHT) * EIGHT), np.float32(np.nan))
+    costs = np.full((*motions.shape, -(-capacity // 8) * 8), np.float32(np.nan))
     flow, chosen = np.full((*motions.shape, 2), np.float32(np.nan)), np.full(motions.shape, np.float32(np.nan))
     limits = np.float32(smoothness), np.float32(slope)
-    scratch = scratch_of(*label_scratch(motions.size, capacity))
-    choose_labels(count, numbers, similarity, ties, *limits, costs, flow, chosen, scratch)
+    choose_labels(count, numbers, similarity, ties, *limits, costs, flow, chosen)
     found = np.empty(motions.shape, object)
     for place in np.ndindex(motions.shape):
         best = int(costs[place][: count[place]].argmin())

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from truth import noise
 from twins import spline_coefficients, spline_window
 
-from fpsboost.kernels.spline import MARGIN, Source, filter_weights, find_coefficients, mix_along
+from fpsboost.kernels.constants import MARGIN
+from fpsboost.kernels.spline import Source, filter_weights, find_coefficients, mix_along
 
 BEYOND = 40
 

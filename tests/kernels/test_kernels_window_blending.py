@@ -1,8 +1,5 @@
 """The weighted mean over candidate motions, against a slow twin, and its parts."""
 
-import re
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -11,20 +8,17 @@ from planes import points
 from truth import moved_waves, noise, waves
 from twins import blended, finished, heaviest, spline_coefficients
 
-import fpsboost.native
-from fpsboost.kernels import spline, window_samples
-from fpsboost.kernels.candidates import VALUES_PER_MOTION, Candidates
+from fpsboost.kernels.candidates import Candidates
+from fpsboost.kernels.constants import MARGIN, SPARE, VALUES_PER_MOTION, WINDOW, WINDOW_BLOCK
 from fpsboost.kernels.multi_hypothesis import (
     Blended,
     ValueRange,
     Weighting,
     blend_hypotheses,
-    compare_candidates,
     find_dominant_motion,
     window_shape,
 )
-from fpsboost.kernels.spline import MARGIN
-from fpsboost.kernels.window_samples import BLOCK, SPARE, WINDOW, Samples, make_plane_group
+from fpsboost.kernels.window_samples import PlaneGroup, Samples
 from fpsboost.synthesis.fusion_table import fusion_coefficients
 
 
@@ -69,15 +63,13 @@ def blend(image0, image1, t, candidates, *, chroma=None, spacing=16, values=UNLI
     """Call the kernels; the mean as an image, and the confidence; with chroma or layers of both, their mean, too."""
     image = np.full(image0.shape, np.nan if dtype == np.float32 else 77, dtype)
     confidence = np.full(image0.shape[:2], np.nan, np.float32)
-    nothing = Samples(np.empty((0, 1, 1), np.float32), np.empty((0, 1, 1), np.float32), np.float32(1))
+    nothing = Samples(*[np.empty((0, 0, 0), np.float32)] * 2, np.float32(1))
     further0, further1 = (nothing, nothing) if chroma is None else (samples(each) for each in chroma)
     further = np.full((0, 0, 0) if chroma is None else np.moveaxis(chroma[0], 2, 0).shape, np.nan, np.float32)
+    further_size = image0.shape if chroma is None else chroma[0].shape
     blend_hypotheses(
-        (samples(image0), samples(image1)),
-        (further0, further1),
-        (1, 1)
-        if chroma is None
-        else tuple(-(-a // b) for a, b in zip(image0.shape[:2], chroma[0].shape[:2], strict=True)),
+        PlaneGroup(samples(image0), samples(image1), 1, 1),
+        PlaneGroup(further0, further1, *(-(-image0.shape[axis] // further_size[axis]) for axis in (0, 1))),
         np.float32(t),
         listed(candidates, spacing),
         weighting(spacing, **options),
@@ -207,8 +199,7 @@ def test_the_dominant_motion_equals_its_slow_twin(size, channels, t, largest, sp
     candidates = random_candidates(np.random.default_rng(channels), size, 2, largest, spacing)
     weights, places = np.zeros(size, np.float32), np.zeros((4, *size), np.float32)
     find_dominant_motion(
-        samples(image0),
-        samples(image1),
+        PlaneGroup(samples(image0), samples(image1), 1, 1),
         np.float32(t),
         listed(candidates, spacing),
         weighting(spacing, **OPTIONS),
@@ -299,15 +290,14 @@ def test_the_blocks_of_a_window_move_as_their_middles_do(t):
     """On ramps, which a spline reproduces, every sample of a window within both frames tells where it was taken."""
     dx, dy, *gradients = motion = 2.25, -1.5, 0, 0, 0.05, -0.02, 0.03, 0.1
     ramps = np.dstack(np.mgrid[0:60, 0:70][::-1]).astype(np.float32)
-    candidates, size = nodes_of(ramps.shape), ramps.shape[:2]
+    candidates = nodes_of(ramps.shape)
     candidates[1, 1] = [[1, *motion]]  # whose window begins at (8, 8)
-    layer = make_plane_group(samples(ramps), samples(ramps), (1, 1), 0, 0)
-    weights, places = np.zeros(size, np.float32), np.zeros((4, *size), np.float32)
-    compare_candidates(layer, np.float32(t), listed(candidates, 16), weighting(16, **OPTIONS), weights, places)
-    middles = np.arange(WINDOW) // BLOCK * BLOCK + BLOCK / 2 - WINDOW / 2
+    middles = np.arange(WINDOW) // WINDOW_BLOCK * WINDOW_BLOCK + WINDOW_BLOCK / 2 - WINDOW / 2
     changes = np.reshape(gradients[2:], (2, 2)).T @ np.stack(np.meshgrid(middles, middles)).reshape(2, -1)
     begin = np.stack(np.meshgrid(8 + np.arange(WINDOW), 8 + np.arange(WINDOW))).reshape(2, -1)
-    for found, share in ((layer.mixed - t * layer.change, -t), (layer.mixed + (1 - t) * layer.change, 1 - t)):
+    for images, share, weight in (((ramps, 0 * ramps), -t, 1 - t), ((0 * ramps, ramps), 1 - t, t)):
+        mean, _ = blend(*images, t, candidates, scale=0.0, sharpness=0.0, enough=2.0)
+        found = mean[8 : 8 + WINDOW, 8 : 8 + WINDOW].reshape(-1, 2).T / weight
         expected = begin + share * (np.array([[dx], [dy]]) + changes)
         np.testing.assert_allclose(found, expected, atol=2e-3)
 
@@ -329,14 +319,3 @@ def test_finished_values_equal_their_slow_twin(dtype, white, channels):
     mean = mean.transpose(2, 0, 1)
     expected = finished(mean, np.ones(mean.shape[1:]), white, lowest, highest, straight_alpha)
     np.testing.assert_allclose(found.astype(float).transpose(2, 0, 1), expected, rtol=1e-5, atol=half + 1e-5)
-
-
-def test_sizes_are_those_of_the_kernels():
-    """What Python and C++ both have to know of windows is the same."""
-    headers = "".join(path.read_text() for path in Path(fpsboost.native.__file__).parent.glob("*.h"))
-    for module, names in (
-        (window_samples, ("SQUARES_PER_ROW", "WINDOW", "BLOCK", "END_WEIGHT")),
-        (spline, ("MARGIN",)),
-    ):
-        for name in names:
-            assert float(re.search(rf"constexpr .*\b{name} = ([\d.]+)", headers)[1]) == getattr(module, name)

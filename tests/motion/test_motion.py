@@ -32,7 +32,8 @@ from vector_truth import save_translation
 
 from fpsboost import CutDetector, FrameCache, MotionEstimator, OptionError, VectorFolder, find_method, methods
 from fpsboost.colour import colour_components
-from fpsboost.kernels.planes import LANES, UNIT, PlanePair, colour_scale
+from fpsboost.kernels.constants import LANES
+from fpsboost.kernels.planes import UNIT, PlanePair, colour_scale
 from fpsboost.kernels.search import ShortestMotion, find_shortest
 from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.components import contrast_components, padded_planes

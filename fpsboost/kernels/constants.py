@@ -1,0 +1,79 @@
+"""Numbers that the kernels in C++ and their callers in Python both know: ``hatch_build.py`` writes them into a header.
+
+Nothing is imported here, as the program that compiles the kernels runs this file by itself.
+"""
+
+KINDS = ("uint8", "uint16", "float32", "int32", "int64", "float64", "bool")
+"""Types of elements; the place of each is its number in C++."""
+
+MAX_AXES = 5
+
+LANES = 16
+"""Group size, pixels: rows are processed in whole groups, as a remainder would cost as much as ten of them."""
+
+HIGH_PASS_SIZE = 9
+"""Side of the box whose mean luma is subtracted, pixels."""
+
+FRACTION_BITS = 20
+"""The fixed-point similarity of two equal pixels is two to this power."""
+
+WHITE = 255
+"""Largest level of the planes that are compared."""
+
+TILE = 32
+"""Side of a tile of the search of a level, pixels."""
+
+MAX_TILE_PATCH_RADIUS = 10
+"""Largest radius of the patches of the search of a level, pixels."""
+
+MAX_PATCH_RADIUS = 20
+"""Largest radius r of the patches of the exhaustive search, pixels: (2r + 1)^2 fixed-point similarities must fit 31
+bits."""
+
+SUMS_PER_CANDIDATE = 10
+"""Number of sums per candidate: dx, dy; of votes whose acceleration is known, votes, ax, ay, ax^2 + ay^2; and the
+gradients of dx and dy along x, then along y."""
+
+VALUES_PER_MOTION = 8
+"""Number of values per candidate: dx, dy; acceleration ax, ay; and the gradients of dx and dy along x, then along y."""
+
+UNKNOWN = 0.1
+"""Share of a candidate's votes that count as votes for zero acceleration."""
+
+MARGIN = 40
+"""Width of the repeated edges of spline coefficients beyond the frame, pixels."""
+
+SQUARES_PER_ROW = 16
+"""Number of squares across a window: one for two pixels, as for subsampled chroma. Each square has one weight: weights
+are means over patches, which vary slowly."""
+
+SQUARES_PER_WINDOW = SQUARES_PER_ROW * SQUARES_PER_ROW
+
+WINDOW = 2 * SQUARES_PER_ROW
+"""Side of a window, pixels."""
+
+WINDOW_BLOCK = 8
+"""Side of the blocks of a zoomed or turned window that move as their centre does, pixels."""
+
+END_WEIGHT = 0.75
+"""Weight of the first and the last of the five squares across a patch: equivalent to sums over patches of nine pixels
+around each pixel."""
+
+SPARE = 16
+"""Columns of coefficients that are needed beyond the right margin: rows are read sixteen values at a time."""
+
+FEATURES = 24
+"""Features of a candidate in one square of a window, by which the learnt weights weigh it."""
+
+FEATURE_SUMS = 10
+"""Sums of features: for both frames along a candidate, for either alone, and for each hinge."""
+
+CONFIDENCE_POWER = 8
+"""Power of the similarity that is the confidence: eight corresponds to a bandwidth of about a third, as a few levels
+hardly change the weights, but are visible."""
+
+STATIC = 1
+"""Mark of a pixel that stays the same although its surroundings move."""
+
+STATIC_CONTRAST = 2
+"""Mark of such a pixel that would be different if it had moved."""
