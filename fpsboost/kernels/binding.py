@@ -132,7 +132,8 @@ def compiled(function: Callable[Parameters, Result]) -> Callable[Parameters, Res
     Raises `TypeError` if an array has another type, `ValueError` if it has another shape, and `struct.error` if a
     number is none of its type.
     """
-    names = list(signature(function).parameters)
+    names = [name for name in signature(function).parameters if name != "scratch"]
+    unknown = (None,) * (len(names) < len(signature(function).parameters))
 
     @cache
     def entry() -> tuple[Any, Convert, Callable[[tuple[Hashable, ...]], None]]:
@@ -149,23 +150,20 @@ def compiled(function: Callable[Parameters, Result]) -> Callable[Parameters, Res
         kernel.restype = {None: None, int: ctypes.c_int64, float: ctypes.c_double}[result]
         return kernel, fields.convert, agreement_of(fields.compared)
 
-    def run(given: tuple[Any, ...]) -> Any:
+    @wraps(function)
+    def call(*arguments: Parameters.args, **named: Parameters.kwargs) -> Result:
         kernel, as_record, check = entry()
+        given = (*arguments, *[named[name] for name in names[len(arguments) :]], *unknown)
         compared: list[Hashable] = []
         record = as_record(given, compared)
         check(tuple(compared))
-        return kernel(record)
+        result = kernel(record)
+        if unknown:  # the scratch, in the last bytes of the record
+            memory = np.empty(result, np.uint8)
+            kernel(record[:-16] + struct.pack("2q", memory.ctypes.data, memory.size))
+            result = None
+        return cast("Result", result)
 
-    @wraps(function)
-    def call(*arguments: Parameters.args, **named: Parameters.kwargs) -> Result:
-        given = (*arguments, *[named[name] for name in names[len(arguments) : len(names) - has_scratch]])
-        if not has_scratch:
-            return cast("Result", run(given))
-        memory = np.empty(run((*given, None)), np.uint8)
-        run((*given, Scratch(memory.ctypes.data, memory.size)))
-        return cast("Result", None)
-
-    has_scratch = "scratch" in names
     return call
 
 
@@ -185,9 +183,6 @@ def field_of(name: str, hint: Any, scope: str = "") -> Field:
             return array_field(name, texts[0], scope)
     members = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
     hint = next(kind for kind in members if kind is not NoneType)
-    if hint is Scratch:  # which is another in each call
-        pack_memory = struct.Struct("2q").pack
-        return Field("(address q, size q)", 16, [], lambda memory, _: pack_memory(*memory or (0, 0)))
     if get_origin(hint) is tuple:
         return record({f"{n}": field_of(name, each, scope) for n, each in enumerate(get_args(hint))})
     if hasattr(hint, "_fields"):

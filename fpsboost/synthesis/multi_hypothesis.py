@@ -119,9 +119,11 @@ class MultiHypothesis(Checked):
     min_weight : float
         Minimum weight of a candidate relative to that of the best one.
     bandwidth : float
-        Bandwidth v of the similarity at time t, for colours in [0, 1].
+        Bandwidth v of the similarity at time t, for colours in [0, 1]. Learnt coefficients were trained at the default.
     sharpness : float
-        Sharpness of the weighting: the weight of a candidate is ``exp(sharpness * similarity)``.
+        Sharpness of the weighting: the weight of a candidate is ``exp(sharpness * similarity)``. Learnt coefficients
+        were trained at the default and replace this weight; there, it only decides how firmly neighbours believe in
+        the motion that matches best, and when further candidates are skipped.
     sufficient_similarity : float
         Similarity from which on a node needs no further candidates.
     min_vote_share : float

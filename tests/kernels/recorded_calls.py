@@ -61,10 +61,8 @@ def record() -> None:
         field = arguments_of(function)
 
         def note(given: Any, compared: Any) -> bytes:
-            if given[-1] is None:  # asks for the size of the work memory, before all else
-                calls[function.__name__, reason] = json.loads(json.dumps(given[:-1], default=as_text))
-            elif not isinstance(given[-1], binding.Scratch):
-                calls[function.__name__, reason] = json.loads(json.dumps(given, default=as_text))
+            arguments = given[: len(given) - ("scratch" in function.__annotations__)]
+            calls[function.__name__, reason] = json.loads(json.dumps(arguments, default=as_text))
             return field.convert(given, compared)
 
         return field._replace(convert=note)
