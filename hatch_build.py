@@ -141,11 +141,11 @@ class Descriptions:
                     self.declare_kernel(file, node)
 
     def declare_kernel(self, file: str, node: ast.FunctionDef) -> None:
-        """Declare a kernel and its arguments; `RESULT_` and `ENTRY_` are what its definition begins with."""
+        """Declare a kernel and its arguments; its definition begins with the name after `ENTRY_`."""
         arguments = node.name.title().replace("_", "")
         fields = {each.arg: each.annotation for each in node.args.args if each.annotation}
         checksum = f"{crc32(f'{self.declare_record(file, arguments, fields)}{self.constants}'.encode()):08x}"
-        result = "Int" if "scratch" in fields else {"None": "void", "int": "Int"}[ast.unparse(node.returns)]
+        result = "Int" if "scratch" in fields else "void"
         self.lines += [
             f"#define ENTRY_{node.name} AT_LEVEL({node.name}_{checksum}, LEVEL)",
             f'extern "C" EXPORT {result} ENTRY_{node.name}(const {arguments} &);',

@@ -24,7 +24,7 @@ from functools import cache, lru_cache, wraps
 from inspect import get_annotations, signature
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, NamedTuple, ParamSpec, TypeVar, Union, cast, get_args, get_origin
+from typing import Annotated, Any, NamedTuple, ParamSpec, Union, get_args, get_origin
 from zlib import crc32
 
 import numpy as np
@@ -34,7 +34,6 @@ from fpsboost.kernels import constants
 from fpsboost.kernels.constants import KINDS, MAX_AXES
 
 Parameters = ParamSpec("Parameters")
-Result = TypeVar("Result")
 
 Array = NDArray[Any]
 
@@ -113,7 +112,7 @@ def processor_level() -> str:
     return wanted
 
 
-def compiled(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+def compiled(function: Callable[Parameters, None]) -> Callable[Parameters, None]:
     """Decorate the description of a kernel: calls check the arguments and go to the kernel of the same name in C++.
 
     Arguments are integers, floats, arrays, named tuples of these, and tuples of a fixed number of them; a named tuple
@@ -137,7 +136,7 @@ def compiled(function: Callable[Parameters, Result]) -> Callable[Parameters, Res
 
     @cache
     def entry() -> tuple[Any, Convert, Callable[[tuple[Hashable, ...]], None]]:
-        hints, fields = get_annotations(function), arguments_of(function)
+        fields = arguments_of(function)
         symbol = f"{function.__name__}_{crc32(f'{fields.layout}{CONSTANTS}'.encode()):08x}_{processor_level()}"
         try:
             kernel = getattr(library(), symbol)
@@ -146,23 +145,20 @@ def compiled(function: Callable[Parameters, Result]) -> Callable[Parameters, Res
                 f"The compiled kernels in {LIBRARY} are not those of this version of fpsboost; compile them by "
                 f"`python hatch_build.py` in its checkout, or reinstall it with pip."
             ) from None
-        result = int if "scratch" in hints else hints["return"]
-        kernel.restype = {None: None, int: ctypes.c_int64, float: ctypes.c_double}[result]
+        kernel.restype = ctypes.c_int64 if unknown else None
         return kernel, fields.convert, agreement_of(fields.compared)
 
     @wraps(function)
-    def call(*arguments: Parameters.args, **named: Parameters.kwargs) -> Result:
+    def call(*arguments: Parameters.args, **named: Parameters.kwargs) -> None:
         kernel, as_record, check = entry()
         given = (*arguments, *[named[name] for name in names[len(arguments) :]], *unknown)
         compared: list[Hashable] = []
         record = as_record(given, compared)
         check(tuple(compared))
-        result = kernel(record)
+        size = kernel(record)
         if unknown:  # the scratch, in the last bytes of the record
-            memory = np.empty(result, np.uint8)
+            memory = np.empty(size, np.uint8)
             kernel(record[:-16] + struct.pack("2q", memory.ctypes.data, memory.size))
-            result = None
-        return cast("Result", result)
 
     return call
 

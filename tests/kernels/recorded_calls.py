@@ -33,7 +33,7 @@ KERNELS: dict[str, Kernel] = {
 
 
 def digest(name: str, text: Any, arrays: dict[str, np.ndarray]) -> str:
-    """Call a kernel with recorded arguments; digest what it returns, and all arrays after it."""
+    """Call a kernel with recorded arguments, and digest all arrays after it."""
     arguments = json.loads(
         json.dumps(text), object_hook=lambda place: arrays[place["array"]].copy().transpose(place["axes"])
     )
