@@ -14,7 +14,11 @@ from fpsboost.kernels.planes import PlanePair
 class CoarseMotion(NamedTuple):
     """Motion in both directions that a coarser level proposes, at places `spacing` pixels apart."""
 
-    proposed: Annotated[Array, "float32 (2, down, across, 2)"]
+    proposed: Annotated[
+        Array,
+        "float32 (2, down >= -(-height // spacing) and padding >= TILE + LANES + patch_radius, "
+        "across >= -(-width // spacing) and patch_radius <= MAX_TILE_PATCH_RADIUS, 2)",
+    ]
     """Motion in pixels of that level."""
     expected: Annotated[Array, "float32 (2, down, across, 2)"]
     """Motion that every point there keeps, whatever its similarity, if it is proposed or zero."""

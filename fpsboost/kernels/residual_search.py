@@ -23,7 +23,7 @@ def search_residuals_bidirectional(
     min_similarity: np.float32,
     better: np.float32,
     flow: Annotated[Array, "float32 (2, down == -(-height // step), across == -(-width // step), 2)"],
-    similarity: Annotated[Array, "float32 (2, 2, down, across)"],
+    similarity: Annotated[Array, "float32 (2, 2, down, across and patch_radius < padding)"],
 ) -> None:
     """Replace the motion of unexplained points by motion to unexplained positions of the other frame, in whole pixels.
 

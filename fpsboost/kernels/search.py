@@ -72,7 +72,7 @@ def search(
 class ShortestMotion(NamedTuple):
     """Motion that explains each point."""
 
-    own: Annotated[Array, "float32 (down, across)"]
+    own: Annotated[Array, "float32 (down, across and patch_radius < padding)"]
     """Similarity of the point's own motion, 0 to 1; negative where it leads out of the frame."""
     best: Annotated[Array, "float32 (down, across)"]
     """Largest similarity of all motions compared."""

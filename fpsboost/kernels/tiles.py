@@ -21,7 +21,11 @@ PADDING = TILE + LANES
 class Proposals(NamedTuple):
     """Motion that a coarser level proposes, at places `spacing` pixels apart, the first at spacing / 2."""
 
-    motion: Annotated[Array, "int32 (places_down, places_across, 2)"]
+    motion: Annotated[
+        Array,
+        "int32 (places_down >= 1 and padding >= TILE + LANES + patch_radius, "
+        "places_across >= 1 and patch_radius <= MAX_TILE_PATCH_RADIUS, 2)",
+    ]
     """``(dx, dy)``."""
     expected: Annotated[Array, "int32 (places_down, places_across, 2)"]
     """Motion that every point there keeps, whatever its similarity, if it is proposed or zero."""

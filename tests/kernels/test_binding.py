@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+from planes import plane_pair
 from recorded_calls import KERNELS
 from truth import noise
 
@@ -14,8 +15,12 @@ from fpsboost.kernels.block import SearchPlan, match_blocks
 from fpsboost.kernels.pair_context import count_landings
 from fpsboost.kernels.planes import CodeLevels, split_planes
 from fpsboost.kernels.reproject import fetch_both, splat
+from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals, search_tiles
 
 ROOT = binding.LIBRARY.parents[2]
+
+ENDS = ((), np.int32), ((2,), np.float32), ((2, 2), np.float32)
+"""Of the shapes of lists of two offsets, and their types."""
 
 
 @pytest.mark.parametrize("name", KERNELS)
@@ -70,6 +75,16 @@ def test_arrays_that_do_not_fit_each_other_are_refused(wrong, error, said):
     code_planes(cb=(64, 32), cr=(64, 32))
     with pytest.raises(error, match=said):
         code_planes(**wrong)
+
+
+def test_planes_with_too_narrow_edges_are_refused():
+    """Where patches would reach beyond them: the padding must follow the radius, and the radius has a limit."""
+    motions, lists = np.zeros((1, 1, 2), np.int32), OffsetLists(*(np.zeros((8, 8, *end), kind) for end, kind in ENDS))
+    image = noise(32, 32, 3)
+    for padding, radius in ((PADDING + 2, 3), (PADDING + 11, 11)):
+        pair = plane_pair(image, image, padding, 255)
+        with pytest.raises(ValueError, match=f"padding = {padding}|patch_radius = {radius}"):
+            search_tiles(pair, Proposals(motions, motions, 64), 4, 1, 3, radius, 1, lists)
 
 
 def test_images_of_two_types_are_refused():
