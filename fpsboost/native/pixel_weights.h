@@ -183,7 +183,9 @@ inline void find_learnt_weights(float prior, const Motion &motion, float t, cons
   Logits logits;
   find_foreground(float(weighting.scale), motion, t, candidate, sums);
   sum_features(weighting, candidate.features, logits);
-  const float share1 = 2 * t, share0 = 2 - share1, sharpness = float(weighting.sharpness);
+  // What one frame alone shows at half the time is mostly still, or already, hidden near the other one.
+  const float near0 = (1 - t) * (1 - t) * (1 - t), near1 = t * t * t;
+  const float share1 = 2 * near1 / (near0 + near1), share0 = 2 - share1, sharpness = float(weighting.sharpness);
   for (int i = 0; i < SQUARES_PER_WINDOW; i += 16) {
     const F16 both = decay(load<F16>(logits.both + i), HIGHEST_LOGIT, -1, prior) * load<F16>(candidate.gain + i);
     const F16 frame0 = decay(load<F16>(logits.frame0 + i), HIGHEST_LOGIT, -1, share0 * prior);
