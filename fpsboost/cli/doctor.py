@@ -81,7 +81,7 @@ DECODERS = (
 )
 """FFmpeg's decoders of what people film and render."""
 
-known_digests: Mapping[str, str] = MappingProxyType({"nlm": "b9597d468050b0e0", "nlm-fast": "d8bdb73224a62ead"})
+known_digests: Mapping[str, str] = MappingProxyType({"nlm": "4fd5003afa61b633", "nlm-fast": "d8bdb73224a62ead"})
 """First digits of the digests of `fpsboost.parts.manifest` by method, 8-bit BGR; AVX2 and AVX-512 give the same."""
 
 MAX_ERROR = 4.0
