@@ -90,4 +90,5 @@ from .probing import expected_losses as expected_losses
 from .threads import available_cores as available_cores
 from .threads import one_opencv_thread as one_opencv_thread
 from .threads import run_in_parallel as run_in_parallel
+from .timing.position import parse_position as parse_position
 from .timing.time_map import TimeMap as TimeMap

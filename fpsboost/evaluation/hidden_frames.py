@@ -4,6 +4,7 @@ A clip is read as a conversion reads it. Frames that repeat another are no truth
 they are grouped with the first of their kind, and stills do not count.
 """
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -290,17 +291,17 @@ def read_samples(path: str, hold_out: HoldOut, numbers: Sequence[int]) -> list[S
 
 
 def parse_range(text: str) -> tuple[int, int | None]:
-    """Parse ``A:B``, either of which may be left out; raises `OptionError` for any other text.
+    """Parse ``A:B``, frames with or without an ``f``, either of which may be left out; else raises `OptionError`.
 
     Examples
     --------
-    >>> parse_range("100:"), parse_range("0:24")
+    >>> parse_range("100:"), parse_range("0:24f")
     ((100, None), (0, 24))
     """
-    first, colon, last = text.partition(":")
-    try:
-        if not colon:
-            raise ValueError
-        return int(first or 0), int(last) if last else None
-    except ValueError:
-        raise OptionError(f"`range` {text!r} is not a range; write it like 0:50, 100: or :50.") from None
+    found = re.fullmatch(r"(?:([0-9]{1,15})f?)?:(?:([0-9]{1,15})f?)?", text)
+    if found is None:
+        raise OptionError(
+            f"`range` {text!r} is not a range of frames; write it like 0:50, 100: or :50, and times with `start` "
+            "and `end`."
+        )
+    return int(found[1] or 0), int(found[2]) if found[2] else None

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Self
 
 from fpsboost.errors import InputError, OptionError, explained, refuse
 from fpsboost.options import Checked, PathName, checked, option
+from fpsboost.timing.schedule import parse_number
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame import ClipInfo
@@ -83,26 +84,31 @@ def format_time(seconds: Fraction | float, decimals: int = 3) -> str:
     return f"{f'{hours}:{minutes:02}' if hours else minutes}:{whole:02}.{parts:0{decimals}}"
 
 
-def parse_position(text: str, option: str) -> Position:
-    """Parse ``90``, ``90.5``, ``1:30``, ``00:01:30.5`` or ``2700f``; messages name it by `option`.
+def parse_position(text: str, option: str, bare: str = "s", *, between: bool = False) -> Position:
+    """Parse ``90s``, ``90.5s``, ``1:30``, ``00:01:30.5`` or ``2700f``; messages name it by `option`.
 
-    Raises `OptionError` for any other text, such as negative numbers or 75 seconds after minutes.
+    `bare` is the unit of a number without one: ``s`` or ``f``. With `between`, a position may lie between two frames
+    (``12.5f``). Raises `OptionError` for any other text, such as negative numbers or 75 seconds after minutes.
 
     Examples
     --------
     >>> parse_position("1:30.5", "start"), parse_position("2700f", "start").is_frame
     (Position(value=Fraction(181, 2), is_frame=False), True)
     """
-    word = text.strip()
-    if re.fullmatch(r"[0-9]{1,15}f", word):
-        return Position(Fraction(word[:-1]), is_frame=True)
-    found = re.fullmatch(r"(?:(?:([0-9]{1,9}):)?([0-9]{1,9}):)?([0-9]{1,15}(?:\.[0-9]{1,30})?|\.[0-9]{1,30})", word)
-    if found is None or (found[2] and Fraction(found[3]) >= 60) or (found[1] and int(found[2]) >= 60):
-        raise OptionError(
-            f"{option} {text!r} is not a position in a clip; write seconds (90.5), a time (1:30 or 00:01:30.5), or the "
-            "number of a frame (2700f)."
-        )
-    return Position(int(found[1] or 0) * 3600 + int(found[2] or 0) * 60 + Fraction(found[3]))
+    number = r"([0-9]{1,15}(?:\.[0-9]{1,30}|/[1-9][0-9]{,8})?|\.[0-9]{1,30})"
+    found = re.fullmatch(rf"(?:(?:([0-9]{{1,9}}):)?([0-9]{{1,9}}):)?{number}([sf]?)", text.strip())
+    if found is not None:
+        hours, minutes, digits, unit = found.groups()
+        value, is_frame = parse_number(digits, option), (unit or bare) == "f"
+        if minutes is None:
+            if between or not is_frame or value.denominator == 1:
+                return Position(value, is_frame)
+        elif not unit and value < 60 and (hours is None or int(minutes) < 60):
+            return Position(int(hours or 0) * 3600 + int(minutes) * 60 + value)
+    raise OptionError(
+        f"{option} {text!r} is not a position in a clip; write seconds (90.5 or 90.5s), a time (1:30 or 00:01:30.5), "
+        "or the number of a frame (2700f)."
+    )
 
 
 def parse_positions(texts: Sequence[str], option: str) -> tuple[Position, ...]:
@@ -131,7 +137,7 @@ class Trim(Checked):
     (False, True)
     """
 
-    start: Position | None = option(None, "Start position: 90, 1:30.5, or frame 120f.", parse=parse_position)
+    start: Position | None = option(None, "Start: 90 or 90s, 1:30.5, or frame 120f.", parse=parse_position)
     end: Position | None = option(None, "End position (exclusive); same syntax as `start`.", parse=parse_position)
 
     def __post_init__(self) -> None:
@@ -173,7 +179,7 @@ MAX_RUN = 8
 """Maximum number of consecutive frames that can be replaced."""
 TOO_LONG = f"at most {MAX_RUN} can be interpolated; motion is not known across longer gaps"
 """End of the message for longer runs."""
-SYNTAX = "write frames (340, 120-123), times (1:02.5), auto, or the name of a file with these"
+SYNTAX = "write frames (340 or 340f, 120-123), times (62.5s, 1:02.5), auto, or the name of a file with these"
 """End of messages about items that cannot be read."""
 TIME_TOLERANCE = Fraction(1, 1000)  # seconds by which a time may miss its frame, since users write three decimals
 MAX_CHARACTERS = 1_000_000  # number of characters that are read from a file with a list
@@ -202,8 +208,8 @@ class FrameList(Checked):
     def parse(cls, text: PathName, option: str = "`replace`") -> Self:
         """Parse ``120-123,340,1:02.5``, ``auto``, or the name of a file with these; messages name it by `option`.
 
-        Whole numbers are frames; times have a colon or a point. A file has lines of them, and comments after ``#``.
-        Raises `OptionError`, or `InputError` if the file cannot be read.
+        Whole numbers without a unit are frames, and others are seconds. A file has lines of them, and comments after
+        ``#``. Raises `OptionError`, or `InputError` if the file cannot be read.
         """
         lines = [os.fspath(text)]
         if os.path.isfile(text):
@@ -222,7 +228,7 @@ class FrameList(Checked):
         """Parse a frame, a time, or two of them joined by a hyphen; whole numbers are frames here."""
         words = [word.strip() for word in text.split("-", 1)]
         try:
-            places = [parse_position(f"{word}f" if word.isdecimal() else word, option) for word in words]
+            places = [parse_position(word, option, "f" if word.isdecimal() else "s") for word in words]
         except OptionError:
             raise OptionError(f"{option} {text!r} contains no frame; {SYNTAX}.") from None
         refuse(

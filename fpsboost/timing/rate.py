@@ -114,12 +114,12 @@ class OutputRate(Checked):
     retime: PathName | None = option(
         None, "Speed ramp OUT=IN: 0=0 2s=2s 3s=2.25s, or a file.", metavar="CURVE", parse=read_curve
     )
-    speed: str | None = option(None, "Speed of parts of the input: 0.25@1:00-1:05.", metavar="SPEEDS")
+    speed: str | None = option(None, "Speed of parts of the input: 0.25@60s-1:05.", metavar="SPEEDS")
     loop: bool = option(False, "Make a loop: the last frame leads to the first.")
     fill_gaps: bool = option(False, "Interpolate only the missing image numbers.", group="Input")
     replace: Replacement | PathName | None = option(
         None,
-        "Damaged frames: 120-123,340,1:02.5, FILE or auto.",
+        "Damaged frames: 120-123,1:02.5,62s, FILE or auto.",
         metavar="FRAMES",
         group="Input",
         parse=Replacement.parse,

@@ -5,7 +5,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from fpsboost.errors import OptionError, explained, refuse
-from fpsboost.timing.position import Position, parse_position
+from fpsboost.timing.position import parse_position
 from fpsboost.timing.schedule import parse_number
 from fpsboost.timing.time_map import TimeMap
 
@@ -75,7 +75,7 @@ def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_n
                 ),
             }
         )
-        at, source = (_parse_place(word, where, is_frame=is_numbered) for word in words)
+        at, source = (parse_position(word, where, "f" if is_numbered else "s", between=True) for word in words)
         first = first_number / source_rate if is_numbered else 0
         points.append((at.seconds(output_rate), source.seconds(source_rate) - first))
         refuse(
@@ -93,13 +93,6 @@ def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_n
     if is_numbered:
         points.append((points[-1][0] + 1 / output_rate, points[-1][1]))
     return TimeMap.through(points, smooth=is_smooth, onward=onward)
-
-
-def _parse_place(word: str, where: str, *, is_frame: bool) -> Position:
-    """Parse a position of a curve: a number with ``s`` or ``f``, a bare number, or any text of `parse_position`."""
-    if re.fullmatch(r"[\d./]+[sf]?", word):
-        return Position(parse_number(word.rstrip("sf"), where), is_frame or word.endswith("f"))
-    return parse_position(word, where)
 
 
 def parse_speeds(text: str, source_rate: Fraction) -> TimeMap:

@@ -31,6 +31,7 @@ from fpsboost.extension import (
     list_streams,
     open_source,
     opened_clip,
+    parse_position,
     refuse,
     stands_for_images,
     trim_source,
@@ -98,6 +99,14 @@ def poster(path: str) -> bytes:
         place = math.floor((_duration(info) or 0) * info.rate / 2) / info.rate
         shown.add(next(iter(trim_source(source, Trim(Position(place)))[0])), Fraction(0))
     return shown.pictures[0]
+
+
+def place_of(path: str, text: str) -> float:
+    """Return a position that was typed, in seconds; of images, counted from 0, where a bare number counts from 1."""
+    with open_source(path) as source:
+        rate, is_images = source.info.rate, source.stream_info.images is not None
+    place = parse_position(text, "The text", "f" if is_images else "s")
+    return float(place.seconds(rate) * (rate if is_images else 1)) - (is_images and text.strip().isdecimal())
 
 
 def preview_between(job: ConversionJob, time: Fraction) -> dict[str, Any]:

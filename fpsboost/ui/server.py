@@ -32,7 +32,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from fpsboost import FpsboostError, InputError, OptionError
 from fpsboost.extension import MAX_REASON, explain, notes_of, templates_of
 from fpsboost.ui.choices import Choices, on_page
-from fpsboost.ui.clip import header, poster, preview_between, probe
+from fpsboost.ui.clip import header, place_of, poster, preview_between, probe
 from fpsboost.ui.files import Files, show_in_folder
 from fpsboost.ui.jobs import Queue
 
@@ -108,6 +108,12 @@ class UiSession:
             raise OptionError("The page has sent no valid time; reload it.")
         job = choices.job(self.files)
         return preview_between(job, Fraction(time).limit_denominator(10**9))
+
+    def place(self, data: Json) -> Json:
+        """Return the position in a clip that was typed, as the page's slider counts it."""
+        path = str(data.get("path", ""))
+        self.files.check_picked(path)
+        return {"time": place_of(path, str(data.get("text", "")))}
 
     def add(self, data: Json) -> Json:
         """Add the conversions of some clips to the queue: all of them, or none."""
@@ -301,15 +307,13 @@ def make_app(session: UiSession) -> ASGIApp:
         yield
         readers.shutdown()  # which waits until their processes are stopped
 
+    actions = session.folder, session.find, session.pick, session.place, session.check, session.add, session.change
     app = Starlette(
         routes=[
             Route("/", page),
             Route("/jobs", jobs),
             *(Route(f"/{kind}/{{number}}", media) for kind in MEDIA),
-            *(
-                Route(f"/{each.__name__}", answering(each), methods=["POST"])
-                for each in (session.folder, session.find, session.pick, session.check, session.add, session.change)
-            ),
+            *(Route(f"/{each.__name__}", answering(each), methods=["POST"]) for each in actions),
             Route("/look", working(session.look, lookers), methods=["POST"]),
             Route("/probe", working(session.probe, readers), methods=["POST"]),
         ],

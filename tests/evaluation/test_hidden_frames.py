@@ -58,7 +58,8 @@ def test_what_is_no_number_is_refused(tmp_path, value):
 
 def test_what_is_no_range_is_refused():
     """The sentence shows how ranges are written; too small a range, nothing to skip, or a frame before the first."""
-    for text in ("", "3", "a:b", "1:2:3", "1.5:4"):
+    assert parse_range("2f:40f") == (2, 40)
+    for text in ("", "3", "a:b", "1:2:3", "1.5:4", "2s:4s", "-1:"):
         with pytest.raises(OptionError, match="write it like"):
             parse_range(text)
     for options in ({"skip": 0}, {"first": -1}, {"first": 4, "last": 6}, {"skip": 3, "last": 4}):

@@ -13,10 +13,12 @@ from test_pipeline import BLEND, FAST
 from video_truth import packets_of, pictures_of, samples_of, spoil_packets, stream_of, write_clip
 
 from fpsboost import DecodeOptions, InputError, OptionError, Summary, convert
+from fpsboost.analysis.scene_cuts import read_cuts
 from fpsboost.derived_sources import TrimmedSource, trim_source
 from fpsboost.io.opening import open_source
 from fpsboost.io.video.source import VideoSource
-from fpsboost.timing.position import Position, Trim, parse_position
+from fpsboost.timing.position import Gaps, Position, Replacement, Trim, parse_position
+from fpsboost.timing.retime import parse_curve, parse_speeds
 
 GROUPS = {"preset": "ultrafast", "crf": "0", "g": "6", "bf": "2", "sc_threshold": "0"}
 
@@ -44,6 +46,9 @@ def convert_part(source: Path, target: Path, start: str | None, end: str | None 
         ("00:01:30.5", Fraction(181, 2)),
         ("100:00:00", Fraction(360000)),
         (" 90:59.001 ", Fraction(5459001, 1000)),
+        ("2s", Fraction(2)),
+        (".5s", Fraction(1, 2)),
+        ("1001/24s", Fraction(1001, 24)),
     ],
 )
 def test_times_are_read_as_people_write_them(text, seconds):
@@ -51,11 +56,29 @@ def test_times_are_read_as_people_write_them(text, seconds):
     assert parse_position(text, "--start") == Position(seconds)
 
 
-@pytest.mark.parametrize("text", ["", "f", "-1", "-5f", "1.5f", "1:60", "1:75:00", "1:2:3:4", "1,5", "abc", "1e9", "٣"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "f", "s", "-1", "-5f", "1.5f", "1:60", "1:75:00", "1:2:3:4", "1,5", "abc", "1e9", "٣"),
+        *("2sf", "2S", "2 s", "1:30s", "1:30f", "1/0s"),
+    ],
+)
 def test_other_words_are_refused(text):
     """The sentence names the option and shows how to write it."""
-    with pytest.raises(OptionError, match=r"--end .* is not a position in a clip; write seconds \(90\.5\)"):
+    with pytest.raises(OptionError, match=r"--end .* is not a position in a clip; write seconds \(90\.5 or 90\.5s\)"):
         parse_position(text, "--end")
+
+
+@pytest.mark.parametrize("text", ["2s", "0:02.0", "00:00:02", "48f"])
+def test_every_option_takes_the_same_positions(text, tmp_path):
+    """Parts, speed ramps, lists of frames, and lists of cuts."""
+    place, rate = parse_position(text, "`start`"), Fraction(24)
+    assert Trim(text).start == Trim(None, text).end == place
+    assert Replacement.parse(text).ranges == Gaps.parse(f"{text}x2").ranges[:1] == ((place, place),)
+    ramp, speeds = parse_curve(f"0=0 {text}={text} 9s=8s", rate, rate), parse_speeds(f"0.5@{text}-4s", rate)
+    assert ramp.segments[1].begin == ramp.segments[1].source0 == speeds.segments[1].begin == 2
+    (tmp_path / "cuts.txt").write_text(text)
+    assert read_cuts(tmp_path / "cuts.txt").positions == (place,)
 
 
 @pytest.mark.parametrize(

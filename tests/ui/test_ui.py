@@ -38,7 +38,7 @@ TOKEN, PORT = "the-token-of-this-run", 8517
 ADDRESS = f"http://127.0.0.1:{PORT}"
 HEADERS = {"x-fpsboost-token": TOKEN, "origin": ADDRESS}
 SAFE = {"cache-control": "no-store", "referrer-policy": "no-referrer", "x-content-type-options": "nosniff"}
-POSTS = ("/folder", "/find", "/pick", "/probe", "/check", "/look", "/add", "/change")
+POSTS = ("/folder", "/find", "/pick", "/probe", "/place", "/check", "/look", "/add", "/change")
 GETS = ("/jobs", "/result/1", "/source/1", "/poster/1")
 
 STOPPED_AT_TEN = """
@@ -211,6 +211,7 @@ def test_only_what_was_picked_is_read(client, films):
     """A clip that was not picked is neither probed nor shown nor converted."""
     choices = asdict(first_choices(str(films / "clip.mp4")))
     asked = {"/probe": {"path": choices["input"]}, "/look": {"choices": choices, "time": 0}}
+    asked |= {"/place": {"path": choices["input"], "text": "0"}}
     asked |= {"/check": choices, "/add": choices}
     said = {notice(client, path, data) for path, data in asked.items()}
     assert said == {f"{films / 'clip.mp4'} was not picked on this page; pick it first."}
@@ -544,6 +545,19 @@ def test_look_shows_the_frame_between(client, films):
     assert (found["between"], found["is_cut"]) == ("between 0:00.080 and 0:00.120", False)
     for time, pair in {0: "between 0:00.000 and 0:00.040", 0.36: last, 99: last}.items():
         assert client.post("/look", json={"choices": choices, "time": time}).json()["between"] == pair
+
+
+def test_positions_are_typed_as_in_options(client, films, save_images):
+    """Seconds, times and frames; of images, a bare number is their count from 1."""
+    save_images(films / "shot")
+    for name, typed in {
+        "clip.mp4": {"0.2": 0.2, "0.2s": 0.2, "0:00.2": 0.2, "5f": 0.2},
+        "shot": {"3": 2, "2f": 2},
+    }.items():
+        path = client.post("/pick", json={"path": str(films / name)}).json()["choices"]["input"]
+        for text, place in typed.items():
+            assert client.post("/place", json={"path": path, "text": text}).json() == {"time": pytest.approx(place)}
+        assert "is not a position in a clip; write" in notice(client, "/place", {"path": path, "text": "soon"})
 
 
 # ---------------------------------------------------------------- the queue

@@ -334,13 +334,14 @@ function suggestName() {
 function showOwn() {
   const [rate, value] = form.elements.kind.value.split(":");
   const words = { factor: "Times as many frames", fps: "Frames a second", slow: "Times as long", retime: "Output = source" };
+  const isOther = byId("own").hidden || byId("own").dataset.kind !== rate; // what is typed now is not replaced
   byId("own").hidden = value !== undefined;
   byId("own").dataset.kind = rate;
   byId("own").firstElementChild.textContent = words[rate];
   const input = form.elements.value;
-  if ((rate === "retime") !== input.value.includes("=")) input.value = "";
+  if (isOther && (rate === "retime") !== input.value.includes("=")) input.value = "";
   const end = Math.floor(length() * 1000) / 1000, half = Math.round(end * 5) / 10; // the second half at half speed, to its end
-  input.value ||= rate === "retime" ? curveText([[0, 0], [half, half], [half + 2 * (end - half), end]]) : rate === "fps" ? "50" : "3";
+  if (isOther) input.value ||= rate === "retime" ? curveText([[0, 0], [half, half], [half + 2 * (end - half), end]]) : rate === "fps" ? "50" : "3";
   input.inputMode = rate === "retime" ? "text" : "decimal";
   byId("ramp").hidden = rate !== "retime";
   if (rate === "retime") drawCurve();
@@ -620,10 +621,11 @@ async function picture(found, method) {
 byId("time").addEventListener("input", () => (byId("at").value = clock(+byId("time").value)));
 byId("time").addEventListener("change", () => goTo(+byId("time").value));
 byId("at").addEventListener("change", () => {
-  const parts = byId("at").value.split(":").map(Number);
-  const place = parts.reduce((sum, part) => 60 * sum + part, 0);
-  if (parts.every(Number.isFinite)) goTo(state.clip.is_images ? place - 1 : place);
-  else say(byId("look"), `${byId("at").value} is no position in a clip; write 90.5 or 1:30.5.`);
+  const { clip } = state;
+  attempt(byId("look"), async () => {
+    const { time } = await askAnew("place", "/place", { path: clip.choices.input, text: byId("at").value });
+    if (clip === state.clip) goTo(time);
+  });
 });
 
 // ---------------------------------------------------------------- the queue
