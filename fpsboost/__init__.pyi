@@ -17,6 +17,7 @@ from .conversion import convert as convert
 from .conversion import convert_job as convert_job
 from .conversion import interpolate_clip as interpolate_clip
 from .conversion import stream as stream
+from .errors import CancelledError as CancelledError
 from .errors import FpsboostError as FpsboostError
 from .errors import InputError as InputError
 from .errors import OptionError as OptionError

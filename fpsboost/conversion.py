@@ -21,7 +21,6 @@ from fpsboost.contracts import (
     HasCompletedFrames,
     OutputRange,
     RandomAccess,
-    SilentObserver,
     Summary,
 )
 from fpsboost.derived_sources import FoldedSource
@@ -38,7 +37,7 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.masks import Mask
 from fpsboost.media import JobFingerprint, pyav_version
 from fpsboost.method_table import find_method
-from fpsboost.options import PathName, Range, Rate, checked, flags_of, with_options
+from fpsboost.options import PathName, Range, Rate, checked, names_in, with_options
 from fpsboost.parts.manifest import fingerprint_files, fingerprint_options
 from fpsboost.parts.plan import enter, plan_part, share_index
 from fpsboost.preparation import (
@@ -49,7 +48,7 @@ from fpsboost.preparation import (
     prepared,
     read_again,
 )
-from fpsboost.run_options import RunOptions
+from fpsboost.run_options import RunObserver, RunOptions
 from fpsboost.streaming import beginning, interpolate_frames, run_conversion
 from fpsboost.threads import available_cores
 from fpsboost.timing.rate import OutputRate, exposed
@@ -93,10 +92,11 @@ def convert(
     encoding : Encoding, optional
         How to encode video, and which streams to keep.
     run : RunOptions, optional
-        Whether existing files are replaced, memory and threads, and an observer of the progress.
+        Whether existing files are replaced, memory and threads, and what is informed of the progress or cancels it.
     **options : Any
         Any field of these four, and of those nested in them, by its own name instead: ``fps=60``, ``factor=4``,
-        ``crf=18``, ``overwrite=True``, ``start="1:30"``, ``limit="8G"``. Texts are read as on the command line. And
+        ``crf=18``, ``overwrite=True``, ``start="1:30"``, ``limit="8G"``, ``progress=print``. Texts are read as on the
+        command line. And
         ``mask="hud.png"``: areas that stay as in the nearer frame; see `fpsboost.Mask`.
         A mask as a layer goes with the method: ``replace(find_method("nlm"), mask=Mask("hud.png", mask_as="layer"))``.
 
@@ -106,6 +106,8 @@ def convert(
         See `fpsboost.errors`.
     CompleteAlreadyError
         `resume` was given, and the output is complete already.
+    CancelledError
+        `cancel` has returned a true value. Frames that are finished are kept for `resume`.
 
     Examples
     --------
@@ -121,11 +123,9 @@ def convert(
         "run": run or RunOptions(),
     }
     rate, decoding, encoding, run = (with_options(group, options, name) for name, group in groups.items())
-    if options:
-        raise OptionError(
-            f"convert takes no {(name := next(iter(options)))}; "
-            + choose_one(name, ["mask", *(flag.field for group in groups.values() for flag in flags_of(type(group)))])
-        )
+    for name in options:
+        choices = ["method", "mask", *groups, *chain(*map(names_in, groups.values()))]
+        raise OptionError(f"convert takes no {name}; {choose_one(name, choices)}")
     interpolator = interpolator if mask is None else replace(interpolator, mask=Mask(mask))
     return convert_job(ConversionJob(input, output, rate, interpolator, decoding, encoding), run)
 
@@ -161,7 +161,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
         if threads is None:
             planes = 0 if images is None else images.planes
             threads = memory_limit(job, run).affordable_threads(info.width, info.height, available_cores(), planes)
-        observer = run.observer or SilentObserver()
+        observer = RunObserver(run)
         source, outputs = (
             looped(ready)
             if job.rate.loop

@@ -24,6 +24,7 @@ from fpsboost.media.errors import (
 __all__ = [
     "MAX_REASON",
     "STANDARD_OUTPUT",
+    "CancelledError",
     "ClusterError",
     "CompleteAlreadyError",
     "EncryptedError",
@@ -55,6 +56,10 @@ class SceneCutWarning(UserWarning):
 
 class ReaderGoneError(OutputError):
     """Error for a pipe that the reading program has closed; needs no message."""
+
+
+class CancelledError(FpsboostError):
+    """Error for a conversion that was ended by `cancel`."""
 
 
 class ClusterError(FpsboostError):

@@ -87,6 +87,7 @@ from .preparation import prepared as prepared
 from .probing import Findings as Findings
 from .probing import Probe as Probe
 from .probing import expected_losses as expected_losses
+from .run_options import RunObserver as RunObserver
 from .threads import available_cores as available_cores
 from .threads import one_opencv_thread as one_opencv_thread
 from .threads import run_in_parallel as run_in_parallel

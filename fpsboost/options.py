@@ -163,6 +163,14 @@ def with_options(options: Any, given: dict[str, Any], group: str) -> Any:
     return replace(options, **values)
 
 
+def names_in(options: Any) -> Iterator[str]:
+    """Yield the names of the fields of an object of options, and of those nested in it."""
+    for each in fields(options):
+        yield each.name
+        if is_dataclass(each.default):
+            yield from names_in(each.default)
+
+
 def one_of(choices: Any) -> str:
     """Return the values of a ``Literal`` as a phrase.
 
@@ -284,6 +292,7 @@ DESCRIPTIONS: Mapping[Any, str] = {
     **{bool: "True or False", int: "a whole number", float: "a number", Fraction: "a fraction", str: "text"},
     **dict.fromkeys((os.PathLike, Path), "a path"),
     **dict.fromkeys((tuple, Sequence, Iterable), "a sequence"),
+    Callable: "a function",
 }
 """What messages call types."""
 
@@ -300,5 +309,9 @@ def _described(hint: Any, value: Any) -> str:
     if origin is Literal:
         return f"one of {', '.join(map(str, get_args(hint)))}"
     name = origin.__name__.removeprefix("nd")  # of an array
+    if getattr(origin, "_is_protocol", False):
+        names = [each for kind in origin.__mro__ for each in (*vars(kind), *vars(kind).get("__annotations__", ()))]
+        missing = dict.fromkeys(each for each in names if not each.startswith("_") and not hasattr(value, each))
+        name += f" with {' and '.join(missing)}" if missing else ""
     items = [f", each item {_described(each, value)}" for each in get_args(hint)[:1] if origin in (tuple, Sequence)]
     return DESCRIPTIONS.get(origin, f"{'an' if name[0].lower() in 'aeio' else 'a'} {name}") + "".join(items)

@@ -1,13 +1,15 @@
 """Options for how a conversion is run, and which part of it."""
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from fpsboost.contracts import FrameWatcher, Observer
-from fpsboost.errors import OptionError, refuse
+from fpsboost.contracts import FrameWatcher, Observer, SilentObserver, Summary
+from fpsboost.errors import CancelledError, OptionError, refuse
 from fpsboost.io.side.options import SideOutputs
+from fpsboost.media import ClipInfo
 from fpsboost.memory import MemoryLimit, parse_memory
 from fpsboost.options import Checked, PathName, Range, option
 
@@ -72,6 +74,12 @@ class RunOptions(Checked):
         Convert only this part of the output, into a folder of its own; see `fpsboost.join`.
     observer : Observer, optional
         Informed of the progress.
+    progress : callable, optional
+        Called after each frame with the number of frames that are done, and the number of all, which is None if the
+        input does not say it.
+    cancel : callable, optional
+        Called after each frame; the conversion ends with `CancelledError` if it returns a true value, as
+        ``threading.Event().is_set`` does.
     watcher : FrameWatcher, optional
         Sees every frame as it is written.
     side : SideOutputs
@@ -92,6 +100,8 @@ class RunOptions(Checked):
     threads: Annotated[int, Range(1)] | None = option(None, "Pairs of frames in parallel; else one per core.")
     chunk: Part | None = option(None, "Convert part K of N; see fpsboost join.", metavar="K/N", parse=parse_part)
     observer: Observer | None = None
+    progress: Callable[[int, int | None], object] | None = None
+    cancel: Callable[[], object] | None = None
     watcher: FrameWatcher | None = None
     side: SideOutputs = SideOutputs()
 
@@ -108,3 +118,28 @@ class RunOptions(Checked):
                 "of them out.": self.resume and given,
             }
         )
+
+
+class RunObserver:
+    """Observer that calls what the options of a run have for it: `observer`, `progress` and `cancel`."""
+
+    def __init__(self, run: RunOptions) -> None:
+        self._run, self._observer = run, run.observer or SilentObserver()
+        self._expected: int | None = None
+
+    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
+        """See `Observer`."""
+        self._expected = expected_frames
+        self._observer.opened(info, expected_frames)
+
+    def ready(self) -> None:
+        """See `Observer`."""
+        self._observer.ready()
+
+    def wrote(self, summary: Summary) -> None:
+        """See `Observer`; raises `CancelledError` if the run is to end."""
+        self._observer.wrote(summary)
+        if self._run.progress is not None:
+            self._run.progress(summary.frames_out, self._expected)
+        if self._run.cancel is not None and self._run.cancel():
+            raise CancelledError("The conversion was cancelled.")

@@ -294,8 +294,7 @@ class PreviewOptions:
 
     at: tuple[Position, ...] = option(
         (),
-        "Start of a passage: 90 or 90s, 1:30.5, or frame 120f;\n"
-        "else where motion is largest, or speed changes.\nRepeatable.",
+        "Start of a passage: 90s, 1:30.5, or frame 120f; else\nwhere motion is largest, or speed changes. Repeatable.",
         metavar="TIME",
         parse=parse_positions,
     )

@@ -45,7 +45,7 @@ from fpsboost.extension import (
     ExistsError,
     InUseError,
     PlannedPart,
-    SilentObserver,
+    RunObserver,
     checked,
     explained,
     job_facts,
@@ -96,7 +96,7 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
         raise OptionError(
             f"`cluster` converts in parts, which does not work with {' or '.join(given)}; leave one of them out."
         )
-    observer, progress = run.observer or SilentObserver(), Summary()
+    observer, progress = RunObserver(run), Summary()
     with planned_job(job, run, max(GROWN_CLUSTER, len(client.nthreads())) * PARTS_PER_WORKER) as (info, planned):
         folders = {each.part: each.part.folder(output) for each in planned}
         missing = [each for each in planned if not folders[each.part].is_dir()]

@@ -15,7 +15,7 @@ from fpsboost.cli.options import MethodOptions, TuningOptions, flag_names, in_fl
 from fpsboost.options import flags_of
 
 PACKAGE = Path(fpsboost.__file__).parent
-NOT_ON_THE_COMMAND_LINE = {"trim", "side", "observer", "watcher"}  # groups of options of their own, and an object
+NOT_ON_THE_COMMAND_LINE = {"trim", "side", "observer", "watcher", "progress", "cancel"}  # groups, objects, functions
 
 
 WRITES_COMMANDS = {"evaluation/hidden_frames.py", "evaluation/report/page.py"}

@@ -87,6 +87,20 @@ REFUSED: dict[str, Callable[[], object]] = {
     "`fps` 'fast' is not a number": lambda: convert("in", fps="fast"),
     "`fps` is given twice": lambda: convert("in", fps=60, rate=OutputRate(fps=50)),
     "convert takes no fbs; did you mean 'fps'?": lambda: convert("in", fbs=60),
+    "convert takes no magic_lamp; choose one of method, mask, rate, decoding, encoding, run, factor, fps, ": (
+        lambda: convert("in", magic_lamp=1)
+    ),
+    ", overwrite, in_place, resume, limit, threads, chunk, observer, progress, cancel, watcher, side, ": (
+        lambda: convert("in", magic_lamp=1)
+    ),
+    "convert takes no progres; did you mean 'progress'?": lambda: convert("in", progres=print),
+    "`observer` must be an Observer with ready and wrote, not namespace(": (
+        lambda: convert("in", observer=SimpleNamespace(opened=print))
+    ),
+    "`watcher` must be a FrameWatcher with needs_confidence, not namespace(": (
+        lambda: convert("in", watcher=SimpleNamespace(watch=print))
+    ),
+    "`cancel` must be a function, not True": lambda: convert("in", cancel=True),
     "`overwrite` must be True or False, not 'yes'": lambda: convert("in", overwrite="yes"),
     "`crf` must be a whole number, not 18.5": lambda: convert("in", crf=18.5),
     "`start` 'soon' is not a position in a clip": lambda: convert("in", start="soon"),
