@@ -83,6 +83,7 @@ EXAMPLES = """
   fpsboost in.mp4 out.mp4 --replace 120-123,340        damaged frames
   fpsboost in.mp4 out.mp4 --duplicates drop            the true rate
   fpsboost in.mp4 out.mp4 --gaps auto                  dropped frames
+  fpsboost a.png b.png between/ --factor 8             two pictures
   fpsboost shot_####.png out.mp4 --input-fps 24        images to video
   fpsboost in.mp4 out.mp4 --start 1:30 --end 2:00      a part of it
   fpsboost in.mp4 out.mp4 --factor 4 --slow-motion     four times as long
@@ -228,6 +229,9 @@ def convert(
     paths = [input, *([] if output is None else [output]), *more]
     inputs = paths if run_options.in_place else paths[:-1]
     check_named_once(inputs)
+    if batch.is_pair(inputs) and not run_options.in_place:
+        input, output = ",".join(inputs), paths[-1]
+        inputs = [input]
     if len(inputs) <= 1:
         run(input, None if run_options.in_place else output or output_beside(input, rate))
         return

@@ -12,8 +12,9 @@ from pathlib import Path
 from fpsboost.cli.messages import console, literal, say_error, say_traceback, sentence
 from fpsboost.cli.options import MessageOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained, refuse
+from fpsboost.io.animation import is_animation
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
-from fpsboost.io.images.source import is_pattern
+from fpsboost.io.images.source import is_pattern, pictures_in
 from fpsboost.io.opening import PIPES
 from fpsboost.preparation import OUTPUT_SUFFIXES, name_in_folder
 
@@ -45,6 +46,12 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
         if clash != path:
             raise OptionError(f"{clash} and {path} would both become {output}; convert one of them by itself.")
     return outputs
+
+
+def is_pair(inputs: Sequence[str]) -> bool:
+    """Return whether the inputs are two pictures, which make one clip: neither videos nor animations."""
+    pair = pictures_in(",".join(inputs)) if len(inputs) == 2 else []
+    return bool(pair) and not any(map(is_animation, pair))
 
 
 def last_image_remarks(frames_in: int, frames_out: int, multiple: Fraction) -> list[str]:

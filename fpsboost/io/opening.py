@@ -178,7 +178,8 @@ def _open_file(
                 raise InputError(f"{path} is an animated JPEG XL, which cannot be read; convert it to .apng by djxl.")
     if not animated and Path(path).suffix.lower() in (*IMAGE_SUFFIXES, ".apng"):
         raise InputError(
-            f"{path} is a single image; give a folder with the images of one clip, or a pattern like shot_####.png."
+            f"{path} is a single image; give two and a folder (a.png b.png out/), the folder of a clip, or "
+            "a pattern like shot_####.png."
         )
     if animated:
         _check_decoding(decoding, f"{path}, which is an animation", "leave it out")

@@ -8,12 +8,17 @@ import sys
 from fractions import Fraction
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from command_line import SUMMARY, assert_refused, environment
+from PIL import Image
 from video_truth import packets_of, pictures_of, write_clip
 
-from fpsboost import OptionError, OutputRate
-from fpsboost.cli.batch import plan_outputs
+from fpsboost import InputError, OptionError, OutputRate
+from fpsboost.cli.app import execute
+from fpsboost.cli.batch import is_pair, plan_outputs
+from fpsboost.io.opening import open_source
 from fpsboost.media import staging
 from fpsboost.preparation import output_beside
 
@@ -230,3 +235,54 @@ def test_a_run_that_is_stopped_while_it_locks_its_folder(tmp_path, monkeypatch, 
     assert mine.folder.is_dir() == is_there
     if is_there:
         other.close(keep=False)
+
+
+def save_pan(*paths):
+    """A texture that moves by two pixels from image to image."""
+    texture = np.random.default_rng(1).integers(0, 256, (48, 64, 3), dtype=np.uint8)
+    for number, path in enumerate(paths):
+        path.parent.mkdir(exist_ok=True)
+        cv2.imwrite(str(path), np.roll(texture, 2 * number, axis=1))
+
+
+@pytest.mark.parametrize("names", [("b.png", "a.png"), ("take, 1.png", "a.png"), ("x/a.tif", "y/a.tif")])
+def test_two_pictures_are_a_clip(tmp_path, names):
+    """In the order in which they are named, whatever their names are."""
+    save_pan(*(tmp_path / name for name in names))
+    execute([*(str(tmp_path / name) for name in names), f"{tmp_path}/out/", "--factor", "4", "-m", "blend"])
+    made = sorted((tmp_path / "out").iterdir())
+    assert len(made) == 5
+    for ours, name in ((made[0], names[0]), (made[-1], names[1])):
+        np.testing.assert_array_equal(cv2.imread(str(ours)), cv2.imread(str(tmp_path / name)))
+
+
+def test_two_animations_are_two_inputs(tmp_path):
+    """As are a picture and a video; three pictures are no clip, and a single one is told how to be one."""
+    save_pan(*(tmp_path / f"{name}.png" for name in "abc"))
+    (tmp_path / "v.mp4").touch()
+    frames = [Image.new("RGB", (8, 8), colour) for colour in ("red", "blue")]
+    for name in "de":
+        frames[0].save(tmp_path / f"{name}.png", save_all=True, append_images=frames[1:])
+    for names in (["d.png", "e.png"], ["a.png", "v.mp4"], ["a.png", "b.png", "c.png"], ["a.png"]):
+        assert not is_pair([str(tmp_path / name) for name in names])
+    assert is_pair([str(tmp_path / name) for name in ("a.png", "b.png")])
+    with pytest.raises(InputError, match=r"give two and a folder \(a.png b.png out/\)"):
+        open_source(str(tmp_path / "a.png"))
+
+
+def test_the_order_of_images_without_numbers_is_said(tmp_path):
+    """They go by the alphabet; those with numbers, and a pair that was named, need no word."""
+    save_pan(tmp_path / "two" / "before.png", tmp_path / "two" / "after.png", tmp_path / "n" / "1.png")
+    said = [f"The images of {tmp_path}/two have no numbers and were taken by the alphabet: after.png is the first one."]
+    pair = f"{tmp_path}/two/before.png,{tmp_path}/two/after.png"
+    for path, remarks in {f"{tmp_path}/two": said, pair: [], f"{tmp_path}/n": []}.items():
+        with open_source(path) as source:
+            assert source.remarks == remarks
+
+
+def test_a_folder_of_videos_is_answered_with_their_names(tmp_path):
+    """A shell makes them of a star."""
+    (tmp_path / "vids").mkdir()
+    write_clip(tmp_path / "vids" / "a.mp4", times=range(3))
+    with pytest.raises(InputError, match=re.escape(f"is a folder of videos; name these: fpsboost {tmp_path}/vids/* F")):
+        execute([f"{tmp_path}/vids/", f"{tmp_path}/out/"])

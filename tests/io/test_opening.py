@@ -65,7 +65,8 @@ def test_a_single_image_is_no_input(tmp_path, save_images, suffix):
     save_images(tmp_path, count=1)
     path = (tmp_path / "shot_0001.png").rename(tmp_path / f"one{suffix}")
     with pytest.raises(
-        InputError, match=rf"one{suffix} is a single image; give a folder with the images of one clip, or a pattern"
+        InputError,
+        match=rf"one{suffix} is a single image; give two and a folder .*, the folder of a clip, or a pattern",
     ):
         open_source(str(path))
 

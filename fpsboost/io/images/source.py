@@ -5,6 +5,7 @@ that are missing, where the factor divides the step; otherwise all are numbered 
 """
 
 import os
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -169,6 +170,9 @@ class ImageSource(ClosesOnExit):
         is_dark = self._is_linear and self._reading.upright and self._reading.view == "none"
         said = {
             f"The numbers of {name} rise by {step}: taken for a sequence rendered with that step.": step > 1,
+            f"The images of {name} have no numbers and were taken by the alphabet: {first} is the first one.": (
+                not self.images.numbers and len(self.images.files) > 1 and not pictures_in(name)
+            ),
             f"{first} and its like hold several pictures ({', '.join(pictures)}), the first of which leads.": bool(
                 pictures[1:]
             ),
@@ -258,17 +262,26 @@ def _without_moved(sequence: NumberedImages) -> NumberedImages:
 
 
 def is_pattern(path: str) -> bool:
-    """Return whether a path stands for numbered images, by its last component alone.
+    """Return whether a path stands for several images: for a pair (see `pictures_in`), or for numbered ones.
 
-    ``%04d`` and two or more ``#`` do, unless the name ends like a video or with a slash. A lone ``%d`` or ``#`` does
-    where it ends like an image, so that ``take #2.mp4`` and ``100%done.mkv`` stay file names.
+    Its last component tells: ``%04d`` and two or more ``#`` do, unless it ends like a video or with a slash. A lone
+    ``%d`` or ``#`` does where it ends like an image, so that ``take #2.mp4`` and ``100%done.mkv`` stay file names.
     """
     name = Path(path).name
     place = find_placeholder(name)
     if place is None or path.endswith(("/", os.sep)):
-        return False
+        return bool(pictures_in(path))
     extension = extension_of(name)
     return extension in IMAGE_SUFFIXES or (place[0] not in ("%d", "#") and extension not in VIDEO_SUFFIXES)
+
+
+def pictures_in(path: str) -> list[Path]:
+    """Return the two images that a text names with a comma between them, ``a.png,b.png``; none if it does not."""
+    for comma in re.finditer(",", path):
+        pair = [Path(path[: comma.start()]), Path(path[comma.end() :])]
+        if all(extension_of(each.name) in IMAGE_SUFFIXES and each.is_file() for each in pair):
+            return pair
+    return []
 
 
 def find_images(path: str) -> NumberedImages:
@@ -280,8 +293,12 @@ def find_images(path: str) -> NumberedImages:
         ]
         if not names:
             lack = f"holds no images ({', '.join(IMAGE_SUFFIXES)})" if any(place.iterdir()) else "is empty"
+            if any(extension_of(name) in VIDEO_SUFFIXES for name in list_files(place)):
+                raise InputError(f"{place} is a folder of videos; name these: fpsboost {place / '*'} FOLDER.")
             raise InputError(f"{place} {lack}; name a folder that holds images.")
         return order_names(place, names)
+    if pair := pictures_in(path):
+        return NumberedImages(pair)
     if is_pattern(path):
         return find_numbered(Numbering.parse(path))
     what = "is a single file; give a folder of images or a pattern like shot_####.png."
