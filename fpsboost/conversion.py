@@ -36,7 +36,8 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.masks import Mask
 from fpsboost.media import JobFingerprint, pyav_version
-from fpsboost.method_table import find_method
+from fpsboost.memory import BYTES_PER_PIXEL, MemoryLimit
+from fpsboost.method_table import BYTES_PER_PIXEL_OF, find_method
 from fpsboost.options import PathName, Range, Rate, checked, names_in, with_options
 from fpsboost.parts.manifest import fingerprint_files, fingerprint_options
 from fpsboost.parts.plan import enter, plan_part, share_index
@@ -329,7 +330,9 @@ def stream(
     """
     interpolator = find_method(method)
     rate, decoding = OutputRate(factor, fps, retime=retime), DecodeOptions(input_fps=input_fps)
-    with _as_source(source, decoding, linear=interpolator.takes_layers, needs_rate=fps is not None) as opened:
+    limit = MemoryLimit(bytes_per_pixel=BYTES_PER_PIXEL_OF.get(type(interpolator.estimator), BYTES_PER_PIXEL))
+    linear = interpolator.takes_layers
+    with _as_source(source, decoding, limit, linear=linear, needs_rate=fps is not None) as opened:
         curve = rate.time_map(opened.info)
         if curve is not None and curve.reverses:
             raise OptionError("retime plays a stream of frames backwards, which is read only once; use convert.")
@@ -344,12 +347,14 @@ def stream(
 def _as_source(
     source: PathName | cv2.VideoCapture | Iterable[Image],
     decoding: DecodeOptions,
+    limit: MemoryLimit,
     *,
     linear: bool,
     needs_rate: bool,
 ) -> FrameSource:
     if isinstance(source, str | os.PathLike):
-        return open_source(os.fspath(source), requirements=TargetRequirements(linear=linear), decoding=decoding)
+        requirements = TargetRequirements(linear=linear)
+        return open_source(os.fspath(source), requirements=requirements, decoding=decoding, limit=limit)
     rate = None if decoding.input_fps is None else Fraction(decoding.input_fps)
     if isinstance(source, cv2.VideoCapture):
         images, rate = captured(source), rate or rate_of(source)
@@ -528,6 +533,11 @@ class _Pixels:
 
 def _as_array(frames: Any) -> Image:
     """Return an array or a tensor of any library as one of NumPy, which shares its memory where it can."""
+    if isinstance(frames, str | os.PathLike):
+        raise InputError(f"`frames` are arrays, not the file {frames}; give that to fpsboost.stream or fpsboost.convert.")
+    mode = getattr(frames, "mode", "RGB")  # of an image of PIL; of a tensor, a method
+    if isinstance(mode, str) and mode not in ("RGB", "RGBA", "LA"):
+        raise InputError(f"`frames` has an image of PIL in mode {mode}; give image.convert('RGB') instead.")
     try:
         is_numpy = isinstance(frames, np.ndarray) or not hasattr(frames, "__dlpack__")
         return np.asarray(frames) if is_numpy else np.from_dlpack(frames)

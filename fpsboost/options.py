@@ -310,8 +310,7 @@ def _described(hint: Any, value: Any) -> str:
         return f"one of {', '.join(map(str, get_args(hint)))}"
     name = origin.__name__.removeprefix("nd")  # of an array
     if getattr(origin, "_is_protocol", False):
-        names = [each for kind in origin.__mro__ for each in (*vars(kind), *vars(kind).get("__annotations__", ()))]
-        missing = dict.fromkeys(each for each in names if not each.startswith("_") and not hasattr(value, each))
+        missing = [each for each in dir(origin) if not each.startswith("_") and not hasattr(value, each)]
         name += f" with {' and '.join(missing)}" if missing else ""
     items = [f", each item {_described(each, value)}" for each in get_args(hint)[:1] if origin in (tuple, Sequence)]
     return DESCRIPTIONS.get(origin, f"{'an' if name[0].lower() in 'aeio' else 'a'} {name}") + "".join(items)

@@ -20,13 +20,13 @@ MAX_PARTS = 9999
 class Part(Checked):
     """One of the parts that a conversion is cut into: its number, counted from 1, and how many there are."""
 
-    number: Annotated[int, Range(1)]
-    count: Annotated[int, Range(1, MAX_PARTS)]
+    number: int
+    count: int
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.number > self.count:
-            raise OptionError(f"`chunk={self}` does not exist; parts are numbered from 1 to {self.count}.")
+        if not 1 <= self.number <= self.count <= MAX_PARTS:
+            raise OptionError(f"`chunk={self}` does not exist; parts are numbered from 1 to N, at most {MAX_PARTS}.")
 
     def __str__(self) -> str:
         return f"{self.number}/{self.count}"

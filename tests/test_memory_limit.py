@@ -13,7 +13,7 @@ from animation_truth import write_animation
 from command_line import assert_refused
 from video_truth import scene, write_clip
 
-from fpsboost import InputError, OptionError, RunOptions, convert, memory
+from fpsboost import InputError, OptionError, RunOptions, convert, memory, stream
 from fpsboost.io.animation import AnimationSource
 from fpsboost.io.images.exr import encode_exr, read_exr
 from fpsboost.io.images.files import read_image
@@ -180,3 +180,12 @@ def test_as_many_threads_as_memory_reaches_for(tmp_path, monkeypatch):
         with pytest.raises(InterruptedError):
             convert(str(tmp_path / "in.mp4"), str(tmp_path / "out.mp4"), run=RunOptions(limit=limit, threads=number))
     assert taken == [4, 7]
+
+
+def test_stream_takes_no_more_than_its_method_needs(tmp_path, save_images, monkeypatch):
+    """What suffices for blending is too little for a method whose need was not measured."""
+    save_images(tmp_path / "in", count=2)
+    monkeypatch.setattr(memory, "address_space", lambda: AT_LEAST + 70 * 64 * 48)
+    assert len(list(stream(tmp_path / "in", method="blend"))) == 4
+    with pytest.raises(InputError, match="64x48, which takes about"):
+        list(stream(tmp_path / "in", method="dis"))

@@ -420,15 +420,20 @@ def _usage_sentence(error: CycloptsError, command: str) -> str:
     """Return a parser's error as one sentence."""
     if isinstance(error, UnusedCliTokensError):
         return f"{command} does not take {' '.join(error.unused_tokens or ())}."
-    if isinstance(error, UnknownOptionError) and command != "fpsboost":
+    if isinstance(error, UnknownOptionError):
         flag = error.token.keyword or error.token.value.partition("=")[0]
-        if any(flag in argument.names for argument in app.assemble_argument_collection()):
+        if flag in ("--help", "--version"):
+            return f"{flag} takes no value; write it alone."
+        if command != "fpsboost" and any(flag in argument.names for argument in app.assemble_argument_collection()):
             return f"{command} does not take {flag}, an option of conversions."
     name = getattr(error.argument, "name", "-")
     if isinstance(error, CoercionError) and error.token is not None and error.target_type in (int, float):
         number = "a whole number" if error.target_type is int else "a number"
         return f"{name} must be {number}, not {error.token.value!r}."
-    return str(error) if name.startswith("-") or not isinstance(error, MissingArgumentError) else f"{name} is missing."
+    if not isinstance(error, MissingArgumentError):
+        return str(error)
+    lacks = f"{name} needs a value; write one that begins with a dash as {name}=-1."
+    return lacks if name.startswith("-") else f"{name} is missing."
 
 
 @contextmanager

@@ -157,7 +157,7 @@ def print_comparison(
 
 
 def write_results(compared: Sequence[evaluation.ComparedClip], results: ResultOptions, console: Console) -> None:
-    """Print the means over several clips, and write the JSON, CSV and page that are asked for."""
+    """Print the means over several clips and what figures mean, and write the JSON, CSV and page that are asked for."""
     comparisons = [clip.comparison for clip in compared]
     if len(comparisons) > 1:
         advice, *reasons = evaluation.judge_all(comparisons)
@@ -165,6 +165,9 @@ def write_results(compared: Sequence[evaluation.ComparedClip], results: ResultOp
         names = ["mean", *(literal(Path(each.clip).name) for each in comparisons)]
         means = figure_table("PSNR", f"{len(comparisons)} clips", names, evaluation.mean_rows(comparisons))
         console.print(means, *map(sentence, reasons), sep="\n")
+    console.print("PSNR in dB, P5 its 5th percentile; MAE in levels of 255; CPU s of a frame.")
+    for name in comparisons[0].metrics:
+        console.print(sentence(evaluation.metrics[name].meaning))
     if results.json is not None:
         evaluation.write_json(Path(results.json), comparisons)
     if results.csv is not None:
@@ -217,7 +220,8 @@ def check_results(results: ResultOptions) -> None:
 
 def tables(comparison: evaluation.Comparison) -> list[Table]:
     """Return tables, best method first: overall figures; errors by area, if one is large enough; further metrics."""
-    title = f"{literal(comparison.clip)}: {len(comparison.hidden)} frames of {comparison.kind}"
+    count = len(comparison.hidden)
+    title = f"{literal(comparison.clip)}: {count} {'frame' if count == 1 else 'frames'} of {comparison.kind}"
     all_tables = [figure_table("method", title, FIGURES.values(), evaluation.overall_rows(comparison, FIGURES))]
     if comparison.areas:
         areas = chain.from_iterable(comparison.areas)
@@ -243,9 +247,7 @@ def figure_table(name: str, title: str, figures: Iterable[str], rows: Sequence[e
 def remarks(comparison: evaluation.Comparison, compared_methods: Mapping[str, evaluation.ComparedMethod]) -> list[str]:
     """Return the remarks below the tables."""
     shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in comparison.shares.items())
-    units = "PSNR in dB, P5 its 5th percentile; MAE in levels of 255; CPU s of a frame."
-    lines = [f"{units} Of the picture: {shares}."]
-    lines += [evaluation.metrics[name].meaning for name in comparison.metrics]
+    lines = [f"Of the picture: {shares}."]
     if comparison.cuts:
         are = "frame across a scene cut is" if len(comparison.cuts) == 1 else "frames across a scene cut are"
         lines.append(f"Note: {len(comparison.cuts)} {are} not counted.")
@@ -328,7 +330,8 @@ def choose(
         for text in names if method == "all" else [method]:
             name, options = split_method(text)
             if name not in names:
-                raise OptionError(f"There is no method {name!r}; {choose_one(name, [*names, 'all'])}")
+                chosen = choose_one(name, [*names, "all"])
+                raise OptionError(f"There is no method {name!r}, and other tools take --peer or --frames; {chosen}")
             if name in vector_methods and vectors is None:
                 skipped[text] = "it needs the renderer's motion vectors (--vectors)"
             elif name == evaluation.MINTERPOLATE:

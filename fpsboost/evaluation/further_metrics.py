@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import as_shown, composite_on_black, has_alpha
-from fpsboost.errors import InputError, refuse
+from fpsboost.errors import InputError, OptionError, choose_one
 from fpsboost.evaluation import steadiness
 from fpsboost.evaluation.hidden_frames import HeldOutFrame, Interval
 from fpsboost.evaluation.results import LEVELS, absolute_error, score
@@ -316,15 +316,11 @@ def choose_metrics(texts: Sequence[str]) -> tuple[str, ...]:
     """
     names = [name.strip() for text in texts for name in text.split(",")]
     for name in names:
+        if name not in metrics and name not in ALWAYS:
+            raise OptionError(f"There is no metric {name!r}; {choose_one(name, [*ALWAYS, *metrics])}")
         missing = metrics[name].missing() if name in metrics else None
-        refuse(
-            {
-                f"There is no metric {name!r}; choose from {', '.join([*ALWAYS, *metrics])}.": (
-                    name not in metrics and name not in ALWAYS
-                ),
-                f"`metrics={name}` needs {missing}.": missing is not None,
-            }
-        )
+        if missing is not None:
+            raise OptionError(f"`metrics={name}` needs {missing}.")
     return tuple(dict.fromkeys(name for name in names if name in metrics))
 
 

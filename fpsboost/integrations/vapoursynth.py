@@ -70,7 +70,7 @@ Frames = Mapping[int, vs.VideoFrame]
 
 def interpolate(
     clip: vs.VideoNode,
-    factor_num: int = 2,
+    factor_num: int | None = None,
     factor_den: int = 1,
     fps_num: int | None = None,
     fps_den: int | None = None,
@@ -89,7 +89,7 @@ def interpolate(
         format. Colour is read from ``_Matrix``, ``_Range`` (or ``_ColorRange``) and ``_ChromaLocation``;
         without them it is that of untagged video: limited range, BT.709 from 720 rows on and BT.601 below, left.
     factor_num, factor_den : int
-        Output frames per source frame, as a fraction.
+        Output frames per source frame, as a fraction; 2 by default.
     fps_num, fps_den : int, optional
         Output frames per second, as a fraction, instead of the factor; `fps_den` is 1 by default.
     method : str or Interpolator
@@ -108,6 +108,8 @@ def interpolate(
     with _host_errors():
         interpolator = find_method(method)
         _check_clip(clip)
+        if sc not in (True, False):
+            raise OptionError(f"`sc` must be True or False, not {sc!r}.")
         factor = _factor_of(clip, factor_num, factor_den, fps_num, fps_den)
         interpolator = replace(interpolator, duplicates=None, cuts=interpolator.cuts if sc else None)
         outputs = _OutputFrames(clip, interpolator, factor, finds_cuts=sc)
@@ -140,12 +142,14 @@ def _check_clip(clip: vs.VideoNode) -> None:
 
 
 def _factor_of(
-    clip: vs.VideoNode, factor_num: int, factor_den: int, fps_num: int | None, fps_den: int | None
+    clip: vs.VideoNode, factor_num: int | None, factor_den: int, fps_num: int | None, fps_den: int | None
 ) -> Fraction:
     if fps_num is None:
         if fps_den is not None:
             raise OptionError("`fps_den` needs `fps_num`; give both, or leave `fps_den` out.")
-        factor = ByFactor(_fraction("factor", factor_num, factor_den)).factor
+        factor = ByFactor(_fraction("factor", 2 if factor_num is None else factor_num, factor_den)).factor
+    elif factor_num is not None or factor_den != 1:
+        raise OptionError("`factor_num` and `fps_num` both set the output rate; give one of them.")
     else:
         rate = ByRate(_fraction("fps", fps_num, 1 if fps_den is None else fps_den)).frames_per_second
         if not clip.fps:

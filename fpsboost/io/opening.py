@@ -164,6 +164,7 @@ def _open_file(
     """Open a file by its content, as an animation or a video; raise `InputError` for single images and named pipes."""
     refuse(
         {
+            f"{path} is an address, and only files are read; download it first.": "://" in path,
             f"{path} does not exist; check the name.": not Path(path).exists(),
             f"{path} is a named pipe, which is read only once; give it as standard input: - < {path}.": (
                 Path(path).is_fifo()
@@ -224,6 +225,8 @@ class Target:
             raise OptionError("The name of the output is empty; name a video, a folder or a pattern of images.")
         if path in PIPES:
             return cls(path, "pipe")
+        if "://" in path:
+            raise OptionError(f"{path} is an address, and only files are written; name a file, and send that.")
         if is_pattern(path) or os.path.isdir(path) or path.endswith(("/", "\\")):
             return cls(path, "images")
         suffix = Path(path).suffix.lower()

@@ -79,6 +79,7 @@ from .staging import StagingDirectory as StagingDirectory
 from .staging import check_folder as check_folder
 from .staging import check_writable as check_writable
 from .staging import complete_already as complete_already
+from .staging import discard_published as discard_published
 from .staging import discard_unfinished as discard_unfinished
 from .staging import hidden_place as hidden_place
 from .staging import move_all as move_all

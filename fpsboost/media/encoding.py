@@ -188,8 +188,8 @@ def choose_encoder(
     codec = find_encoder(encoder, "video")
     if codec is None:
         raise OptionError(
-            f"`codec={asked!r}` is unknown here; use {', '.join(encoders)}, or the exact name of an FFmpeg video "
-            "encoder."
+            f"`codec={asked!r}` is unknown here, also as the exact name of an FFmpeg encoder; "
+            + choose_one(asked, encoders)
         )
     check_holds(container, encoder, name, f"`codec={asked!r}`", {common: e.name for common, e in encoders.items()})
     _check_pixel_format(codec, encoding.pixel_format)

@@ -300,6 +300,17 @@ def discard_unfinished(output: str) -> None:
                 staging.close(keep=False)
 
 
+def discard_published(output: Path) -> None:
+    """Remove hidden folders of a run that was killed after its output had got its name, unless a run holds them."""
+    for place in unfinished_places(output):
+        is_over = (place / COMPLETE).is_file() or not (place / MANIFEST).is_file()
+        if place.is_dir() and is_over and not (any(place.glob("output*")) or (place / REPLACED).exists()):
+            with suppress(OSError, OutputError):
+                staging = StagingDirectory(place, "output", str(output), None)
+                staging.open()
+                staging.close(keep=False)
+
+
 def complete_already(name: str) -> str:
     """Return the message for a run to be resumed whose output exists and has no unfinished part."""
     return f"{name} exists already and no run of it is unfinished, so it was left as it is."
@@ -335,6 +346,7 @@ class PartFolder(StagingDirectory):
     def __init__(self, part: OutputPart, job: JobFingerprint | None, *, overwrite: bool) -> None:
         self._part, folder = part, part.folder
         super().__init__(hidden_place(folder.parent, folder.name), "output", str(folder), job)
+        discard_published(folder)
         if folder.exists() and not overwrite:
             if job is not None and job.resume:
                 raise CompleteAlreadyError(complete_already(self.name))

@@ -36,6 +36,7 @@ from fpsboost.media.staging import (
     StagingDirectory,
     check_writable,
     complete_already,
+    discard_published,
     hidden_place,
 )
 from fpsboost.media.traits import VideoTraits
@@ -256,6 +257,7 @@ class FileWriter(Writer):
 
     def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:
         self._path, files = Path(output.path), output.stream.files
+        discard_published(self._path)
         place = hidden_place(self._path.parent, self._path.name)
         unfinished = StagingDirectory(place, f"output{self._path.suffix.lower()}", output.path, output.job)
         resumes = output.job is not None and output.job.resume and not output.overwrite

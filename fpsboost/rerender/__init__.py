@@ -21,7 +21,7 @@ from fpsboost.extension import Checked, PathName, Range, option
 def parse_budget(text: str, name: str) -> float:
     """Return a budget such as ``10%`` of the pixels as a share, 0.1.
 
-    Raises `OptionError`, in which `name` names the option, for any other text.
+    Raises `OptionError`, in which `name` names the option, for any other text, and for more than 100 %.
 
     Examples
     --------
@@ -29,8 +29,8 @@ def parse_budget(text: str, name: str) -> float:
     0.125
     """
     match = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*%\s*", text)
-    if match is None:
-        raise OptionError(f"{name} must be a share of the pixels, as in 10%, not {text!r}.")
+    if match is None or not 0 < float(match[1]) <= 100:
+        raise OptionError(f"{name} must be a share of the pixels, above 0% and at most 100%, as in 10%, not {text!r}.")
     return float(match[1]) / 100
 
 

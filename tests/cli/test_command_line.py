@@ -217,6 +217,7 @@ def test_video_options_reach_the_encoder(fpsboost_, tmp_path):
 FAILURES: dict[str, tuple[str, str]] = {
     "missing file": ("none.mp4 out.mp4", "none.mp4"),
     "missing folder": ("none/ out", "none"),
+    "address": ("https://host/in.mp4 out.mp4", "https://host/in.mp4 is an address, and only files are read; download"),
     "empty folder": ("empty out", "empty is empty"),
     "empty folder, to a video": ("empty out.mp4", "empty is empty"),
     "folder without images": ("notes out", "notes holds no images"),
@@ -244,6 +245,10 @@ MISTAKES: dict[str, tuple[str, str]] = {
     "encoder option for images": ("in.mp4 frames/ --encoder-option g=3", "--encoder-option"),
     "unknown ending": ("in.mp4 out.xyz", "out.xyz"),
     "unknown method": ("in.mp4 out.mp4 --method magic", "magic"),
+    "unknown codec": ("in.mp4 out.mp4 --codec h246", "did you mean 'h264'?"),
+    "part 0": ("in.mp4 out.mp4 --chunk 0/8", "--chunk 0/8 does not exist; parts are numbered from 1 to N"),
+    "parts 0": ("in.mp4 out.mp4 --chunk 1/0", "--chunk 1/0 does not exist; parts are numbered from 1 to N"),
+    "output that is an address": ("in.mp4 rtmp://host/live.mp4", "rtmp://host/live.mp4 is an address"),
     "factor 1e5000": ("in.mp4 out.mp4 --factor 1e5000", "--factor"),
     "fps fast": ("in.mp4 out.mp4 --fps fast", "--fps"),
     "images without a rate": ("single out.mp4", "--input-fps"),
@@ -580,3 +585,14 @@ def test_what_needs_no_work_is_light(tmp_path, arguments):
     run = f"import sys; from fpsboost.cli import app; app.app({arguments}, result_action='return_value')"
     code = f"{run}\nprint({heavy} & set(sys.modules), file=sys.stderr)"
     assert run_python(tmp_path, "-c", code).stderr.strip() == b"set()"
+
+
+def test_usage_is_explained(fpsboost_, tmp_path):
+    """A value that begins with a dash, and one where there is none to give."""
+    for words, said in {
+        "in.mp4 --speed -1@1-2": "--speed needs a value; write one that begins with a dash as --speed=-1.",
+        "--help=foo": "--help takes no value; write it alone.",
+        "probe --help=foo": "--help takes no value; write it alone.",
+    }.items():
+        result = fpsboost_(*words.split())
+        assert (result.code, said in result.err) == (2, True)

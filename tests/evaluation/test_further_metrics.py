@@ -98,10 +98,9 @@ def test_metrics_are_chosen_by_name_once():
     """Those that are always measured may be named too, and those that are gone are unknown."""
     assert choose_metrics([]) == ()
     assert choose_metrics([f" {HERE[0]}", f"mae,{HERE[0]},psnr_p5"]) == HERE[:1]
-    for name in ("lpips", "tof"):
-        with pytest.raises(
-            OptionError, match=rf"There is no metric '{name}'; choose from psnr, .*, flip, xpsnr, vmaf, .*"
-        ):
+    others = r"choose one of psnr, .*, flip, xpsnr, vmaf, .*"
+    for name, meant in {"tof": others, "psnrdiv": "did you mean 'psnr_div'", "PSNR": "did you mean 'psnr'"}.items():
+        with pytest.raises(OptionError, match=f"There is no metric '{name}'; {meant}"):
             choose_metrics([name])
 
 

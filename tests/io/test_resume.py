@@ -42,6 +42,7 @@ from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media import JobFingerprint, OutputTiming, StagingDirectory, Writer, chunks
 from fpsboost.media.chunks import ChunkWriter, find_chunks, timed_packets
+from fpsboost.media.staging import lock_file
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.parts.manifest import fingerprint_options
 from fpsboost.synthesis.blend import Blend
@@ -476,6 +477,33 @@ def test_images_go_on(tmp_path, images, snapshot, name):
     with pytest.raises(CompleteAlreadyError, match="exists already and no run of it is unfinished"):
         write_images(images, tmp_path / name, resume=True)
     assert snapshot(tmp_path) == found
+
+
+@pytest.mark.parametrize("has_left", ["whole and manifest.json", "whole", ""])
+@pytest.mark.parametrize("kind", ["video", "images"])
+def test_what_a_run_left_that_was_killed_after_naming_is_removed(tmp_path, clip, images, monkeypatch, kind, has_left):
+    """By the next run, though it is refused because the output exists; while another run holds it, it stays."""
+    target = tmp_path / ("out.mp4" if kind == "video" else "out")
+
+    def convert_it() -> None:
+        run(clip, target) if kind == "video" else write_images(images, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("fpsboost.media.staging.shutil.rmtree", lambda *_, **__: None)  # killed before
+        convert_it()
+    (left,) = tmp_path.glob(".*.unfinished")
+    if "manifest.json" in has_left:
+        (left / "manifest.json").write_text("{}")
+    if not has_left:
+        (left / "whole").unlink()
+    with (left / "lock").open("a+b") as lock:
+        lock_file(lock)
+        with pytest.raises(OutputError, match=r"exists|not empty"):
+            convert_it()
+        assert left.is_dir()
+    with pytest.raises(OutputError, match=r"exists|not empty"):
+        convert_it()
+    assert not left.exists()
 
 
 @pytest.mark.parametrize("moved", [0, 3, 10])

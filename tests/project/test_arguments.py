@@ -97,9 +97,7 @@ REFUSED: dict[str, Callable[[], object]] = {
     "`observer` must be an Observer with ready and wrote, not namespace(": (
         lambda: convert("in", observer=SimpleNamespace(opened=print))
     ),
-    "`watcher` must be a FrameWatcher with needs_confidence, not namespace(": (
-        lambda: convert("in", watcher=SimpleNamespace(watch=print))
-    ),
+    "`watcher` must be a FrameWatcher with watch, not namespace(": lambda: convert("in", watcher=SimpleNamespace()),
     "`cancel` must be a function, not True": lambda: convert("in", cancel=True),
     "`overwrite` must be True or False, not 'yes'": lambda: convert("in", overwrite="yes"),
     "`crf` must be a whole number, not 18.5": lambda: convert("in", crf=18.5),

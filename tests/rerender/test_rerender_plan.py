@@ -152,10 +152,10 @@ def test_exposure_does_not_matter():
     np.testing.assert_allclose(bright, dark, atol=1e-5)
 
 
-@pytest.mark.parametrize("text", ["10", "300s", "-5%", "a lot", "nan%"])
+@pytest.mark.parametrize("text", ["10", "300s", "-5%", "a lot", "nan%", "0%", "110%"])
 def test_budgets_that_are_none(text):
     """They are refused, with an example."""
-    with pytest.raises(OptionError, match="10%"):
+    with pytest.raises(OptionError, match=f"at most 100%, as in 10%, not '{text}'"):
         parse_budget(text, "`budget`")
 
 

@@ -904,9 +904,14 @@ def test_from_start_to_result(chromium, films, tmp_path, width, height, scheme):
             expect(page.locator("[name=value]")).to_have_value("smooth 0s=0s 0.2s=0.1s 0.21s=0.1s 0.24s=0.1s")
             page.locator("[name=value]").fill("1=1 9=5")  # frames as in Nuke, no seconds
             expect(page.get_by_label("Point 2")).to_be_hidden()
+            for nonsense in ("soon", ""):
+                page.locator("[name=value]").fill(nonsense)
+                page.get_by_text("A speed ramp is at least two points").wait_for()
+                expect(page.locator("[name=value]")).to_have_value(nonsense)
             page.get_by_label("Twice as many").check()
             page.get_by_label("Mix neighbours").check()
-            expect(page.locator("#picture .tag.right")).to_have_text("blend")
+            expect(page.get_by_alt_text("The two frames, mixed")).to_be_visible()
+            expect(page.locator("#picture .player")).to_have_count(0)  # without a divider between the same two
             assert page.evaluate("document.documentElement.scrollWidth") == width
             assert violations(page) == []
             page.get_by_role("button", name="Convert").click()
@@ -970,6 +975,9 @@ def test_place_is_typed_until_the_length_is_known(chromium, films, tmp_path):
         page.locator("#at").fill("0:00.2")
         page.locator("#at").press("Enter")
         page.get_by_text("In the middle between 0:00.200").wait_for()
+        page.locator("#at").fill("3f")
+        page.locator("#at").press("Enter")
+        page.get_by_text("In the middle between 0:00.120").wait_for()
         page.get_by_role("button", name="Read the whole clip").click()
         page.locator("#time").wait_for()
         assert float(page.locator("#time").get_attribute("max") or 0) == pytest.approx(0.36)

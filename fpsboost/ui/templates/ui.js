@@ -600,7 +600,10 @@ async function decoded(src) {
 
 async function picture(found, method) {
   const data = { names: ["blending", method], fps: 1, uris: found.images, frames: [{ number: 0, passage: 0, images: [0, 1] }] };
-  if (!state.player) {
+  if (method === "blend") { // there is nothing to compare it with, so no divider
+    state.player = null;
+    byId("picture").replaceChildren(Object.assign(await decoded(found.images[1]), { alt: "The two frames, mixed" }));
+  } else if (!state.player) {
     const { naturalWidth: width, naturalHeight: height } = await decoded(found.images[0]);
     const element = byId("player").content.firstElementChild.cloneNode(true);
     element.style.setProperty("--width", width);
@@ -613,7 +616,7 @@ async function picture(found, method) {
     state.player.show(0);
     state.player.restyle();
   }
-  state.player.element.classList.remove("is-busy");
+  state.player?.element.classList.remove("is-busy");
   const cut = found.is_cut ? " A scene ends between these two; the method repeats the nearer one." : "";
   byId("between").textContent = `In the middle ${found.between}.${cut}`;
 }
