@@ -534,7 +534,7 @@ class _Pixels:
 def _as_array(frames: Any) -> Image:
     """Return an array or a tensor of any library as one of NumPy, which shares its memory where it can."""
     if isinstance(frames, str | os.PathLike):
-        raise InputError(f"`frames` are arrays, not the file {frames}; give that to fpsboost.stream or fpsboost.convert.")
+        raise InputError(f"`frames` are arrays, not the file {frames}; give it to fpsboost.stream or fpsboost.convert.")
     mode = getattr(frames, "mode", "RGB")  # of an image of PIL; of a tensor, a method
     if isinstance(mode, str) and mode not in ("RGB", "RGBA", "LA"):
         raise InputError(f"`frames` has an image of PIL in mode {mode}; give image.convert('RGB') instead.")

@@ -190,7 +190,7 @@ def test_what_cannot_loop_is_refused(tmp_path, name, options, sentence):
         (iter([]), {"loop": True}, InputError, "`frames` gives no frame"),
         (turntable(4)[:, :0], {}, InputError, "`frames`.* must have the shape"),
         (5, {}, InputError, "`frames`.* must have the shape"),
-        ("clip.mp4", {}, InputError, "`frames` are arrays, not the file clip.mp4; give that to fpsboost.stream or fpsboost.convert"),
+        ("clip.mp4", {}, InputError, "`frames` are arrays, not the file clip.mp4; give it to"),
         ([Path("0.png")], {}, InputError, "`frames` are arrays, not the file 0.png"),
         *(
             ([Image.new(mode, (8, 8))] * 2, {}, InputError, rf"`frames` has an image of PIL in mode {mode}; give image")
