@@ -286,7 +286,8 @@ def check_shape(own: Compared, shape: list[int], known: dict[str, Any]) -> None:
     """Check the sizes of an array against what is known of its axes."""
     for axis, size in zip(own.axes, shape, strict=True):
         name, _, condition = axis.partition(" ")
-        if size != eval(name, known) or (condition and not eval(axis, known)):
+        expected = known[name] if name in known else int(name)
+        if size != expected or (condition and not eval(axis, known)):
             names = dict.fromkeys(re.findall(r"[a-z]\w*", axis))
             given = [f"{each} = {known[each]}" for each in names if each in known]
             where = f" with {', '.join(given)}" if given else ""
