@@ -266,7 +266,8 @@ def agreement_of(compared: list[Compared]) -> Callable[[tuple[Hashable, ...]], N
                     shapes.append((own, shape))
         for own, shape in shapes:
             for axis, size in zip(own.axes, shape, strict=True):
-                known[own.scope].setdefault(axis.partition(" ")[0], size)
+                if (name := axis.partition(" ")[0]).islower():
+                    known[own.scope].setdefault(name, size)
         for own, shape in shapes:
             check_shape(own, shape, CONSTANTS | known[""] | known[own.scope])
 

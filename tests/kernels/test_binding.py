@@ -12,6 +12,7 @@ from truth import noise
 
 from fpsboost.kernels import binding
 from fpsboost.kernels.block import SearchPlan, match_blocks
+from fpsboost.kernels.candidates import Candidates, list_candidates, no_votes
 from fpsboost.kernels.pair_context import count_landings
 from fpsboost.kernels.planes import CodeLevels, split_planes
 from fpsboost.kernels.reproject import fetch_both, splat
@@ -85,6 +86,14 @@ def test_planes_with_too_narrow_edges_are_refused():
         pair = plane_pair(image, image, padding, 255)
         with pytest.raises(ValueError, match=f"padding = {padding}|patch_radius = {radius}"):
             search_tiles(pair, Proposals(motions, motions, 64), 4, 1, 3, radius, 1, lists)
+
+
+def test_axes_that_are_constants_have_their_size():
+    """As that of the values of a motion, which is a number that C++ knows."""
+    motions, floats = np.zeros((1, 1, 2, 7), np.float32), map(np.float32, (0.25, 20, 0.01, 0.04))
+    candidates = Candidates(np.zeros((1, 1), np.int32), motions, np.zeros((1, 1, 2), np.float32), 16)
+    with pytest.raises(ValueError, match=r"motions must have the shape \(rows, columns, room, VALUES_PER_MOTION\)"):
+        list_candidates(no_votes((1, 1), 4, 16), *floats, candidates)
 
 
 def test_images_of_two_types_are_refused():
