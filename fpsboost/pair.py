@@ -146,10 +146,11 @@ class Pair:
 
         In one scene, scores fall with the distance; see `MOST_DECAY`.
         """
+        known = [each for each in neighbours if each is not None and each._cuts is not None]
+        decays = [float(min(max(self.apart / each.apart, 1), MOST_DECAY)) for each in known]
+        # a score may be a little below 0
         return [
-            each.match_score ** float(min(max(self.apart / each.apart, 1), MOST_DECAY))
-            for each in neighbours
-            if each is not None and each._cuts is not None
+            each.match_score * abs(each.match_score) ** (decay - 1) for each, decay in zip(known, decays, strict=True)
         ]
 
     def _spanning_pairs(self, before: Pair | None, after: Pair | None) -> list[Pair]:

@@ -183,8 +183,9 @@ def probe(
     and `allow_playlists` reads playlists and the files that they name.
     """
     # A size that changes or wrong colours are to be reported, though a conversion would stop there.
-    is_animated = is_animation(Path(path))
-    may_change = Path(path).is_file() and not is_animated
+    is_file = Path(path).is_file()  # a pipe is not to be waited for
+    is_animated = is_file and is_animation(Path(path))
+    may_change = is_file and not is_animated
     size_change: SizeChange = "scale" if may_change else "stop"
     decoding = DecodeOptions(input_fps=input_fps, stream=stream, allow_playlists=allow_playlists)
     decoding = replace(decoding, size_change=size_change, force_colours=may_change)

@@ -183,7 +183,9 @@ def choose_encoder(
         FFmpeg lacks the encoder, the container does not hold its codec, or it does not know an option.
     """
     asked = encoding.codec or default_codec(container, encoding.pixel_format or pixel_format, source_codec)
-    known = encoders.get(asked.lower()) or next((entry for entry in encoders.values() if entry.name == asked), None)
+    known = encoders.get("hevc" if asked.lower() == "h265" else asked.lower()) or next(
+        (entry for entry in encoders.values() if entry.name == asked), None
+    )
     encoder = known.name if known else asked
     codec = find_encoder(encoder, "video")
     if codec is None:

@@ -169,7 +169,9 @@ class OtherStreams:
         """Add an output stream for a stream of the source as `fit_streams` has chosen, or remark on its loss."""
         is_kept = is_wanted(stream, self._encoding)
         is_copied = is_kept or (stream.type == "data" and keeps_data(self._container, stream))
-        can_turn = stream.type == "audio" or (is_text(stream) and codec_of(stream) != "eia_608")
+        can_turn = stream.type == "audio" or (
+            stream.type == "subtitle" and is_text(stream) and codec_of(stream) != "eia_608"
+        )
         if stream.type == "video" and is_cover_art(stream):
             self._add_cover(stream)
         elif stream.discard == av.stream.Discard.all:

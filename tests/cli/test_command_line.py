@@ -87,7 +87,9 @@ def test_opencv_has_one_thread_during_a_conversion(fpsboost_, clip, tmp_path, mo
     """Pairs of frames are worked on side by side instead; its setting is as before afterwards."""
     seen = []
     pair = Interpolator.pair
-    monkeypatch.setattr(Interpolator, "pair", lambda *given: seen.append(cv2.getNumThreads()) or pair(*given))
+    monkeypatch.setattr(
+        Interpolator, "pair", lambda *given, **options: seen.append(cv2.getNumThreads()) or pair(*given, **options)
+    )
     before = cv2.getNumThreads()
     cv2.setNumThreads(2)
     try:

@@ -10,7 +10,16 @@ from typing import Literal, get_args, get_origin, get_type_hints
 import pytest
 
 import fpsboost
-from fpsboost import DecodeOptions, Encoding, OutputRate, RunOptions, find_method, interpolate_clip, methods
+from fpsboost import (
+    DecodeOptions,
+    Encoding,
+    MotionField,
+    OutputRate,
+    RunOptions,
+    find_method,
+    interpolate_clip,
+    methods,
+)
 from fpsboost.cli.options import MethodOptions, TuningOptions, flag_names, in_flags, option_classes
 from fpsboost.options import flags_of
 
@@ -81,7 +90,7 @@ def library_texts():
 
 def test_the_library_names_fields_and_no_flags():
     """No message of the library speaks of a command line, and each name between backquotes is an option or argument."""
-    names = flag_names.keys() | signature(interpolate_clip).parameters.keys()
+    names = flag_names.keys() | signature(interpolate_clip).parameters.keys() | signature(MotionField).parameters.keys()
     for path, text in library_texts():
         assert not re.search(r"(?<![\w-])--[a-z]", text), f"{path}: {text}"
         for name in re.findall(r"`([a-z]\w*)(?:=[^`]*)?`", text):

@@ -524,7 +524,7 @@ def test_languages_get_three_letters(tmp_path, suffix, expected):
     """Two letters become what the container wants, and .mov the spelling that it knows; lost regions are said."""
     clip, target = write_tags(tmp_path / "in.mkv", {}, ["es", "deu", "pt-BR", "zh-Hans"]), tmp_path / f"out{suffix}"
     assert double(clip, target) == [
-        f"{target} lost of stream {index} of its source: language {language}."
+        f"{target} lost the language {language} of stream {index} of its source."
         for index, language in ((3, "pt-BR"), (4, "zh-Hans"))
         if suffix != ".mkv"
     ]
@@ -545,7 +545,7 @@ def test_a_region_that_ffmpeg_does_not_read_is_said(tmp_path, suffix):
     data = clip.read_bytes()
     assert data.count(b"Sn\x86region") == 1
     clip.write_bytes(data.replace(b"Sn\x86region", b"\x22\xb5\x9d\x85pt-BR"))  # in place of its title
-    assert double(clip, target) == [f"{target} lost of stream 1 of its source: language pt-BR."]
+    assert double(clip, target) == [f"{target} lost the language pt-BR of stream 1 of its source."]
     assert streams_of(target)[1][1]["language"] == "por"
 
 
