@@ -6,11 +6,10 @@ where two regions meet, have no seam.
 
 import os
 import re
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
@@ -63,13 +62,6 @@ class MergeSummary:
     """Sentences about what was left out or could not be kept."""
 
 
-class _Rendered(NamedTuple):
-    """Files with the rendered regions of one frame: one for all of it, or one for each region."""
-
-    whole: Path | None  # file with the full frame, or the only region of it
-    regions: Mapping[int, Path]  # files of single regions, counted from 1
-
-
 @checked
 def merge_regions(made: PathName, rendered: PathName, output: PathName, options: MergeOptions) -> MergeSummary:
     """Put rendered regions back into interpolated frames.
@@ -107,9 +99,6 @@ def merge_regions(made: PathName, rendered: PathName, output: PathName, options:
         images = find_images(os.fspath(made))
     if not images.numbers:
         raise InputError(f"The images of {made} have no numbers in their names, by which a plan goes; number them.")
-    inputs = (images.files[0].parent, Path(rendered), Path(options.plan))
-    if Path(output).exists() and any(folder.exists() and Path(output).samefile(folder) for folder in inputs):
-        raise OutputError(f"{output} is also an input; write to another folder.")
     files = dict(zip(images.numbers, images.files, strict=True))
     planned = {frame.number: frame for frame in plan.frames if frame.regions}
     missing = [frame.number for frame in plan.frames if frame.number not in files]
@@ -178,8 +167,11 @@ class _Merger:
     limit: MemoryLimit
     """Limit of the memory for images."""
 
-    def merged(self, path: Path, frame: PlannedFrame, rendered: _Rendered) -> bytes:
-        """Return the content of the file of a merged frame, encoded like the interpolated one at `path`."""
+    def merged(self, path: Path, frame: PlannedFrame, rendered: Sequence[Path]) -> bytes:
+        """Return the content of the file of a merged frame, encoded like the interpolated one at `path`.
+
+        `rendered` are the files of its regions.
+        """
         passes = Passes.chosen(path, ALL) if extension_of(path.name) == ".exr" else None
         made = self._read(path, passes)
         if made.shape[:2] != (self.plan.height, self.plan.width):
@@ -187,31 +179,23 @@ class _Merger:
                 f"{path} has {made.shape[1]}x{made.shape[0]} pixels and the plan {self.plan.width}x"
                 f"{self.plan.height}; name the sequence that was planned."
             )
-        if frame.whole and rendered.whole is not None and path.suffix == rendered.whole.suffix:
-            _check_alike(rendered.whole, self._read(rendered.whole, passes), path, made)
-            if metadata_of(rendered.whole).can_pass:
-                return content_of(rendered.whole)
+        if frame.whole and path.suffix == rendered[0].suffix:
+            _check_alike(rendered[0], self._read(rendered[0], passes), path, made)
+            if metadata_of(rendered[0]).can_pass:
+                return content_of(rendered[0])
         mask = frame.mask(self.plan.height, self.plan.width)
         weights = seam_weights(mask, self.feather)
-        picture = self._rendered_regions(path, made, frame, rendered, passes)
+        picture: FrameImage = view(made).deep_copy()  # with the rendered regions, without seams
+        for region, file in zip(frame.regions, rendered, strict=True):
+            image = self._read(file, passes)
+            part = _part(file, image, region, path, made)
+            for to, values in zip(view(picture).arrays(), view(image).arrays(), strict=True):
+                to[region.part] = values[part]
         mixed = mix(view(made).array(), view(picture).array(), weights)
         if isinstance(made, LayeredImage) and isinstance(picture, LayeredImage):  # their layers are mixed, each by kind
             layers = (_mix_layer(*pair, weights, mask) for pair in zip(made.layers, picture.layers, strict=True))
             return encode_like(read_exr_header(path), LayeredImage(mixed, tuple(layers)))
         return encode_image(path, mixed, metadata=metadata_of(path))
-
-    def _rendered_regions(
-        self, path: Path, made: FrameImage, frame: PlannedFrame, rendered: _Rendered, passes: Passes | None
-    ) -> FrameImage:
-        """Return a copy of the interpolated frame with the rendered regions in it, without seams."""
-        picture: FrameImage = view(made).deep_copy()
-        for place, region in enumerate(frame.regions, start=1):
-            file = rendered.whole or rendered.regions[place]
-            image = self._read(file, passes)
-            part = _part(file, image, region, path, made)
-            for to, values in zip(view(picture).arrays(), view(image).arrays(), strict=True):
-                to[region.part] = values[part]
-        return picture
 
     def _read(self, path: Path, passes: Passes | None) -> FrameImage:
         """Return an image, of an OpenEXR file with the given passes."""
@@ -255,21 +239,31 @@ def _check_alike(path: Path, image: FrameImage, made_path: Path, made: FrameImag
         )
 
 
-def _find_rendered(folder: Path, planned: Mapping[int, PlannedFrame]) -> tuple[dict[int, _Rendered], list[str]]:
-    """Find the images of every planned frame, by the numbers at the ends of their names."""
+def _find_rendered(folder: Path, planned: Mapping[int, PlannedFrame]) -> tuple[dict[int, list[Path]], list[str]]:
+    """Find the image of every region of every planned frame, by the numbers at the ends of their names."""
     with explained(InputError, "read", folder, "check that it exists and that you may read it"):
         names = [name for name in list_files(folder) if extension_of(name) in IMAGE_SUFFIXES and name[0] != "."]
-    found: dict[tuple[int | None, int | None], list[str]] = defaultdict(list)
+    found: dict[int, dict[int, Path]] = {number: {} for number in planned}
+    extra = 0
     for name in names:
-        found[_number_and_region(name, planned)].append(name)
-    extra = len(found[None, None])
-    images = {number: _choose(folder, frame, found) for number, frame in planned.items()}
+        number, place = _number_and_region(name, planned)
+        if number is None:
+            extra += 1
+            continue
+        files = found[number]
+        other = next((file for key, file in files.items() if key == place or 0 in (key, place)), None)
+        if other is not None:
+            raise InputError(
+                f"{folder} holds several images for one part of frame {number} ({other.name}, {name}); keep one."
+            )
+        files[place] = folder / name
+    images = {number: _of_regions(folder, frame, found[number]) for number, frame in planned.items()}
     remark = f"{extra} image{'s' if extra > 1 else ''} of {folder} belong to no planned region and were left out."
     return images, [remark] * (extra > 0)
 
 
-def _number_and_region(name: str, planned: Mapping[int, PlannedFrame]) -> tuple[int | None, int | None]:
-    """Return the number of a planned frame, and of its region if there is one, from the name of a file."""
+def _number_and_region(name: str, planned: Mapping[int, PlannedFrame]) -> tuple[int | None, int]:
+    """Return the number of a planned frame from the name of a file, and that of a region, or 0 for all of them."""
     stem = name[: -len(extension_of(name))]
     region = re.fullmatch(r".*?(\d+)_([1-9]\d*)", stem)
     if region is not None:
@@ -277,31 +271,15 @@ def _number_and_region(name: str, planned: Mapping[int, PlannedFrame]) -> tuple[
         if number in planned and place <= len(planned[number].regions):
             return number, place
     whole = re.fullmatch(r".*?(\d+)", stem)
-    return (int(whole[1]) if whole is not None and int(whole[1]) in planned else None), None
+    return (int(whole[1]) if whole is not None and int(whole[1]) in planned else None), 0
 
 
-def _choose(
-    folder: Path, frame: PlannedFrame, found: Mapping[tuple[int | None, int | None], Sequence[str]]
-) -> _Rendered:
-    """Return the files of a frame's regions, of those found by the numbers of frames and regions.
-
-    Raises `InputError` if one is missing or there are several for one.
-    """
-    whole, places = found.get((frame.number, None), ()), range(1, len(frame.regions) + 1)
-    parts = {place: found[frame.number, place] for place in places if (frame.number, place) in found}
-    several = [*whole, *(name for names in parts.values() for name in names)]
-    if len(whole) > 1 or (whole and parts) or any(len(names) > 1 for names in parts.values()):
-        raise InputError(
-            f"{folder} holds several images for one part of frame {frame.number} ({', '.join(several[:2])}); keep one."
-        )
-    if whole:
-        is_whole = len(frame.regions) > 1 or frame.whole
-        return _Rendered(folder / whole[0], {}) if is_whole else _Rendered(None, {1: folder / whole[0]})
-    missing = [place for place in places if place not in parts]
-    if missing:
-        what = f"region {missing[0]} of frame {frame.number}" if parts else f"frame {frame.number}"
-        at = frame.regions[missing[0] - 1]
-        raise InputError(
-            f"{folder} has no image of {what} ({at.width}x{at.height} at {at.x},{at.y}); render it, or plan less."
-        )
-    return _Rendered(None, {place: folder / names[0] for place, names in parts.items()})
+def _of_regions(folder: Path, frame: PlannedFrame, files: Mapping[int, Path]) -> list[Path]:
+    """Return the file of each region of a frame; `InputError` if one is missing."""
+    for place, at in enumerate(frame.regions, start=1):
+        if not {0, place} & files.keys():
+            what = f"region {place} of frame {frame.number}" if files else f"frame {frame.number}"
+            raise InputError(
+                f"{folder} has no image of {what} ({at.width}x{at.height} at {at.x},{at.y}); render it, or plan less."
+            )
+    return [files.get(0) or files[place] for place in range(1, len(frame.regions) + 1)]
