@@ -19,7 +19,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Event
-from typing import Any, Self
+from typing import Any
 from uuid import uuid4
 
 import dask
@@ -38,7 +38,15 @@ from fpsboost import (
     Summary,
     join,
 )
-from fpsboost.cluster.worker import LOCK_INTERVAL, Outcome, WorkerOrder, job_key, make_on_worker, read_piece
+from fpsboost.cluster.worker import (
+    LOCK_INTERVAL,
+    Outcome,
+    WorkerLostError,
+    WorkerOrder,
+    job_key,
+    make_on_worker,
+    read_piece,
+)
 from fpsboost.extension import (
     ClusterError,
     CompleteAlreadyError,
@@ -110,8 +118,7 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
             progress.seconds = time.perf_counter() - begin
             observer.wrote(progress)
 
-        with _Parts(client, job, run, missing) as parts:
-            parts.make(wrote)
+        _Parts(client, job, run, missing).make(wrote)
     summary = _join(output, list(folders.values()), overwrite=run.overwrite)
     summary.completed_frames, summary.seconds = progress.completed_frames, time.perf_counter() - begin
     return summary
@@ -136,10 +143,6 @@ def _join(output: str, parts: Sequence[Path], *, overwrite: bool) -> Summary:
     return summary
 
 
-class _WorkerLostError(Exception):
-    """Raised if a worker has died or does not answer."""
-
-
 @dataclass
 class _Attempts:
     """Attempts to compute one part so far, which decide whether and where it is tried again."""
@@ -155,7 +158,7 @@ class _Attempts:
 
     def fail(self, part: Part, worker: str, error: Exception) -> None:
         """Count a failure; raise its error if another attempt is useless."""
-        if isinstance(error, _WorkerLostError):
+        if isinstance(error, WorkerLostError):
             self.lost_workers += 1
             if self.lost_workers >= MAX_LOST_WORKERS:
                 raise ClusterError(
@@ -189,35 +192,20 @@ class _Parts:
 
     def __init__(self, client: Client, job: ConversionJob, run: RunOptions, planned: Sequence[PlannedPart]) -> None:
         assert job.output is not None
+        assert client.scheduler is not None
         self._client, self._job, self._run, self._output, self._facts = client, job, run, job.output, job_facts(job)
         self._topic = f"fpsboost-{job_key(self._facts, os.fspath(job.output))}"
         self._mark = Part(1, 1).folder(job.output).with_name(f".{self._topic}.{uuid4().hex[:8]}")
-        self._planned, self._waiting = planned, largest_first(planned)
+        self._waiting = largest_first(planned)
         self._attempts = {each.part: _Attempts() for each in planned}
-        self._complete = set[Part]()
         self._reported = {each.part: 0 for each in planned}
         """Output frames that each part has had; one that is made again counts only what it has more than before."""
         self._running: list[_Running] = []
         self._news = Event()  # set, in threads of Dask, when a task has ended or reported frames
+        self._scheduler = client.scheduler
         self._workers: Collection[str] = ()
         self._asked = float("-inf")
         self._copying = ThreadPoolExecutor(1, "fpsboost-copy")
-        self._call: Future[Any] | None = None
-
-    def __enter__(self) -> Self:
-        with explained(OutputError, "write to", self._mark.parent, "check the path and the permissions"):
-            self._mark.parent.mkdir(exist_ok=True)
-            self._mark.touch()
-        self._client.subscribe_topic(self._topic, self._handle_event)
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        for running in self._running:
-            self._release(running)  # another client that waits for a task keeps it running
-        self._copying.shutdown(cancel_futures=True)
-        with suppress(Exception):  # the scheduler may be gone
-            self._client.unsubscribe_topic(self._topic)
-        self._mark.unlink(missing_ok=True)
 
     def make(self, wrote: Callable[[int], None]) -> None:
         """Compute all parts; `wrote` gets their total number of output frames whenever it rises.
@@ -225,6 +213,10 @@ class _Parts:
         If an error ends this, a note says how to continue.
         """
         known = 0
+        with explained(OutputError, "write to", self._mark.parent, "check the path and the permissions"):
+            self._mark.parent.mkdir(exist_ok=True)
+            self._mark.touch()
+        self._client.subscribe_topic(self._topic, self._handle_event)
         try:
             while self._waiting or self._running:
                 self._ask_for_workers()
@@ -233,17 +225,22 @@ class _Parts:
                 self._news.clear()
                 for running in list(self._running):
                     self._look_at(running)
-                frames = sum(
-                    each.frames if each.part in self._complete else self._reported[each.part] for each in self._planned
-                )
+                frames = sum(self._reported.values())
                 if frames > known:
                     known = frames
                     wrote(frames)
-        except BaseException as error:
-            if isinstance(error, KeyboardInterrupt | FpsboostError) and not isinstance(error, InputError | OptionError):
-                note = f"{len(self._complete)} of {len(self._planned)} parts are complete; `resume` goes on with them."
-                error.__notes__ = [note]
+        except (KeyboardInterrupt, OutputError, ClusterError) as error:
+            complete = len(self._reported) - len(self._waiting) - len(self._running)
+            note = f"{complete} of {len(self._reported)} parts are complete; `resume` goes on with them."
+            error.__notes__ = [note]
             raise
+        finally:
+            for running in self._running:
+                running.future.release()  # another client that waits for a task keeps it running
+            self._copying.shutdown(cancel_futures=True)
+            with suppress(Exception):  # the scheduler may be gone
+                self._client.unsubscribe_topic(self._topic)
+            self._mark.unlink(missing_ok=True)
 
     def _ask_for_workers(self) -> None:
         """Update the list of workers, and notice running tasks that no worker has any more."""
@@ -252,18 +249,12 @@ class _Parts:
             return
         self._asked = now
         try:
-            assert self._client.scheduler is not None
-            tasks = self._client.sync(self._client.scheduler.processing, callback_timeout=REPLY_SECONDS)
+            tasks = self._client.sync(self._scheduler.processing, callback_timeout=REPLY_SECONDS)
         except (OSError, TimeoutError) as error:
             raise self._scheduler_gone() from error
         self._workers, keys = tasks.keys(), {key for of_worker in tasks.values() for key in of_worker}
         for running in self._running:
             running.times_missing = 0 if running.future.key in keys else running.times_missing + 1
-        # a task for any worker while there is none, so that a cluster that starts workers on demand starts one
-        if not self._workers and self._call is None:
-            self._call = self._client.submit(os.getpid, key=f"{self._topic}-call", pure=False)
-        elif self._workers:
-            self._call = None
 
     def _submit_to_free(self) -> None:
         """Give the next part to every worker that is free."""
@@ -288,11 +279,6 @@ class _Parts:
         self._running.append(_Running(planned, worker, future))
         future.add_done_callback(lambda _: self._news.set())
 
-    def _release(self, running: _Running) -> None:
-        """Release a task whose result is not needed any more."""
-        with suppress(Exception):  # the scheduler may be gone
-            running.future.release()
-
     def _handle_event(self, event: tuple[float, Mapping[str, Any]]) -> None:
         """Record the progress that a worker has logged; called in a thread of Dask."""
         _, message = event
@@ -307,38 +293,36 @@ class _Parts:
         try:
             if not self._is_complete(running):
                 return
-            self._complete.add(part)
+            self._reported[part] = running.planned.frames
         except Exception as error:
             self._attempts[part].fail(part, running.worker, error)
             self._waiting = largest_first([*self._waiting, running.planned])
         self._running.remove(running)
-        self._release(running)
+        running.future.release()
 
     def _is_complete(self, running: _Running) -> bool:
         """Return whether a part is complete; start its copy if that is needed.
 
-        Raises the error of the task, or `_WorkerLostError` if its worker is lost.
+        Raises the error of the task, or `WorkerLostError` if its worker is lost.
         """
         part, future = running.planned.part, running.future
         if running.copy is not None:
             return running.copy.done() and running.copy.result() is None
         if not future.done():
             if running.times_missing > 1:  # if only once, it may be in transit
-                raise _WorkerLostError
+                raise WorkerLostError
             return False
         if future.cancelled():
             raise self._scheduler_gone()
         try:
             outcome = future.result(timeout=REPLY_SECONDS)
         except (OSError, TimeoutError, KilledWorker, CancelledError) as error:  # a worker that has died with its result
-            raise _WorkerLostError from error
+            raise WorkerLostError from error
         except Exception as error:  # it cannot even read its task
             raise ClusterError(
                 f"The worker at {running.worker} cannot run fpsboost ({type(error).__name__}: {error}); install the "
                 "same version there."
             ) from error
-        if outcome.is_stopped:
-            raise _WorkerLostError
         if outcome.error is not None:
             raise outcome.error
         if not outcome.is_private and (part.folder(self._output).is_dir() or not self._mark.exists()):
@@ -350,11 +334,10 @@ class _Parts:
     def _copy_part(self, part: Part, worker: str, outcome: Outcome) -> None:
         """Copy the files of a part from a worker's own disk, and remove them there; runs in the thread for copies."""
         folder = part.folder(self._output)
-        place = folder.with_name(f".{folder.name}.{uuid4().hex[:8]}")
-        copy = place / "copy"
+        copy = folder.with_name(f".{folder.name}.{uuid4().hex[:8]}")
         try:
             with explained(OutputError, "write to", folder, "check the free space and the permissions"):
-                copy.mkdir(parents=True)
+                copy.mkdir()
                 for name, size in (outcome.sizes or {}).items():
                     self._copy(worker, os.path.join(outcome.folder, name), size, copy / name)
                 sync(copy)
@@ -363,7 +346,7 @@ class _Parts:
             if outcome.is_private:
                 self._client.run(shutil.rmtree, outcome.folder, ignore_errors=True, workers=[worker], on_error="ignore")
         finally:
-            shutil.rmtree(place, ignore_errors=True)
+            shutil.rmtree(copy, ignore_errors=True)
 
     def _copy(self, worker: str, path: str, size: int, target: Path) -> None:
         """Copy a file from a worker, piece by piece, and flush it to the disk."""
@@ -372,14 +355,15 @@ class _Parts:
                 try:
                     pieces = self._client.run(read_piece, path, begin, PIECE_BYTES, workers=[worker], on_error="raise")
                 except Exception as error:
-                    raise _WorkerLostError from error
+                    raise WorkerLostError from error
                 file.write(pieces[worker])
         sync(target)
 
     def _scheduler_gone(self) -> ClusterError:
         """Return the error for a scheduler that does not answer any more."""
-        address = self._client.scheduler.address if self._client.scheduler is not None else "the cluster"
-        return ClusterError(f"The scheduler at {address} is gone; start it again, or leave `cluster` out.")
+        return ClusterError(
+            f"The scheduler at {self._scheduler.address} is gone; start it again, or leave `cluster` out."
+        )
 
 
 def largest_first(planned: Sequence[PlannedPart]) -> list[PlannedPart]:

@@ -50,18 +50,17 @@ class WorkerOrder:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of an order; it has a folder unless there is an error or it was stopped."""
+    """Result of an order; it has a folder unless there is an error."""
 
     folder: str = ""  # path of the part, on the worker
     is_private: bool = False  # whether it lies in the worker's own folder, since storage is not shared
     sizes: Mapping[str, int] | None = None  # sizes of the part's files by their names, bytes
     error: Exception | None = None
     """Error that ended the attempt, which the client raises or counts; None if there was none."""
-    is_stopped: bool = False  # whether the worker was closed meanwhile, or the part was not needed any more
 
 
-class _CancelledPartError(Exception):
-    """Raised in a part whose result is not needed any more."""
+class WorkerLostError(FpsboostError):
+    """Raised if a worker has died, does not answer, or was closed; and in a part that is not needed any more."""
 
 
 def make_on_worker(order: WorkerOrder) -> Outcome:
@@ -70,8 +69,6 @@ def make_on_worker(order: WorkerOrder) -> Outcome:
     key = worker.get_current_task()
     try:
         return _carry_out(order, worker, partial(_check_wanted, worker, key))
-    except _CancelledPartError:
-        return Outcome(is_stopped=True)
     except FpsboostError as error:
         return Outcome(error=error)
     except Exception as error:  # as text, since the client may be unable to unpickle it
@@ -108,23 +105,22 @@ def _carry_out(order: WorkerOrder, worker: Worker, check: Callable[[], None]) ->
     return Outcome(str(folder), is_private, {path.name: path.stat().st_size for path in folder.iterdir()})
 
 
+@dataclass
 class WorkerObserver(SilentObserver):
-    """Observer that reports at intervals how many output frames a part has.
+    """Observer that reports at intervals how many output frames a part has."""
 
-    `check` is called for every frame and while another run holds the part; it raises an exception to stop.
-    """
-
-    def __init__(self, report: Callable[[int], None], check: Callable[[], None]) -> None:
-        self._report, self.check = report, check
-        self._next = 0.0
+    report: Callable[[int], None]
+    check: Callable[[], None]
+    """Called for every frame and while another run holds the part; raises an exception to stop."""
+    next_report: float = 0.0  # time of the clock
 
     def wrote(self, summary: Summary) -> None:
         """Check whether to continue, and report the number of frames if the last report is long enough ago."""
         self.check()
         now = time.monotonic()
-        if now >= self._next:
-            self._next = now + REPORT_INTERVAL
-            self._report(summary.frames_out)
+        if now >= self.next_report:
+            self.next_report = now + REPORT_INTERVAL
+            self.report(summary.frames_out)
 
 
 def make_part(job: ConversionJob, run: RunOptions, observer: WorkerObserver) -> None:
@@ -183,7 +179,7 @@ def _check_wanted(worker: Worker, key: Key) -> None:
     task = worker.state.tasks.get(key)
     is_wanted = task is not None and task.state != "cancelled"
     if not is_wanted or worker.status not in (Status.running, Status.paused, Status.closing_gracefully):
-        raise _CancelledPartError
+        raise WorkerLostError
 
 
 def read_piece(path: str, begin: int, size: int) -> bytes:

@@ -46,7 +46,7 @@ def test_largest_parts_go_first():
     ("error", "most", "message"),
     [
         (
-            dask_engine._WorkerLostError(),
+            dask_engine.WorkerLostError(),
             dask_engine.MAX_LOST_WORKERS,
             r"10 workers died while they made part 1/2, the last one at b;",
         ),
