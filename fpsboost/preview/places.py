@@ -10,7 +10,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import islice, pairwise
+from itertools import islice, pairwise, takewhile
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -97,8 +97,6 @@ MAX_PIXELS = 33_000_000
 """Number of pixels in the frames of a passage above which it is shorter, so that large frames do not take minutes."""
 
 THUMBNAIL_SIDE = 160  # longer side of the images on which motion is measured, pixels
-CHROMA_SHARE = 0.01
-"""Weight of the motion of chroma, where luma stands still."""
 SHORTEST_SIDE = 32  # shortest side of an image that DIS takes, pixels
 
 
@@ -153,12 +151,16 @@ class Passage(NamedTuple):
             Number of the output frame.
         """
         view, last, stop = self.before, self.before.times[-1], math.ceil(curve.length * rate)
-        numbers = range(max(0, middle - MAX_FRAMES), min(middle + 3 * MAX_FRAMES, stop))
-        times = {number: curve.source(number / rate) + begin - self.start for number in numbers}
-        outside = [number for number in numbers if number != middle and not 0 <= times[number] <= last]
-        ends = [numbers.start - 1, *outside, numbers.stop]
-        place = bisect_right(ends, middle)
-        retimed = {number: min(times[number], last) for number in range(ends[place - 1] + 1, ends[place])}
+
+        def time_of(number: int) -> Fraction:
+            return curve.source(number / rate) + begin - self.start
+
+        def is_inside(number: int) -> bool:
+            return 0 <= time_of(number) <= last
+
+        earlier = takewhile(is_inside, range(middle - 1, max(0, middle - MAX_FRAMES) - 1, -1))
+        later = takewhile(is_inside, range(middle + 1, min(middle + 3 * MAX_FRAMES, stop)))
+        retimed = {number: min(time_of(number), last) for number in sorted([*earlier, middle, *later])}
         pictures = [view.pictures[view.place_at(time)] for time in retimed.values()]
         shown = [number / rate for number in range(len(retimed) + 1)]
         return self._replace(before=View(view.traits, shown[:-1], pictures, shown[-1]), retimed=retimed)
@@ -382,21 +384,12 @@ class _Reader:
 
 
 def _thumbnail(frame: Frame) -> NDArray[Any]:
-    """Return a small image in luma and, unless it is gray, both colour differences, (h, w, 1 or 3) uint8."""
-    height, width = frame.pixels.shape[:2]
+    """Return a small copy of a frame as it is shown, (h, w, 3) uint8."""
+    image = view(frame.image).to_bgr()
+    height, width = image.shape[:2]
     scale = THUMBNAIL_SIDE / max(height, width)
-    size = max(1, round(width * scale)), max(1, round(height * scale))
-    image = view(
-        view(frame.pixels).thumbnail(
-            lambda plane: cv2.resize(plane.astype(np.float32), size, interpolation=cv2.INTER_AREA).reshape(
-                *size[::-1], -1
-            )
-        )
-    )
-    planes = [image.gray(), *(np.rint(plane.clip(0, 255)).astype(np.uint8) for plane in image.chroma())]
-    below, right = (max(0, SHORTEST_SIDE - side) for side in size[::-1])
-    padded = cv2.copyMakeBorder(np.dstack(planes), 0, below, 0, right, cv2.BORDER_REPLICATE)
-    return padded.reshape(*padded.shape[:2], -1)
+    size = max(SHORTEST_SIDE, round(width * scale)), max(SHORTEST_SIDE, round(height * scale))
+    return as_shown(cv2.resize(image, size, interpolation=cv2.INTER_AREA).reshape(*size[::-1], -1))
 
 
 def _mean(motions: list[Place]) -> float:
@@ -407,13 +400,10 @@ def _mean(motions: list[Place]) -> float:
 def _motions(images: Iterable[tuple[Fraction, NDArray[Any]]]) -> Iterator[Place]:
     """Yield the mean length of the motion from every image to the next, as a fraction of the longer side.
 
-    Where luma moves, chroma, whose contrast is low, does not count.
+    It is that of the colour channel that moves most.
     """
     estimator = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
     for (time, image0), (_, image1) in pairwise(images):
-        flows = (
-            estimator.calc(plane0, plane1, np.zeros((*plane0.shape, 2), np.float32))
-            for plane0, plane1 in zip(cv2.split(image0), cv2.split(image1), strict=True)
-        )
-        luma, *chroma = (float(np.linalg.norm(flow, axis=2).mean()) / THUMBNAIL_SIDE for flow in flows)
-        yield Place(time, max(luma, CHROMA_SHARE * max(chroma, default=0.0)))
+        channels = zip(cv2.split(image0), cv2.split(image1), strict=True)
+        flows = [estimator.calc(*planes, np.zeros((*planes[0].shape, 2), np.float32)) for planes in channels]
+        yield Place(time, float(np.linalg.norm(flows, axis=-1).mean(axis=(1, 2)).max()) / THUMBNAIL_SIDE)
