@@ -368,7 +368,7 @@ class _Parts:
 
 def largest_first(planned: Sequence[PlannedPart]) -> list[PlannedPart]:
     """Return parts in the order in which they are computed, those of one size by their numbers."""
-    return sorted(planned, key=lambda each: (-each.cost, each.part.number))
+    return sorted(planned, key=lambda each: (-each.frames, each.part.number))
 
 
 @contextmanager

@@ -317,7 +317,7 @@ def complete_already(name: str) -> str:
 
 
 REPLACED = "replaced"
-INDEX_NAME = ".index.npz"
+INDEX_NAME = ".index.json"
 """File in the folder of all parts with the list of the input's frames."""
 
 

@@ -1,24 +1,22 @@
-"""Plan of the parts of a conversion: their output frames, the cost of each, and where its source begins.
+"""Plan of the parts of a conversion: their output frames, and where the source of each begins.
 
 A part begins to read the source a few frames before its own, at a frame from which the loop certainly does the same as
 in one run (`find_entry`). The list of a video's frames is left in a file beside the parts, so that not every part has
 to read the whole video.
 """
 
-import io
+import json
 import math
 import re
 import shutil
-import zipfile
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property, partial
-from itertools import islice, pairwise
+from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -57,8 +55,6 @@ REPLACED_BEFORE = 2 * (MAX_RUN + 1) + CERTAIN_AFTER
 before, from the first that is certainly grouped as in one run."""
 LATE = 30
 """Time of the source at which a curve must begin at least for the frames before it to be skipped, seconds."""
-NO_TIME = np.iinfo(np.int64).min
-"""Number in a list of frames for an unknown time."""
 
 
 @dataclass
@@ -194,8 +190,6 @@ class PlannedPart:
     part: Part
     frames: int
     """Output frames, as far as their number is known beforehand."""
-    cost: float
-    """Work relative to other parts of the same job: frames to write and pairs of the source's frames to follow."""
 
 
 @contextmanager
@@ -212,9 +206,8 @@ def planned_job(job: ConversionJob, run: RunOptions, count: int) -> Iterator[tup
     with prepared(job, run) as ready:
         folder = Part(1, 1).folder(ready.target.path).parent
         _refuse_others(folder, facts_of(ready), overwrite=run.overwrite)
-        names = [path.name for path in folder.iterdir()] if folder.is_dir() else []
-        cut = {int(match[1]) for name in names if (match := re.search(r"\d{4}-of-(\d{4})\b", name))}
-        planned = _plan_parts(ready, max(cut, default=0) or count)
+        names = (re.search(r"\d{4}-of-(\d{4})\b", path.name) for path in folder.glob("*"))
+        planned = _plan_parts(ready, max((int(name[1]) for name in names if name), default=count))
         ready.target.open(replace(ready.output, job=JobFingerprint({}, resume=run.resume)))  # checks the place
         with explained(OutputError, "write to", folder, "check the path and the permissions"):
             folder.mkdir(exist_ok=True)
@@ -229,30 +222,23 @@ def _refuse_others(folder: Path, facts: Mapping[str, str], *, overwrite: bool) -
     """Remove parts of another job if the output may be replaced; raise `OutputError` if not."""
     manifests = (Manifest.read(path.parent) for path in folder.glob(f"*/{MANIFEST_NAME}"))
     difference = next(filter(None, (first_difference(facts, each.facts) for each in manifests)), None)
-    if difference is not None and not overwrite:
+    if difference is None:
+        return
+    if not overwrite:
         raise OutputError(
             f"{folder} contains parts with a different {difference}; remove it, or give `overwrite=True`."
         )
-    if difference is not None:
-        shutil.rmtree(folder)
+    shutil.rmtree(folder)
 
 
 def _plan_parts(ready: Preparation, count: int) -> list[PlannedPart]:
     """Plan the parts of a job in order: `count` of them, or as many as there are chunks of a video, or images."""
-    times, total, unit = _measured(ready)
+    _, total, unit = _measured(ready)
     count = max(1, min(count, -(-total // unit), MAX_PARTS))
     parts = [Part(number, count) for number in range(1, count + 1)]
     ranges = [outputs_of(part, total, unit) for part in parts]
     frames = [(total if outputs.stop is None else outputs.stop) - outputs.first for outputs in ranges]
-    pairs = [0] * count
-    if times:
-        numbers = OutputNumbers(times, ready.base_schedule)
-        begins = [*(numbers.source_frame(outputs.first) for outputs in ranges), len(times)]
-        pairs = [after - begin for begin, after in pairwise(begins)]
-    return [
-        PlannedPart(part, of_part, of_part + float(of_source))
-        for part, of_part, of_source in zip(parts, frames, pairs, strict=True)
-    ]
+    return list(map(PlannedPart, parts, frames))
 
 
 def _measured(ready: Preparation) -> tuple[Sequence[Fraction] | None, int, int]:
@@ -281,7 +267,7 @@ def frame_times(clip: OpenedClip, folder: Path) -> Sequence[Fraction] | None:
     source = clip.source
     if not isinstance(source, RandomAccess):
         return None
-    if isinstance(clip.whole, SeekableSource) and (folder / INDEX_NAME).exists():
+    if isinstance(clip.whole, SeekableSource):
         clip.whole.frame_index = read_index(folder, input_identity(clip)) or clip.whole.frame_index
     return source.frame_times()
 
@@ -294,11 +280,10 @@ def share_index(clip: OpenedClip, folder: Path) -> None:
     index = clip.whole.frame_index if isinstance(clip.whole, SeekableSource) else None
     if index is None or (folder / INDEX_NAME).exists():
         return
-    points = [(point.number, point.pts, NO_TIME if point.dts is None else point.dts) for point in index.entry_points]
-    data, identity = io.BytesIO(), input_identity(clip)
-    np.savez_compressed(data, identity=identity, ticks=index.ticks, entry_points=np.array(points, np.int64))
+    points = [(point.number, point.pts, point.dts) for point in index.entry_points]
+    data = {"identity": input_identity(clip), "ticks": index.ticks.tolist(), "entry_points": points}
     with suppress(OSError):
-        write_safely(folder / INDEX_NAME, data.getvalue())
+        write_safely(folder / INDEX_NAME, json.dumps(data).encode())
 
 
 def outputs_of(part: Part, total: int, unit: int) -> OutputRange:
@@ -318,15 +303,10 @@ def outputs_of(part: Part, total: int, unit: int) -> OutputRange:
 def read_index(folder: Path, identity: str) -> FrameIndex | None:
     """Read the index of a video with this identity; None if there is none, or it is damaged."""
     try:
-        with np.load(folder / INDEX_NAME, allow_pickle=False) as stored:
-            if str(stored["identity"]) != identity:
-                return None
-            points = [
-                EntryPoint(number, pts, None if dts == NO_TIME else dts)
-                for number, pts, dts in stored["entry_points"].reshape(-1, 3).tolist()
-            ]
-            return FrameIndex(stored["ticks"], points)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        data = json.loads((folder / INDEX_NAME).read_bytes())
+        points = [EntryPoint(*point) for point in data["entry_points"]]
+        return FrameIndex(np.array(data["ticks"], np.int64), points) if data["identity"] == identity else None
+    except (OSError, ValueError, KeyError, TypeError):
         return None
 
 
@@ -334,7 +314,6 @@ def manifest_of(plan: PartPlan, ready: Preparation, folder: Path) -> Manifest:
     """Return the manifest of a part whose files are complete."""
     job, summary, outputs = ready.job, plan.summary, plan.outputs
     assert summary is not None
-    of_one_run: dict[str, Any] = {"seconds": 0.0, "completed_frames": 0}
     read = summary.frames_in + (0 if outputs.entry is None else outputs.entry.number)
     by_number = (
         isinstance(ready.base_schedule, ByFactor)
@@ -350,7 +329,9 @@ def manifest_of(plan: PartPlan, ready: Preparation, folder: Path) -> Manifest:
         encoding=job.encoding,
         facts=facts_of(ready),
         first=outputs.first,
-        summary=replace(summary, frames_in=read, remarks=[*plan.remarks, *summary.remarks], **of_one_run),
+        summary=replace(
+            summary, frames_in=read, remarks=[*plan.remarks, *summary.remarks], seconds=0.0, completed_frames=0
+        ),
         counts_frames=by_number,
         window=ready.clip.window,
         files=[stored(path) for path in part_files(folder)],

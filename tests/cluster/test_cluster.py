@@ -38,7 +38,7 @@ from fpsboost.cluster import dask_engine, worker  # noqa: E402 (only where Dask 
 
 def test_largest_parts_go_first():
     """And parts of one size in order."""
-    planned = [PlannedPart(Part(number, 4), each, float(each)) for number, each in enumerate((10, 30, 20, 20), 1)]
+    planned = [PlannedPart(Part(number, 4), each) for number, each in enumerate((10, 30, 20, 20), 1)]
     assert [each.part.number for each in dask_engine.largest_first(planned)] == [2, 3, 4, 1]
 
 

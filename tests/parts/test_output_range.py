@@ -29,7 +29,8 @@ class PlainCuts(CutDetector):
     """Detector whose match score is that of single pixels, for speed."""
 
     def match_score(self, image0: FrameCache, image1: FrameCache) -> float:
-        return 1 - float(np.abs(image0.array[::4, ::4].astype(float) - image1.array[::4, ::4]).mean()) / 255 * 3
+        difference = float(np.abs(image0.array[::4, ::4].astype(float) - image1.array[::4, ::4]).mean())
+        return max(0.0, 1 - difference / 255 * 3)
 
 
 BLEND = replace(methods["blend"], cuts=PlainCuts())
