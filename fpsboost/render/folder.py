@@ -14,7 +14,7 @@ OpenEXR
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Sequence
 from copy import copy
 from functools import lru_cache
@@ -171,17 +171,11 @@ class VectorFolder:
         """Return whether there is a file for an output frame, counted from 0."""
         return self._place_of(self._vectors, number) is not None
 
-    def channels_for(self, number: int, image: Pixels) -> tuple[NDArray[Any], VectorConvention]:
+    def channels_at(self, number: int) -> tuple[NDArray[Any], VectorConvention]:
         """Return the channels of an output frame's vectors, (H, W, 2 or 4) float32, and their usual convention.
 
-        Raises `InputError` if there are none, they are not finite numbers, or are of another size than the image.
+        Raises `InputError` if there are none, or they are not finite numbers.
         """
-        channels, usual = self._channels_at(number)
-        self._check_size(channels, image)
-        return channels, usual
-
-    def _channels_at(self, number: int) -> tuple[NDArray[Any], VectorConvention]:
-        """Return the channels of an output frame's vectors as stored, and the usual convention of their names."""
         file = self._file_of(self._vectors, number, self.path, "vectors")
         names = list(read_exr_header(file).channels)
         found = find_vector_channels(names, of_any_layer=self.convention is not None)
@@ -204,16 +198,16 @@ class VectorFolder:
     def for_image(self, number: int, image: Pixels) -> FrameVectors:
         """Return the vectors of an output frame like `at`, or raise `InputError` if the image is of another size."""
         vectors = self.at(number)
-        self._check_size(vectors.backward, image)
+        self.check_size(vectors.backward, image)
         return vectors
 
-    def _check_size(self, vectors: NDArray[Any], image: Pixels) -> None:
+    def check_size(self, vectors: NDArray[Any], image: Pixels) -> None:
         """Raise `InputError` if vectors are of another size than an image."""
-        (height, width), (image_height, image_width) = vectors.shape[:2], image.shape[:2]
-        if (height, width) != (image_height, image_width):
+        height, width = vectors.shape[:2]
+        if vectors.shape[:2] != image.shape[:2]:
             raise InputError(
                 f"{self.path} has vectors for {width}x{height} pixels, and the frames have "
-                f"{image_width}x{image_height}; render both in one size."
+                f"{image.shape[1]}x{image.shape[0]}; render both in one size."
             )
 
     def _read(self, number: int) -> FrameVectors:
@@ -223,10 +217,10 @@ class VectorFolder:
             backward, forward = map(read_flow, files)
             if backward.shape != forward.shape:
                 raise InputError(f"{files[0]} and {files[1].name} differ in size; write both for the same frame.")
-            for path, flow in zip(files, (backward, forward), strict=True):
-                _check_numbers(path, flow)
+            _check_numbers(files[0], backward)
+            _check_numbers(files[1], forward)
         else:
-            channels, usual = self._channels_at(number)
+            channels, usual = self.channels_at(number)
             convention = self.convention or usual
             if channels.shape[2] != 2 * len(convention.pairs):
                 raise InputError(
@@ -239,9 +233,9 @@ class VectorFolder:
         file = self._file_of(self._depth, number, self.depth_path, "depth")
         depth = _read_depth(file)
         if depth.shape != backward.shape[:2]:
-            (height, width), (vectors_height, vectors_width) = depth.shape, backward.shape[:2]
+            height, width = backward.shape[:2]
             raise InputError(
-                f"{file} has {width}x{height} pixels, and the vectors have {vectors_width}x{vectors_height}; "
+                f"{file} has {depth.shape[1]}x{depth.shape[0]} pixels, and the vectors have {width}x{height}; "
                 "render both in one size."
             )
         return FrameVectors(backward, forward, depth)
@@ -268,8 +262,7 @@ class VectorFolder:
         if self._numbers is None or files.numbering is None:
             return number if 0 <= number < len(files.files) else None
         wanted = self._numbers[0] + number * self.step
-        place = bisect_left(files.numbers, wanted)
-        return place if place < len(files.numbers) and files.numbers[place] == wanted else None
+        return files.numbers.index(wanted) if wanted in files.numbers else None
 
 
 def _find_files(path: Path, what: str, *suffixes: str) -> NumberedImages:
@@ -424,8 +417,10 @@ def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], 
         return folder
     pairs, usual = [], None
     for (number0, image0), (number1, image1) in frames:
-        channels0, usual = folder.channels_for(number0, image0)
-        channels1, _ = folder.channels_for(number1, image1)
+        channels0, usual = folder.channels_at(number0)
+        channels1, _ = folder.channels_at(number1)
+        folder.check_size(channels0, image0)
+        folder.check_size(channels1, image1)
         pairs.append(RenderedPair(image0, image1, channels0, channels1, (number1 - number0) * folder.step))
     if usual is None:
         return folder
@@ -448,7 +443,7 @@ def fit_convention(pairs: Iterable[RenderedPair], usual: VectorConvention) -> Ve
     the other one fetched along the vectors. Of those that fit about as well as the best, the one nearest to `usual` is
     taken.
     """
-    errors: dict[tuple[int, StoredVectors], float] = {}
+    errors = defaultdict[tuple[int, StoredVectors], float](float)
     still, count = 0.0, len(usual.pairs)
     meanings = [StoredVectors(*meaning) for meaning in product(get_args(Direction), (1, -1), (1, -1))]
     for pair in pairs:
@@ -458,15 +453,13 @@ def fit_convention(pairs: Iterable[RenderedPair], usual: VectorConvention) -> Ve
             from_first = meaning.direction == "forward"
             here, there = ends if from_first else ends[::-1]
             channels = (pair.channels0 if from_first else pair.channels1)[..., 2 * number : 2 * number + 2]
-            error = _fetch_error(here, there, meaning.read(channels) * np.float32(pair.distance))
-            errors[number, meaning] = errors.get((number, meaning), 0.0) + error
+            errors[number, meaning] += _fetch_error(here, there, meaning.read(channels) * np.float32(pair.distance))
 
     def error_of(chosen: tuple[StoredVectors, ...]) -> float:
         return sum(errors[meaning] for meaning in enumerate(chosen)) / count
 
     def changes(chosen: tuple[StoredVectors, ...]) -> int:
-        pairs = zip(chosen, usual.pairs, strict=True)
-        return sum(value != usual_value for pair in pairs for value, usual_value in zip(*pair, strict=True))
+        return int((np.array(chosen) != np.array(usual.pairs)).sum())
 
     # no two pairs of channels lead to the same frame
     choices = [each for each in product(meanings, repeat=count) if len({pair.direction for pair in each}) == count]

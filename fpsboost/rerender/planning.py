@@ -260,18 +260,10 @@ def open_images(path: str, folder: str) -> ImageSource:
 
     Raises `InputError` unless they are images, and enough of them.
     """
-    is_images = stands_for_images(path)
-    refuse(
-        {
-            f"{path or 'An input without a name'} does not exist; check the name.": (
-                not is_images and not Path(path).exists()
-            ),
-            f"{path} is not a folder or pattern of images, which plans need; write its frames as images.": (
-                not is_images
-            ),
-        },
-        InputError,
-    )
+    if not stands_for_images(path):
+        if not Path(path).exists():
+            raise InputError(f"{path or 'An input without a name'} does not exist; check the name.")
+        raise InputError(f"{path} is not a folder or pattern of images, which plans need; write its frames as images.")
     check_new_folder(Path(folder))
     source = ImageSource(path, ASSUMED_IMAGE_RATE)
     if len(source.images.files) < MIN_IMAGES:
