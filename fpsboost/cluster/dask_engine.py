@@ -13,7 +13,7 @@ import pickle
 import shutil
 import time
 from asyncio import CancelledError
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
@@ -203,7 +203,7 @@ class _Parts:
         self._running: list[_Running] = []
         self._news = Event()  # set, in threads of Dask, when a task has ended or reported frames
         self._scheduler = client.scheduler
-        self._workers: Collection[str] = ()
+        self._workers = set[str]()
         self._asked = float("-inf")
         self._copying = ThreadPoolExecutor(1, "fpsboost-copy")
 
@@ -252,14 +252,14 @@ class _Parts:
             tasks = self._client.sync(self._scheduler.processing, callback_timeout=REPLY_SECONDS)
         except (OSError, TimeoutError) as error:
             raise self._scheduler_gone() from error
-        self._workers, keys = tasks.keys(), {key for of_worker in tasks.values() for key in of_worker}
+        self._workers, keys = set(tasks), {key for of_worker in tasks.values() for key in of_worker}
         for running in self._running:
             running.times_missing = 0 if running.future.key in keys else running.times_missing + 1
 
     def _submit_to_free(self) -> None:
         """Give the next part to every worker that is free."""
         busy = {running.worker for running in self._running}
-        for worker in [each for each in self._workers if each not in busy]:
+        for worker in self._workers - busy:
             # the largest part that has not failed on this worker, or has failed on all of them
             attempts = ((each, self._attempts[each.part].failed_on) for each in self._waiting)
             free = (each for each, failed in attempts if worker not in failed or failed.issuperset(self._workers))

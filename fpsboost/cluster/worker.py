@@ -11,6 +11,7 @@ import pickle
 import time
 import traceback
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -125,17 +126,14 @@ class WorkerObserver(SilentObserver):
 
 def make_part(job: ConversionJob, run: RunOptions, observer: WorkerObserver) -> None:
     """Compute a part, using the results of an earlier attempt; wait if another run is computing it."""
-    with one_opencv_thread():
+    with one_opencv_thread(), suppress(CompleteAlreadyError):
         while True:
             try:
                 convert_job(job, replace(run, observer=observer))
-            except CompleteAlreadyError:
-                pass
+                return
             except InUseError:
                 observer.check()
                 time.sleep(LOCK_INTERVAL)
-                continue
-            return
 
 
 def job_key(facts: Mapping[str, str], output: str) -> str:

@@ -184,24 +184,22 @@ def _check_files(folder: Path, manifest: Manifest) -> None:
 
 
 def _summary(parts: Sequence[PartFiles]) -> Summary:
-    """Return the summary of the whole conversion: sums of the parts', with each remark once."""
+    """Return the summary of the whole conversion: sums of the parts'."""
     summaries = [manifest.summary for _, manifest in parts]
-    summary = Summary(
-        frames_in=max(each.frames_in for each in summaries),
-        frames_out=sum(each.frames_out for each in summaries),
-        frames_made=sum(each.frames_made for each in summaries),
-        scene_cuts=sum(each.scene_cuts for each in summaries),
-        duplicates=sum(each.duplicates for each in summaries),
-        unsure_frames=sum(each.unsure_frames for each in summaries),
-        unsure_pixels=sum(each.unsure_pixels for each in summaries),
-        replaced=[number for each in summaries for number in each.replaced],
-    )
+    summary = Summary(frames_in=max(each.frames_in for each in summaries))
     intervals = [each.frame_intervals for each in summaries if each.frame_intervals.longest]
     if intervals:
         longest = max(intervals, key=lambda each: (each.longest, -each.begin))
         shortest = min(each.shortest for each in intervals)
         summary.frame_intervals = FrameIntervals(shortest, longest.longest, longest.begin)
     for each in summaries:
+        summary.frames_out += each.frames_out
+        summary.frames_made += each.frames_made
+        summary.scene_cuts += each.scene_cuts
+        summary.duplicates += each.duplicates
+        summary.unsure_frames += each.unsure_frames
+        summary.unsure_pixels += each.unsure_pixels
+        summary.replaced += each.replaced
+        summary.remarks += each.remarks
         summary.note_match(each.lowest_match)
-        summary.remarks += [remark for remark in each.remarks if remark not in summary.remarks]
     return summary

@@ -228,7 +228,8 @@ def from_json(kind: Any, value: Any) -> Any:
     """Return the object of a type that `as_json` has stored.
 
     The type is a dataclass, Fraction, str, int, float, bool, a list, set, tuple or dict of these, or a union of one
-    with None. Raises `KeyError`, `TypeError` or `ValueError` for data of another form.
+    with None, in which further types are those that an option may be given as. Raises `KeyError`, `TypeError` or
+    `ValueError` for data of another form.
 
     Examples
     --------
@@ -241,10 +242,10 @@ def from_json(kind: Any, value: Any) -> Any:
     kinds = get_args(kind)
     if value is None:
         return None
-    if Fraction in (kind, *kinds) and get_origin(kind) not in (dict, list, set, tuple):
+    if kind is Fraction:
         return Fraction(value)
     if type(None) in kinds:
-        return from_json(next(each for each in kinds if each is not type(None)), value)
+        return from_json(kinds[0], value)
     if is_dataclass(kind):
         hints = {**get_type_hints(kind), **concrete_types.get(kind, {})}
         return kind(**{name: from_json(hints[name], item) for name, item in value.items()})  # type: ignore[operator]

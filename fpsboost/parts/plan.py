@@ -92,7 +92,7 @@ def plan_part(ready: Preparation) -> PartPlan:
     run = ready.run
     assert run.chunk is not None
     folder = run.chunk.folder(ready.target.path)
-    times, total, unit = _measured(ready)
+    total, unit = _measured(ready)
     outputs = outputs_of(run.chunk, total, unit)
     frames = (total if outputs.stop is None else outputs.stop) - outputs.first
     # the manifest follows the files, when the loop has run
@@ -100,9 +100,11 @@ def plan_part(ready: Preparation) -> PartPlan:
     plan = PartPlan(run.chunk, outputs, output)
     if not plan.is_empty:
         plan.outputs = enter(ready, outputs)
-    if outputs.first > 0 and not plan.is_empty and times is None:
-        name = ready.clip.source.info.name
-        plan.remarks.append(f"{name} does not list its frames, so that all those before a part were decoded for it.")
+        if outputs.first > 0 and plan.outputs.entry is None:
+            name = ready.clip.source.info.name
+            plan.remarks.append(
+                f"{name} does not list its frames, so that all those before a part were decoded for it."
+            )
     return plan
 
 
@@ -233,7 +235,7 @@ def _refuse_others(folder: Path, facts: Mapping[str, str], *, overwrite: bool) -
 
 def _plan_parts(ready: Preparation, count: int) -> list[PlannedPart]:
     """Plan the parts of a job in order: `count` of them, or as many as there are chunks of a video, or images."""
-    _, total, unit = _measured(ready)
+    total, unit = _measured(ready)
     count = max(1, min(count, -(-total // unit), MAX_PARTS))
     parts = [Part(number, count) for number in range(1, count + 1)]
     ranges = [outputs_of(part, total, unit) for part in parts]
@@ -241,8 +243,8 @@ def _plan_parts(ready: Preparation, count: int) -> list[PlannedPart]:
     return list(map(PlannedPart, parts, frames))
 
 
-def _measured(ready: Preparation) -> tuple[Sequence[Fraction] | None, int, int]:
-    """Return the times of all frames if known, the number of output frames, and how many of them stay together.
+def _measured(ready: Preparation) -> tuple[int, int]:
+    """Return the number of output frames, and how many of them stay together.
 
     Raises `OptionError` if the input or the output cannot be cut into parts.
     """
@@ -256,7 +258,7 @@ def _measured(ready: Preparation) -> tuple[Sequence[Fraction] | None, int, int]:
     refuse({"`loop` goes from the last frame to the first; convert it in one run.": ready.job.rate.loop})
     if total is None or not clip.whole.stream_info.files:
         raise OptionError(f"{info.name} does not declare its number of frames; convert it in one run.")
-    return times, total, CHUNK_FRAMES if ready.target.kind == "video" else 1
+    return total, CHUNK_FRAMES if ready.target.kind == "video" else 1
 
 
 def frame_times(clip: OpenedClip, folder: Path) -> Sequence[Fraction] | None:

@@ -29,7 +29,6 @@ from fpsboost import (
     Position,
     RunOptions,
     SourcePosition,
-    Summary,
     Target,
     convert_job,
     format_time,
@@ -75,6 +74,8 @@ class ConvertedPassage(NamedTuple):
     """Bytes that were written."""
     first: int
     """Bytes of the first picture of a video, a key frame; 0 for images and animations."""
+    remarks: list[str]
+    """Remarks of its conversion."""
 
 
 @dataclass
@@ -154,10 +155,10 @@ def preview(
                 on_task(f"{name}, passage {number + 1} of {len(selection.passages)}")
                 output = Path(folder, str(number), str(list(methods).index(name)))
                 output.parent.mkdir(exist_ok=True)
-                trial, summary = _convert_passage(replace(job, method=method), run, target, passage, output)
+                trial = _convert_passage(replace(job, method=method), run, target, passage, output)
                 trials[name].append(trial)
                 # frames of `replace` after the end of a passage are not necessarily after the end of the clip
-                remarks |= dict.fromkeys(each for each in summary.remarks if not each.startswith("The last frame is"))
+                remarks |= dict.fromkeys(each for each in trial.remarks if not each.startswith("The last frame is"))
     return Preview(
         info,
         rate,
@@ -214,7 +215,7 @@ class _Recorder(SilentObserver):
 
 def _convert_passage(
     job: ConversionJob, run: RunOptions, target: Target, passage: Passage, place: Path
-) -> tuple[ConvertedPassage, Summary]:
+) -> ConvertedPassage:
     """Convert a passage to files of the target's kind, which are left to the caller to remove."""
     part = job.of_part(passage.trim)
     if passage.retimed:
@@ -236,12 +237,12 @@ def _convert_passage(
     least, confidence = summary.lowest_match, None
     if least is not None:
         least, confidence = replace(least, time=least.time / job.rate.stretch), recorder.confidences[least.number]
-    summary.remarks = [remark.replace(output, target.path) for remark in summary.remarks]
+    remarks = [remark.replace(output, target.path) for remark in summary.remarks]
     size = sum(file.stat().st_size for file in [Path(output), *Path(output).glob("*")] if file.is_file())
     first = first_packet_size(Path(output)) if target.kind == "video" else 0
     return ConvertedPassage(
-        recorder.view, least, confidence, summary.frames_out, seconds, cpu * (1 - own), size, first
-    ), summary
+        recorder.view, least, confidence, summary.frames_out, seconds, cpu * (1 - own), size, first, remarks
+    )
 
 
 def _seconds_per_frame(trials: list[ConvertedPassage]) -> float:
@@ -360,7 +361,6 @@ def estimate_sentence(frames: int | None, seconds_per_frame: float) -> str:
 
 def write_video(path: str, preview: Preview, *, overwrite: bool = False) -> None:
     """Write every passage at full and at quarter speed, at the rate of the output, without sound."""
-    check_video(Target.parse(path), overwrite=overwrite)
     parts = [(views, speed) for views in preview.views() for speed in SPEEDS]
     counts = [round(views["before"].end * preview.stretch / speed * preview.rate) for views, speed in parts]
     first = _beside(parts[0][0], Fraction(0), "")

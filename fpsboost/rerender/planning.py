@@ -7,7 +7,7 @@ fractions of the frame with y up, and fractions of a pixel are cut off. In a fra
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from functools import partial
@@ -122,7 +122,7 @@ class RerenderPlan:
 
     def write(self, folder: Path) -> None:
         """Write ``plan.json`` and the masks into a folder."""
-        masks = mask_numbering(folder, [frame.number for frame in self.frames])
+        masks = self._mask_numbering(folder)
         for frame in self.frames:
             path, mask = masks.path(frame.number), frame.mask(self.height, self.width)[..., np.newaxis]
             write_safely(path, encode_image(path, mask * np.uint8(RENDERED)))
@@ -150,9 +150,14 @@ class RerenderPlan:
         plan._check_masks(folder)
         return plan
 
+    def _mask_numbering(self, folder: Path) -> Numbering:
+        """Return the names of masks, which are numbered like the frames, with as many digits as the longest number."""
+        digits = max(MASK_DIGITS, *(len(str(frame.number)) for frame in self.frames))
+        return Numbering(folder, "mask_", digits, ".png")
+
     def _check_masks(self, folder: Path) -> None:
         """Raise `InputError` if a mask is missing, or differs from the rectangles."""
-        masks = mask_numbering(folder, [frame.number for frame in self.frames])
+        masks = self._mask_numbering(folder)
         for frame in self.frames:
             path = masks.path(frame.number)
             content_of(path, "plan again, or put it back")
@@ -169,11 +174,6 @@ class RerenderPlan:
                 },
                 InputError,
             )
-
-
-def mask_numbering(folder: Path, numbers: Sequence[int]) -> Numbering:
-    """Return the names of masks, which are numbered like the frames, with as many digits as the longest number."""
-    return Numbering(folder, "mask_", max(MASK_DIGITS, *(len(str(number)) for number in numbers)), ".png")
 
 
 def _errors_of(item: PlannedFrame | RerenderPlan) -> dict[str, float]:
