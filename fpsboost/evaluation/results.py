@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,7 +24,7 @@ MIN_MSE = 1e-12
 """Smallest MSE, for white = 1: equal images have a PSNR of 120 dB, as infinity would have no mean."""
 
 SSIM_WINDOW = 7
-"""Side of the window of SSIM, pixels."""
+"""Side of the window of scikit-image's SSIM, pixels."""
 
 LOW_PERCENT = 5
 """Percentile of PSNR over frames that is reported: the worst frames characterize a clip better than the mean."""
@@ -40,7 +39,8 @@ class Scores:
     psnr: float
     """Peak signal-to-noise ratio, dB; at most 120."""
     ssim: float
-    """Structural similarity (Wang et al. 2004, doi:10.1109/TIP.2003.819861), mean over the channels."""
+    """Structural similarity (Wang et al. 2004, doi:10.1109/TIP.2003.819861) as scikit-image has it by default, mean
+    over the channels."""
     mae: float
     """Mean absolute error, levels of 255: what the Middlebury tables call interpolation error."""
 
@@ -70,31 +70,16 @@ def score(truth: Image, image: Image) -> Scores:
             f"Frames of {truth.shape[1]}x{truth.shape[0]} are too small to be compared; take at least "
             f"{SSIM_WINDOW} pixels each way."
         )
+    from skimage.metrics import structural_similarity  # noqa: PLC0415 (it takes a second to import)
+
     reference, values = (composite_on_black(each).astype(np.float64) for each in (truth, image))
     error = max(float(np.square(reference - values).mean()), MIN_MSE)
     return Scores(
         mse=error * LEVELS**2,
         psnr=float(-10 * np.log10(error)),
-        ssim=structural_similarity(reference, values),
+        ssim=float(structural_similarity(reference, values, channel_axis=2, data_range=1)),
         mae=float(np.abs(reference - values).mean() * LEVELS),
     )
-
-
-def structural_similarity(reference: Image, values: Image) -> float:
-    """Return the mean of SSIM over the pixels and channels of two images, (H, W, C) float64, for white = 1.
-
-    It is scikit-image's with its defaults: windows of 7x7 pixels that weigh alike and lie in the picture, and the
-    unbiased estimates of variances and covariance.
-    """
-    border, unbiased = SSIM_WINDOW // 2, SSIM_WINDOW**2 / (SSIM_WINDOW**2 - 1)
-    products = (reference, values, reference**2, values**2, reference * values)
-    first, second, *squares = (
-        cv2.blur(each, (SSIM_WINDOW, SSIM_WINDOW))[border:-border, border:-border] for each in products
-    )
-    variances = unbiased * (squares[0] + squares[1] - first**2 - second**2)
-    covariance = unbiased * (squares[2] - first * second)
-    luminance = (2 * first * second + 0.01**2) / (first**2 + second**2 + 0.01**2)
-    return float((luminance * (2 * covariance + 0.03**2) / (variances + 0.03**2)).mean())
 
 
 def absolute_error(truth: Image, image: Image) -> NDArray[Any]:

@@ -111,7 +111,7 @@ def test_what_a_conversion_does_not_need_is_not_imported(tmp_path, arguments):
     write_clip(tmp_path / "in.mp4")
     code = f"""if True:
         import atexit, sys
-        others = {{"matplotlib", "jinja2", "distributed", "starlette"}}
+        others = {{"matplotlib", "jinja2", "skimage", "distributed", "starlette"}}
         atexit.register(lambda: print("loaded:", others & set(sys.modules)))
         sys.argv = ["fpsboost", *{arguments}]
         from fpsboost.__main__ import main
