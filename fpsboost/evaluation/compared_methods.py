@@ -18,7 +18,7 @@ import numpy as np
 
 from fpsboost.colour import has_alpha, normalised
 from fpsboost.errors import OptionError
-from fpsboost.evaluation.hidden_frames import HeldOutFrame, Interval, Sample
+from fpsboost.evaluation.hidden_frames import HeldOutFrame, Interval
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, view
 from fpsboost.interpolator import Interpolator, with_neighbours
@@ -53,15 +53,13 @@ class InterpolatedFrame(NamedTuple):
 class ComparedMethod(Protocol):
     """Contract: a method that interpolates the hidden frames of a clip, in order."""
 
-    looks_far: ClassVar[bool]
-    """Whether a frame depends on more of the clip than its own interval, the one before and the one after."""
     any_time: ClassVar[bool]
     """Whether frames are interpolated at their own times, and not in equal steps only."""
 
     def interpolate(
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
-        """Yield the hidden frames of the intervals, which have no gaps, in order.
+        """Yield the hidden frames of a clip in order; `intervals` are all of it, which a method may look at.
 
         With `wanted`, only the frames with these numbers are yielded.
         """
@@ -70,19 +68,12 @@ class ComparedMethod(Protocol):
         """Return the method's options in one line, for the page."""
 
 
-def interpolate_sample(compared_method: ComparedMethod, sample: Sample) -> Image:
-    """Interpolate a sample's hidden frame exactly as in a comparison, unless the method looks beyond its window."""
-    (frame,) = compared_method.interpolate(sample.window, {sample.hidden.number})
-    return frame.image
-
-
 @dataclass(frozen=True)
 class ComparedInterpolator:
     """A method of this package. The time of the first frame of an interval includes the motion search."""
 
     interpolator: Interpolator
     """The method, with its cut policy and other settings."""
-    looks_far: ClassVar[bool] = False
     any_time: ClassVar[bool] = True
 
     def interpolate(
@@ -142,7 +133,6 @@ class Minterpolate:
             options[name] = value
         return cls(":".join(f"{name}={value}" for name, value in options.items()))
 
-    looks_far: ClassVar[bool] = True  # its search begins where the search for the frame before ended
     any_time: ClassVar[bool] = False  # it is fed frames without times
 
     def describe(self) -> str:

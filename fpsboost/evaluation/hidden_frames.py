@@ -5,7 +5,7 @@ they are grouped with the first of their kind, and stills do not count.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import islice, pairwise
@@ -262,32 +262,16 @@ def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
 
 
 class Sample(NamedTuple):
-    """A held-out frame with as much of the clip around it as methods need."""
+    """A hidden frame, and the interval that it lies in."""
 
     hidden: HeldOutFrame
-    """The frame."""
-    window: list[Interval]
-    """Its interval, the one before and the one after."""
-
-    @property
-    def interval(self) -> Interval:
-        """The interval that the frame lies in."""
-        return next(each for each in self.window if each.begin.number < self.hidden.number < each.end.number)
+    interval: Interval
 
 
-def read_samples(path: str, hold_out: HoldOut, numbers: Sequence[int]) -> list[Sample]:
-    """Return some of the hidden frames with their windows, in the order of `numbers`."""
-    samples: dict[int, Sample] = {}
-    before: Interval | None = None
-    unfinished: list[Sample] = []
-    for interval in hold_out.intervals(path):
-        for sample in unfinished:
-            sample.window.append(interval)
-        window = [interval] if before is None else [before, interval]
-        unfinished = [Sample(hidden, [*window]) for hidden in interval.hidden if hidden.number in numbers]
-        samples.update((sample.hidden.number, sample) for sample in unfinished)
-        before = interval
-    return [samples[number] for number in numbers]
+def read_samples(path: str, hold_out: HoldOut, numbers: Collection[int]) -> dict[int, Sample]:
+    """Return some of the hidden frames by their numbers."""
+    samples = (Sample(hidden, interval) for interval in hold_out.intervals(path) for hidden in interval.hidden)
+    return {sample.hidden.number: sample for sample in samples if sample.hidden.number in numbers}
 
 
 def parse_range(text: str) -> tuple[int, int | None]:

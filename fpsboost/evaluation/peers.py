@@ -44,7 +44,6 @@ class PeerFrames:
     """Elapsed time per frame; NaN if unknown."""
     cpu_seconds: float = UNKNOWN
     """CPU time per frame; NaN if unknown."""
-    looks_far: ClassVar[bool] = False  # whatever the tool looked at: its images stay the same
     any_time: ClassVar[bool] = False  # it was given frames without times
 
     def interpolate(

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from fpsboost import DecodeOptions, InputError
-from fpsboost.evaluation.compared_methods import interpolate_sample
-from fpsboost.evaluation.hidden_frames import HoldOut, read_samples
+from fpsboost.evaluation.hidden_frames import HoldOut
 from fpsboost.evaluation.peers import find_frames, read_like, run_peer
 
 HEIGHT, WIDTH = 20, 24
@@ -75,8 +74,8 @@ def test_images_are_matched(tmp_path, clip, names, hold_out):
     for frame in frames:
         np.testing.assert_array_equal(frame.image, gray(frame.number))
         assert np.isnan(frame.seconds)
-    (sample,) = read_samples(clip, hold_out, [wanted[-1]])
-    np.testing.assert_array_equal(interpolate_sample(compared_method, sample), gray(wanted[-1]))
+    (last,) = compared_method.interpolate(hold_out.intervals(clip), [wanted[-1]])
+    np.testing.assert_array_equal(last.image, gray(wanted[-1]))
 
 
 def test_a_folder_that_does_not_fit_is_one_sentence(tmp_path, clip):

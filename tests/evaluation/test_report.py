@@ -125,9 +125,8 @@ def test_small_areas_are_not_on_the_page(comparison, compared_methods, tmp_path)
 
 
 class Darkening:
-    """A method that looks far: each frame is darker than the one made before, and the first is white."""
+    """A method that looks at all of the clip: each frame is darker than the one made before, and the first is white."""
 
-    looks_far: ClassVar[bool] = True
     any_time: ClassVar[bool] = False
 
     def interpolate(self, intervals, wanted=None):
@@ -141,7 +140,7 @@ class Darkening:
 
 
 def test_frames_shown_are_those_that_were_scored(comparison):
-    """A method that looks far is run over the whole clip again, so that it makes what it made before."""
+    """Methods are run over the whole clip again, so that they make what they made before."""
     compared_methods = {"darkening": Darkening()}
     scored = compare(comparison.clip, compared_methods, HoldOut(), Nobody())
 
@@ -286,7 +285,7 @@ def test_some_frames_are_kept_without_loss(comparison, compared_methods):
     frames = {frame["number"]: frame for frame in played.frames}
     assert frames[second]["loss"] == 0 < frames[first]["loss"]
     picture = decoded(played.uris[frames[second]["images"][0]])
-    (sample,) = read_samples(comparison.clip, comparison.hold_out, [second])
+    (sample,) = read_samples(comparison.clip, comparison.hold_out, [second]).values()
     assert np.array_equal(picture, as_shown(sample.hidden.truth))
     pixels = HEIGHT * WIDTH * (1 + len(NAMES))
     assert choose_exact(comparison, [second, first], 2 * pixels - 1) == [second]

@@ -11,7 +11,6 @@ from comparison_truth import HEIGHT, NAMES, WIDTH
 from playwright.sync_api import expect
 
 from fpsboost.colour import as_shown
-from fpsboost.evaluation.compared_methods import interpolate_sample
 from fpsboost.evaluation.hidden_frames import read_samples
 from fpsboost.evaluation.report.page import DIFFERENT, choose_frames
 
@@ -129,8 +128,10 @@ def test_page_opens_with_exact_pixels(page, comparison, compared_methods):
     number = opening_of(comparison)
     at_frame(page, number)
     expect(page.locator(".loss")).to_have_text("Exact: kept without loss.")
-    (sample,) = read_samples(comparison.clip, comparison.hold_out, [number])
-    images = sample.hidden.truth, interpolate_sample(compared_methods["dis"], sample)
+    intervals = comparison.hold_out.intervals(comparison.clip)
+    (made,) = compared_methods["dis"].interpolate(intervals, [number])
+    (sample,) = read_samples(comparison.clip, comparison.hold_out, [number]).values()
+    images = sample.hidden.truth, made.image
     truth, interpolated = (as_shown(image).astype(int)[..., ::-1] for image in images)
     box = page.locator(".stage").bounding_box()
     page.mouse.move(box["x"] + box["width"] * 20.5 / WIDTH, box["y"] + box["height"] * 10.5 / HEIGHT)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
-from fpsboost.evaluation.compared_methods import MINTERPOLATE, ComparedMethod, interpolate_sample, method_names
+from fpsboost.evaluation.compared_methods import MINTERPOLATE, ComparedMethod, method_names
 from fpsboost.evaluation.export import (
     COLUMNS,
     area_rows,
@@ -44,7 +44,6 @@ from fpsboost.evaluation.report.self_contained import templates_of
 from fpsboost.evaluation.report.styles import styles_of
 from fpsboost.evaluation.results import TIMES, ComparedClip, Comparison
 from fpsboost.evaluation.verdict import judge, judge_all, listed
-from fpsboost.image import Image
 from fpsboost.io.new_output import new_folder, write_whole
 
 PAGE = "index.html"
@@ -162,27 +161,21 @@ def _clip_values(each: ComparedClip, at: str, clips: int) -> dict[str, Any]:
 def _view_frames(
     comparison: Comparison, compared_methods: Mapping[str, ComparedMethod], choices: Mapping[int, Sequence[str]]
 ) -> tuple[list[FrameSection], MotionView | None]:
-    """Return views of the frames of `choose_frames`, and of the motion at the first of them.
-
-    Each frame is interpolated when it is needed, so that few are in memory.
-    """
-    names = [method.name for method in comparison.methods]
-    far: dict[str, dict[int, Image]] = {}
-    for name in names:
-        if compared_methods[name].looks_far:  # which sees the whole clip
-            interpolated = compared_methods[name].interpolate(comparison.hold_out.intervals(comparison.clip), choices)
-            far[name] = {frame.number: frame.image for frame in interpolated}
-    samples = read_samples(comparison.clip, comparison.hold_out, list(choices))
+    """Return views of the frames of `choose_frames`, and of the motion at the first of them."""
+    path, hold_out = comparison.clip, comparison.hold_out
+    images = {
+        name: {frame.number: frame.image for frame in compared_method.interpolate(hold_out.intervals(path), choices)}
+        for name, compared_method in compared_methods.items()
+    }
+    samples = read_samples(path, hold_out, choices)
     sections: list[FrameSection] = []
     motion: MotionView | None = None
-    for (number, reasons), sample in zip(choices.items(), samples, strict=True):
-        frames = {
-            name: far[name][number] if name in far else interpolate_sample(compared_methods[name], sample)
-            for name in names
-        }
-        sections.append(FrameSection(_title(number, reasons, names[0]), number, view_frame(sample, frames)))
+    for number, reasons in choices.items():
+        frames = {name: of_method[number] for name, of_method in images.items()}
+        title = _title(number, reasons, comparison.methods[0].name)
+        sections.append(FrameSection(title, number, view_frame(samples[number], frames)))
         if len(sections) == 1:
-            motion = view_motion(sample, frames, compared_methods)
+            motion = view_motion(samples[number], frames, compared_methods)
     return sections, motion
 
 

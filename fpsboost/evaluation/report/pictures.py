@@ -3,7 +3,7 @@
 A passage is the true frames of a part of the clip, and those of each method, in step.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from statistics import median
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fpsboost.colour import as_shown
 from fpsboost.evaluation.compared_methods import ComparedInterpolator, ComparedMethod
-from fpsboost.evaluation.hidden_frames import Interval, Sample
+from fpsboost.evaluation.hidden_frames import Sample
 from fpsboost.evaluation.report.self_contained import (
     LOSSLESS,
     MAX_WIDTH,
@@ -151,9 +151,7 @@ def view_motion(
     moving = {
         name: each.interpolator
         for name, each in compared_methods.items()
-        if name in places
-        and isinstance(each, ComparedInterpolator)
-        and not isinstance(each.interpolator.estimator, ZeroMotion)
+        if isinstance(each, ComparedInterpolator) and not isinstance(each.interpolator.estimator, ZeroMotion)
     }
     pairs = {name: each.pair(*interval.prepared(with_layers=each.takes_layers)) for name, each in moving.items()}
     if not pairs:
@@ -324,7 +322,6 @@ def view_passages(
 ) -> PlayerData:
     """Interpolate the hidden frames of passages once more and encode them, those of `exact` without loss."""
     passage_of = {number: place for place, passage in enumerate(passages) for number in passage}
-    last = max(passage_of)
     data = PlayerData(["truth", *(method.name for method in comparison.methods)], *_size_of(comparison), 0.0)
     frames: dict[tuple[int, int], dict[str, Any]] = {}
 
@@ -340,7 +337,7 @@ def view_passages(
         frames.setdefault((passage, number), frame)["images"].append(data.add_picture(data_uri(picture, "webp")))
 
     intervals = partial(comparison.hold_out.intervals, comparison.clip)
-    for interval in _until(intervals(), last, 0):
+    for interval in intervals():
         for hidden in interval.hidden:
             if hidden.number not in passage_of:
                 continue
@@ -350,21 +347,8 @@ def view_passages(
                     add(number, passage, frame.array, "shown")
             add(hidden.number, passage, hidden.truth, "hidden")
             data.fps = float((len(interval.hidden) + 1) / (interval.shown1.time - interval.shown0.time))
-    for method in comparison.methods:
-        compared_method = compared_methods[method.name]
-        # one interval more, whose motion has a say; a method that looks far gets all
-        read = intervals() if compared_method.looks_far else _until(intervals(), last, 1)
-        for interpolated in compared_method.interpolate(read, passage_of):
+    for compared_method in compared_methods.values():
+        for interpolated in compared_method.interpolate(intervals(), passage_of):
             add(interpolated.number, passage_of[interpolated.number], interpolated.image, "hidden")
     data.frames = [frames[key] for key in sorted(frames)]
     return data
-
-
-def _until(intervals: Iterable[Interval], last: int, more: int) -> Iterator[Interval]:
-    """Yield intervals up to the one with the last hidden frame, and `more` after it."""
-    for interval in intervals:
-        yield interval
-        if interval.end.number > last:
-            if not more:
-                return
-            more -= 1
