@@ -4,14 +4,12 @@
 """
 
 import os
-import re
 import shlex
 import subprocess
 import tempfile
 import time
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import count
 from pathlib import Path
 from typing import ClassVar
 
@@ -27,9 +25,6 @@ from fpsboost.io.images.source import find_images
 
 UNKNOWN = float("nan")
 """Time of a tool that was not run here."""
-
-READ_AT_MOST = 4096
-"""Number of bytes at the end of a command's output in which its last line is searched for."""
 
 
 @dataclass(frozen=True)
@@ -70,30 +65,32 @@ def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerF
     """
     with explained(InputError, "read", folder, "name a folder of images"):
         images = find_images(str(folder))
-    count_of_images, own = len(images.files), images.numbers
-    # without the frames, which would not fit into memory
-    spans = [(each.begin.number, [one.number for one in each.hidden], each.end.number) for each in intervals]
-    first, last, most = spans[0][0], spans[-1][-1], max(len(of_span) for _, of_span, _ in spans)
-    hidden = [number for _, of_span, _ in spans for number in of_span]
+    files, own = images.files, images.numbers
+    hidden: list[int] = []
+    shown: list[int] = []
+    for interval in intervals:
+        hidden += [each.number for each in interval.hidden]
+        shown += [interval.begin.number, interval.end.number]
+        skip = len(interval.hidden)
+    first, last = shown[0], shown[-1]
     steps = np.diff(own).tolist()
-    numbers: Iterable[int]
-    if 0 <= count_of_images - (last - first + 1) <= most and len(set(steps)) <= 1:
-        numbers = count(first)
-    elif own[:1] in ([0], [1]) and set(steps) == {1} and count_of_images > last:
-        numbers = count()
-    elif count_of_images == len(hidden) and (len(set(steps)) <= 1 or steps == np.diff(hidden).tolist()):
+    is_even = len(set(steps)) <= 1
+    numbers: Sequence[int] = own
+    if is_even and last - first < len(files) <= last - first + 1 + skip:
+        numbers = range(first, first + len(files))
+    elif own[:1] in ([0], [1]) and set(steps) == {1} and len(files) > last:
+        numbers = range(len(files))
+    elif len(files) == len(hidden) and (is_even or steps == np.diff(hidden).tolist()):
         numbers = hidden
-    else:
-        numbers = own
-    paths = dict(zip(numbers, images.files, strict=False))
+    paths = dict(zip(numbers, files, strict=False))
     missing = [number for number in hidden if number not in paths]
     if missing:
         raise InputError(
-            f"{folder} has {count_of_images} images, but none for frame {missing[0]}; {name} must give the whole "
+            f"{folder} has {len(files)} images, but none for frame {missing[0]}; {name} must give the whole "
             f"sequence ({last - first + 1} images), the hidden frames alone ({len(hidden)}), or images numbered "
             "like the frames of the clip, counted from 0."
         )
-    return PeerFrames({number: paths[number] for number in hidden}, f"images of {folder}")
+    return PeerFrames(paths, f"images of {folder}")
 
 
 def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Path) -> PeerFrames:
@@ -123,9 +120,10 @@ def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Pa
     for folder in folders:
         folder.mkdir()
     places, count, factor, rate = _write_shown(intervals, folders[0])
-    values = {"in": str(folders[0]), "out": str(folders[1]), "factor": str(factor), "fps": f"{rate:.10g}"}
+    values = {"{in}": str(folders[0]), "{out}": str(folders[1]), "{factor}": str(factor), "{fps}": f"{rate:.10g}"}
+    for placeholder, value in values.items():
+        words = [word.replace(placeholder, value) for word in words]
     begin, begin_cpu = time.perf_counter(), _seconds_of_children()
-    words = [re.sub(r"\{(\w+)\}", lambda match: values.get(match[1], match[0]), word) for word in words]
     last_line = _run(name, words, scratch)
     seconds, cpu_seconds = time.perf_counter() - begin, _seconds_of_children() - begin_cpu
     images = find_images(str(folders[1])).files if any(folders[1].iterdir()) else []
@@ -136,7 +134,7 @@ def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Pa
             "write all frames, the shown ones too, as images into {out}"
             f"{last_line and f' (it printed: {last_line})'}."
         )
-    files = {number: images[place] for number, place in places}
+    files = {number: images[place] for number, place in places.items()}
     return PeerFrames(files, command, seconds / len(files), cpu_seconds / len(files))
 
 
@@ -154,23 +152,22 @@ def split_command(name: str, command: str) -> list[str]:
     return words
 
 
-def _write_shown(intervals: Iterable[Interval], folder: Path) -> tuple[list[tuple[int, int]], int, int, float]:
+def _write_shown(intervals: Iterable[Interval], folder: Path) -> tuple[dict[int, int], int, int, float]:
     """Write the shown frames, and return the output that is expected of the other program.
 
-    That is the numbers of the hidden frames with their positions in its output, the number of shown frames, that of
+    That is the positions of the hidden frames in its output by their numbers, the number of shown frames, that of
     output frames for each of them, and the shown frames per second.
     """
-    rows: list[tuple[int, int, float]] = []
-    factor, count, duration = 1, 0, 0.0
+    places: dict[int, int] = {}
+    seconds = 0.0
     for index, interval in enumerate(intervals):
+        factor = len(interval.hidden) + 1
         if index == 0:
             _write(folder, 0, interval.shown0.array)
         _write(folder, index + 1, interval.shown1.array)
-        rows += [(hidden.number, index, float(hidden.t)) for hidden in interval.hidden]
-        factor = max(factor, len(interval.hidden) + 1)
-        count, duration = index + 2, duration + float(interval.shown1.time - interval.shown0.time)
-    places = [(number, index * factor + min(max(1, round(t * factor)), factor - 1)) for number, index, t in rows]
-    return places, count, factor, (count - 1) / duration
+        places |= {hidden.number: index * factor + k for k, hidden in enumerate(interval.hidden, start=1)}
+        seconds += float(interval.shown1.time - interval.shown0.time)
+    return places, index + 2, factor, (index + 1) / seconds
 
 
 def _write(folder: Path, number: int, image: Image) -> None:
@@ -191,9 +188,9 @@ def _run(name: str, words: Sequence[str], folder: Path) -> str:
             )
         except OSError as error:
             raise InputError(f"The peer {name} cannot be run ({error.strerror}: {words[0]}); check `peer`.") from None
-        output.seek(max(0, output.seek(0, 2) - READ_AT_MOST))
-        lines = [line.strip() for line in output.read().decode(errors="replace").splitlines()]
-        last_line = next((line for line in reversed(lines) if line), "")
+        output.seek(0)
+        lines = output.read().decode(errors="replace").strip().splitlines()
+    last_line = lines[-1].strip() if lines else ""
     if process.returncode:
         how = f"exit code {process.returncode}" if process.returncode > 0 else f"signal {-process.returncode}"
         raise InputError(f"The peer {name} failed with {how}: {last_line or 'it printed nothing'}")
