@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.evaluation.report.styles import MARKS, break_name
+from fpsboost.evaluation.report.styles import MARKS
 
 MARKED_FRAMES = 80
 """Number of frames up to which each point of a line is marked."""
@@ -28,9 +28,6 @@ MAGNITUDE = 8
 
 WIDEST = 1e5
 """Ratio of the largest to the smallest value that a logarithmic scale shows: equal frames have next to no error."""
-
-Box = tuple[float, float, float, float]
-"""Left, top, right and bottom of a rectangle."""
 
 
 class Form(NamedTuple):
@@ -55,7 +52,6 @@ class Dot(NamedTuple):
     """Position of one method in a scatter plot."""
 
     method: int  # place among the methods, by which the page colours it
-    name: str
     x: float
     """Time per frame, seconds."""
     y: float
@@ -111,17 +107,6 @@ class Curve(NamedTuple):
     """Positions of its marks."""
 
 
-class Label(NamedTuple):
-    """Name of a method in a figure."""
-
-    method: int
-    lines: list[str]
-    x: float
-    """Centre of the lines."""
-    y: float
-    """Top of the first line."""
-
-
 class Chart(NamedTuple):
     """A figure in one form, as the template ``chart.html.j2`` draws it, and a page reads values from it."""
 
@@ -137,16 +122,9 @@ class Chart(NamedTuple):
     curves: list[Curve]
     cuts: Sequence[int] = ()
     """Frames that are marked, as they do not count."""
-    names: Sequence[Label] = ()
-    """Names of methods beside their dots."""
 
     @property
-    def is_labelled(self) -> bool:
-        """Whether every dot has its name beside it."""
-        return len(self.names) == len(self.curves)
-
-    @property
-    def box(self) -> Box:
+    def box(self) -> tuple[float, float, float, float]:
         """Left, top, width and height of the axes, shares of the figure."""
         width, height = self.form.width, self.form.height
         sides = self.x.start / width, self.y.end / height
@@ -195,21 +173,18 @@ def draw_lines(
 def _line(method: int, x: NDArray[Any], y: NDArray[Any]) -> Curve:
     """Return the line of a method through points, interrupted where one is not finite."""
     points = [(round(across, 2), round(down, 2)) for across, down in zip(x.tolist(), y.tolist(), strict=True)]
-    is_known = np.isfinite(y)
-    starts = is_known & ~np.concatenate([[False], is_known[:-1]])
-    path = [
-        f"{'M' if start else 'L'}{point[0]} {point[1]}"
-        for point, known, start in zip(points, is_known, starts, strict=True)
-        if known
-    ]
+    path, command = "", "M"
+    for across, down in points:
+        if math.isfinite(down):
+            path += f"{command}{across} {down}"
+        command = "L" if math.isfinite(down) else "M"
     step = len(points) // MARKS_OF_A_LINE if len(points) > MARKED_FRAMES else 1
     first = method * step // MARKS % step  # not all at the same frames
-    marks = [point for point, known in zip(points[first::step], is_known[first::step], strict=True) if known]
-    return Curve(method, "".join(path), marks)
+    return Curve(method, path, [point for point in points[first::step] if math.isfinite(point[1])])
 
 
 def draw_dots(label: str, across: str, dots: Sequence[Dot]) -> list[Chart]:
-    """Draw one dot with its name per method, with logarithmic x, in every form; `across` is the label of x."""
+    """Draw one dot per method, with logarithmic x, in every form; `across` is the label of x."""
     times, values = [dot.x for dot in dots], [dot.y for dot in dots]
     x = Axis(min(times) / 1.6, max(times) * 1.6, is_logarithmic=True)
     spare = 0.18 * ((max(values) - min(values)) or 1.0)
@@ -218,7 +193,7 @@ def draw_dots(label: str, across: str, dots: Sequence[Dot]) -> list[Chart]:
     for form in FORMS:
         chart = _laid_out(form, label, across, x, y)
         curves = [Curve(dot.method, "", [(float(chart.x.at(dot.x)), float(chart.y.at(dot.y)))]) for dot in dots]
-        charts.append(chart._replace(curves=curves, names=_labels(form, dots, [each.marks[0] for each in curves])))
+        charts.append(chart._replace(curves=curves))
     return charts
 
 
@@ -232,32 +207,3 @@ def _laid_out(form: Form, label: str, across: str, x: Axis, y: Axis) -> Chart:
     x = x._replace(start=left, end=form.width - 6)
     y = y._replace(start=form.height - 2 * LINE * form.text - 10, end=LINE * form.text * len(title) + 9)
     return Chart(form, title, across, x, y, x.labels(form.x_labels, 1), y_labels, [])
-
-
-def _labels(form: Form, dots: Sequence[Dot], points: Sequence[tuple[float, float]]) -> list[Label]:
-    """Return the names of dots where each covers nothing and is not cut off; others are left out."""
-    taken = [_box(x, y, 15, 15) for x, y in points]
-    labels = []
-    for dot, (x, y) in sorted(zip(dots, points, strict=True), key=lambda each: each[1][1]):
-        lines = break_name(dot.name)
-        width, height = WIDTH * form.text * max(map(len, lines)), LINE * form.text * len(lines)
-        aside, above = width / 2 + 10, -height / 2 - 8
-        places = [(aside, 0.0), (aside, above), (aside, -above), (0.0, above), (0.0, -above), (-aside, 0.0)]
-        places += [(aside, 2 * above), (aside, -2 * above), (-aside, above), (-aside, -above)]
-        boxes = [_box(x + right, y + down, width, height) for right, down in places]
-        inside = [box for box in boxes if min(box) >= 0 and box[2] <= form.width and box[3] <= form.height]
-        free = next((box for box in inside if not any(_overlap(box, other) for other in taken)), None)
-        if free is not None:
-            taken.append(free)
-            labels.append(Label(dot.method, lines, (free[0] + free[2]) / 2, free[1]))
-    return labels
-
-
-def _box(x: float, y: float, width: float, height: float) -> Box:
-    """Return a rectangle around its centre."""
-    return x - width / 2, y - height / 2, x + width / 2, y + height / 2
-
-
-def _overlap(one: Box, other: Box) -> bool:
-    """Return whether two rectangles have points in common."""
-    return one[0] <= other[2] and other[0] <= one[2] and one[1] <= other[3] and other[1] <= one[3]

@@ -262,7 +262,7 @@ def quality_plots(comparison: Comparison) -> list[Plot]:
     plots = []
     for key, title in comparison.known_times.items():
         dots = [
-            Dot(index, method.name, seconds, comparison.means(method).psnr)
+            Dot(index, seconds, comparison.means(method).psnr)
             for index, method in enumerate(comparison.methods)
             if math.isfinite(seconds := comparison.mean_seconds(method)[key])
         ]
