@@ -222,13 +222,14 @@ def tables(comparison: evaluation.Comparison) -> list[Table]:
     """Return tables, best method first: overall figures; errors by area, if one is large enough; further metrics."""
     count = len(comparison.hidden)
     title = f"{literal(comparison.clip)}: {count} {'frame' if count == 1 else 'frames'} of {comparison.kind}"
-    all_tables = [figure_table("method", title, FIGURES.values(), evaluation.overall_rows(comparison, FIGURES))]
+    columns = {name: evaluation.COLUMNS[name] for name in FIGURES}
+    all_tables = [figure_table("method", title, FIGURES.values(), evaluation.named_rows(comparison, columns))]
     if comparison.areas:
         areas = chain.from_iterable(comparison.areas)
         all_tables.append(figure_table("MAE", "where the errors are", areas, evaluation.area_rows(comparison)))
     if further := evaluation.further_columns(comparison):
         titles = [column.title for column in further.values()]
-        all_tables.append(figure_table("method", "further metrics", titles, evaluation.further_rows(comparison)))
+        all_tables.append(figure_table("method", "further metrics", titles, evaluation.named_rows(comparison, further)))
     return all_tables
 
 

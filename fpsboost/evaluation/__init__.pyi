@@ -5,12 +5,12 @@ from .compared_methods import ComparedInterpolator as ComparedInterpolator
 from .compared_methods import ComparedMethod as ComparedMethod
 from .compared_methods import Minterpolate as Minterpolate
 from .compared_methods import method_names as method_names
+from .export import COLUMNS as COLUMNS
 from .export import Row as Row
 from .export import area_rows as area_rows
 from .export import further_columns as further_columns
-from .export import further_rows as further_rows
 from .export import mean_rows as mean_rows
-from .export import overall_rows as overall_rows
+from .export import named_rows as named_rows
 from .export import write_csv as write_csv
 from .export import write_json as write_json
 from .further_metrics import choose_metrics as choose_metrics

@@ -6,7 +6,7 @@
 import csv
 import json
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from io import StringIO
 from pathlib import Path
@@ -142,9 +142,10 @@ class Row(NamedTuple):
     """Cells in the order of the columns."""
 
 
-def overall_rows(comparison: Comparison, names: Collection[str] = COLUMNS) -> list[Row]:
-    """Return quality and cost of every method, in columns of `COLUMNS` by their names."""
-    return _named_rows(comparison, {name: COLUMNS[name] for name in names})
+def named_rows(comparison: Comparison, columns: Mapping[str, Column] = COLUMNS) -> list[Row]:
+    """Return the rows of a table of quality and cost, in columns by the names of figures and metrics."""
+    means = [comparison.mean_figures(method) | comparison.further(method) for method in comparison.methods]
+    return _ranked_rows(comparison, list(columns.values()), [[each[name] for name in columns] for each in means])
 
 
 def area_rows(comparison: Comparison) -> list[Row]:
@@ -161,22 +162,11 @@ def further_columns(comparison: Comparison) -> dict[str, Metric]:
     return {name: metrics[name] for name in comparison.metrics if name not in COLUMNS}
 
 
-def further_rows(comparison: Comparison) -> list[Row]:
-    """Return the metrics of `further_columns`."""
-    return _named_rows(comparison, further_columns(comparison))
-
-
 def mean_rows(comparisons: Sequence[Comparison]) -> list[Row]:
     """Return the PSNR of every method on every clip, and its mean over the clips, which have equal weights."""
     psnr = psnr_of_clips(comparisons)
     figures = [[mean(of_clips), *of_clips] for of_clips in psnr.values()]
     return _rows(list(psnr), [COLUMNS["psnr"]] * (1 + len(comparisons)), figures, [row[0] for row in figures])
-
-
-def _named_rows(comparison: Comparison, columns: Mapping[str, Column]) -> list[Row]:
-    """Return the rows of a table about one clip, with columns by the names of figures and metrics."""
-    means = [comparison.mean_figures(method) | comparison.further(method) for method in comparison.methods]
-    return _ranked_rows(comparison, list(columns.values()), [[each[name] for name in columns] for each in means])
 
 
 def _ranked_rows(comparison: Comparison, columns: Sequence[Column], figures: Sequence[Sequence[float]]) -> list[Row]:

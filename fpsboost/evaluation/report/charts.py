@@ -20,8 +20,6 @@ MARKS_OF_A_LINE = 12
 
 WIDTH, LINE = 0.64, 1.3
 """Width of a letter and height of a line, in sizes of the text: not less than in any font that a page may find."""
-TITLE_WIDTH = 0.56
-"""Mean width of a letter of a title, in sizes of the text."""
 
 MAGNITUDE = 8
 """Ratio of the largest to the smallest value above which a logarithmic scale is used."""
@@ -111,8 +109,8 @@ class Chart(NamedTuple):
     """A figure in one form, as the template ``chart.html.j2`` draws it, and a page reads values from it."""
 
     form: Form
-    title: list[str]
-    """Lines of the title, which names what y is."""
+    title: str
+    """Name of what y is, short enough for one line of the narrow form."""
     across: str
     """Label of x."""
     x: Axis
@@ -201,9 +199,6 @@ def _laid_out(form: Form, label: str, across: str, x: Axis, y: Axis) -> Chart:
     """Return a chart without curves, whose axes have room for their labels and for the title."""
     y_labels = y.labels(9)
     left = form.text * WIDTH * max(len(f"{each:g}") for each in y_labels) + 7
-    before, comma, behind = label.rpartition(", ")
-    is_long = TITLE_WIDTH * form.text * len(label) > form.width - left
-    title = [f"{before},", behind] if comma and is_long else [label]
     x = x._replace(start=left, end=form.width - 6)
-    y = y._replace(start=form.height - 2 * LINE * form.text - 10, end=LINE * form.text * len(title) + 9)
-    return Chart(form, title, across, x, y, x.labels(form.x_labels, 1), y_labels, [])
+    y = y._replace(start=form.height - 2 * LINE * form.text - 10, end=LINE * form.text + 9)
+    return Chart(form, label, across, x, y, x.labels(form.x_labels, 1), y_labels, [])
