@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fpsboost.evaluation.further_metrics import STANDARD, Column, Metric, metrics
-from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
+from fpsboost.evaluation.regions import AREAS
 from fpsboost.evaluation.results import Comparison, mean
 from fpsboost.evaluation.verdict import judge, psnr_of_clips
 from fpsboost.io.new_output import write_whole
@@ -84,7 +84,7 @@ def rows_of(comparison: Comparison) -> Iterator[dict[str, Any]]:
                     "cpu_seconds": frame.cpu_seconds,
                     "search_radius": frame.search_radius,
                     **{f"mae_{area}": error for area, error in frame.inside.items()},
-                    **{f"mae_{COMPLEMENTS[AREAS.index(area)]}": error for area, error in frame.outside.items()},
+                    **{f"mae_{AREAS[area]}": error for area, error in frame.outside.items()},
                     **frame.metrics,
                 }
             )

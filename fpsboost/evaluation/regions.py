@@ -39,8 +39,8 @@ MAX_DIFFERENCE = DuplicateDetector().noise
 NOISE_FACTOR = 3.0
 """Multiple of the median difference over the frame that replaces it in noisy clips, where most pixels are visible."""
 
-AREAS, COMPLEMENTS = ("moving", "occluded", "uncertain"), ("still", "visible", "certain")
-"""Names of the areas, and of their complements in the same order."""
+AREAS = {"moving": "still", "occluded": "visible", "uncertain": "certain"}
+"""Names of the areas, each with that of its complement."""
 
 
 class Regions(NamedTuple):

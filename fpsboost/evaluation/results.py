@@ -15,7 +15,7 @@ from fpsboost.colour import composite_on_black
 from fpsboost.errors import InputError
 from fpsboost.evaluation.compared_methods import ComparedMethod
 from fpsboost.evaluation.hidden_frames import HoldOut
-from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
+from fpsboost.evaluation.regions import AREAS
 from fpsboost.image import Image
 
 LEVELS = 255
@@ -190,8 +190,7 @@ class Comparison:
     @property
     def areas(self) -> list[tuple[str, str]]:
         """Areas that are large enough to be shown, each with its complement, which is large enough too."""
-        pairs = zip(AREAS, COMPLEMENTS, strict=True)
-        return [pair for pair in pairs if MIN_SHARE <= self.shares[pair[0]] <= 1 - MIN_SHARE]
+        return [pair for pair in AREAS.items() if MIN_SHARE <= self.shares[pair[0]] <= 1 - MIN_SHARE]
 
     @property
     def uneven(self) -> list[int]:

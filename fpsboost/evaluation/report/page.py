@@ -43,6 +43,7 @@ from fpsboost.evaluation.report.self_contained import templates_of
 from fpsboost.evaluation.report.styles import styles_of
 from fpsboost.evaluation.results import TIMES, ComparedClip, Comparison
 from fpsboost.evaluation.verdict import judge, judge_all, listed
+from fpsboost.image import Image
 from fpsboost.io.new_output import new_folder, write_whole
 
 PAGE = "index.html"
@@ -161,21 +162,18 @@ def _view_frames(
     comparison: Comparison, compared_methods: Mapping[str, ComparedMethod], choices: Mapping[int, Sequence[str]]
 ) -> tuple[list[FrameSection], MotionView | None]:
     """Return views of the frames of `choose_frames`, and of the motion at the first of them."""
-    path, hold_out = comparison.clip, comparison.hold_out
-    images = {
-        name: {frame.number: frame.image for frame in compared_method.interpolate(hold_out.intervals(path), choices)}
-        for name, compared_method in compared_methods.items()
-    }
-    samples = read_samples(path, hold_out, choices)
-    sections: list[FrameSection] = []
-    motion: MotionView | None = None
-    for number, reasons in choices.items():
-        frames = {name: of_method[number] for name, of_method in images.items()}
-        title = _title(number, reasons, comparison.methods[0].name)
-        sections.append(FrameSection(title, number, view_frame(samples[number], frames)))
-        if len(sections) == 1:
-            motion = view_motion(samples[number], frames, compared_methods)
-    return sections, motion
+    images: dict[int, dict[str, Image]] = {number: {} for number in choices}
+    for name, compared_method in compared_methods.items():
+        for frame in compared_method.interpolate(comparison.hold_out.intervals(comparison.clip), choices):
+            images[frame.number][name] = frame.image
+    samples = read_samples(comparison.clip, comparison.hold_out, choices)
+    of_first = comparison.methods[0].name
+    sections = [
+        FrameSection(_title(number, reasons, of_first), number, view_frame(samples[number], images[number]))
+        for number, reasons in choices.items()
+    ]
+    first = next(iter(choices))
+    return sections, view_motion(samples[first], images[first], compared_methods)
 
 
 def choose_frames(comparison: Comparison) -> dict[int, list[str]]:
