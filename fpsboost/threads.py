@@ -117,7 +117,7 @@ def read_ahead(items: Iterable[T], depth: int, cancel: Callable[[], None] = noth
         try:
             remaining = iter(items)
             # an item is only fetched when there is room, so that none waits beside the queue
-            while _acquire(room, stopped) and not isinstance(item := next(remaining, End()), End):
+            while room.acquire() and not stopped.is_set() and not isinstance(item := next(remaining, End()), End):
                 queue.put(item)
         except BaseException as error:
             errors.append(error)
@@ -130,16 +130,12 @@ def read_ahead(items: Iterable[T], depth: int, cancel: Callable[[], None] = noth
         if errors:
             raise errors[0]
 
-    with _in_thread(run, "fpsboost-ahead", stopped.set, errors, cancel):
+    def stop() -> None:
+        stopped.set()
+        room.release()  # for a thread that waits for room
+
+    with _in_thread(run, "fpsboost-ahead", stop, errors, cancel):
         yield received()
-
-
-def _acquire(room: Semaphore, stopped: Event) -> bool:
-    """Wait until there is room; return whether that was before the flag was set."""
-    while not stopped.is_set():
-        if room.acquire(timeout=POLL_INTERVAL):
-            return not stopped.is_set()
-    return False
 
 
 def _items_of(queue: Queue[T | End], stopped: Event) -> Iterator[T]:
