@@ -49,8 +49,7 @@ from .io.opening import open_source as open_source
 from .io.opening import stands_for_images as stands_for_images
 from .io.video.ycc import PLANAR_FORMATS as PLANAR_FORMATS
 from .io.video.ycc import bgr_of as bgr_of
-from .io.video.ycc import from_bgr as from_bgr
-from .io.video.ycc import in_planes as in_planes
+from .io.video.ycc import in_coding as in_coding
 from .io.video.ycc import turned_upright as turned_upright
 from .layered import FrameImage as FrameImage
 from .media.demuxer import open_video as open_video

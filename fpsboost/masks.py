@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.colour import Coding, has_alpha, normalised
+from fpsboost.colour import has_alpha, normalised
 from fpsboost.errors import InputError, explained, refuse
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache
@@ -25,7 +25,7 @@ from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.images.source import find_images
 from fpsboost.io.opening import stands_for_images
-from fpsboost.io.video.ycc import from_bgr, in_planes, turned_upright
+from fpsboost.io.video.ycc import in_coding, turned_upright
 from fpsboost.layered import FrameImage, LayeredImage
 from fpsboost.options import MaskAs, PathName, checked
 from fpsboost.synthesis import InterpolatedImage
@@ -166,27 +166,9 @@ class Mask:
 def _put_over(image: Pixels, other: Pixels, weights: NDArray[Any]) -> Pixels:
     """Return an image with another one mixed in; if one of them has planes and the other colours, in planes."""
     coding = view(image).coding or view(other).coding
-    return mix_by_weight(_coded(image, coding), _coded(other, coding), weights)
+    return mix_by_weight(in_coding(image, coding), in_coding(other, coding), weights)
 
 
 def _with_picture(image: FrameImage, picture: Pixels) -> FrameImage:
     """Return a picture as one of scene-linear colours if an image is that."""
     return replace(image, colour=view(picture).array()) if isinstance(image, LayeredImage) else picture
-
-
-def _coded(image: Pixels, coding: Coding | None) -> Pixels:
-    """Return an image in the planes of a coding, if there is one."""
-    return (
-        image
-        if coding is None or view(image).coding is not None
-        else in_planes(
-            from_bgr(
-                view(image).array(),
-                coding.pixel_format,
-                coding.color_space,
-                coding.full_range,
-                chroma_location=coding.chroma_location,
-            ),
-            coding,
-        )
-    )

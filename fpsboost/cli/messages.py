@@ -110,11 +110,11 @@ def native_stderr_captured() -> Iterator[None]:
     Standard output may carry a video.
     """
     try:
-        descriptor = os.dup(STANDARD_ERROR)
+        texts = os.fdopen(STANDARD_ERROR, "w", buffering=1, errors="backslashreplace", closefd=False)
     except OSError:  # there is no standard error
         yield
         return
-    with open(descriptor, "w", buffering=1, errors="backslashreplace") as texts, redirect_stdout(texts):
+    with texts, redirect_stdout(texts):
         yield
 
 

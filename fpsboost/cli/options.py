@@ -130,6 +130,24 @@ class TuningOptions:
 
 
 @dataclass(frozen=True)
+class MaskOptions:
+    """Areas that stay as they are.
+
+    Raises `OptionError` for a use of a mask that is not given.
+    """
+
+    mask: str | None = option(None, "Image, or one per frame: white stays (HUD, titles).", metavar="FILE")
+    mask_as: MaskAs = option("keep", f"What is white: {one_of(MaskAs)}.")
+
+    def __post_init__(self) -> None:
+        refuse({"`mask_as` goes with `mask`; give that too.": self.mask is None and self.mask_as != "keep"})
+
+    def object(self) -> fpsboost.Mask | None:
+        """Return the mask; None if none is given."""
+        return None if self.mask is None else fpsboost.Mask(self.mask, mask_as=self.mask_as)
+
+
+@dataclass(frozen=True)
 class MethodOptions:
     """Method of interpolation by name, and options that apply to all methods."""
 
@@ -142,8 +160,7 @@ class MethodOptions:
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
     uncertain: Uncertain = option("keep", f"Fallback: {one_of(Uncertain)}.")
     below: float = option(LEAST_CONFIDENCE, "Confidence limit of uncertain pixels.")
-    mask: str | None = option(None, "Image, or one per frame: white stays (HUD, titles).", metavar="FILE")
-    mask_as: MaskAs = option("keep", f"What is white: {one_of(MaskAs)}.")
+    masking: MaskOptions = MaskOptions()
     rendered: RenderedOptions = RenderedOptions()
 
     def interpolator(self, tuning: TuningOptions = TuningOptions()) -> fpsboost.Interpolator:
@@ -151,13 +168,12 @@ class MethodOptions:
 
         Raises `OptionError` for an unknown method or option, and for a method that lacks its vectors.
         """
-        refuse({"`mask_as` goes with `mask`; give that too.": self.mask is None and self.mask_as != "keep"})
         return replace(
             fpsboost.find_method(tuning.behind(self.method), self.rendered.folder),
             match_grain=self.match_grain,
             uncertain=self.uncertain,
             below=self.below,
-            mask=None if self.mask is None else fpsboost.Mask(self.mask, mask_as=self.mask_as),
+            mask=self.masking.object(),
         )
 
 
@@ -302,8 +318,7 @@ class PreviewOptions:
         ("nlm",), "As in compare: separated by commas, options after a\ncolon.", short="m", metavar="NAMES"
     )
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
-    mask: str | None = option(None, "Image, or one per frame: white stays (HUD, titles).", metavar="FILE")
-    mask_as: MaskAs = option("keep", f"What is white: {one_of(MaskAs)}.")
+    masking: MaskOptions = MaskOptions()
     side_by_side: str | None = option(None, "Write the passages, before and after, as a video too.", metavar="FILE")
     overwrite: bool = option(False, "Replace an existing page and video.", short="y")
     limit: MemoryLimit | None = option(
@@ -387,7 +402,8 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
     Parameters
     ----------
     command : Callable
-        Function whose parameters of options have types like ``Annotated[Encoding, group]``, with the group in the help.
+        Function whose parameters are all annotated: those of options with the group in the help, like
+        ``Annotated[Encoding, group]``.
 
     Returns
     -------
@@ -397,10 +413,9 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
     hints, signature = get_type_hints(command, include_extras=True), inspect.signature(command)
     parameters, classes = list[inspect.Parameter](), dict[str, type]()
     for name, parameter in signature.parameters.items():
-        cls, *more = get_args(hints[name]) if get_origin(hints[name]) is Annotated else [hints[name]]
-        if is_dataclass(cls):
-            group = next((candidate for candidate in more if isinstance(candidate, Group)), None)
-            classes[name] = cls  # type: ignore[assignment]
+        kind, group = get_args(hints[name])
+        if is_dataclass(kind):
+            classes[name] = kind  # type: ignore[assignment]
             parameters += [parameter_of(flag, group) for flag in flags_of(classes[name])]
         else:
             parameters.append(parameter.replace(annotation=hints[name]))
@@ -416,7 +431,7 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def parameter_of(flag: Flag, group: Group | None) -> inspect.Parameter:
+def parameter_of(flag: Flag, group: Group) -> inspect.Parameter:
     """Return the parameter of a command for a flag, in the option's own group of the help or else in `group`.
 
     Values that the library parses are taken as texts; types of paths and choices let a shell complete them.

@@ -65,8 +65,7 @@ def preview(
     if options.side_by_side is not None:
         check_video(Target.parse(options.side_by_side), [Path(input)], overwrite=options.overwrite)
     motions = [
-        MethodOptions(text, options.match_grain, mask=options.mask, mask_as=options.mask_as)
-        for text in split_methods(options.methods)
+        MethodOptions(text, options.match_grain, masking=options.masking) for text in split_methods(options.methods)
     ]
     methods = {motion.method: cuts.applied_to(motion.interpolator()) for motion in motions}
     if rate.duplicates == "keep":

@@ -52,8 +52,7 @@ from fpsboost.extension import (
     assumed_color_space,
     bgr_of,
     check_type,
-    from_bgr,
-    in_planes,
+    in_coding,
     luma_weights,
     view,
 )
@@ -220,11 +219,7 @@ class _Ycc:
         return YCbCrImage((y, cb, cr), self._coding(frame))
 
     def planes(self, image: FrameImage, like: vs.VideoFrame) -> Sequence[NDArray[Any]]:
-        if view(image).coding is not None:
-            return view(image).arrays()
-        coding = self._coding(like)
-        numbers = coding.pixel_format, coding.color_space, coding.full_range
-        return in_planes(from_bgr(view(image).array(), *numbers, chroma_location=coding.chroma_location), coding).planes
+        return view(in_coding(view(image).picture, self._coding(like))).arrays()
 
     def _coding(self, frame: vs.VideoFrame) -> Coding:
         props = frame.props

@@ -37,7 +37,7 @@ from fpsboost.extension import (
     trim_source,
 )
 from fpsboost.preview.places import View
-from fpsboost.ui.choices import first_choices, on_page
+from fpsboost.ui.choices import on_page
 from fpsboost.ui.jobs import start_process
 
 QUICK_PIXELS = 1_500_000_000
@@ -63,7 +63,6 @@ def header(path: str) -> dict[str, Any]:
         "is_quick": count is not None and count * info.width * info.height <= QUICK_PIXELS,
         "remarks": [on_page(each, path) for each in remarks],
         "streams": [] if file is None else [asdict(each) for each in list_streams(file)],
-        "choices": asdict(first_choices(path)),
     }
 
 

@@ -31,7 +31,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from fpsboost import FpsboostError, InputError, OptionError
 from fpsboost.extension import MAX_REASON, explain, notes_of, templates_of
-from fpsboost.ui.choices import Choices, on_page
+from fpsboost.ui.choices import Choices, first_choices, on_page
 from fpsboost.ui.clip import header, place_of, poster, preview_between, probe
 from fpsboost.ui.files import Files, show_in_folder
 from fpsboost.ui.jobs import Queue
@@ -88,8 +88,8 @@ class UiSession:
 
     def pick(self, data: Json) -> Json:
         """Return the header of a clip, and allow that it is read from now on."""
-        found = header(self.files.pick(str(data.get("path", ""))))
-        return {**found, "choices": asdict(self._named(Choices(**found["choices"]), self.queue.outputs()))}
+        path = self.files.pick(str(data.get("path", "")))
+        return {**header(path), "choices": asdict(self._named(first_choices(path), self.queue.outputs()))}
 
     def probe(self, data: Json, is_dropped: Event) -> Json:
         """Return the properties of a clip that is read to its end."""

@@ -14,7 +14,7 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.colour import Coding, bgr_to_ycc
 from fpsboost.frame import Frame
-from fpsboost.image import Image, YCbCrImage, view
+from fpsboost.image import Image, Pixels, YCbCrImage, view
 from fpsboost.media import (
     FULL_RANGE,
     LIMITED_RANGE,
@@ -140,6 +140,14 @@ def in_planes(picture: av.VideoFrame, coding: Coding) -> YCbCrImage:
     """Return the planes of a decoded picture as an image; planes with contiguous rows are not copied."""
     y, cb, cr = (np.ascontiguousarray(plane) for plane in plane_arrays(picture))
     return YCbCrImage((y, cb, cr), coding)
+
+
+def in_coding(image: Pixels, coding: Coding | None) -> Pixels:
+    """Return an image in the planes of a coding, if there is one and it is not in planes already."""
+    if coding is None or view(image).coding is not None:
+        return image
+    tags = coding.pixel_format, coding.color_space, coding.full_range
+    return in_planes(from_bgr(view(image).array(), *tags, chroma_location=coding.chroma_location), coding)
 
 
 def picture_of(image: YCbCrImage) -> av.VideoFrame:
