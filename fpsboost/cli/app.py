@@ -33,6 +33,7 @@ from fpsboost.cli.messages import (
     LibraryTexts,
     console,
     keep_columns_readable,
+    library_texts,
     literal,
     native_stderr_captured,
     print_object,
@@ -132,9 +133,6 @@ fi
 
 group_of_join = Group("Options", sort_key=1)
 
-LAST_IMAGE = "the last image"
-"""Key, among remarks already printed, of that on the last image, which is printed once for several inputs."""
-
 PIPE = "pipe:"
 """Replacement for an argument that is a lone dash, which the parser would take for an option without a name."""
 
@@ -193,7 +191,7 @@ def convert(
 
     interpolator = cuts.applied_to(motion.interpolator(tuning))
 
-    announced = list[str]()
+    announced = list[str]()  # the remark on the last image, which is printed once for several inputs
 
     def run(input: str, output: str | None, place: str = "") -> None:
         target = input if output is None else output
@@ -217,9 +215,9 @@ def convert(
         ):
             reporter.say_settings(motion.method, interpolator)
             summary = convert_where(where, job, replace(run_options, observer=reporter))
-        if job.target(run_options).kind == "images" and not run_options.in_place and LAST_IMAGE not in announced:
-            summary.remarks += (said := batch.last_image_remarks(summary.frames_in, summary.frames_out, rate.multiple))
-            announced.extend([LAST_IMAGE] * len(said))
+        if job.target(run_options).kind == "images" and not run_options.in_place and not announced:
+            announced.extend(batch.last_image_remarks(summary.frames_in, summary.frames_out, rate.multiple))
+            summary.remarks += announced
         reporter.say_summary(summary, in_place=run_options.in_place)
 
     if not Path(input).suffix and not os.path.exists(input):
@@ -357,7 +355,7 @@ def main() -> None:
     gc.enable()
     limit_free_memory()  # before there is a second thread
     keep_columns_readable()
-    with stopping_on(*stop_signals()), LibraryTexts() as texts:
+    with stopping_on(*stop_signals()), library_texts() as texts:
         run_command(texts)
 
 

@@ -16,12 +16,13 @@ import traceback
 import unicodedata
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
-from io import TextIOWrapper
-from typing import IO, Any, Self, TextIO
+from dataclasses import dataclass
+from io import BytesIO, TextIOWrapper
+from typing import IO, Any, TextIO
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
 from rich.text import Text
 
@@ -118,51 +119,16 @@ def native_stderr_captured() -> Iterator[None]:
         yield
 
 
+@dataclass
 class LibraryTexts:
-    """Context manager that captures what libraries write to standard error from C, by redirecting the file descriptor.
+    """What libraries have written to standard error from C."""
 
-    Python's `sys.stderr` is pointed at the original descriptor meanwhile, so that messages still appear. Without a
-    standard error, nothing is captured.
-    """
-
-    def __init__(self) -> None:
-        self._texts: IO[bytes] | None = None
-        self._terminal = -1
-        self._before: TextIO | None = None
-
-    def __enter__(self) -> Self:
-        try:
-            self._terminal = os.dup(STANDARD_ERROR)
-        except OSError:  # there is no standard error
-            return self
-        self._texts = tempfile.TemporaryFile()
-        if _is_standard_error(sys.stderr):
-            self._before = sys.stderr
-            self._before.flush()
-            file = os.fdopen(os.dup(self._terminal), "wb")
-            sys.stderr = _Messages(file, self._before.encoding, self._before.errors, line_buffering=True)
-        os.dup2(self._texts.fileno(), STANDARD_ERROR)
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        """Restore the descriptor and `sys.stderr`, and drop the captured texts."""
-        if self._texts is None:
-            return
-        os.dup2(self._terminal, STANDARD_ERROR)
-        os.close(self._terminal)
-        if self._before is not None:
-            with suppress(OSError):  # its reader has closed it
-                sys.stderr.close()
-            sys.stderr = self._before
-        self._texts.close()
-        self._texts = None
+    file: IO[bytes]
 
     def lines(self) -> list[str]:
         """Return each distinct line captured so far, without OpenCV's timestamp and source location."""
-        if self._texts is None:
-            return []
-        self._texts.seek(0)
-        lines = self._texts.read().decode(errors="replace").splitlines()
+        self.file.seek(0)
+        lines = self.file.read().decode(errors="replace").splitlines()
         return list(dict.fromkeys(_prefix_of_opencv.sub("", line).strip() for line in lines if line.strip()))
 
     def sentence(self) -> str:
@@ -170,6 +136,36 @@ class LibraryTexts:
         lines = self.lines()
         more = f"; and {len(lines) - MAX_SHOWN} more" if len(lines) > MAX_SHOWN else ""
         return f"A library reports: {'; '.join(lines[:MAX_SHOWN])}{more}." if lines else ""
+
+
+@contextmanager
+def library_texts() -> Iterator[LibraryTexts]:
+    """Capture what libraries write to standard error from C, by redirecting the file descriptor within a block.
+
+    Python's `sys.stderr` is pointed at the original descriptor meanwhile, so that messages still appear. Without a
+    standard error, nothing is captured.
+    """
+    try:
+        terminal = os.dup(STANDARD_ERROR)
+    except OSError:  # there is no standard error
+        yield LibraryTexts(BytesIO())
+        return
+    before = sys.stderr
+    if _is_standard_error(before):
+        before.flush()
+        messages = os.fdopen(os.dup(terminal), "wb")
+        sys.stderr = _Messages(messages, before.encoding, before.errors, line_buffering=True)
+    with tempfile.TemporaryFile() as file:
+        os.dup2(file.fileno(), STANDARD_ERROR)
+        try:
+            yield LibraryTexts(file)
+        finally:
+            os.dup2(terminal, STANDARD_ERROR)
+            os.close(terminal)
+            if sys.stderr is not before:
+                with suppress(OSError):  # its reader has closed it
+                    sys.stderr.close()
+                sys.stderr = before
 
 
 class _Messages(TextIOWrapper):
@@ -234,7 +230,6 @@ class Reporter(ExitStack):
         super().__init__()
         self._console = console(quiet=quiet)
         self._output, self._verbose = output, verbose
-        self._task: TaskID | None = None
         self._progress = self.enter_context(
             Progress(
                 TextColumn("{task.description}"),
@@ -247,26 +242,24 @@ class Reporter(ExitStack):
                 disable=quiet or not self._console.is_terminal,
             )
         )
+        self._task = self._progress.add_task(literal(output), start=False, total=None, visible=False)
 
     def opened(self, info: fpsboost.ClipInfo, expected_frames: int | None) -> None:
         """Print the properties of the clip, if verbose, and prepare the bar for `expected_frames`, None if unknown."""
         if self._verbose:
             count = "an unknown number of" if info.frame_count is None else info.frame_count
             self._say(f"{info.name}: {info.width}x{info.height}, {count} frames at {readable(info.rate)} fps")
-        self._task = self._progress.add_task(
-            literal(self._output), total=expected_frames, start=False, frames=expected_frames or "?"
-        )
+        frames = expected_frames or "?"
+        self._progress.update(self._task, total=expected_frames, frames=frames, visible=True)
 
     def ready(self) -> None:
         """Start the time of the bar, and the garbage collector."""
         collect_from_here_on()
-        if self._task is not None:
-            self._progress.start_task(self._task)
+        self._progress.start_task(self._task)
 
     def wrote(self, summary: fpsboost.Summary) -> None:
         """Advance the bar to the number of frames written."""
-        if self._task is not None:
-            self._progress.update(self._task, completed=summary.frames_out)
+        self._progress.update(self._task, completed=summary.frames_out)
 
     def say_settings(self, method: str, interpolator: fpsboost.Interpolator) -> None:
         """Print the method and every option in use, if verbose."""

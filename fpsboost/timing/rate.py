@@ -367,20 +367,16 @@ class FrameIntervals:
     """Longest interval, seconds; 0 for fewer than two frames."""
     begin: Fraction = Fraction(0)
     """Start of the longest interval, seconds after the first frame."""
-    _first: Fraction | None = None
-    """Time of the clip's first frame, seconds; None before any was noted."""
-    _last: Fraction = Fraction(0)
-    """Time of the frame noted last, seconds."""
+    _last: Fraction | None = None
+    """Time of the frame noted last, seconds; None before any was."""
 
     def note(self, time: Fraction, start: Fraction) -> None:
         """Add the presentation time of the next frame, seconds; `start` is that of the clip's first frame."""
-        if self._first is None:
-            self._first = start
-        else:
+        if self._last is not None:
             interval = time - self._last
             self.shortest = min(self.shortest or interval, interval)
             if interval > self.longest:
-                self.longest, self.begin = interval, self._last - self._first
+                self.longest, self.begin = interval, self._last - start
         self._last = time
 
     def varies(self, info: ClipInfo) -> bool:

@@ -271,8 +271,8 @@ class Queue:
             else:
                 finished = re.search(FINISHED, message)
                 job.pause(int(finished[1]) if finished else kept * is_kept, BEGINS_ANEW)
-            if code != 0 and not is_stopped:
-                job.state, job.message = "failed", on_page(message)
+                if not is_stopped:
+                    job.state, job.message = "failed", on_page(message)
             with suppress(OutputError):  # on a full disk jobs go on; the next change writes all of them
                 self._save()
 
