@@ -337,9 +337,7 @@ def stream(
         if curve is not None and curve.reverses:
             raise OptionError("retime plays a stream of frames backwards, which is read only once; use convert.")
         schedule = rate.schedule(opened.info, curve=curve)
-        with interpolate_frames(
-            opened, interpolator, schedule, Summary(), holds_last_frame=True, threads=threads
-        ) as frames:
+        with interpolate_frames(opened, interpolator, schedule, Summary(), threads=threads) as frames:
             for frame in frames:
                 yield frame.array
 
@@ -571,7 +569,6 @@ def _clip_frames(
         interpolator,
         OutputRate(fps=target).schedule(source.info),
         Summary(),
-        holds_last_frame=True,
         threads=threads,
         outputs=OutputRange(stop=total, entry=Entry(-len(before), start, math.ceil(-start * target))),
     ) as frames:

@@ -105,11 +105,9 @@ def run_conversion(
             interpolator,
             schedule,
             summary,
+            sink=sink,
             stretch=stretch,
             threads=threads,
-            holds_last_frame=sink.holds_last_frame,
-            needs_confidence=isinstance(sink, NeedsConfidence) and sink.needs_confidence,
-            needs_motion=isinstance(sink, NeedsMotion) and sink.needs_motion,
             outputs=outputs,
         ) as frames,
         write_behind(sink.write, 2, _cancel_of(sink)) as write,
@@ -133,16 +131,15 @@ def interpolate_frames(
     schedule: Schedule,
     summary: Summary,
     *,
-    holds_last_frame: bool,
+    sink: FrameSink | None = None,
     stretch: Fraction = Fraction(1),
     threads: int | None = None,
-    needs_confidence: bool = False,
-    needs_motion: bool = False,
     outputs: OutputRange | None = None,
 ) -> Generator[Iterator[Frame]]:
     """Yield the output frames in order, made while the block lasts; see `run_conversion`.
 
     The first frame is read when the block begins. The summary is updated with the numbers of frames read and made.
+    Without a sink, the last frame is held, and frames have neither confidence nor motion.
     """
     outputs = outputs or OutputRange()
     with (
@@ -153,14 +150,14 @@ def interpolate_frames(
         frames = chain(first, arriving)
         clip = _LoopState(
             *(source.info, schedule, interpolator, summary, beginning(source)),
-            needs_confidence=needs_confidence,
-            needs_motion=needs_motion,
+            needs_confidence=isinstance(sink, NeedsConfidence) and sink.needs_confidence,
+            needs_motion=isinstance(sink, NeedsMotion) and sink.needs_motion,
             outputs=outputs,
             stretch=stretch,
         )
         before, start = clip.outputs_before, None if outputs.entry is None else outputs.entry.start
         stop = None if outputs.stop is None else outputs.stop - before
-        made = _output_frames(frames, clip, holds_last_frame, in_order)
+        made = _output_frames(frames, clip, sink is None or sink.holds_last_frame, in_order)
         exposed = _exposed(made, interpolator.mask) if clip.has_exposures else map(_Output.finished, made)
         timed = _completed(exposed, clip)
         if clip.curve is not None:  # the times of frames are those of the source so far

@@ -237,62 +237,20 @@ class _Ycc:
         return Coding(self.bits, matrix, full_range, location, self.pixel_format, bgr_of)
 
 
-class _Pairs:
-    """Pairs of consecutive frames by the number of the first one, for many threads.
-
-    All that are in use are kept, and `most` of those that were asked for last.
-    """
-
-    def __init__(
-        self, clip: vs.VideoNode, interpolator: Interpolator, factor: Fraction, *, finds_cuts: bool, most: int
-    ) -> None:
-        self._rate, self._factor = clip.fps or Fraction(1), factor
-        self._layout, self._interpolator, self._finds_cuts = _layout_of(clip.format), interpolator, finds_cuts
-        self._lock = Lock()
-        self._by_number: WeakValueDictionary[int, Pair] = WeakValueDictionary()
-        self._images: WeakValueDictionary[int, FrameCache] = WeakValueDictionary()
-        self._last: deque[Pair] = deque(maxlen=most)
-
-    def pair(self, number: int, frames: Frames) -> Pair:
-        """Return a pair, made of two of the frames unless it exists."""
-        with self._lock:
-            pair = self._by_number.get(number)
-            if pair is None:
-                image0, image1 = (self._image(each, frames[each]) for each in (number, number + 1))
-                interpolator = self._interpolator_of(frames[number], frames[number + 1])
-                pair = self._by_number[number] = interpolator.pair(image0, image1)
-            if pair in self._last:
-                self._last.remove(pair)
-            self._last.append(pair)
-        return pair
-
-    def _image(self, number: int, frame: vs.VideoFrame) -> FrameCache:
-        """Return a frame as an image, the same one for both of its pairs."""
-        image = self._images.get(number)
-        if image is None:
-            stored = self._layout.image(frame)
-            pixels = stored if self._interpolator.takes_planes else view(stored).to_bgr()
-            place = SourcePosition(number, number / self._rate)
-            image = self._images[number] = FrameCache(pixels, number * self._factor, place)
-        return image
-
-    def _interpolator_of(self, frame0: vs.VideoFrame, frame1: vs.VideoFrame) -> Interpolator:
-        """Return the interpolator of a pair, which goes by the properties about cuts where there are any."""
-        marks = [frame0.props.get("_SceneChangeNext"), frame1.props.get("_SceneChangePrev")]
-        if not self._finds_cuts or marks == [None, None]:
-            return self._interpolator
-        return replace(self._interpolator, cuts=CutDetector(threshold=1) if any(marks) else None)
-
-
 class _OutputFrames:
-    """Output frames of a clip by their numbers."""
+    """Output frames of a clip by their numbers, and the pairs of consecutive frames between which they lie.
+
+    Of these, all that are in use by some thread are kept, and as many of those that were asked for last as it takes.
+    """
 
     def __init__(self, clip: vs.VideoNode, interpolator: Interpolator, factor: Fraction, *, finds_cuts: bool) -> None:
         self._clip, self._interpolator, self._factor, self._finds_cuts = clip, interpolator, factor, finds_cuts
         self._layout, self._last = _layout_of(clip.format), int(clip.num_frames) - 1
         # frames that are made at once lie in so many pairs, each needs those beside its own, and threads lag
-        most = math.ceil(vs.core.num_threads / factor) + 4
-        self._pairs = _Pairs(clip, interpolator, factor, finds_cuts=finds_cuts, most=most)
+        self._recent: deque[Pair] = deque(maxlen=math.ceil(vs.core.num_threads / factor) + 4)
+        self._lock = Lock()
+        self._pairs: WeakValueDictionary[int, Pair] = WeakValueDictionary()
+        self._images: WeakValueDictionary[int, FrameCache] = WeakValueDictionary()
 
     def node(self, like: vs.VideoNode, n: int) -> vs.VideoNode:
         """Return a clip of one frame, output frame `n`, for `FrameEval`; `like` has its format."""
@@ -337,10 +295,40 @@ class _OutputFrames:
     def _surroundings(self, index: int, frames: Frames) -> tuple[Pair, Pair | None, Pair | None]:
         """Return a pair and the ones before and after, where there are any."""
         before, pair, after = (
-            self._pairs.pair(each, frames) if 0 <= each < self._last else None for each in (index - 1, index, index + 1)
+            self._pair(each, frames) if 0 <= each < self._last else None for each in (index - 1, index, index + 1)
         )
         assert pair is not None, "asked for between two frames"
         return pair, before, after
+
+    def _pair(self, number: int, frames: Frames) -> Pair:
+        """Return a pair by the number of its first frame, made of two of the frames unless it exists."""
+        with self._lock:
+            pair = self._pairs.get(number)
+            if pair is None:
+                image0, image1 = (self._image(each, frames[each]) for each in (number, number + 1))
+                interpolator = self._interpolator_of(frames[number], frames[number + 1])
+                pair = self._pairs[number] = interpolator.pair(image0, image1)
+            if pair in self._recent:
+                self._recent.remove(pair)
+            self._recent.append(pair)
+        return pair
+
+    def _image(self, number: int, frame: vs.VideoFrame) -> FrameCache:
+        """Return a frame as an image, the same one for both of its pairs."""
+        image = self._images.get(number)
+        if image is None:
+            stored = self._layout.image(frame)
+            pixels = stored if self._interpolator.takes_planes else view(stored).to_bgr()
+            place = SourcePosition(number, number / (self._clip.fps or Fraction(1)))
+            image = self._images[number] = FrameCache(pixels, number * self._factor, place)
+        return image
+
+    def _interpolator_of(self, frame0: vs.VideoFrame, frame1: vs.VideoFrame) -> Interpolator:
+        """Return the interpolator of a pair, which goes by the properties about cuts where there are any."""
+        marks = [frame0.props.get("_SceneChangeNext"), frame1.props.get("_SceneChangePrev")]
+        if not self._finds_cuts or marks == [None, None]:
+            return self._interpolator
+        return replace(self._interpolator, cuts=CutDetector(threshold=1) if any(marks) else None)
 
     def _pairs_beside(self, number: int) -> tuple[range, range]:
         """Return the pairs in whose middle a cut would lie between an output frame and the one before, and the next."""

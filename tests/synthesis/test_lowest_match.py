@@ -47,8 +47,7 @@ PAN = [picture(index) for index in range(10)]
 def summary_of(images: list[np.ndarray[Any, Any]], interpolator: Interpolator = BLEND, threads: int = 1) -> Summary:
     """The summary of a conversion of images in memory to twice the rate, 25 frames a second at first."""
     summary, source = Summary(), ArraySource(iter(images), Fraction(25))
-    options: dict[str, Any] = {"holds_last_frame": True, "threads": threads}
-    with interpolate_frames(source, interpolator, ByFactor(Fraction(2)), summary, **options) as frames:
+    with interpolate_frames(source, interpolator, ByFactor(Fraction(2)), summary, threads=threads) as frames:
         for _ in frames:
             pass
     return summary
