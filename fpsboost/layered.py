@@ -4,7 +4,7 @@ Motion, scene cuts and duplicates are found on the picture alone; the layers go 
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -64,7 +64,7 @@ class LayeredImage(ImageView):
     """
 
     colour: Image
-    layers: tuple[Layer, ...] = field()
+    layers: tuple[Layer, ...]
 
     def array(self) -> Image:
         return self.colour

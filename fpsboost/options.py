@@ -118,17 +118,18 @@ def options_from(cls: type, given: Mapping[str, Any]) -> Any:
     return cls(**values, **{name: options_from(kind, given) for name, kind in nested.items()})
 
 
-def words_of(options: Mapping[str, object]) -> tuple[str, ...]:
+def words_of(options: Mapping[str, object]) -> list[str]:
     """Return the given options as words of the command line; True stands for an option without a value."""
-    given = {option: value for option, value in options.items() if value is not None and value is not False}
-    return tuple(
-        word for option, value in given.items() for word in ((option,) if value is True else (option, str(value)))
-    )
+    words = list[str]()
+    for option, value in options.items():
+        if value is not None and value is not False:
+            words += [option] if value is True else [option, str(value)]
+    return words
 
 
 def words_of_options(*options: Any) -> list[str]:
     """Return what differs from the defaults in objects of options, as words of the command line."""
-    return [word for each in options for word in words_of(dict(given_in(each)))]
+    return words_of({name: value for each in options for name, value in given_in(each)})
 
 
 def given_in(options: Any) -> Iterator[tuple[str, object]]:
