@@ -94,10 +94,7 @@ class BlockMatching(Checked):
             np.minimum(self.block_size, length - np.arange(0, length, self.block_size)) for length in (height, width)
         )
         similarity = 1 - difference / (np.outer(heights, widths) * channels * white)
-        flow, alike = (
-            np.repeat(np.repeat(of_blocks, heights, axis=0), widths, axis=1) for of_blocks in (motion, similarity)
-        )
-        return MotionField(flow, alike.clip(0, 1))
+        return MotionField(motion, similarity.clip(0, 1), spacing=self.block_size, size=(height, width))
 
 
 def colour_values(image: Image) -> NDArray[Any]:

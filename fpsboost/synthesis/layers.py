@@ -106,7 +106,7 @@ class Sources(NamedTuple):
             apart = np.abs(value1 - value0)
             is_one = self.have_both & (apart <= ONE_SURFACE * np.minimum(np.abs(value0), np.abs(value1)))
             between = value0 + np.float32(self.t) * (value1 - value0)
-        return np.asarray(np.where(is_one, between, np.where(self.is_second, value1, value0)))
+        return np.asarray(np.where(is_one, between, self.nearest(plane0, plane1)))
 
 
 def mix_layers(
@@ -233,8 +233,6 @@ def find_sources(places: NDArray[Any], flows: tuple[NDArray[Any], NDArray[Any]],
         difference = np.moveaxis(flow[place], -1, 0) * np.float32(sign) - motion
         apart.append(np.where(is_inside, np.hypot(*difference), np.float32(np.inf)))
         found.append(place)
-    have = [each <= AGREEMENT for each in apart]
-    alike = have[0] == have[1]
-    have_both = have[0] & have[1]
-    is_nearer = np.where(have_both | (apart[0] == apart[1]), t > 0.5, apart[1] < apart[0])
-    return Sources(found[0], found[1], np.where(alike, is_nearer, have[1]), have_both, t)
+    have_both = np.maximum(*apart) <= AGREEMENT
+    is_second = np.where(have_both | (apart[0] == apart[1]), t > 0.5, apart[1] < apart[0])
+    return Sources(*found, is_second, have_both, t)
