@@ -40,7 +40,7 @@ from fpsboost.pair import Pair
 from fpsboost.render.folder import VectorFolder
 from fpsboost.repair import find_damaged
 from fpsboost.synthesis import FramePair
-from fpsboost.synthesis.multi_hypothesis import Candidates, MultiHypothesis
+from fpsboost.synthesis.multi_hypothesis import Candidates, MultiHypothesis, _Moment
 
 Picture = NDArray[Any]
 """(H, W) or (H, W, 3) uint8, BGR."""
@@ -213,7 +213,8 @@ def draw_candidates() -> Path:
     frames = clip()[27:29]
     pair, fuse = methods["nlm"].pair(*prepared(frames)), MultiHypothesis()
     frame_pair = FramePair(pair.image0, pair.image1, *pair.fields)
-    ((listed, _, t),) = fuse._at_times(frame_pair, [0.5])
+    (moment,) = fuse._moments(frame_pair, [0.5])
+    listed, t = moment.candidates, moment.t
     row, column, scale = 8, 15, 4
     before, side = (WINDOW - listed.spacing) // 2, WINDOW
     top, left = row * listed.spacing - before, column * listed.spacing - before
@@ -223,7 +224,7 @@ def draw_candidates() -> Path:
         motion, prior = listed.motions[row, column, k], listed.weights[row, column, k]
         if prior == 0:
             continue
-        mixed, alike = alone_everywhere(fuse, frame_pair, motion, listed, t)
+        mixed, alike = alone_everywhere(fuse, moment, motion)
         weight = prior * np.exp(-fuse.sharpness * (1 - alike[window]))
         weights.append(weight)
         centre = left + side / 2 - 0.5, top + side / 2 - 0.5
@@ -401,16 +402,13 @@ def similarity_map(first: Picture, second: Picture, y: int, x: int, radius: int,
     return found
 
 
-def alone_everywhere(
-    fuse: MultiHypothesis, frame_pair: FramePair, motion: Picture, listed: Candidates, t: float
-) -> tuple[Picture, Picture]:
+def alone_everywhere(fuse: MultiHypothesis, moment: _Moment, motion: Picture) -> tuple[Picture, Picture]:
     """Return the in-between frame made with one motion everywhere, and the similarity of every pixel along it."""
+    listed = moment.candidates
     motions, weights = np.zeros_like(listed.motions), np.zeros_like(listed.weights)
     motions[..., 0, :2], weights[..., 0] = motion[:2], 1
-    confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
-    image = fuse._fused(
-        frame_pair, Candidates(np.ones_like(listed.listed), motions, weights, listed.spacing), t, confidence
-    )
+    alone = Candidates(np.ones_like(listed.listed), motions, weights, listed.spacing)
+    image, confidence = fuse._mixed(moment._replace(candidates=alone), with_confidence=True)
     return np.asarray(image), confidence ** (1 / 8)
 
 

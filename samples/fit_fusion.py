@@ -30,11 +30,10 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator
 from fpsboost.kernels.constants import FEATURES, SQUARES_PER_ROW, SQUARES_PER_WINDOW, WINDOW
 from fpsboost.kernels.multi_hypothesis import describe_node, window_shape
-from fpsboost.kernels.window_samples import PlaneGroup
 from fpsboost.method_table import find_method
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.fusion_table import OUTPUTS, TABLE, mirrored
-from fpsboost.synthesis.multi_hypothesis import MultiHypothesis, _full_samples
+from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
 
 SIDE = 4
 """Squares of two by two pixels, for each of which candidates are weighted, along each axis of a patch."""
@@ -129,13 +128,12 @@ def draw_patches(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[A
                 square = (y[i] - 8 * row + 4) * SQUARES_PER_ROW + x[i] - 8 * column + 4
                 out.shape[i, slot] = share[square]
                 wanted.setdefault((row, column), []).append((i, slot, square))
-    layer = PlaneGroup(*_full_samples(pair), 1, 1)
-    weighting, half = synthesizer._weighting(pair.image0.pixels), np.float32(0.5)
+    half = np.float32(0.5)
     room, found = moment.candidates.weights.shape[2], np.empty(1, np.int64)
     features, gains = (np.zeros((room, *size, SQUARES_PER_WINDOW), np.float32) for size in ((FEATURES,), ()))
     mixed, change = (np.zeros((room, 3, WINDOW * WINDOW), np.float32) for _ in range(2))
     for (row, column), squares in wanted.items():
-        node = layer, row, column, half, moment.candidates, weighting, moment.surroundings
+        node = moment.full, row, column, half, moment.candidates, moment.weighting, moment.surroundings
         describe_node(*node, features, gains, mixed, change, found)
         priors = moment.candidates.weights[row, column, : moment.candidates.listed[row, column]]
         priors = priors[priors > 0][: found[0]]

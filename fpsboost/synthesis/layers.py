@@ -235,4 +235,4 @@ def find_sources(places: NDArray[Any], flows: tuple[NDArray[Any], NDArray[Any]],
         found.append(place)
     have_both = np.maximum(*apart) <= AGREEMENT
     is_second = np.where(have_both | (apart[0] == apart[1]), t > 0.5, apart[1] < apart[0])
-    return Sources(*found, is_second, have_both, t)
+    return Sources(found[0], found[1], is_second, have_both, t)

@@ -79,6 +79,10 @@ class _Moment(NamedTuple):
     pair: FramePair
     t: float
     """Time of the in-between frame, in (0, 1)."""
+    full: PlaneGroup
+    """Planes of both frames at full resolution."""
+    weighting: Weighting
+    """Parameters by which candidates are weighed in images of this type."""
     candidates: Candidates
     """Candidate motions of every node."""
     surroundings: PairContext | None
@@ -196,24 +200,22 @@ class MultiHypothesis(Checked):
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
         """Generate one image for every time; see `fpsboost.synthesis.Synthesizer.synthesize`."""
-        if self.vectors is not None:
-            yield from (view(output.image).array() for output in self.fuse(frame_pair, times))
-        else:
-            no_confidence = np.empty((0, 0), np.float32)
-            yield from (self._fused(moment, no_confidence) for moment in self._moments(frame_pair, times))
+        for moment in self._moments(frame_pair, times):
+            yield view(self._fused(moment, with_confidence=False).image).picture
 
     def fuse(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[InterpolatedImage]:
         """Generate the images of `synthesize` with the confidence of every pixel."""
         for moment in self._moments(frame_pair, times):
-            confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
-            image = self._fused(moment, confidence)
-            if self.vectors is None:
-                yield InterpolatedImage(image, confidence)
-            else:
-                yield self._with_surfaces(image, self._find_surfaces(confidence, moment, self.vectors), moment)
+            yield self._fused(moment, with_confidence=True)
 
-    def _with_surfaces(self, image: Pixels, surfaces: _Surfaces, moment: _Moment) -> InterpolatedImage:
-        """Mix the image with the one along the renderer's motion, each weighted by the agreement of the frames."""
+    def _fused(self, moment: _Moment, *, with_confidence: bool) -> InterpolatedImage:
+        """Mix the candidates, and with that the image along the renderer's motion, by the agreement of the frames."""
+        if self.vectors is None:
+            image, confidence = self._mixed(moment, with_confidence=with_confidence)
+            self._limit_highlights(image, moment, None)
+            return InterpolatedImage(image, confidence)
+        image, confidence = self._mixed(moment, with_confidence=True)
+        surfaces = self._find_surfaces(confidence, moment, self.vectors)
         image0, image1 = moment.pair.image0, moment.pair.image1
         colours = premultiplied(view(image).array())
         along = (surfaces.mixed * view(image0.pixels).white).clip(*_value_range(image0, image1))
@@ -225,7 +227,7 @@ class MultiHypothesis(Checked):
         """Follow the renderer's motion, and weigh it against the mixture of the candidates with its confidence."""
         image0, image1 = moment.pair.image0, moment.pair.image1
         motion = find_surface_motion(image0, image1, moment.t, vectors)
-        mixed, squared = motion.mix(*(samples.coefficients for samples in _full_samples(moment.pair)))
+        mixed, squared = motion.mix(moment.full.frame0.coefficients, moment.full.frame1.coefficients)
         agreement = motion.similarity(squared, 0.5 / self.bandwidth**2 * view(image0.pixels).gray_weight)
         similarity = confidence ** np.float32(1 / CONFIDENCE_POWER)
         weight = np.where(agreement > 0, np.exp(np.float32(self.sharpness) * (agreement - similarity)), np.float32(0))
@@ -240,31 +242,29 @@ class MultiHypothesis(Checked):
         for moment in self._moments(frame_pair, times):
             surfaces = None
             if self.vectors is not None:
-                confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
-                self._fused(moment, confidence)
+                _, confidence = self._mixed(moment, with_confidence=True)
                 surfaces = self._find_surfaces(confidence, moment, self.vectors)
             mix = partial(self._mix_planes, moment, surfaces)
             yield mix_layers(layered, mix, partial(self._find_sources, moment, surfaces))
 
     def _mix_planes(self, moment: _Moment, surfaces: _Surfaces | None, planes0: Planes, planes1: Planes) -> Mixed:
         """Mix planes of both frames with the weights that the pictures have."""
-        image, full = moment.pair.image0.pixels, _full_samples(moment.pair)
         samples = [_samples(np.dstack(planes))[0] for planes in (planes0, planes1)]
         height, width = planes0[0].shape
-        no_confidence, numbers = np.empty((0, 0), np.float32), np.finfo(np.float32)
+        numbers = np.finfo(np.float32)
         mixed = []
         for sampled0, sampled1 in (samples, [_values_as_coefficients(each) for each in samples]):
-            _, pixels, _ = view(image).blank()
+            _, pixels, _ = view(moment.pair.image0.pixels).blank()
             output = np.empty((len(planes0), height, width), np.float32)
             blend_hypotheses(
-                PlaneGroup(*full, 1, 1),
+                moment.full,
                 PlaneGroup(sampled0, sampled1, 1, 1),
                 np.float32(moment.t),
                 moment.candidates,
-                self._weighting(image),
+                moment.weighting,
                 moment.surroundings,
                 ValueRange(np.float32(1), np.float32(0), numbers.min, numbers.max, False),
-                Blended(pixels, output, no_confidence),
+                Blended(pixels, output, np.empty((0, 0), np.float32)),
             )
             if surfaces is not None:
                 along, _ = surfaces.motion.mix(sampled0.coefficients, sampled1.coefficients)
@@ -274,68 +274,59 @@ class MultiHypothesis(Checked):
 
     def _find_sources(self, moment: _Moment, surfaces: _Surfaces | None) -> Sources:
         """Find the frame that each pixel is taken from, along the motion with the largest weight."""
-        pair, image, t = moment.pair, moment.pair.image0.pixels, moment.t
-        height, width = image.shape[:2]
-        places = np.empty((4, height, width), np.float32)
-        places[::2], places[1::2] = np.arange(width), np.arange(height)[:, np.newaxis]
-        find_dominant_motion(
-            PlaneGroup(*_full_samples(pair), 1, 1),
-            np.float32(t),
-            moment.candidates,
-            self._weighting(image),
-            np.zeros((height, width), np.float32),
-            places,
-        )
+        pair, t = moment.pair, moment.t
+        size = pair.image0.pixels.shape[:2]
+        own_place = np.indices(size, np.float32)[::-1]
+        places = np.concatenate([own_place, own_place])
+        weights = np.zeros(size, np.float32)
+        find_dominant_motion(moment.full, np.float32(t), moment.candidates, moment.weighting, weights, places)
         if surfaces is not None:
             follows = surfaces.share > 0.5
-            own_place = np.indices((height, width), np.float32)[::-1]
             for first, (motion, _) in ((0, surfaces.motion.to_frame0), (2, surfaces.motion.to_frame1)):
                 np.copyto(places[first : first + 2], own_place + np.moveaxis(motion, -1, 0), where=follows)
         return find_sources(places, (pair.field01.flow, pair.field10.flow), t)
 
-    def _weighting(self, image: Pixels) -> Weighting:
-        """Return the parameters by which the kernel weighs candidates in images of this type."""
-        return Weighting(
-            np.float32(0.5 / self.bandwidth**2 * view(image).gray_weight),
+    def _moments(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[_Moment]:
+        """Yield each time with what the kernels read there."""
+        image0, image1 = frame_pair.image0, frame_pair.image1
+        full = PlaneGroup(image0.cached(_samples)[0], image1.cached(_samples)[0], 1, 1)
+        weighting = Weighting(
+            np.float32(0.5 / self.bandwidth**2 * view(image0.pixels).gray_weight),
             np.float32(self.sharpness),
             np.float32(self.sufficient_similarity),
             np.float32(self.min_vote_share),
             window_shape(self.node_spacing),
             *fusion_coefficients(),
         )
-
-    def _moments(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[_Moment]:
-        """Yield each time with its candidates, and with the context for learnt weights."""
         votes_of_both = self._collect_votes(frame_pair)
         known = None
         if self.fusion == "learnt":
             known = find_surroundings(frame_pair, self.step, self.bandwidth, self.sharpness)
         for t in times:
-            candidates = self._candidates(votes_of_both, frame_pair.image0.pixels.shape[:2], t)
-            yield _Moment(frame_pair, t, candidates, None if known is None else at_time(known, t, candidates))
+            candidates = self._candidates(votes_of_both, image0.pixels.shape[:2], t)
+            surroundings = None if known is None else at_time(known, t, candidates)
+            yield _Moment(frame_pair, t, full, weighting, candidates, surroundings)
 
-    def _fused(self, moment: _Moment, confidence: NDArray[Any]) -> Pixels:
-        """Return the mixture of the candidates; its confidence is written into `confidence`, unless that is empty."""
+    def _mixed(self, moment: _Moment, *, with_confidence: bool) -> tuple[Pixels, NDArray[Any]]:
+        """Return the mixture of the candidates and its confidence, which is empty if it is not asked for."""
         frame0, frame1 = moment.pair.image0, moment.pair.image1
         image0, image1 = frame0.pixels, frame1.pixels
-        (full0, chroma0), (full1, chroma1) = frame0.cached(_samples), frame1.cached(_samples)
         output, pixels, chroma = view(image0).blank()
+        confidence = np.empty(image0.shape[:2] if with_confidence else (0, 0), np.float32)
         straight_alpha = has_alpha(image0) and image0.dtype != np.float32
         blend_hypotheses(
-            PlaneGroup(full0, full1, 1, 1),
-            PlaneGroup(chroma0, chroma1, *view(image0).subsampling),
+            moment.full,
+            PlaneGroup(frame0.cached(_samples)[1], frame1.cached(_samples)[1], *view(image0).subsampling),
             np.float32(moment.t),
             moment.candidates,
-            self._weighting(image0),
+            moment.weighting,
             moment.surroundings,
             ValueRange(view(image0).white, rounding_offset(image0), *_value_range(frame0, frame1), straight_alpha),
             Blended(pixels, chroma, confidence),
         )
         if straight_alpha:
             colour_unseen(view(output).array(), view(image0).array(), view(image1).array(), moment.t)
-        if self.vectors is None:
-            self._limit_highlights(output, moment, None)
-        return output
+        return output, confidence
 
     def _limit_highlights(self, output: Pixels, moment: _Moment, surfaces: _Surfaces | None) -> None:
         """Clamp float frames around values above white to the range of their sources, in place.
@@ -394,11 +385,6 @@ class MultiHypothesis(Checked):
             trust = similarities * (1 / (1 + (error / np.float32(CONSISTENCY_TOLERANCE)) ** 2))
             votes.append(Votes(vectors, motion_gradients(vectors, self.step), changes, trust))
         return votes
-
-
-def _full_samples(frame_pair: FramePair) -> tuple[Samples, Samples]:
-    """Return the planes at full resolution of both frames, with their spline coefficients."""
-    return frame_pair.image0.cached(_samples)[0], frame_pair.image1.cached(_samples)[0]
 
 
 def _samples(image: Pixels) -> tuple[Samples, Samples]:
