@@ -171,8 +171,7 @@ class ImageView:
 
     def thumbnail(self, shrink: Callable[[Image], Image]) -> Image:
         """Return a small copy, gray or BGR, float32 with 1.0 for white; `shrink` makes it of an array, in float32."""
-        white = 1 if self.dtype == np.float32 else np.iinfo(self.dtype).max
-        return clipped(normalised(shrink(self.array()) * np.float32(1 / white)))
+        return clipped(normalised(shrink(self.array()) * (1 / self.white)))
 
     def comparable(self) -> NDArray[Any]:
         """Return values to compare, (H, W, C) float32: black and white 1 apart, straight alpha premultiplied."""
@@ -294,8 +293,8 @@ class YCbCrImage(ImageView):
 
     def map(self, function: Callable[..., Plane], *others: ImageView) -> Self:
         """Return the image with a function applied to each plane, or to each with the same plane of other images."""
-        y, cb, cr = (function(*planes) for planes in zip(self.planes, *(each.arrays() for each in others), strict=True))
-        return replace(self, planes=(y, cb, cr))
+        both = zip(self.planes, *(each.arrays() for each in others), strict=True)
+        return self.with_channels([function(*planes) for planes in both])
 
     def copy(self) -> Self:
         return self.map(np.copy)
@@ -303,14 +302,12 @@ class YCbCrImage(ImageView):
     def filled(self, samples: NDArray[np.int64]) -> Self:
         codes = (samples >> (SAMPLE_BITS - self.coding.bits)).astype(self.dtype)
         steps = (1, 1), self.subsampling, self.subsampling
-        y, cb, cr = (codes[::rows, ::columns, k].copy() for k, (rows, columns) in enumerate(steps))
-        return replace(self, planes=(y, cb, cr))
+        return self.with_channels([codes[::rows, ::columns, k].copy() for k, (rows, columns) in enumerate(steps)])
 
     def blank(self) -> tuple[Self, NDArray[Any], NDArray[Any]]:
         full = np.empty((self._full_planes, *self.planes[0].shape), self.dtype)
         half = np.empty((3 - len(full), *self.planes[1].shape), self.dtype)
-        y, cb, cr = *full, *half
-        return replace(self, planes=(y, cb, cr)), full, half
+        return self.with_channels([*full, *half]), full, half
 
     def gray(self) -> Plane:
         black, span, _, _ = self.coding.levels
@@ -319,10 +316,6 @@ class YCbCrImage(ImageView):
             return cv2.LUT(self.luma, np.rint(of_codes.clip(0, 255)).astype(np.uint8))
         above: Plane = np.maximum(self.luma, self.dtype.type(black))  # because convertScaleAbs takes the absolute value
         return cv2.convertScaleAbs(above, alpha=255 / span, beta=-255 / span * black)
-
-    def float_luma(self) -> Plane:
-        black, span, _, _ = self.coding.levels
-        return np.asarray((self.luma.astype(np.float32) - np.float32(black)) * np.float32(255 / span))
 
     def chroma(self) -> list[Plane]:
         return list(self.planes[1:])

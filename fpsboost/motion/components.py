@@ -91,9 +91,8 @@ def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> NDArray[An
     seen = view(image)
     target = np.float32(level_scale(bandwidth)), ZERO_LEVEL, padding, planes
     if seen.coding is None:
-        white = 1 if seen.dtype == np.float32 else np.iinfo(seen.dtype).max
         colours = compress_highlights(seen.array()) if seen.dtype == np.float32 else seen.array()
-        split_colours(np.ascontiguousarray(colours), np.float32(1 / white), *target)
+        split_colours(np.ascontiguousarray(colours), 1 / seen.white, *target)
     else:
         black, luma_span, neutral, chroma_span = seen.coding.levels
         levels = CodeLevels(*map(np.float32, (black, 1 / luma_span, neutral, 1 / chroma_span)))

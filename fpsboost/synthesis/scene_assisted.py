@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import premultiplied
-from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, as_image
 from fpsboost.motion.field import ends_inside
-from fpsboost.motion.rendered import FrameVectors, RenderedVectors, frame_number, output_frame_between
+from fpsboost.motion.rendered import RenderedVectors, frame_number, output_frame_between
 from fpsboost.options import Checked, Range
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.agreement import measure_agreement_along
@@ -66,58 +65,48 @@ class SceneAssisted(Checked):
             The in-between frame has no vectors, or vectors of another size.
         """
         for t in times:
-            yield self._image_at(frame_pair, t)
+            image, _ = self._look_up(frame_pair, t)
+            yield image
 
     def fuse(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[InterpolatedImage]:
         """Generate the images of `synthesize` with the agreement of both frames where the vectors lead."""
-        image0, image1 = frame_pair.image0, frame_pair.image1
-        for image, t in zip(self.synthesize(frame_pair, times), times, strict=True):
-            _, *flows = self._flows(image0, image1, t)
-            yield InterpolatedImage(image, measure_agreement_along(image0, image1, *flows))
+        for t in times:
+            image, flows = self._look_up(frame_pair, t)
+            yield InterpolatedImage(image, measure_agreement_along(frame_pair.image0, frame_pair.image1, *flows))
 
-    def _flows(self, image0: FrameCache, image1: FrameCache, t: float) -> tuple[FrameVectors, Flow, Flow]:
-        """Return the vectors of the in-between frame, and the motion from it to each of the two frames."""
-        place0, place1 = image0.output_position, image1.output_position
-        number = output_frame_between(place0, place1, t)
-        assert place0 is not None, "else there would be no frame between"
-        assert place1 is not None
-        here, step = self.vectors.for_image(number, image0.array), self.vectors.step
-        to_first = here.backward * np.float32((number - place0) * step)
-        return here, to_first, here.forward * np.float32((place1 - number) * step)
-
-    def _image_at(self, frame_pair: FramePair, t: float) -> Image:
-        """Return the in-between frame at time t."""
+    def _look_up(self, frame_pair: FramePair, t: float) -> tuple[Image, list[Flow]]:
+        """Return the in-between frame at time t, and the motion from it to each of the two frames."""
         image0, image1 = frame_pair.image0, frame_pair.image1
-        here, *flows = self._flows(image0, image1, t)
-        weights, colours = [], []
-        for image, flow, weight in zip((image0, image1), flows, (1 - t, t), strict=True):
-            height, width = here.backward.shape[:2]
-            y, x = np.mgrid[:height, :width].astype(np.float32)
-            x, y = x + flow[..., 0], y + flow[..., 1]
+        number = output_frame_between(image0.output_position, image1.output_position, t)
+        here = self.vectors.for_image(number, image0.array)
+        height, width = here.backward.shape[:2]
+        flows, weights, colours = [], [], []
+        for image, adjacent, weight in ((image0, here.backward, 1 - t), (image1, here.forward, t)):
+            assert image.output_position is not None, "else there would be no frame between"
+            flow = adjacent * np.float32(abs(image.output_position - number) * self.vectors.step)
             seen = ends_inside(flow)
+            y, x = np.indices((height, width), np.float32)
+            x, y = (x + flow[..., 0]).clip(0, width - 1), (y + flow[..., 1]).clip(0, height - 1)
             if here.depth is not None:
                 there = self.vectors.for_image(frame_number(image.output_position), image0.array).depth
                 assert there is not None, "all frames of a folder have depth, or none"
                 # the nearest pixel, since depth must not be mixed across an edge
-                nearest = there[_index(np.rint(y), height), _index(np.rint(x), width)]
+                nearest = there[np.rint(y).astype(np.intp), np.rint(x).astype(np.intp)]
                 seen &= nearest >= here.depth * np.float32(1 - self.depth_tolerance)
+            flows.append(flow)
             weights.append(seen * np.float32(weight))
             colours.append(_between_pixels(image.cached(premultiplied), x, y))
         total = weights[0] + weights[1]
         share = np.divide(weights[1], total, out=np.full_like(total, t), where=total > 0)[..., np.newaxis]
-        return as_image((1 - share) * colours[0] + share * colours[1], image0.array, image1.array, t)
+        return as_image((1 - share) * colours[0] + share * colours[1], image0.array, image1.array, t), flows
 
 
 def _between_pixels(values: NDArray[Any], x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:
-    """Return (H, W, C) values at positions, interpolated bilinearly, with repeated edges."""
+    """Return (H, W, C) values at positions within the image, interpolated bilinearly."""
     height, width = values.shape[:2]
-    x, y = x.clip(0, width - 1), y.clip(0, height - 1)
-    left, top = np.floor(x), np.floor(y)
-    across, down = (x - left)[..., np.newaxis], (y - top)[..., np.newaxis]
-    columns, rows = ([_index(first, size), _index(first + 1, size)] for first, size in ((left, width), (top, height)))
-    upper, lower = (values[row, columns[0]] * (1 - across) + values[row, columns[1]] * across for row in rows)
+    left, top = x.astype(np.intp), y.astype(np.intp)
+    right, bottom = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
+    across, down = (x % 1)[..., np.newaxis], (y % 1)[..., np.newaxis]
+    upper = values[top, left] * (1 - across) + values[top, right] * across
+    lower = values[bottom, left] * (1 - across) + values[bottom, right] * across
     return np.asarray(upper * (1 - down) + lower * down)
-
-
-def _index(places: NDArray[Any], size: int) -> NDArray[Any]:
-    return places.clip(0, size - 1).astype(np.intp)
