@@ -10,7 +10,6 @@ from itertools import chain
 from types import MappingProxyType
 from typing import Annotated, Any, Protocol, Self, TypeVar, runtime_checkable
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,16 +21,16 @@ from fpsboost.analysis.still_parts import find_still_parts
 from fpsboost.errors import OptionError, SceneCutWarning, refuse
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import Image, ImageView, TakesPlanes, check_pair, check_values, view
-from fpsboost.layered import FrameImage
+from fpsboost.image import Image, TakesPlanes, check_pair, check_values, view
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.field import COMPARABLE, MotionField, ZeroMotion
 from fpsboost.motion.rendered import RenderedVectors, UsesVectors
 from fpsboost.options import LEAST_CONFIDENCE, AtCuts, Checked, Range, Uncertain, checked
-from fpsboost.pair import Layered, Pair, as_bgr
+from fpsboost.pair import Pair, as_bgr
 from fpsboost.synthesis import FramePair, FusesHypotheses, InterpolatedImage, Synthesizer
-from fpsboost.synthesis.agreement import blend_fallback, measure_agreement, measure_uncertainty
+from fpsboost.synthesis.agreement import blend_fallback, measure_uncertainty
 from fpsboost.synthesis.blend import Blend, Nearest
+from fpsboost.synthesis.generation import generate
 from fpsboost.synthesis.layers import MixesLayers
 from fpsboost.synthesis.warp import Extrapolate
 from fpsboost.timing.position import Replacement
@@ -330,13 +329,13 @@ class Interpolator(Checked):
             onward = self.at_cuts == "extrapolate"
             fields = _extrapolate(pair, before, after) if onward else ZeroMotion().estimate(pair.image0, pair.image1)
             image0, image1 = (as_bgr(pair.image0), as_bgr(pair.image1)) if onward else (pair.image0, pair.image1)
-            return _generate(CUT_SYNTHESIZERS[self.at_cuts], FramePair(image0, image1, *fields), pair.layered, times)
+            return generate(CUT_SYNTHESIZERS[self.at_cuts], FramePair(image0, image1, *fields), pair.layered, times)
 
         def make(times: list[float]) -> Iterator[InterpolatedImage]:
             needs_confidence = with_confidence or self.uncertain != "keep"
             if self.mask is not None and self.mask.parts:
                 return self._in_layers(self.mask, pair, times, before, after, with_confidence=needs_confidence)
-            images = _generate(
+            images = generate(
                 self.synthesizer,
                 self.frame_pair(pair, before, after),
                 pair.layered,
@@ -456,57 +455,6 @@ def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, 
         assert item is not None, "only the first and the last are"
         yield before, item, after
         before, item = item, after
-
-
-def _generate(
-    synthesizer: Synthesizer,
-    frame_pair: FramePair,
-    layered: Layered | None,
-    times: Sequence[float],
-    *,
-    with_confidence: bool = False,
-) -> Iterator[InterpolatedImage]:
-    """Generate images, with the layers that the frames have, and with their confidence if it is asked for."""
-    images: Iterator[FrameImage]
-    if layered is None and with_confidence and isinstance(synthesizer, FusesHypotheses):
-        return synthesizer.fuse(frame_pair, times)
-    if layered is None:
-        images = _checked_images(synthesizer, frame_pair, times)
-    elif isinstance(synthesizer, MixesLayers):
-        images = synthesizer.synthesize_layers(frame_pair, layered, times)
-    else:
-        raise OptionError("The method makes no layers beside the picture; choose nlm, or give `passes='beauty'`.")
-    if not with_confidence:
-        return map(InterpolatedImage, images)
-    if isinstance(synthesizer, FusesHypotheses):
-        confidences = (fused.confidence for fused in synthesizer.fuse(frame_pair, times))
-    else:
-        confidences = (measure_agreement(frame_pair, t) for t in times)
-    return map(InterpolatedImage, images, confidences)
-
-
-def _checked_images(synthesizer: Synthesizer, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Any]:
-    """Yield the images of a synthesizer, which may be a user's; raise `OptionError` unless they are like the frames."""
-    image0, image1 = frame_pair.image0, frame_pair.image1
-    frame = image0.pixels
-    told = (
-        f"The synthesizer {type(synthesizer).__name__} must yield an image for every time, like "
-        f"`frame_pair.image0.array`: of shape {frame.shape} and {frame.dtype}"
-    )
-    made: Any = synthesizer.synthesize(frame_pair, times)
-    images = iter(made if isinstance(made, Iterable) else ())
-    for _ in times:
-        image = next(images, None)
-        if not isinstance(image, np.ndarray | ImageView):
-            raise OptionError(f"{told}, not {type(image).__name__}.")
-        if (image.shape, image.dtype, view(image).coding) != (frame.shape, frame.dtype, view(frame).coding):
-            raise OptionError(f"{told}, not {image.shape} and {image.dtype}.")
-        if image.dtype == np.float32:
-            # every eighth pixel shows another scale; nothing compares with NaN
-            limit = 16 * (1 + image0.cached(cv2.norm, cv2.NORM_INF) + image1.cached(cv2.norm, cv2.NORM_INF))
-            if cv2.norm(view(image).array()[::8, ::8], cv2.NORM_INF) > limit:
-                raise OptionError(f"{told}, in the range of the frames, in which white is 1.0, and not 255.")
-        yield image
 
 
 def _replace_uncertain(

@@ -53,7 +53,7 @@ OWN = np.arange(4, 19, 3)
 """Indices of the features of frame 0 that are followed by those of frame 1."""
 
 Coefficients = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
-"""Symmetric part of the table, antisymmetric part, and factors of the rows; see `as_coefficients`."""
+"""Symmetric part of the table, antisymmetric part, and factors of the rows; see `fusion_coefficients`."""
 
 
 def mirrored(coefficients: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -63,30 +63,20 @@ def mirrored(coefficients: NDArray[np.floating]) -> NDArray[np.floating]:
     return coefficients[..., order]
 
 
-def as_coefficients(rows: NDArray[np.floating], outputs: NDArray[np.floating]) -> Coefficients:
-    """Return a table in the form that the kernels take.
-
-    Parameters
-    ----------
-    rows : (2 + hinges, FEATURES)
-        Coefficients of both frames, of a single frame, and of each hinge.
-    outputs : (hinges, 2)
-        Factors of the hinges, for both frames and for their own frame.
+@cache
+def fusion_coefficients() -> Coefficients:
+    """Return the table in the form that the kernels take; computed once.
 
     Returns
     -------
     even, odd : (2 + hinges, FEATURES) float32
-        Symmetric and antisymmetric part of the rows by exchange of the frames.
+        Symmetric and antisymmetric part, by exchange of the frames, of the coefficients of both frames, of a single
+        frame, and of each hinge.
     factors : (2 + hinges, 2) float32
         Factors of each row for both frames and for either alone.
     """
+    rows = np.array(list(TABLE.values())).T
     even = (rows + mirrored(rows)) / 2
     odd = rows - even
-    factors = np.vstack([[(1, 0), (0, 1)], outputs]) * (0.5, 1)
+    factors = np.vstack([[(1, 0), (0, 1)], np.array(OUTPUTS).T]) * (0.5, 1)
     return even.astype(np.float32, order="C"), odd.astype(np.float32, order="C"), factors.astype(np.float32)
-
-
-@cache
-def fusion_coefficients() -> Coefficients:
-    """Return the coefficients of `TABLE` in the form that the kernels take; computed once."""
-    return as_coefficients(np.array(list(TABLE.values())).T, np.array(OUTPUTS).T)
