@@ -94,12 +94,13 @@ class VideoEncoder:
         kept = self._kept_side_data(traits) | of_hdr
         lost = dict.fromkeys(said for kind, said in traits.side_data.items() if kind not in kept)
         shape = traits.sample_aspect_ratio
-        said = {
-            f"{name} lost the pixel shape {shape} of its source, which {encoder} cannot say in this container; write "
-            "an .mp4 or .mov to keep it.": shape not in (None, 1) and not keeps_shape,
-            f"{name} lost the {' and the '.join(lost)} of its source.": bool(lost),
-        }
-        self.remarks += [remark for remark, is_due in said.items() if is_due]
+        if shape not in (None, 1) and not keeps_shape:
+            self.remarks.append(
+                f"{name} lost the pixel shape {shape} of its source, which {encoder} cannot say in this container; "
+                "write an .mp4 or .mov to keep it."
+            )
+        if lost:
+            self.remarks.append(f"{name} lost the {' and the '.join(lost)} of its source.")
         self.keeps_captions = CAPTIONS in kept
         self._nowhere: av.container.OutputContainer | None = None
         self._stream: av.VideoStream | None = None

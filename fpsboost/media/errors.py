@@ -76,6 +76,17 @@ def refuse(reasons: Mapping[str, object], error: type[Exception] = OptionError) 
             raise error(reason)
 
 
+def applicable(conditions: Mapping[str, object]) -> list[str]:
+    """Return the sentences or words whose condition is met.
+
+    Examples
+    --------
+    >>> applicable({"a rotation": True, "a crop": None})
+    ['a rotation']
+    """
+    return [what for what, applies in conditions.items() if applies]
+
+
 @contextmanager
 def undone_by(undo: Callable[[], object]) -> Iterator[None]:
     """Call a function where the block ends by an exception, such as one that closes what the block had opened."""

@@ -23,7 +23,7 @@ from fpsboost.media.clock import Window
 from fpsboost.media.demuxer import VideoFile, is_cover_art, is_encrypted, read_packets
 from fpsboost.media.encoded_sound import EncodedSound
 from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, containers
-from fpsboost.media.errors import EncryptedError
+from fpsboost.media.errors import EncryptedError, applicable
 from fpsboost.media.fitting import Fitting, add_copied, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
 from fpsboost.media.pyav import open_input, printable
 from fpsboost.media.remarks import Damage, counted, encrypted_stream_sentence, not_held_remark
@@ -102,7 +102,7 @@ class OtherStreams:
             "the chapters of its source, which its kind of sound rules out here": chapters and fitting.any_codec,
             f"the parts of its source's chapters that FFmpeg cannot read: {', '.join(unread)}": unread,
         }
-        self.remarks = [f"{self._name} lost {what}." for what, is_lost in lost.items() if is_lost]
+        self.remarks = [f"{self._name} lost {what}." for what in applicable(lost)]
         copy_labels(self._input.streams[source.stream_index], video, self._container)
         self._has_timecode = self._copy_timecode(video)
         for stream in self._input.streams:

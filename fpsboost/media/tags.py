@@ -14,6 +14,7 @@ from pathlib import Path
 import av
 
 from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS
+from fpsboost.media.errors import applicable
 from fpsboost.media.pyav import open_input, trial_file
 
 FILE_SPECIFIC_TAGS = {
@@ -131,7 +132,7 @@ def lost_labels(tags: dict[str, str], flags: av.stream.Disposition, stream: av.s
         f"the title {title}": title and title not in (after.get("title"), after.get("name")),
         **{f"the role {role.name}": roles & role for role in av.stream.Disposition},
     }
-    return [what for what, is_lost in lost.items() if is_lost]
+    return applicable(lost)
 
 
 def regional_languages(file: av.container.InputContainer) -> dict[int, str]:
@@ -242,7 +243,7 @@ def unread_of_chapters(file: av.container.InputContainer) -> list[str]:
         "languages": any(name == LANGUAGE and value not in NO_LANGUAGES for name, _, value in found),
         "flags of hidden chapters": any(name == IS_HIDDEN and value for name, _, value in found),
     }
-    return [what for what, is_there in unread.items() if is_there]
+    return applicable(unread)
 
 
 def _elements(data: mmap.mmap, begin: int, end: int) -> Iterator[tuple[bytes, int, int]]:

@@ -11,7 +11,7 @@ import av
 import numpy as np
 from av.video.reformatter import VideoReformatter
 
-from fpsboost.media.errors import InputError
+from fpsboost.media.errors import InputError, applicable
 from fpsboost.media.pixels import (
     BT709,
     LIMITED_RANGE,
@@ -140,12 +140,12 @@ class VideoTraits:
     @property
     def beyond_sdr(self) -> list[str]:
         """Properties, in words, that a target without colour tags loses; plain SDR looks nearly right without tags."""
-        said = {
+        lost = {
             "colour primaries": self.color_primaries not in {*_plain, 5, 6},  # 5 and 6 are of BT.601
             "transfer function": self.color_transfer in (LINEAR, PQ, HLG),
             MASTERING: self.mastering_display is not None or self.light_level is not None,
         }
-        return [word for word, is_said in said.items() if is_said]
+        return applicable(lost)
 
 
 def read_traits(

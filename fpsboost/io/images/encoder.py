@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from fpsboost.colour import with_red_and_blue_swapped
-from fpsboost.errors import OutputError
+from fpsboost.errors import OutputError, applicable
 from fpsboost.frame import Frame
 from fpsboost.image import Image, type_names, view
 from fpsboost.io.images.exr import ExrHeader, encode_exr, read_exr_header
@@ -167,7 +167,7 @@ def lost_metadata(extension: str, metadata: ImageMetadata, channels: int) -> lis
         "XMP data": len(metadata.xmp) > room,
         "OpenEXR attributes": metadata.has_exr_attributes and extension != ".exr",
     }
-    return [name for name, is_lost in wanted.items() if is_lost]
+    return applicable(wanted)
 
 
 def pillow_options(extension: str, metadata: ImageMetadata, channels: int) -> dict[str, Any]:
@@ -247,12 +247,12 @@ def colours_of(
         "gamma": b"gAMA" in chunks and not has_transfer,
         "limited range": chunks.get(b"cICP", b"")[3:] == b"\0",
     }
-    words = " and the ".join(word for word, is_lost in untaggable.items() if is_lost)
+    words = " and the ".join(applicable(untaggable))
     remark = (
         f"No colour tag stands for the {words} of {path.name}, whose colours are written unchanged; convert it to sRGB "
         "first."
     )
-    return tags, [remark] * bool(words)
+    return tags, [remark] if words else []
 
 
 def _number_of(known: dict[int, Any], values: Any, tolerance: float) -> int:

@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.errors import InputError
+from fpsboost.errors import InputError, applicable
 from fpsboost.image import Image, view
 from fpsboost.io.images.exr import ExrHeader, Precision, encode_exr_like, read_channels, read_exr_header
 from fpsboost.layered import FrameImage, Layer, LayeredImage, LayerKind
@@ -302,7 +302,7 @@ def losses_like(header: ExrHeader, layers: Sequence[LayerNames], *, anew: bool) 
         "Motion vectors lead from one original to the next, also in the frames between, as the originals' do.": anew
         and any(layer.has_vectors for layer in layers),
     }
-    return [sentence for sentence, is_due in said.items() if is_due]
+    return applicable(said)
 
 
 def _named(path: Path, contents: ExrContents, names: str) -> list[LayerNames]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
-from fpsboost.errors import CompleteAlreadyError, OptionError, OutputError, explained, undone_by
+from fpsboost.errors import CompleteAlreadyError, OptionError, OutputError, applicable, explained, undone_by
 from fpsboost.frame import Frame
 from fpsboost.io.images.encoder import ImageEncoder
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
@@ -282,7 +282,7 @@ def _names_of(output: Output) -> ImageNames:
         f"{path} has too few digits for {count} frames: later names grow longer.": not _is_folder(path)
         and 1 < numbering.digits < digits,
     }
-    return ImageNames(numbering, first, step, kept is None, tuple(remark for remark, is_due in said.items() if is_due))
+    return ImageNames(numbering, first, step, kept is None, tuple(applicable(said)))
 
 
 def _names_in_place(output: Output) -> ImageNames:

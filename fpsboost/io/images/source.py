@@ -14,7 +14,7 @@ from pathlib import Path
 
 from fpsboost.colour import displayed_colours
 from fpsboost.contracts import ClosesOnExit
-from fpsboost.errors import InputError, OptionError, explained, refuse
+from fpsboost.errors import InputError, OptionError, applicable, explained, refuse
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.image import Image, view
@@ -182,7 +182,7 @@ class ImageSource(ClosesOnExit):
             f"{first} and its like hold several pictures, the first of which was read.": self._holds_more,
             f"{first} and its like hold other channels ({listed}), which were left out.": bool(names),
         }
-        return [remark for remark, is_due in said.items() if is_due]
+        return applicable(said)
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the images as frames, from the one given to `begin_at` on; each is read when it is due."""

@@ -23,7 +23,7 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.colour import Coding
 from fpsboost.contracts import ClosesOnExit
-from fpsboost.errors import FpsboostError, InputError, OutputError, ReaderGoneError, refuse
+from fpsboost.errors import FpsboostError, InputError, OutputError, ReaderGoneError, applicable, refuse
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Pixels
 from fpsboost.io.output import Output, StreamInfo, check_frame_size
@@ -137,7 +137,7 @@ class PipeSource(ClosesOnExit):
             lost_shape_remark(INPUT_NAME, traits.sample_aspect_ratio): for_images
             and traits.sample_aspect_ratio not in (None, 1),
         }
-        self.remarks = [remark for remark, is_due in said.items() if is_due]
+        self.remarks = applicable(said)
 
     def __iter__(self) -> Iterator[Frame]:
         """Return an iterator over the frames; a second call raises `InputError`."""
@@ -348,7 +348,7 @@ class PipeSink:
             "rotation": traits.display_matrix is not None,
             **dict.fromkeys(traits.side_data.values(), True),
         }
-        words = " and ".join(word for word, is_lost in lost.items() if is_lost)
+        words = " and ".join(applicable(lost))
         if words:
             self.remarks.append(
                 f"{OUTPUT_NAME} cannot say the {words} of {self._info.name}; say it again behind the pipe."
@@ -362,7 +362,7 @@ class PipeSink:
             f"{OUTPUT_NAME} shows every frame equally long, which those of {self._info.name} are not; give `fps` to "
             "keep their times.": abs(frame.time - due) * self._timing.rate > Fraction(1, 2),
         }
-        self.remarks += [remark for remark, is_lost in lost.items() if is_lost and remark not in self.remarks]
+        self.remarks += [remark for remark in applicable(lost) if remark not in self.remarks]
 
     def _send(self, data: bytes) -> None:
         """Write all of `data`, in several calls if need be.

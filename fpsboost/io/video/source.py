@@ -94,13 +94,10 @@ class VideoSource(Clip):
             # PNG keeps the mastering metadata, and the sinks of other formats report its loss themselves
             sides = dict.fromkeys(word for word in traits.side_data.values() if word != MASTERING)
             lost = [*self.file.companions, *sides]
-            said = {
-                lost_companions_remark(self.info.name, lost, "images"): lost,
-                lost_shape_remark(self.info.name, traits.sample_aspect_ratio): (
-                    traits.sample_aspect_ratio not in (None, 1)
-                ),
-            }
-            self.remarks += [remark for remark, is_due in said.items() if is_due]
+            if lost:
+                self.remarks.append(lost_companions_remark(self.info.name, lost, "images"))
+            if traits.sample_aspect_ratio not in (None, 1):
+                self.remarks.append(lost_shape_remark(self.info.name, traits.sample_aspect_ratio))
 
     @property
     def stream_info(self) -> StreamInfo:
