@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import mmap
-import os
 import re
 import statistics
 from collections.abc import Collection, Iterator, Sequence
@@ -41,6 +39,9 @@ MAX_STEP_BACK = Fraction(1, 10)
 
 MAX_GAP = Fraction(10)
 """Maximum gap between packets that is no new recording, seconds; both values are those of FFmpeg's programs."""
+
+HEADER_BOX = b"moov"
+"""Type of the box that describes the streams of an MP4 or MOV, and lists their samples."""
 
 FIRST_BOXES = {b"ftyp", b"mdat", b"wide", b"free", b"skip"}  # types of the boxes that files of MP4 and MOV begin with
 
@@ -252,13 +253,14 @@ def _why_unreadable(path: Path) -> str:
     if _is_playlist(path):
         text = path.read_bytes()
         return next(reason for mark, reason in unreadable_playlists.items() if mark in text)
-    boxes = _first_boxes(path)
-    if not SEGMENT_BOXES.isdisjoint(boxes):
+    boxes = [kind for kind, _ in boxes_of(path)]
+    is_whole = HEADER_BOX in boxes
+    if not is_whole and not SEGMENT_BOXES.isdisjoint(boxes):
         return (
             "is a segment of DASH or HLS without its initialization segment, which says how to decode it; put that "
             "before it (cat init.mp4 segment.m4s > whole.mp4), and name the result."
         )
-    if not FIRST_BOXES.isdisjoint(boxes[:1]):
+    if not is_whole and not FIRST_BOXES.isdisjoint(boxes[:1]):
         return (
             "was never finished: its index (moov) is missing, as after a crash or an interrupted copy; copy it again, "
             "or recover it with a tool such as untrunc."
@@ -266,17 +268,16 @@ def _why_unreadable(path: Path) -> str:
     return "is not a video file that can be read, or it is damaged at its beginning."
 
 
-def _first_boxes(path: Path) -> list[bytes]:
-    """Return the types of the boxes of an MP4 or MOV in order; none if one of them lists all samples (moov)."""
-    kinds: list[bytes] = []
+def boxes_of(path: Path) -> Iterator[tuple[bytes, bytes]]:
+    """Yield the types of the boxes of an MP4 or MOV in order, that of the header with its content; else nonsense."""
+    begin = 0
     with path.open("rb") as file:
-        while len(head := file.read(16)) >= 8 and b"moov" not in kinds:
-            length = int.from_bytes(head[:4] if head[:4] != b"\0\0\0\1" else head[8:])
-            kinds.append(head[4:8])
-            if length < 8 or kinds[0] not in FIRST_BOXES | SEGMENT_BOXES:  # 0 stands for the end of the file
+        while len(head := file.read(16)) >= 8:
+            kind, length = head[4:8], int.from_bytes(head[:4] if head[:4] != b"\0\0\0\1" else head[8:])
+            yield kind, file.read(length) if kind == HEADER_BOX else b""
+            begin = file.seek(begin + length)
+            if length < 8:  # 0 stands for the end of the file
                 break
-            file.seek(length - len(head), os.SEEK_CUR)
-    return [] if b"moov" in kinds else kinds
 
 
 def choose_video(container: av.container.InputContainer, name: str, wanted: int | None) -> av.VideoStream:
@@ -293,13 +294,12 @@ def choose_video(container: av.container.InputContainer, name: str, wanted: int 
         raise OptionError(f"`stream={wanted}` is no video stream of {name}; choose one of {listed}.")
     moving = [stream for stream in videos.values() if stream.frames != 1] or list(videos.values())
     chosen = max(moving, key=_score) if wanted is None else videos[wanted]
-    is_protected = False
+    is_protected = "ASF_Protection_Type" in container.metadata
     if chosen.codec_context is None:  # MP4 names a format that encryption hides in a box, as FairPlay does
-        with open(container.name, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            is_protected = data.find(b"\0\0\0\x0cfrma") >= 0
-    if chosen.codec_context is None and not is_protected:
-        raise InputError(f"{name} uses a video codec that cannot be decoded here; convert it to H.264 first.")
-    if is_protected or "ASF_Protection_Type" in container.metadata:
+        is_protected = any(b"\0\0\0\x0cfrma" in content for _, content in boxes_of(Path(container.name)))
+        if not is_protected:
+            raise InputError(f"{name} uses a video codec that cannot be decoded here; convert it to H.264 first.")
+    if is_protected:
         raise EncryptedError(encrypted_sentence(name))
     return chosen
 

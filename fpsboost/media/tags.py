@@ -5,14 +5,16 @@ Of Matroska's chapters FFmpeg reads a time and a name; their other properties ar
 
 import mmap
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import NamedTuple
 
 import av
 
+from fpsboost.media.demuxer import HEADER_BOX, boxes_of
 from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS
 from fpsboost.media.errors import applicable
 from fpsboost.media.pyav import open_input, trial_file
@@ -57,14 +59,18 @@ three_letters = {"yo": "yor", "za": "zha", "zh": "zho", "zu": "zul"}
 
 
 CHAPTERS, CHAPTER, CHAPTER_NAME = b"\x10\x43\xa7\x70", b"\xb6", b"\x80"
-PARENTS_OF_CHAPTERS = (b"\x18\x53\x80\x67", CHAPTERS, b"\x45\xb9", CHAPTER, CHAPTER_NAME)
-"""Identifiers of Matroska's Segment, Chapters, EditionEntry, ChapterAtom and ChapterDisplay, one inside the other."""
+"""Identifiers of Matroska's Chapters, ChapterAtom and ChapterDisplay."""
 
 IS_ORDERED, IS_HIDDEN, LANGUAGE = b"\x45\xdd", b"\x98", b"\x43\x7c"
 """Identifiers of EditionFlagOrdered, ChapterFlagHidden and ChapLanguage."""
 
 TRACKS, TRACK, TRACK_LANGUAGE = b"\x16\x54\xae\x6b", b"\xae", b"\x22\xb5\x9d"
 """Identifiers of Tracks, TrackEntry and LanguageBCP47."""
+
+PARENTS = (b"\x18\x53\x80\x67", TRACKS, TRACK, CHAPTERS, b"\x45\xb9", CHAPTER, CHAPTER_NAME)
+"""Identifiers of the elements that are looked into: these, Segment and EditionEntry."""
+
+MOST_TEXT = 64  # bytes of an element that are read; flags have up to 8, and languages less than this
 
 ORDER = "the order of editions"
 
@@ -141,20 +147,12 @@ def regional_languages(file: av.container.InputContainer) -> dict[int, str]:
     Beside the tag, Matroska has an element for them, which FFmpeg does not read; its tracks are FFmpeg's first streams.
     """
     found = {stream.index: _lower(stream.metadata).get("language", "") for stream in file.streams}
-    if file.format.name == "matroska,webm":
-        with open(file.name, "rb") as source, mmap.mmap(source.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            begin, end = next(_inside(data, (PARENTS_OF_CHAPTERS[0], TRACKS), 0, len(data)), (0, 0))
-            for index, (start, stop) in enumerate(_inside(data, (TRACK,), begin, end)):
-                for first, last in _inside(data, (TRACK_LANGUAGE,), start, stop):
-                    found[index] = data[first:last].strip(b"\0").decode("utf-8", "replace")
+    elements = _elements_to(TRACKS, file)
+    tracks = [element.begin for element in elements if element.name == TRACK]
+    for element in elements:
+        if element.name == TRACK_LANGUAGE:
+            found[tracks.index(element.parent)] = element.content.decode("utf-8", "replace")
     return {index: language for index, language in found.items() if "-" in language}
-
-
-def _inside(data: mmap.mmap, path: Sequence[bytes], begin: int, end: int) -> Iterator[tuple[int, int]]:
-    """Yield where the elements at the end of a path of identifiers, each in the one before, begin and end."""
-    for name, start, stop in _elements(data, begin, end):
-        if name == path[0]:
-            yield from _inside(data, path[1:], start, stop) if path[1:] else [(start, stop)]
 
 
 def _language_codes(language: str) -> list[str]:
@@ -221,29 +219,50 @@ def unread_of_chapters(file: av.container.InputContainer) -> list[str]:
 
     FFmpeg leaves out chapters inside others, and those that begin no later than one before, as where an edition begins.
     """
-    if file.format.name != "matroska,webm" or not file.chapters():
+    kept = len(file.chapters())
+    if not kept:
         return []
-    found: list[tuple[bytes, int, bytes]] = []
+    elements = _elements_to(CHAPTERS, file)
+    names, contents = [element.name for element in elements], {(element.name, element.content) for element in elements}
+    of_names = [element.parent for element in elements if element.name == CHAPTER_NAME]
+    count = names.count(CHAPTER)
+    unread = {
+        ORDER: any(name == IS_ORDERED and value for name, value in contents),
+        f"{count - kept} of {count} chapters": count > kept,
+        "second names": len(of_names) > len(set(of_names)),
+        "languages": any(name == LANGUAGE and value not in NO_LANGUAGES for name, value in contents),
+        "flags of hidden chapters": any(name == IS_HIDDEN and value for name, value in contents),
+    }
+    return applicable(unread)
+
+
+class _Element(NamedTuple):
+    """Element of Matroska: its identifier, where its parent's content and its own begin, and that without zeros."""
+
+    name: bytes
+    parent: int
+    begin: int
+    content: bytes
+
+
+def _elements_to(last: bytes, file: av.container.InputContainer) -> list[_Element]:
+    """Return the elements of a Matroska that are in `PARENTS`, up to the one named last, behind which packets may lie.
+
+    No other file has any.
+    """
+    found: list[_Element] = []
+    if file.format.name != "matroska,webm":
+        return found
     with open(file.name, "rb") as source, mmap.mmap(source.fileno(), 0, access=mmap.ACCESS_READ) as data:
         parts = [(0, len(data))]
         for begin, end in parts:
             for name, start, stop in _elements(data, begin, end):
-                # flags have up to 8 bytes, and languages 3
-                found.append((name, begin, data[start : min(start + 8, stop)].strip(b"\0")))
-                if name in PARENTS_OF_CHAPTERS:
+                found.append(_Element(name, begin, start, data[start : min(start + MOST_TEXT, stop)].strip(b"\0")))
+                if name in PARENTS:
                     parts.append((start, stop))
-                if name == CHAPTERS:  # behind it lie the packets, usually
+                if name == last:
                     break
-    count, kept = sum(name == CHAPTER for name, *_ in found), len(file.chapters())
-    of_names = [parent for name, parent, _ in found if name == CHAPTER_NAME]
-    unread = {
-        ORDER: any(name == IS_ORDERED and value for name, _, value in found),
-        f"{count - kept} of {count} chapters": count > kept,
-        "second names": len(of_names) > len(set(of_names)),
-        "languages": any(name == LANGUAGE and value not in NO_LANGUAGES for name, _, value in found),
-        "flags of hidden chapters": any(name == IS_HIDDEN and value for name, _, value in found),
-    }
-    return applicable(unread)
+    return found
 
 
 def _elements(data: mmap.mmap, begin: int, end: int) -> Iterator[tuple[bytes, int, int]]:
@@ -275,13 +294,9 @@ def is_timecode(stream: av.stream.Stream) -> bool:
 
 def timecode_rate(path: Path) -> Fraction | None:
     """Return how many frames per second the timecode track of an MP4 or MOV counts; None if it has none."""
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        begin = end = 0
-        while end < len(data) and data[begin + 4 : begin + 8] != b"moov":
-            begin, head = end, data[end : end + 16]
-            end += int.from_bytes(head[8:] if head[:4] == b"\0\0\0\1" else head[:4]) or len(data)
-        entry = TIMECODE_ENTRY.search(data, begin, end)
-        ticks, length = (int.from_bytes(number) for number in entry.groups()) if entry else (0, 0)
+    header = next((content for kind, content in boxes_of(path) if kind == HEADER_BOX), b"")
+    entry = TIMECODE_ENTRY.search(header)
+    ticks, length = (int.from_bytes(number) for number in entry.groups()) if entry else (0, 0)
     return Fraction(ticks, length) if length else None
 
 
