@@ -33,7 +33,7 @@ from fpsboost.media.demuxer import (
     open_video,
     read_packets,
 )
-from fpsboost.media.errors import EncryptedError, InputError, OptionError, refuse, undone_by
+from fpsboost.media.errors import EncryptedError, InputError, OptionError, undone_by
 from fpsboost.media.frame_index import INDEXED, EntryPoint, FrameIndex, UnindexedError, read_index
 from fpsboost.media.info import ClipInfo
 from fpsboost.media.output import StreamInfo
@@ -431,14 +431,11 @@ class Clip:
 
         Raises `UnindexedError` if the container has no index, fields become frames, or the times differ.
         """
-        refuse(
-            {
-                "its container has no index of frames": not self._is_indexed,
-                "its packets tell nothing of fields": self._reading.deinterlace,
-            },
-            UnindexedError,
-        )
-        index = read_index(self.path, self.file.stream_index, playlists=self._reading.allow_playlists)
+        if not self._is_indexed:
+            raise UnindexedError("its container has no index of frames")
+        if self._reading.deinterlace:
+            raise UnindexedError("its packets tell nothing of fields")
+        index = read_index(self.file)
         times = [picture.pts for picture in islice(self._pictures, CHECKED_PICTURES)]
         is_right = times == index.ticks[:CHECKED_PICTURES].tolist() and not self._pictures.differ_from_packets
         self._reopen()

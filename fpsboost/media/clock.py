@@ -119,7 +119,7 @@ def nominal_rate(stream: av.VideoStream, cadence: Cadence | None, *, raw: bool =
     exact = [rate for rate in preferred if cadence.is_exactly(rate)]
     considered = declared if cadence.is_constant else [*declared, *usual]
     near = [rate for rate in considered if cadence.is_nearly(rate)]
-    measured = [(1 / cadence.interval).limit_denominator(most) for most in MAX_DENOMINATORS]
+    measured = [rate.limit_denominator(most) for most in MAX_DENOMINATORS]
     simplest = next((rate for rate in measured if rate > 0 and cadence.is_exactly(rate)), measured[-1])
     candidates = [*exact, *near, simplest, *declared[:1]]
     return next((rate for rate in candidates if not is_implausible(rate, cadence.mean_rate)), candidates[0]), True

@@ -166,8 +166,8 @@ class Demuxer:
         times: list[int] = []
         for block in probed(self._path) if clock_may_jump(self.container) else ():
             if match := PICTURE_TIME.search(block):
-                high, middle, low = match[1][0] >> 1 & 7, int.from_bytes(match[1][1:3]), int.from_bytes(match[1][3:])
-                times.append(high << 30 | middle >> 1 << 15 | low >> 1)
+                bits = int.from_bytes(match[1])  # of the time: 3, 15 and 15, with markers between
+                times.append(bits >> 3 & 7 << 30 | bits >> 2 & 0x7FFF << 15 | bits >> 1 & 0x7FFF)
         steps = [(later - earlier + MAX_REORDERED_TIME) % (1 << 33) for earlier, later in pairwise(times)]
         jumps = max(steps, default=0) > 10 * max(statistics.median(steps or [0]), MAX_REORDERED_TIME)
         return None if jumps else duration
@@ -475,15 +475,12 @@ class ContinuousClock:
     def _recording_of(self, index: int, time: Fraction) -> int:
         """Return the recording that a time of a stream belongs to: the current one, a later one, or a new one."""
         place = self._places.get(index, 0)
-        if index not in self._ends or self._is_continuous(index, time + self._moves[place]):
+        end = self._ends.get(index)
+        if end is None or end - MAX_STEP_BACK <= time + self._moves[place] <= max(self._ends.values()) + MAX_GAP:
             return place
         for later in range(place + 1, len(self._moves)):
-            if abs(time + self._moves[later] - self._ends[index]) <= MAX_GAP:
+            if abs(time + self._moves[later] - end) <= MAX_GAP:
                 return later
-        self._moves.append(self._ends[index] - time)
+        self._moves.append(end - time)
         self.jumps += 1
         return len(self._moves) - 1
-
-    def _is_continuous(self, index: int, time: Fraction) -> bool:
-        """Return whether a time, offset and in seconds, continues a stream without a jump."""
-        return self._ends[index] - MAX_STEP_BACK <= time <= max(self._ends.values()) + MAX_GAP

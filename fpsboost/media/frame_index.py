@@ -8,16 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import av
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.media.demuxer import is_encrypted, read_packets
-from fpsboost.media.errors import refuse
-from fpsboost.media.pyav import open_input
+from fpsboost.media.demuxer import VideoFile, is_encrypted, read_packets
 from fpsboost.media.remarks import Damage
 
 INDEXED = ("matroska", "mov")  # containers that store a presentation time with every packet, and an index of key frames
@@ -60,22 +57,11 @@ class UnindexedError(Exception):
     """Reason, as a clause without subject and full stop, why packets do not determine the times of frames."""
 
 
-def read_index(path: Path, video: int, *, playlists: bool = False) -> FrameIndex:
-    """Return the index of a video stream, by reading all of its packets.
+def read_index(file: VideoFile) -> FrameIndex:
+    """Return the index of the converted stream of a file, by reading all of its packets.
 
-    Parameters
-    ----------
-    path : Path
-        File to read.
-    video : int
-        Number of the stream.
-    playlists : bool
-        Also open playlists, for which other files are read.
-
-    Raises
-    ------
-    UnindexedError
-        The packets do not determine the frames: damage, encryption, or times that are missing or equal.
+    Raises `UnindexedError` if the packets do not determine the frames: damage, encryption, or times that are missing or
+    equal.
     """
     damage = Damage()
     pts: list[int] = []
@@ -83,27 +69,28 @@ def read_index(path: Path, video: int, *, playlists: bool = False) -> FrameIndex
     keys: list[int] = []
     presented: list[int] = []
     try:
-        with open_input(str(path.absolute()), playlists=playlists) as container:
-            stream = container.streams.get(video)[0]
+        with file.open() as container:
+            stream = container.streams.get(file.stream_index)[0]
             listed, codec = len(stream.index_entries), stream.codec_context.codec.canonical_name
-            for place, packet in enumerate(read_packets(container, {video}, damage)):
+            for place, packet in enumerate(read_packets(container, {file.stream_index}, damage)):
                 if packet.pts is None:
                     raise UnindexedError("some of its packets have no time")
-                flaws = {"it is encrypted": is_encrypted(packet), "some of its packets are damaged": packet.is_corrupt}
-                refuse(flaws, UnindexedError)
+                if is_encrypted(packet):
+                    raise UnindexedError("it is encrypted")
+                if packet.is_corrupt:
+                    raise UnindexedError("some of its packets are damaged")
                 pts.append(packet.pts)
                 dts.append(packet.dts)
-                keys += [place] * packet.is_keyframe
-                presented += [place] * (not packet.is_discard and is_presented(codec, packet))
+                if packet.is_keyframe:
+                    keys.append(place)
+                if not packet.is_discard and is_presented(codec, packet):
+                    presented.append(place)
     except (av.error.FFmpegError, OSError):
         raise UnindexedError("its packets cannot be listed") from None
-    refuse(
-        {
-            "parts of it cannot be read": damage != Damage(),
-            f"it lists {listed} packets and holds {len(pts)}": len(pts) < listed,
-        },
-        UnindexedError,
-    )
+    if damage != Damage():
+        raise UnindexedError("parts of it cannot be read")
+    if len(pts) < listed:
+        raise UnindexedError(f"it lists {listed} packets and holds {len(pts)}")
     return _index_of(np.array(pts, np.int64), dts, keys, np.array(presented, np.intp))
 
 

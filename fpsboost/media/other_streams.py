@@ -48,6 +48,9 @@ MOVIE_CLOCK = 1000
 MIN_TEXT_TICK = Fraction(1, 90_000)
 """Shortest tick of subtitles in mp4 and mov, seconds: their muxer refuses two cues that are 2**31 ticks apart."""
 
+ALL = Window(Fraction(0), None, None)
+"""All of a clip, whose packets keep their times, also those before 0."""
+
 ERASE_CAPTIONS = b"\xfc\x94\x2c\xfd\x15\x2c"
 """Command of CEA-608 that empties the screen, in the first and in the second field of a picture, with parity."""
 
@@ -78,9 +81,9 @@ class OtherStreams:
         self, fitting: Fitting, source: VideoFile, output: av.container.OutputContainer, video: av.VideoStream
     ) -> None:
         self._fitting, self._source, self._output = fitting, source, output
-        self._window, self._encoding = fitting.output.window, fitting.output.encoding
+        self._window, self._encoding = fitting.output.window or ALL, fitting.output.encoding
         self._name, self._container = fitting.output.path, fitting.container
-        self._curve = None if self._window is None else self._window.curve
+        self._curve = self._window.curve
         self._reverses = self._curve is not None and self._curve.reverses
         self.written: dict[int, str] = {}
         """Type of each stream of the source of which packets were muxed, by its number."""
@@ -212,7 +215,7 @@ class OtherStreams:
 
     def _add_encoded(self, stream: av.stream.Stream, encoder: str) -> None:
         """Add a stream of audio that is re-encoded; `fit_streams` has checked that it can be."""
-        sound = self._sounds[stream.index] = EncodedSound(stream, self._output, encoder, self._window)
+        sound = self._sounds[stream.index] = EncodedSound(stream, self._output, encoder, self._fitting.output.window)
         self._add_target(stream, sound.stream)
         stretched = "" if self._curve is None else "fitted to the speeds of its pictures and "
         if self._curve is not None and self._curve.is_steady and (speed := self._curve.sounding[0].slope0):
@@ -254,7 +257,7 @@ class OtherStreams:
             return False
         old, new = timecode_rate(self._source.path) or self._source.coded_rate, video.codec_context.framerate
         is_counted = self._curve is None or self._curve.is_steady
-        skipped = 0 if self._window is None else self._window.frames_before(old)
+        skipped = self._window.frames_before(old)
         again = timecode_at(timecode, old, Fraction(new), skipped) if new and is_counted else None
         if again is None:
             cause = "rate" if is_counted else "speed"
@@ -299,14 +302,14 @@ class OtherStreams:
         self, packets: Iterator[av.Packet[av.stream.Stream]]
     ) -> Iterator[tuple[Fraction, av.Packet[av.stream.Stream]]]:
         """Yield packets, at times in the output but for sound that is encoded, and when that which they hold is due."""
-        window, end = self._window, None if self._window is None else self._window.end
+        window, end = self._window, self._window.end
         for packet in packets:
             index, kind = packet.stream.index, packet.stream.type
             time = (packet.dts or 0) * Fraction(packet.time_base)
             if is_encrypted(packet) and (end is None or time < end):
                 raise EncryptedError(encrypted_stream_sentence(self._source.name, kind, index))
-            due = time if window is None else window.output_time(time)
-            for moved in [packet] if window is None or index in self._sounds else self._move(packet, window):
+            due = window.output_time(time)
+            for moved in [packet] if window is ALL or index in self._sounds else self._move(packet, window):
                 yield due, moved
 
     def _read(
@@ -319,7 +322,7 @@ class OtherStreams:
         if not streams:
             return
         # where all later packets of any stream are after the window too
-        past = None if self._window is None or self._window.end is None else self._window.end + MAX_INTERLEAVING
+        past = None if self._window.end is None else self._window.end + MAX_INTERLEAVING
         damage = Damage()
         sentence = (
             f"{self._source.name} is damaged where sound, subtitles or data lie, so some may be missing in "
@@ -407,9 +410,8 @@ class OtherStreams:
             self.written[index] = kind
 
 
-def _chapters_within(file: av.container.InputContainer, window: Window | None, start: Fraction) -> list[Any]:
+def _chapters_within(file: av.container.InputContainer, window: Window, start: Fraction) -> list[Any]:
     """Return the chapters that overlap a window, cut to it, with their output times."""
-    window = window or Window(Fraction(0), None, None)
     kept: list[Any] = []
     for chapter in file.chapters():
         tick = Fraction(chapter["time_base"] or 1)

@@ -163,7 +163,8 @@ class Pictures(Iterator[av.VideoFrame]):
                 self._buffer.drop(pts)
                 continue
             aspect = as_fraction(self._decoder.sample_aspect_ratio) or Fraction(1)
-            self._aspects += [aspect] * (bool(pictures) and aspect not in self._aspects)
+            if pictures and aspect not in self._aspects:
+                self._aspects.append(aspect)
             for picture in pictures:
                 if self._raw_rate is not None:
                     self._set_time(picture, self._raw_rate)
@@ -429,11 +430,8 @@ class FormatUnifier:
         deep = full_chroma(16).replace("yuv", "yuva" if has_alpha(wanted.name) else "yuv")
         middle, last = (("format", name) for name in (deep if recodes else wanted.name, wanted.name))
         alike = self._graphs.passed(picture, ("scale", options), middle, ("pad", margins), last)
-        alike.pts, alike.duration, alike.time_base = (
-            picture.pts,
-            picture.duration,
-            picture.time_base or Fraction(1, 1000),
-        )
+        alike.pts, alike.duration = picture.pts, picture.duration
+        alike.time_base = picture.time_base or Fraction(1, 1000)
         alike.colorspace, alike.color_range = traits.tagged_color_space, traits.color_range
         alike.color_primaries, alike.color_trc = traits.color_primaries, traits.color_transfer
         return alike

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated
 
-from fpsboost.errors import OptionError, refuse
+from fpsboost.errors import OptionError
 from fpsboost.media import EncodeSettings
 from fpsboost.options import Checked, Range, option
 
@@ -22,14 +22,13 @@ def parse_bitrate(text: str, option: str = "`bitrate`") -> int:
 def parse_encoder_options(texts: Sequence[str], option: str = "`encoder_options`") -> tuple[tuple[str, str], ...]:
     """Split options of the form ``key=value``; messages name them by `option`."""
     texts = [texts] if isinstance(texts, str) else texts
-    pairs = [text.partition("=") for text in texts]
-    refuse(
-        {
-            f"{option} {text!r} is not of the form key=value; write it like tune=film.": not name.strip() or not value
-            for text, (name, _, value) in zip(texts, pairs, strict=True)
-        }
-    )
-    return tuple((name.strip(), value) for name, _, value in pairs)
+    pairs: list[tuple[str, str]] = []
+    for text in texts:
+        name, _, value = text.partition("=")
+        if not name.strip() or not value:
+            raise OptionError(f"{option} {text!r} is not of the form key=value; write it like tune=film.")
+        pairs.append((name.strip(), value))
+    return tuple(pairs)
 
 
 def parse_streams(text: str, option: str = "`streams`") -> tuple[int, ...]:
