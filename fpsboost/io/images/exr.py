@@ -7,7 +7,8 @@ whole numbers beside other types, which its Python binding converts through 32-b
 
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -116,25 +117,32 @@ def read_exr_header(path: Path) -> ExrHeader:
 
     Raises `InputError` if it cannot be read, has deep pixels, subsampled channels, or parts of different sizes.
     """
-    import OpenEXR  # noqa: PLC0415  # only who has such files waits for it
-
-    try:
-        types = _types_of(path)
-        with name_for_libraries(path) as name:
-            file = OpenEXR.File(name, separate_channels=True, header_only=True, num_threads=0)
-        with file:
-            headers = [dict(file.header(number)) for number in range(len(file.parts))]  # emptied at its end
+    types = _types_of(path)
+    with _opened_exr(path, header_only=True) as file:
+        headers = [dict(file.header(number)) for number in range(len(file.parts))]  # emptied at its end
         if not headers or len(headers) != len(types):
             raise ValueError("parts that cannot be read")
         names = [header.get("name", "") if len(headers) > 1 else "" for header in headers]
         header = ExrHeader(tuple(map(_part, names, headers, types)))
         if not header.places or len(header.places) != sum(len(part.channels) for part in header.parts):
             raise ValueError("no channels, or two parts with one name")
-    except (KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
-        raise damaged(path) from error
     if any(part.display != header.display for part in header.parts):
         raise InputError(f"{path} has parts of different sizes; save them with one display window.")
     return header
+
+
+@contextmanager
+def _opened_exr(path: Path, *, header_only: bool) -> Iterator[Any]:
+    """Open a file with OpenEXR while the block lasts; exceptions that tell of damage become an `InputError`."""
+    import OpenEXR  # noqa: PLC0415  # only who has such files waits for it
+
+    try:
+        with name_for_libraries(path) as name:
+            file = OpenEXR.File(name, separate_channels=True, header_only=header_only, num_threads=0)
+        with file:
+            yield file
+    except (KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
+        raise damaged(path) from error
 
 
 def _types_of(path: Path) -> list[dict[str, Precision]]:
@@ -180,26 +188,19 @@ def read_channels(
     path: Path, header: ExrHeader, names: Sequence[str], limit: MemoryLimit | None = None
 ) -> dict[str, NDArray[Any]]:
     """Read channels of a file by their full names, as (H, W) float16, float32 or uint32; otherwise as `read_exr`."""
-    import OpenEXR  # noqa: PLC0415
-
     limit = limit or MemoryLimit()
     for window in (header.display, *(part.data for part in header.parts)):
         limit.check(path, *reversed(window.size), decoding=header.decoded_bytes)
-    try:
-        with name_for_libraries(path) as source:
-            file = OpenEXR.File(source, separate_channels=True, num_threads=0)
-        with file:
-            if len(file.parts) != len(header.parts):
-                raise ValueError("a part that cannot be decoded")
-            stored = [file.channels(number) for number in range(len(header.parts))]
-            planes = {
-                part.full_name(name): stored[number][name].pixels
-                for number, part in enumerate(header.parts)
-                for name in part.channels
-                if part.full_name(name) in names
-            }
-    except (KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
-        raise damaged(path) from error
+    with _opened_exr(path, header_only=False) as file:
+        if len(file.parts) != len(header.parts):
+            raise ValueError("a part that cannot be decoded")
+        stored = [file.channels(number) for number in range(len(header.parts))]
+        planes = {
+            part.full_name(name): stored[number][name].pixels
+            for number, part in enumerate(header.parts)
+            for name in part.channels
+            if part.full_name(name) in names
+        }
     return {name: _in_display_window(planes[name], header.places[name][0].data, header.display) for name in names}
 
 
@@ -261,9 +262,8 @@ def _in_display_window(plane: NDArray[Any], data: Window, display: Window) -> ND
     if data == display:
         return plane
     shown = np.zeros(display.size, plane.dtype)
-    left, right = max(data.left, display.left), min(data.right, display.right) + 1
-    top, bottom = max(data.top, display.top), min(data.bottom, display.bottom) + 1
-    if left < right and top < bottom:
-        part = plane[top - data.top : bottom - data.top, left - data.left : right - data.left]
-        shown[top - display.top : bottom - display.top, left - display.left : right - display.left] = part
+    down, right = data.top - display.top, data.left - display.left
+    target, part = shown[max(0, down) :, max(0, right) :], plane[max(0, -down) :, max(0, -right) :]
+    height, width = np.minimum(target.shape, part.shape)
+    target[:height, :width] = part[:height, :width]
     return shown
