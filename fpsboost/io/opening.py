@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Literal, Self
 
 from fpsboost.contracts import FrameSink
-from fpsboost.errors import InputError, OptionError, OutputError, explained, refuse
+from fpsboost.errors import InputError, OptionError, OutputError, applicable, explained, refuse
 from fpsboost.frame import ClipInfo
 from fpsboost.io import DescribedSource
 from fpsboost.io.animation import ANIMATION_SUFFIXES, AnimationSink, AnimationSource, is_animation, types
@@ -58,8 +58,8 @@ class TargetRequirements:
 def open_source(
     path: str,
     *,
-    requirements: TargetRequirements | None = None,
-    decoding: DecodeOptions | None = None,
+    requirements: TargetRequirements = TargetRequirements(),
+    decoding: DecodeOptions = DecodeOptions(),
     fill_gaps: bool = False,
     in_place: bool = False,
     limit: MemoryLimit | None = None,
@@ -93,11 +93,10 @@ def open_source(
     """
     if not path:
         raise InputError("The name of the input is empty; name a video, a folder or a pattern of images.")
-    requirements, decoding = requirements or TargetRequirements(), decoding or DecodeOptions()
     input_fps = None if decoding.input_fps is None else Fraction(decoding.input_fps)
     with explained(InputError, "read", path, "check the name and the permissions"):
         given = {"`fill_gaps`": fill_gaps, "`passes`": decoding.passes is not None, "`view`": decoding.view != "none"}
-        for option in (option for option, is_given in given.items() if is_given):
+        for option in applicable(given):
             check_images(path, option)
         if path in PIPES:
             _check_decoding(decoding, "standard input", "let the program before the pipe do that")

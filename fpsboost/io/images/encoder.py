@@ -66,7 +66,7 @@ _patches_of_transfers = {BT709: (50, 148), 4: (24, 138), 5: (7, 115), LINEAR: (1
 """Lightness of the two grays, likewise, by the number of the transfer function; 4 and 5 are gamma 2.2 and 2.8."""
 
 
-def encode_image(path: Path, image: Image, *, half: bool = True, metadata: ImageMetadata | None = None) -> bytes:
+def encode_image(path: Path, image: Image, *, half: bool = True, metadata: ImageMetadata = ImageMetadata()) -> bytes:
     """Encode an image to the content of a file.
 
     Parameters
@@ -90,7 +90,7 @@ def encode_image(path: Path, image: Image, *, half: bool = True, metadata: Image
     OutputError
         The library of this type of file refuses the image.
     """
-    extension, metadata = path.suffix.lower(), metadata or ImageMetadata()
+    extension = path.suffix.lower()
     if extension == ".exr":
         names = {1: "Y", 2: "YA", 3: "BGR", 4: "BGRA"}[image.shape[2]]
         return encode_exr({name: image[..., i] for i, name in enumerate(names)}, half=half)

@@ -96,9 +96,9 @@ class ImageSource(ClosesOnExit):
     """
 
     def __init__(
-        self, path: str, rate: Fraction, reading: ImageReading | None = None, *, limit: MemoryLimit | None = None
+        self, path: str, rate: Fraction, reading: ImageReading = ImageReading(), *, limit: MemoryLimit | None = None
     ) -> None:
-        self._reading, self._limit = reading or ImageReading(), limit or MemoryLimit()
+        self._reading, self._limit = reading, limit or MemoryLimit()
         with explained(InputError, "read", path, "check that it exists and that you may read it"):
             sequence = _without_moved(find_images(path)) if self._reading.in_place else find_images(path)
         fills_gaps = self._reading.fill_gaps

@@ -68,11 +68,10 @@ class VideoSource(Clip):
         for_images: bool = False,
         keeps_alpha: bool = False,
         keeps_planes: bool = False,
-        decoding: DecodeOptions | None = None,
+        decoding: DecodeOptions = DecodeOptions(),
         limit: MemoryLimit | None = None,
     ) -> None:
         self._for_images, self._keeps_planes = for_images, keeps_planes and not for_images
-        decoding = decoding or DecodeOptions()
         reading = Reading(
             decoding.stream,
             None if decoding.input_fps is None else Fraction(decoding.input_fps),
