@@ -210,8 +210,8 @@ class Passes:
     """
 
     first: Path
-    layers: tuple[LayerNames, ...]
-    are_all: bool
+    layers: tuple[LayerNames, ...] = ()
+    are_all: bool = False
     pictures: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
 

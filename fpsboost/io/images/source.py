@@ -125,13 +125,13 @@ class ImageSource(ClosesOnExit):
                 ),
             }
         )
-        self._passes = Passes.chosen(first, passes) if is_exr else None
+        self._passes = Passes.chosen(first, passes) if is_exr else Passes(first)
         image = self._read(first)
         self.images = replace(
             sequence,
             step=1 if fills_gaps else sequence.step,
             fills_gaps=fills_gaps,
-            layers=() if self._passes is None else self._passes.layers,
+            layers=self._passes.layers,
         )
         self._holds_more = metadata_of(first).has_more
         self._colours, self._untaggable = (  # where images stay images, their metadata is copied instead
@@ -165,7 +165,7 @@ class ImageSource(ClosesOnExit):
     def remarks(self) -> list[str]:
         """Sentences about assumptions, and about pictures and channels that are not read."""
         name, step, first = self.info.name, self.images.step, self.images.files[0].name
-        pictures, names = ((), ()) if self._passes is None else (self._passes.pictures, self._passes.left_out)
+        pictures, names = self._passes.pictures, self._passes.left_out
         listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
         is_dark = self._is_linear and self._reading.upright and self._reading.view == "none"
         said = {
@@ -214,7 +214,7 @@ class ImageSource(ClosesOnExit):
 
     def _read(self, path: Path) -> Image | LayeredImage:
         """Read an image with the layers or the view transform that are asked for."""
-        if self._passes is not None and self._passes.layers:
+        if self._passes.layers:
             return self._passes.read(path, self._limit)
         image = read_image(path, self._limit, upright=self._reading.upright)
         if self._is_linear and self._reading.view == "srgb":
