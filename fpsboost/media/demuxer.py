@@ -269,15 +269,18 @@ def _why_unreadable(path: Path) -> str:
 
 
 def boxes_of(path: Path) -> Iterator[tuple[bytes, bytes]]:
-    """Yield the types of the boxes of an MP4 or MOV in order, that of the header with its content; else nonsense."""
-    begin = 0
+    """Yield the types of the boxes of an MP4 or MOV in order, that of the header with its content.
+
+    What it yields of other files means nothing.
+    """
+    begin, size = 0, path.stat().st_size
     with path.open("rb") as file:
         while len(head := file.read(16)) >= 8:
             kind, length = head[4:8], int.from_bytes(head[:4] if head[:4] != b"\0\0\0\1" else head[8:])
-            yield kind, file.read(length) if kind == HEADER_BOX else b""
-            begin = file.seek(begin + length)
-            if length < 8:  # 0 stands for the end of the file
+            yield kind, file.read(min(length, size)) if kind == HEADER_BOX else b""
+            if not 8 <= length < size:  # 0 stands for the end of the file
                 break
+            begin = file.seek(begin + length)
 
 
 def choose_video(container: av.container.InputContainer, name: str, wanted: int | None) -> av.VideoStream:
