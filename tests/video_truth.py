@@ -202,7 +202,7 @@ def png() -> bytes:
 
 def read(path: Path, decoding: DecodeOptions | None = None) -> tuple[list[Frame], list[str]]:
     """All frames of a video file, and the remarks on it."""
-    with VideoSource(path, decoding=decoding) as source:
+    with VideoSource(path, decoding=decoding or DecodeOptions()) as source:
         return list(source), source.remarks
 
 
