@@ -203,14 +203,13 @@ def as_type_of(image: Image, like: Image) -> Image:
     if image.dtype == like.dtype and image.shape == like.shape:
         return image
     values = normalised(image)
-    colours, alpha = values, np.ones_like(values[..., :1])
-    if has_alpha(image):
-        colours, alpha = values[..., :-1], values[..., -1:]
+    colours = values[..., :-1] if has_alpha(image) else values
     if like.shape[2] <= 2 and colours.shape[2] == 3:
         colours = cv2.cvtColor(np.ascontiguousarray(colours), cv2.COLOR_BGR2GRAY)[..., np.newaxis]
     elif like.shape[2] >= 3 and colours.shape[2] == 1:
         colours = colours.repeat(3, axis=2)
     if has_alpha(like):
+        alpha = values[..., -1:] if has_alpha(image) else np.ones_like(values[..., :1])
         colours = np.concatenate([colours, alpha], axis=2)
     if like.dtype == np.float32:
         return np.ascontiguousarray(colours, np.float32)
