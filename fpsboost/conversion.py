@@ -535,7 +535,10 @@ def _as_array(frames: Any) -> Image:
         raise InputError(f"`frames` are arrays, not the file {frames}; give it to fpsboost.stream or fpsboost.convert.")
     mode = getattr(frames, "mode", "RGB")  # of an image of PIL; of a tensor, a method
     if isinstance(mode, str) and mode not in ("RGB", "RGBA", "LA"):
-        raise InputError(f"`frames` has an image of PIL in mode {mode}; give image.convert('RGB') instead.")
+        cure = f"image.convert({'RGBA' if mode in ('P', 'PA', 'La', 'RGBa') else 'RGB'!r})"
+        if mode.startswith(("I", "F")):  # which Pillow would cut off at 255
+            cure = "its values as an array of uint16 or float32"
+        raise InputError(f"`frames` has an image of PIL in mode {mode}; give {cure} instead.")
     try:
         is_numpy = isinstance(frames, np.ndarray) or not hasattr(frames, "__dlpack__")
         return np.asarray(frames) if is_numpy else np.from_dlpack(frames)

@@ -389,7 +389,7 @@ def check_values(image: Image, name: str) -> None:
     if np.count_nonzero(values < -0.1) > values.size / 20:
         raise OptionError(f"{needs} shift and scale them to 0 to 1: of -1 to 1, give values / 2 + 0.5.")
     if np.count_nonzero(values > 1) > values.size / 4 and highest > 16 and (values == np.rint(values)).all():
-        raise OptionError(f"{needs} divide them by {255 if highest < 256 else 65535}, or give them as integers.")
+        raise OptionError(f"{needs} divide them by the value of white, such as 255, or give them as integers.")
     if np.count_nonzero(values > 16) > values.size / 2 and highest <= 256:
         warnings.warn(f"{needs} if they are 8-bit levels, divide them by 255.", stacklevel=2)
 

@@ -193,8 +193,8 @@ def test_what_cannot_loop_is_refused(tmp_path, name, options, sentence):
         ("clip.mp4", {}, InputError, "`frames` are arrays, not the file clip.mp4; give it to"),
         ([Path("0.png")], {}, InputError, "`frames` are arrays, not the file 0.png"),
         *(
-            ([Image.new(mode, (8, 8))] * 2, {}, InputError, rf"`frames` has an image of PIL in mode {mode}; give image")
-            for mode in ("L", "P", "1", "CMYK", "YCbCr")
+            ([Image.new(mode, (8, 8))] * 2, {}, InputError, f"`frames` has an image of PIL in mode {mode}; give {cure}")
+            for mode, cure in {"L": "image.convert", "P": ".*'RGBA'", "CMYK": ".*'RGB'", "I;16": "its values"}.items()
         ),
         ([turntable(4)[0], turntable(5)[0]], {}, InputError, "must be alike"),
     ],
@@ -209,8 +209,8 @@ LEVELS = turntable(4).astype(np.float32)
 """Frames of whole numbers from 0 to 255 in floats."""
 
 MISTAKEN = {
-    "8-bit levels": (LEVELS, OptionError, "divide them by 255"),
-    "16-bit levels": (LEVELS * 257, OptionError, "divide them by 65535"),
+    "8-bit levels": (LEVELS, OptionError, "divide them by the value of white"),
+    "16-bit levels": (LEVELS * 257, OptionError, "divide them by the value of white"),
     "-1 to 1": (LEVELS / 127.5 - 1, OptionError, "values / 2 \\+ 0.5"),
     "dark, -1 to 1": (LEVELS / 510 - 1, OptionError, "values / 2 \\+ 0.5"),
     "8-bit levels, resized": (LEVELS * np.float32(0.99), UserWarning, "divide them by 255"),

@@ -112,7 +112,13 @@ def enter(ready: Preparation, outputs: OutputRange) -> OutputRange:
     """Let a source that lists its frames begin near the first of some output frames; return these with the entry."""
     job, source, curve = ready.job, ready.clip.source, ready.clip.curve
     is_late = outputs.first > 0 or (curve is not None and curve.source(Fraction(0)) >= LATE)
-    if not is_late or not isinstance(source, RandomAccess) or (times := source.frame_times()) is None:
+    if not isinstance(source, RandomAccess):
+        return outputs
+    if not is_late:
+        if ready.run.chunk is not None:  # frames that are listed are counted, and not sought by their time
+            source.begin_at(0)
+        return outputs
+    if (times := source.frame_times()) is None:
         return outputs
     detector = None if ready.interpolator.needs_every_frame else ready.interpolator.duplicates
     schedule = exposed(ready.base_schedule, job.rate)

@@ -15,6 +15,7 @@ from fpsboost import (
     ConversionJob,
     Frame,
     InputError,
+    OptionError,
     Position,
     RunOptions,
     Trim,
@@ -105,6 +106,8 @@ def place_of(path: str, text: str) -> float:
     with open_source(path) as source:
         rate, is_images = source.info.rate, source.stream_info.images is not None
     place = parse_position(text, "The text", "f" if is_images else "s")
+    if is_images and text.strip() == "0":
+        raise OptionError("Images count from 1; give the number of one of them.")
     return float(place.seconds(rate) * (rate if is_images else 1)) - (is_images and text.strip().isdecimal())
 
 

@@ -96,6 +96,7 @@ VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
     "a rate": {"rate": OutputRate(fps=Fraction(60000 * 2, 1001))},
     "slow motion": {"rate": OutputRate(FACTOR, slow_motion=True, slow_motion_sound="stretch")},
     "a range": {"factor": FACTOR, "decoding": DecodeOptions(Trim(Position(Fraction(2, 5)), Position(Fraction(2))))},
+    "a range between frames": {"factor": 1, "decoding": DecodeOptions(Trim(Position(Fraction(19, 10))))},
     "a range of frames": {
         "factor": FACTOR,
         "decoding": DecodeOptions(Trim(Position(Fraction(11), is_frame=True), Position(Fraction(50), is_frame=True))),
