@@ -151,10 +151,9 @@ def preview(
     remarks = dict.fromkeys(selection.remarks)
     with TemporaryDirectory(prefix="fpsboost-") as folder:
         for number, passage in enumerate(selection.passages):
-            for name, method in methods.items():
+            for place, (name, method) in enumerate(methods.items()):
                 on_task(f"{name}, passage {number + 1} of {len(selection.passages)}")
-                output = Path(folder, str(number), str(list(methods).index(name)))
-                output.parent.mkdir(exist_ok=True)
+                output = Path(folder, f"{number}-{place}")
                 trial = _convert_passage(replace(job, method=method), run, target, passage, output)
                 trials[name].append(trial)
                 # frames of `replace` after the end of a passage are not necessarily after the end of the clip
@@ -361,18 +360,17 @@ def estimate_sentence(frames: int | None, seconds_per_frame: float) -> str:
 
 def write_video(path: str, preview: Preview, *, overwrite: bool = False) -> None:
     """Write every passage at full and at quarter speed, at the rate of the output, without sound."""
-    parts = [(views, speed) for views in preview.views() for speed in SPEEDS]
-    counts = [round(views["before"].end * preview.stretch / speed * preview.rate) for views, speed in parts]
-    first = _beside(parts[0][0], Fraction(0), "")
-    info = ClipInfo(path, first.shape[0], first.shape[1], preview.rate, 1 / preview.rate, sum(counts))
-    number = 0
-    with open_sink(path, info, overwrite=overwrite) as sink:
-        for (views, speed), count in zip(parts, counts, strict=True):
+    shown = []
+    for views in preview.views():
+        for speed in SPEEDS:
             label = "" if speed == 1 else f", {speed} of the speed"
-            for place in range(count):
-                image = _beside(views, place * speed / preview.rate / preview.stretch, label)
-                sink.write(Frame(image, number / preview.rate, 1 / preview.rate))
-                number += 1
+            count = _count(preview, views["before"].end / speed)
+            shown += [(views, place * speed / preview.rate / preview.stretch, label) for place in range(count)]
+    height, width = _beside(*shown[0]).shape[:2]
+    info = ClipInfo(path, height, width, preview.rate, 1 / preview.rate, len(shown))
+    with open_sink(path, info, overwrite=overwrite) as sink:
+        for number, each in enumerate(shown):
+            sink.write(Frame(_beside(*each), number / preview.rate, 1 / preview.rate))
 
 
 def check_video(target: Target, inputs: Collection[Path] = (), *, overwrite: bool) -> None:

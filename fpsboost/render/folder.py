@@ -425,14 +425,18 @@ def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], 
     if usual is None:
         return folder
     fit, fitted = fit_convention(pairs, usual), copy(folder)
-    said = {
-        f"In {folder.path}, {fit.convention}: found by comparing frames, although the names of the channels suggest "
-        "otherwise; `vector_convention` overrides this.": fit.convention != usual,
-        f"Frames fetched along the vectors of {folder.path} agree less than without any motion: check that they are in "
-        "pixels per frame, and of these frames.": fit.error > fit.still_error,
-    }
     fitted.convention = fit.convention
-    fitted.remarks = [*folder.remarks, *(remark for remark, is_due in said.items() if is_due)]
+    fitted.remarks = list(folder.remarks)
+    if fit.convention != usual:
+        fitted.remarks.append(
+            f"In {folder.path}, {fit.convention}: found by comparing frames, although the names of the channels suggest "
+            "otherwise; `vector_convention` overrides this."
+        )
+    if fit.error > fit.still_error:
+        fitted.remarks.append(
+            f"Frames fetched along the vectors of {folder.path} agree less than without any motion: check that they "
+            "are in pixels per frame, and of these frames."
+        )
     return fitted
 
 

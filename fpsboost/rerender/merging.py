@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost import InputError, Layer, LayeredImage, MemoryLimit, OptionError, OutputError
+from fpsboost import InputError, Layer, LayeredImage, OptionError, OutputError
 from fpsboost.extension import (
     ALL,
     IMAGE_SUFFIXES,
@@ -108,10 +108,12 @@ def merge_regions(made: PathName, rendered: PathName, output: PathName, options:
             f"{made} has no frame {missing[0]}{more}, which the plan counts; name the sequence that was planned."
         )
     places, remarks = _find_rendered(Path(rendered), planned)
-    merger = _Merger(plan, options.feather, MemoryLimit())
     with new_folder(Path(output)) as unfinished:
         for number, path in files.items():
-            content = merger.merged(path, planned[number], places[number]) if number in planned else content_of(path)
+            if number in planned:
+                content = _merged(path, places[number], planned[number], plan, options.feather)
+            else:
+                content = content_of(path)
             with explained(OutputError, "write", Path(output) / path.name, "check the free space and the permissions"):
                 write_safely(unfinished / path.name, content)
     if any(extension_of(files[number].name) in LOSSY for number in planned):
@@ -126,8 +128,6 @@ def seam_weights(mask: NDArray[Any], feather: int) -> NDArray[Any]:
 
     It is 1 inside of the mask, falls towards its edges over `feather` pixels, and is 0 outside.
     """
-    if not feather or mask.all():
-        return mask.astype(np.float32)
     # beyond the frame the mask goes on, so that its border is no edge
     padded = cv2.copyMakeBorder(mask.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
     distance = cv2.distanceTransform(padded, cv2.DIST_C, 3)[1:-1, 1:-1]
@@ -157,51 +157,42 @@ def mix(image: Image, rendered: Image, weights: NDArray[Any]) -> Image:
     return np.ascontiguousarray(np.where(share < 1, result, rendered))
 
 
-@dataclass(frozen=True)
-class _Merger:
-    """Merges frames of one plan."""
+def _merged(path: Path, rendered: Sequence[Path], frame: PlannedFrame, plan: RerenderPlan, feather: int) -> bytes:
+    """Return the content of the file of a merged frame, encoded like the interpolated one at `path`.
 
-    plan: RerenderPlan
-    feather: int
-    """Width of seams, pixels."""
-    limit: MemoryLimit
-    """Limit of the memory for images."""
+    `rendered` are the files of its regions.
+    """
+    passes = Passes.chosen(path, ALL) if extension_of(path.name) == ".exr" else None
+    made = _read(path, passes)
+    if made.shape[:2] != (plan.height, plan.width):
+        raise InputError(
+            f"{path} has {made.shape[1]}x{made.shape[0]} pixels and the plan {plan.width}x"
+            f"{plan.height}; name the sequence that was planned."
+        )
+    if frame.whole and path.suffix == rendered[0].suffix:
+        _check_alike(rendered[0], _read(rendered[0], passes), path, made)
+        if metadata_of(rendered[0]).can_pass:
+            return content_of(rendered[0])
+    mask = frame.mask(plan.height, plan.width)
+    weights = seam_weights(mask, feather)
+    picture: FrameImage = view(made).deep_copy()  # with the rendered regions, without seams
+    for region, file in zip(frame.regions, rendered, strict=True):
+        image = _read(file, passes)
+        part = _part(file, image, region, path, made)
+        for to, values in zip(view(picture).arrays(), view(image).arrays(), strict=True):
+            to[region.part] = values[part]
+    mixed = mix(view(made).array(), view(picture).array(), weights)
+    if isinstance(made, LayeredImage) and isinstance(picture, LayeredImage):  # their layers are mixed, each by kind
+        layers = (_mix_layer(*pair, weights, mask) for pair in zip(made.layers, picture.layers, strict=True))
+        return encode_like(read_exr_header(path), LayeredImage(mixed, tuple(layers)))
+    return encode_image(path, mixed, metadata=metadata_of(path))
 
-    def merged(self, path: Path, frame: PlannedFrame, rendered: Sequence[Path]) -> bytes:
-        """Return the content of the file of a merged frame, encoded like the interpolated one at `path`.
 
-        `rendered` are the files of its regions.
-        """
-        passes = Passes.chosen(path, ALL) if extension_of(path.name) == ".exr" else None
-        made = self._read(path, passes)
-        if made.shape[:2] != (self.plan.height, self.plan.width):
-            raise InputError(
-                f"{path} has {made.shape[1]}x{made.shape[0]} pixels and the plan {self.plan.width}x"
-                f"{self.plan.height}; name the sequence that was planned."
-            )
-        if frame.whole and path.suffix == rendered[0].suffix:
-            _check_alike(rendered[0], self._read(rendered[0], passes), path, made)
-            if metadata_of(rendered[0]).can_pass:
-                return content_of(rendered[0])
-        mask = frame.mask(self.plan.height, self.plan.width)
-        weights = seam_weights(mask, self.feather)
-        picture: FrameImage = view(made).deep_copy()  # with the rendered regions, without seams
-        for region, file in zip(frame.regions, rendered, strict=True):
-            image = self._read(file, passes)
-            part = _part(file, image, region, path, made)
-            for to, values in zip(view(picture).arrays(), view(image).arrays(), strict=True):
-                to[region.part] = values[part]
-        mixed = mix(view(made).array(), view(picture).array(), weights)
-        if isinstance(made, LayeredImage) and isinstance(picture, LayeredImage):  # their layers are mixed, each by kind
-            layers = (_mix_layer(*pair, weights, mask) for pair in zip(made.layers, picture.layers, strict=True))
-            return encode_like(read_exr_header(path), LayeredImage(mixed, tuple(layers)))
-        return encode_image(path, mixed, metadata=metadata_of(path))
-
-    def _read(self, path: Path, passes: Passes | None) -> FrameImage:
-        """Return an image, of an OpenEXR file with the given passes."""
-        if passes is None or extension_of(path.name) != ".exr":
-            return read_image(path, self.limit)
-        return passes.read(path, self.limit)
+def _read(path: Path, passes: Passes | None) -> FrameImage:
+    """Return an image, of an OpenEXR file with the given passes."""
+    if passes is None or extension_of(path.name) != ".exr":
+        return read_image(path)
+    return passes.read(path, None)
 
 
 def _mix_layer(made: Layer, rendered: Layer, weights: NDArray[Any], mask: NDArray[Any]) -> Layer:

@@ -169,9 +169,7 @@ class _Choice(NamedTuple):
     gains: NDArray[Any]  # squared error that is taken away from each frame, (F,)
 
 
-def choose_regions(
-    errors: NDArray[Any], grid: TileGrid, budget: float, scenes: Sequence[int] | None = None
-) -> NDArray[Any]:
+def choose_regions(errors: NDArray[Any], grid: TileGrid, budget: float, scenes: Sequence[int]) -> NDArray[Any]:
     """Choose the tiles to render within a budget of pixels, by the error that they are expected to have.
 
     Parameters
@@ -182,14 +180,14 @@ def choose_regions(
         Tiles of a frame.
     budget : float
         Maximum number of pixels of all frames together.
-    scenes : sequence of int, optional
-        Number of each frame's scene, between which nothing is smoothed; one scene by default.
+    scenes : sequence of int
+        Number of each frame's scene, between which nothing is smoothed.
 
     Returns
     -------
     (F, rows, columns) bool
     """
-    belongs = np.zeros(len(errors), int) if scenes is None else np.asarray(scenes)
+    belongs = np.asarray(scenes)
     steady = smooth_over_time(errors, belongs)
     order = np.argsort(-steady, axis=None, kind="stable")
 
