@@ -167,14 +167,14 @@ def find_entry(
     lead_in = LEAD_IN
     while latest - lead_in > 0:
         first = numbers.certain_at_most(latest - lead_in)
-        entry: tuple[int, float] | None = None
+        entry: Entry | None = None
         with read_from(first) as frames:
             for source_frame, step in find_synchronised(_presented(frames, first, latest, times, schedule), detector):
                 number = source_frame.position.number
                 if numbers.is_certain(number):
-                    entry = number, step
+                    entry = Entry(number, times[0], numbers.before(number), step)
         if entry is not None:
-            return Entry(entry[0], times[0], numbers.before(entry[0]), entry[1])
+            return entry
         lead_in *= GROWTH
     return Entry(0, times[0], 0)
 
