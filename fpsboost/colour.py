@@ -34,20 +34,20 @@ def has_alpha(image: Any) -> bool:
     return bool(image.shape[2] in {2, 4})
 
 
-def with_red_and_blue_swapped(image: NDArray[Any]) -> NDArray[Any]:
+def with_red_and_blue_swapped(image: np.ndarray) -> np.ndarray:
     """Return an image, (H, W, C), with BGR(A) for RGB(A), or the other way round; one without colours as it is."""
     conversion = {3: cv2.COLOR_RGB2BGR, 4: cv2.COLOR_RGBA2BGRA}.get(image.shape[2])
     return image if conversion is None else cv2.cvtColor(np.ascontiguousarray(image), conversion)
 
 
-def normalised(image: NDArray[Any]) -> NDArray[Any]:
+def normalised(image: np.ndarray) -> np.ndarray:
     """Return the image as float32 with 1.0 for white and unchanged shape; NaN becomes black, infinity white."""
     if image.dtype == np.float32:
         return np.asarray(np.nan_to_num(image, nan=0.0, posinf=1.0, neginf=0.0))
     return image.astype(np.float32) * np.float32(1 / np.iinfo(image.dtype).max)
 
 
-def composite_on_black(image: NDArray[Any]) -> NDArray[Any]:
+def composite_on_black(image: np.ndarray) -> np.ndarray:
     """Return the `normalised` image with straight alpha premultiplied: what is transparent does not show."""
     values = normalised(image)
     if has_alpha(image) and image.dtype != np.float32:  # float images have that done already
@@ -55,17 +55,17 @@ def composite_on_black(image: NDArray[Any]) -> NDArray[Any]:
     return values
 
 
-def premultiplied(image: NDArray[Any]) -> NDArray[Any]:
+def premultiplied(image: np.ndarray) -> np.ndarray:
     """Return (H, W, C) float32 with the image's own white, with straight alpha premultiplied."""
     if image.dtype == np.float32:  # NaN and infinity would spread to their surroundings
         return normalised(image)
-    values: NDArray[Any] = image.astype(np.float32)
+    values: np.ndarray = image.astype(np.float32)
     if has_alpha(image):
         values[..., :-1] *= values[..., -1:] / np.float32(np.iinfo(image.dtype).max)
     return values
 
 
-def compress_highlights(image: NDArray[Any]) -> NDArray[Any]:
+def compress_highlights(image: np.ndarray) -> np.ndarray:
     """Return the `normalised` image with a logarithmic curve above white, where contrast matters, not difference.
 
     Otherwise the similarity of two frames of a brightly lit scene would be 0, and motion could not be estimated.
@@ -76,7 +76,7 @@ def compress_highlights(image: NDArray[Any]) -> NDArray[Any]:
     return values
 
 
-def colour_components(image: NDArray[Any]) -> NDArray[Any]:
+def colour_components(image: np.ndarray) -> np.ndarray:
     """Return colours, (H, W, 3) float32, with highlights compressed; those of gray images have the other two zero.
 
     They are multiplied by alpha, so that the colour of a transparent pixel has no influence.
@@ -87,12 +87,12 @@ def colour_components(image: NDArray[Any]) -> NDArray[Any]:
     return np.dstack([values, np.zeros_like(values), np.zeros_like(values)]) if values.shape[2] == 1 else values
 
 
-def clipped(values: NDArray[Any]) -> NDArray[Any]:
+def clipped(values: np.ndarray) -> np.ndarray:
     """Return the values clipped to MAX_VALUE: damaged files hold float32's largest numbers, whose sums overflow."""
     return values if np.abs(values).max(initial=0) <= MAX_VALUE else values.clip(-MAX_VALUE, MAX_VALUE)
 
 
-def compared_colours(image: NDArray[Any]) -> NDArray[Any]:
+def compared_colours(image: np.ndarray) -> np.ndarray:
     """Return scene-linear colours, (H, W, C) float32, as they are compared: middle gray is 0.59, alpha stays as it is.
 
     Negative values and NaN count as black, infinity as the maximum.
@@ -109,7 +109,7 @@ def compared_colours(image: NDArray[Any]) -> NDArray[Any]:
     return compared
 
 
-def displayed_colours(image: NDArray[Any]) -> NDArray[Any]:
+def displayed_colours(image: np.ndarray) -> np.ndarray:
     """Return scene-linear colours as an sRGB display shows them, float32 in [0, 1]; alpha stays as it is."""
     displayed = np.array(image, np.float32)
     colours = displayed[..., : image.shape[2] - has_alpha(image)]
@@ -117,7 +117,7 @@ def displayed_colours(image: NDArray[Any]) -> NDArray[Any]:
     return displayed
 
 
-def srgb_encoded(light: NDArray[Any]) -> NDArray[Any]:
+def srgb_encoded(light: np.ndarray) -> np.ndarray:
     """Return linear light as sRGB values (IEC 61966-2-1), float32 in [0, 1]; white is 1 in both."""
     light = light.clip(0, 1)
     curve = np.float32(1.055) * light ** np.float32(1 / 2.4) - np.float32(0.055)
@@ -184,7 +184,7 @@ class Coding:
     full_range: bool
     chroma_location: str
     pixel_format: str
-    bgr_of: Callable[[Any], NDArray[Any]] | None = field(default=None, repr=False, compare=False)
+    bgr_of: Callable[[Any], np.ndarray] | None = field(default=None, repr=False, compare=False)
 
     @property
     def highest(self) -> int:
@@ -204,7 +204,7 @@ class Coding:
         return np.column_stack([inverse, -inverse @ forward[:, 3]])
 
 
-def as_shown(image: NDArray[Any]) -> NDArray[Any]:
+def as_shown(image: np.ndarray) -> np.ndarray:
     """Return an image as a screen shows it, (H, W, 3) uint8: clipped; over mid gray; float as linear light."""
     linear = image.dtype == np.float32
     values = composite_on_black(image)

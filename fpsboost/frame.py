@@ -41,9 +41,9 @@ Words
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from numpy.typing import NDArray
+import numpy as np
 
 from fpsboost.image import Image, Pixels, view
 from fpsboost.layered import FrameImage
@@ -57,9 +57,9 @@ class PairMotion(NamedTuple):
     """Number of the first frame, of those that are read, counted from 0."""
     number1: int
     """Number of the second frame; further apart than 1 if duplicates lie between them."""
-    flow01: NDArray[Any]
+    flow01: np.ndarray
     """(H, W, 2) float32: motion from the first frame to the second, y down."""
-    flow10: NDArray[Any]
+    flow10: np.ndarray
     """(H, W, 2) float32: motion from the second frame to the first, y down."""
 
 
@@ -78,7 +78,7 @@ class Frame:
     interpolated frames."""
     preceding: object | None = None
     """The `original` of the source frame before an interpolated frame, whose metadata it shares; None for others."""
-    confidence: NDArray[Any] | None = None
+    confidence: np.ndarray | None = None
     """(H, W) float32 or None: confidence of every pixel of an interpolated frame, 0 to 1, for a sink that asks for it;
     None for others."""
     captions: bytes = b""

@@ -23,10 +23,10 @@ type_names = {np.dtype(np.uint8): "8-bit", np.dtype(np.uint16): "16-bit", np.dty
 SAMPLE_BITS = 16
 """Bits of the samples of which `ImageView.filled` makes an image."""
 
-Image = NDArray[Any]
+Image = np.ndarray
 """(height, width, channels) uint8, uint16 or float32; see `fpsboost.frame`."""
 
-Plane = NDArray[Any]
+Plane = np.ndarray
 """(height, width)."""
 
 
@@ -109,11 +109,11 @@ class ImageView:
         """Return the picture as an array, planes converted to BGR, (H, W, 3) uint8 or uint16."""
         return self.array()
 
-    def arrays(self) -> list[NDArray[Any]]:
+    def arrays(self) -> list[np.ndarray]:
         """Return all arrays of which the image consists; their first two axes are rows and columns."""
         return [self.array()]
 
-    def map(self, function: Callable[..., NDArray[Any]], *others: ImageView) -> Pixels:
+    def map(self, function: Callable[..., np.ndarray], *others: ImageView) -> Pixels:
         """Return the image with a function applied to each array, or to each with the same array of other images."""
         result = function(self.array(), *(other.array() for other in others))
         return result.reshape(*result.shape[:2], self.shape[2])
@@ -134,7 +134,7 @@ class ImageView:
         channels = self.shape[2]  # the last of two or four is alpha
         return in_type(samples[..., [0, 3] if channels == 2 else slice(channels)], self.dtype)
 
-    def blank(self) -> tuple[Pixels, NDArray[Any], NDArray[Any]]:
+    def blank(self) -> tuple[Pixels, np.ndarray, np.ndarray]:
         """Return an image like this one to be filled, and views of it: (C, H, W), and subsampled chroma (C, h, w)."""
         blank = np.empty_like(self.array())
         return blank, blank.transpose(2, 0, 1), np.empty((0, 0, 0), self.dtype)
@@ -173,7 +173,7 @@ class ImageView:
         """Return a small copy, gray or BGR, float32 with 1.0 for white; `shrink` makes it of an array, in float32."""
         return clipped(normalised(shrink(self.array()) * (1 / self.white)))
 
-    def comparable(self) -> NDArray[Any]:
+    def comparable(self) -> np.ndarray:
         """Return values to compare, (H, W, C) float32: black and white 1 apart, straight alpha premultiplied."""
         values = premultiplied(self.array())
         # damaged files hold numbers whose squares overflow
@@ -187,7 +187,7 @@ class ImageView:
         """Return the image with other `channels`, all of its own type; alpha stays."""
         return np.dstack([*channels, self.array()[..., len(channels) :]])
 
-    def spline_planes(self) -> tuple[NDArray[Any], NDArray[Any], np.float32, int]:
+    def spline_planes(self) -> tuple[np.ndarray, np.ndarray, np.float32, int]:
         """Return the planes of which splines are made, with straight alpha premultiplied.
 
         Returns
@@ -288,7 +288,7 @@ class YCbCrImage(ImageView):
     def to_bgr(self) -> Image:
         return _bgr_by_opencv(self) if self.coding.bgr_of is None else self.coding.bgr_of(self)
 
-    def arrays(self) -> list[NDArray[Any]]:
+    def arrays(self) -> list[np.ndarray]:
         return list(self.planes)
 
     def map(self, function: Callable[..., Plane], *others: ImageView) -> Self:
@@ -304,7 +304,7 @@ class YCbCrImage(ImageView):
         steps = (1, 1), self.subsampling, self.subsampling
         return self.with_channels([codes[::rows, ::columns, k].copy() for k, (rows, columns) in enumerate(steps)])
 
-    def blank(self) -> tuple[Self, NDArray[Any], NDArray[Any]]:
+    def blank(self) -> tuple[Self, np.ndarray, np.ndarray]:
         full = np.empty((self._full_planes, *self.planes[0].shape), self.dtype)
         half = np.empty((3 - len(full), *self.planes[1].shape), self.dtype)
         return self.with_channels([*full, *half]), full, half
@@ -331,7 +331,7 @@ class YCbCrImage(ImageView):
         codes = np.dstack([shrink(plane[..., np.newaxis]) for plane in self.planes])
         return cv2.transform(codes, self.coding.to_bgr()).clip(0, 1)
 
-    def comparable(self) -> NDArray[Any]:
+    def comparable(self) -> np.ndarray:
         height, width, _ = self.shape
         unit = np.float32(1 / self.coding.levels.luma_span)
         planes = (cv2.resize(plane, (width, height), interpolation=cv2.INTER_NEAREST) for plane in self.planes)
@@ -344,7 +344,7 @@ class YCbCrImage(ImageView):
         y, cb, cr = channels
         return replace(self, planes=(y, cb, cr))
 
-    def spline_planes(self) -> tuple[NDArray[Any], NDArray[Any], np.float32, int]:
+    def spline_planes(self) -> tuple[np.ndarray, np.ndarray, np.float32, int]:
         unit = np.float32(1 / self.white)  # also for chroma, whose weight is then about that in a sum over B, G and R
         full, half = self.planes[: self._full_planes], self.planes[self._full_planes :]
         together = full[0][np.newaxis] if len(full) == 1 else np.stack(full)
@@ -413,7 +413,7 @@ def rounding_offset(image: Pixels) -> np.float32:
     return np.float32(0 if image.dtype == np.float32 else 0.5)
 
 
-def as_image(values: NDArray[Any], image0: Image, image1: Image, t: float) -> Image:
+def as_image(values: np.ndarray, image0: Image, image1: Image, t: float) -> Image:
     """Convert `premultiplied` float values, which may be modified, to an image of the type of the frames around it."""
     straight_alpha = has_alpha(image0) and image0.dtype != np.float32
     lowest, highest = view(image0).value_range
@@ -431,7 +431,7 @@ def colour_unseen(image: Image, image0: Image, image1: Image, t: float) -> None:
     image[unseen, :-1] = np.rint(image0[unseen, :-1] * (1 - t) + image1[unseen, :-1] * t)
 
 
-def in_type(samples: NDArray[np.int64], dtype: np.dtype[Any]) -> NDArray[Any]:
+def in_type(samples: NDArray[np.int64], dtype: np.dtype[Any]) -> np.ndarray:
     """Return samples in the whole range of integers, or in [0, 1) of floats, which hold them exactly."""
     if np.issubdtype(dtype, np.floating):
         return np.ascontiguousarray((samples / (1 << SAMPLE_BITS)).astype(dtype))

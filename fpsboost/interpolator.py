@@ -11,7 +11,6 @@ from types import MappingProxyType
 from typing import Annotated, Any, Protocol, Self, TypeVar, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.analysis.duplicates import DuplicateDetector
 from fpsboost.analysis.grain import match_grain
@@ -378,7 +377,7 @@ class Interpolator(Checked):
         """Make images, and replace them where the image halfway between the two is unsure."""
         made = list(make(times)) if times == [0.5] else []
 
-        def measure() -> NDArray[Any]:
+        def measure() -> np.ndarray:
             ((_, confidence),) = made or make([0.5])
             return measure_uncertainty(confidence, self.below, self.uncertain)
 
@@ -458,7 +457,7 @@ def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, 
 
 
 def _replace_uncertain(
-    images: Iterator[InterpolatedImage], times: Sequence[float], pair: Pair, weights: NDArray[Any], *, mix: bool
+    images: Iterator[InterpolatedImage], times: Sequence[float], pair: Pair, weights: np.ndarray, *, mix: bool
 ) -> Iterator[InterpolatedImage]:
     """Put the two frames in place of parts of images, by a weight for each pixel; see `blend_fallback`."""
     for (image, confidence), t in zip(images, times, strict=True):

@@ -5,7 +5,7 @@ Motion, scene cuts and duplicates are found on the picture alone; the layers go 
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +78,7 @@ class LayeredImage(ImageView):
         """Return the planes of all layers by the full names of their channels."""
         return {name: plane for layer in self.layers for name, plane in layer.planes.items()}
 
-    def arrays(self) -> list[NDArray[Any]]:
+    def arrays(self) -> list[np.ndarray]:
         return [self.colour, *self.planes().values()]
 
     def copy(self) -> Self:

@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha, normalised
 from fpsboost.errors import InputError, explained, refuse
@@ -79,9 +78,7 @@ class Mask:
         images.check_complete(images.step, "add it, because every frame has a mask of its own")
         self.files = [file.absolute() for file in images.files]
         self._from_upright = matrix and (matrix[0], matrix[3], 0, matrix[1], matrix[4])  # the inverse
-        self._weights: NDArray[Any] | None = (
-            None  # of all frames of the clip that it is fitted to, if all have the same
-        )
+        self._weights: np.ndarray | None = None  # of all frames of the clip that it is fitted to, if all have the same
 
     def __str__(self) -> str:
         """Return what it does, without the path, by which the parts of a conversion tell whether they do the same."""
@@ -99,12 +96,12 @@ class Mask:
         fitted._weights = None if self.counts_frames else weights
         return fitted
 
-    def weight(self, frame: FrameCache) -> NDArray[Any]:
+    def weight(self, frame: FrameCache) -> np.ndarray:
         """Return where a frame of the source is kept, (H, W) float32, 0 to 1."""
         number = frame.source_position.number if self.counts_frames and frame.source_position else 0
         return frame.cached(self._read, number) if self._weights is None else self._weights
 
-    def _read(self, pixels: Pixels, number: int) -> NDArray[Any]:
+    def _read(self, pixels: Pixels, number: int) -> np.ndarray:
         """Return the weights for the pixels of a frame, by its number in the clip; for `FrameCache.cached`."""
         if number >= len(self.files):
             raise InputError(
@@ -134,7 +131,7 @@ class Mask:
         """Return what is behind the mask: where it hides that, the nearest pixels around it."""
         image, weights = view(frame.image).picture, self.weight(frame)
 
-        def filled(plane: NDArray[Any]) -> NDArray[Any]:
+        def filled(plane: np.ndarray) -> np.ndarray:
             hidden = (cv2.resize(weights, plane.shape[1::-1], interpolation=cv2.INTER_AREA) > 0).astype(np.uint8)
             hidden[0, 0] = 0  # there may be no other
             _, nearest = cv2.distanceTransformWithLabels(hidden, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
@@ -163,7 +160,7 @@ class Mask:
         )
 
 
-def _put_over(image: Pixels, other: Pixels, weights: NDArray[Any]) -> Pixels:
+def _put_over(image: Pixels, other: Pixels, weights: np.ndarray) -> Pixels:
     """Return an image with another one mixed in; if one of them has planes and the other colours, in planes."""
     coding = view(image).coding or view(other).coding
     return mix_by_weight(in_coding(image, coding), in_coding(other, coding), weights)

@@ -7,7 +7,7 @@ from fractions import Fraction
 from functools import partial
 from typing import Any
 
-from numpy.typing import NDArray
+import numpy as np
 
 from fpsboost.analysis.grain import PairGrain, measure_grain
 from fpsboost.analysis.illumination import IlluminationModel, compensate_either, estimate_illumination
@@ -196,7 +196,7 @@ class Pair:
             ],
         )
 
-    def uncertainty_map(self, measure: Callable[[], NDArray[Any]]) -> NDArray[Any]:
+    def uncertainty_map(self, measure: Callable[[], np.ndarray]) -> np.ndarray:
         """Return the uncertainty of the image halfway, (H, W) float32, 0 to 1, which is measured once for the pair."""
         return self._results.cached("uncertainty", measure)
 

@@ -1,10 +1,8 @@
 """Repair of sequences: damaged frames are detected, and grouped with the good ones between which they are replaced."""
 
 from collections.abc import Iterable, Iterator
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.analysis.scene_cuts import CutDetector
@@ -48,12 +46,12 @@ def _standing_out(frames: Iterable[SourceFrame]) -> Iterator[Marked]:
         matched_before = matched
 
 
-def _match(frame0: SourceFrame, frame1: SourceFrame) -> NDArray[Any]:
+def _match(frame0: SourceFrame, frame1: SourceFrame) -> np.ndarray:
     """Return how well the thumbnails of two frames match, the worse direction at each pixel."""
     return np.asarray(np.minimum(*CutDetector().match_maps(frame0, frame1)))
 
 
-def _bands(matched: NDArray[Any]) -> NDArray[Any]:
+def _bands(matched: np.ndarray) -> np.ndarray:
     """Return the means of all bands of lines."""
     lines = max(1, round(BAND * len(matched)))
     return np.convolve(matched.mean(axis=1), np.full(lines, 1 / lines), "valid")

@@ -18,12 +18,11 @@ has one variance if it is that of counted photons or paths (Anscombe, Biometrika
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from fpsboost.image import Pixels, view
 from fpsboost.motion.field import MotionField
@@ -65,19 +64,19 @@ LEVELS = 256
 class FlatBlocks(NamedTuple):
     """Flat blocks of one plane of a frame."""
 
-    corners: NDArray[Any]  # (n, 2) int: row and column of the first sample
-    motion: NDArray[Any]  # (n, 2) float32: rows and columns to the other frame
-    residuals: NDArray[Any]  # (n, size, size) float32: samples without their linear trend
-    intensities: NDArray[Any]  # (n,) float32: mean intensity
-    level: NDArray[Any]  # (n,) int: number of the intensity that the block belongs to, from 0
+    corners: np.ndarray  # (n, 2) int: row and column of the first sample
+    motion: np.ndarray  # (n, 2) float32: rows and columns to the other frame
+    residuals: np.ndarray  # (n, size, size) float32: samples without their linear trend
+    intensities: np.ndarray  # (n,) float32: mean intensity
+    level: np.ndarray  # (n,) int: number of the intensity that the block belongs to, from 0
 
 
 class Plane(NamedTuple):
     """One plane of an image."""
 
-    values: NDArray[Any]  # (rows, columns) float32: as the image has them
-    samples: NDArray[Any]  # (rows, columns) float32: on a scale on which noise depends little on the intensity
-    intensity: NDArray[Any]
+    values: np.ndarray  # (rows, columns) float32: as the image has them
+    samples: np.ndarray  # (rows, columns) float32: on a scale on which noise depends little on the intensity
+    intensity: np.ndarray
     """(rows, columns) float32: what the noise depends on, luma for chroma and else the samples."""
 
 
@@ -86,7 +85,7 @@ class PairGrain:
     """Grain of two frames, measured once per pair and used for all frames between them."""
 
     blocks: list[tuple[FlatBlocks, FlatBlocks]]  # flat blocks of each plane in frame 0 and in frame 1
-    mixing: NDArray[Any]
+    mixing: np.ndarray
     """(planes, planes) float32: factors that make correlated noise of independent noise; see `_mixing`."""
 
 
@@ -164,7 +163,7 @@ def _planes(image: Pixels) -> list[Plane]:
     return [Plane(channel, sample, sample) for channel, sample in zip(channels, samples, strict=True)]
 
 
-def _add_squared(plane: Plane, added: NDArray[Any], deviation: NDArray[Any]) -> NDArray[Any]:
+def _add_squared(plane: Plane, added: np.ndarray, deviation: np.ndarray) -> np.ndarray:
     """Add noise to the square roots of linear light; the mean stays, and nothing becomes darker than black."""
     roots = np.where(deviation > 0, plane.samples, 0)  # infinity, which has no noise, times 0 is no number
     change = 2 * roots * added + np.square(added) - np.square(deviation)
@@ -194,12 +193,12 @@ def _find_flat_blocks(plane: Plane, other: Plane, field: MotionField) -> FlatBlo
     return FlatBlocks(corners[chosen], motion[chosen], residuals[chosen], intensities[chosen], level[chosen])
 
 
-def _thinned(items: NDArray[Any], most: int) -> NDArray[Any]:
+def _thinned(items: np.ndarray, most: int) -> np.ndarray:
     """Return every second, third... item, so that there are no more than `most`."""
     return items[:: max(-(-len(items) // most), 1)]
 
 
-def _block_grid(size: tuple[int, ...], field: MotionField) -> tuple[NDArray[Any], NDArray[Any]]:
+def _block_grid(size: tuple[int, ...], field: MotionField) -> tuple[np.ndarray, np.ndarray]:
     """Return the corners of blocks side by side, and the motion of their centres, (n, 2) as rows and columns."""
     rows, columns = (np.arange(0, length - BLOCK_SIZE + 1, BLOCK_SPACING) for length in size)
     corners = np.stack(np.meshgrid(rows, columns, indexing="ij"), -1).reshape(-1, 2)
@@ -209,7 +208,7 @@ def _block_grid(size: tuple[int, ...], field: MotionField) -> tuple[NDArray[Any]
     return corners, field.vectors[centres[:, 0], centres[:, 1], ::-1] / subsampling
 
 
-def _residuals(plane: NDArray[Any], corners: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _residuals(plane: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the samples of blocks without their linear trend, and whether each block lies within the plane."""
     limit = np.array(plane.shape) - BLOCK_SIZE
     inside = ((corners >= 0) & (corners <= limit)).all(axis=1)
@@ -224,14 +223,14 @@ def _residuals(plane: NDArray[Any], corners: NDArray[Any]) -> tuple[NDArray[Any]
     return blocks, inside
 
 
-def _blocks(plane: NDArray[Any], corners: NDArray[Any]) -> NDArray[Any]:
+def _blocks(plane: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Return a copy of the samples of blocks, (n, size, size) float32."""
     if not len(corners):  # such as in an image smaller than a block
         return np.empty((0, BLOCK_SIZE, BLOCK_SIZE), np.float32)
     return np.asarray(sliding_window_view(plane, (BLOCK_SIZE, BLOCK_SIZE))[corners[:, 0], corners[:, 1]])
 
 
-def _coherence(blocks: NDArray[Any]) -> NDArray[Any]:
+def _coherence(blocks: np.ndarray) -> np.ndarray:
     """Return how far the gradients of each block have one direction, 0 to 1: 0 in noise, 1 at a straight edge."""
     # central differences: those to the next sample would share one, and correlate in noise
     down, across = blocks[:, 2:, 1:-1] - blocks[:, :-2, 1:-1], blocks[:, 1:-1, 2:] - blocks[:, 1:-1, :-2]
@@ -239,7 +238,7 @@ def _coherence(blocks: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(np.hypot(yy - xx, 2 * xy) / np.maximum(yy + xx, np.finfo(np.float32).tiny))
 
 
-def _mixing(planes: list[Plane], blocks: list[tuple[FlatBlocks, FlatBlocks]]) -> NDArray[Any]:
+def _mixing(planes: list[Plane], blocks: list[tuple[FlatBlocks, FlatBlocks]]) -> np.ndarray:
     """Return factors that give independent noise of all planes the correlation that it has in frame 0.
 
     (planes, planes) float32; empty if planes differ in size, as subsampled chroma does, or no block is flat.
@@ -259,11 +258,11 @@ def _mixing(planes: list[Plane], blocks: list[tuple[FlatBlocks, FlatBlocks]]) ->
 class MissingNoise(NamedTuple):
     """Noise that an in-between frame lacks: its strength by intensity, and its spectrum as a filter."""
 
-    intensities: NDArray[Any]  # (LEVELS,) float32, rising by equal steps
-    deviations: NDArray[Any]  # (LEVELS,) float32: standard deviation at each intensity
-    kernel: NDArray[Any]  # (size, size) float32: filter that makes it of white noise, of norm 1
+    intensities: np.ndarray  # (LEVELS,) float32, rising by equal steps
+    deviations: np.ndarray  # (LEVELS,) float32: standard deviation at each intensity
+    kernel: np.ndarray  # (size, size) float32: filter that makes it of white noise, of norm 1
 
-    def at(self, intensity: NDArray[Any]) -> NDArray[Any]:
+    def at(self, intensity: np.ndarray) -> np.ndarray:
         """Return the standard deviation at each sample, float32."""
         low, step = self.intensities[0], self.intensities[1] - self.intensities[0]
         places = np.nan_to_num((intensity - low) / step + np.float32(0.5))
@@ -273,8 +272,8 @@ class MissingNoise(NamedTuple):
 class NoiseComparison(NamedTuple):
     """Noise in the flat blocks of a frame, and on the same surfaces of an in-between frame."""
 
-    residuals: NDArray[Any]  # (n, size, size) float32: of the frame
-    left: NDArray[Any]  # (n, size, size) float32: of the in-between frame
+    residuals: np.ndarray  # (n, size, size) float32: of the frame
+    left: np.ndarray  # (n, size, size) float32: of the in-between frame
     missing: list[tuple[float, float]]  # rising intensities, and the variance that is missing at each
     lowest: float  # the lowest of these variances where the frame is not constant; infinite if it is everywhere
 

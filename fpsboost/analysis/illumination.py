@@ -15,7 +15,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha, normalised
 from fpsboost.frame_cache import FrameCache
@@ -92,8 +91,8 @@ class IlluminationModel:
     0.6000000238418579
     """
 
-    gain: NDArray[Any]
-    offset: NDArray[Any]
+    gain: np.ndarray
+    offset: np.ndarray
 
     @property
     def is_local(self) -> bool:
@@ -121,7 +120,7 @@ UNCHANGED = IlluminationModel(np.ones(1, np.float32), np.zeros(1, np.float32))
 """Model of constant illumination."""
 
 
-def _at_pixels(values: NDArray[Any], image: Image) -> NDArray[Any]:
+def _at_pixels(values: np.ndarray, image: Image) -> np.ndarray:
     """Return values of a model for the pixels of an image, enlarged if they are a map."""
     if values.ndim == 1:
         return values
@@ -202,7 +201,7 @@ def _measure_similarity(small0: Image, small1: Image, illumination: Illumination
     return float(in_light0.similarity.mean()), float(in_light1.similarity.mean())
 
 
-def _find_local_gain(image0: FrameCache, image1: FrameCache, side: int) -> NDArray[Any] | None:
+def _find_local_gain(image0: FrameCache, image1: FrameCache, side: int) -> np.ndarray | None:
     """Return the gain at each pixel of frame 1 where light changes in a part of the picture, else 1.
 
     Motion is found on small copies without light first, then under the light that follows from it. A change of light is
@@ -220,7 +219,7 @@ def _find_local_gain(image0: FrameCache, image1: FrameCache, side: int) -> NDArr
 
     least = np.maximum(LOCAL_MIN_SHARE * (1 - before), LOCAL_MIN_GAIN)
 
-    def explains(gain: NDArray[Any], similarity: NDArray[Any], share: float = 1) -> NDArray[Any]:
+    def explains(gain: np.ndarray, similarity: np.ndarray, share: float = 1) -> np.ndarray:
         gained = _smoothed(similarity, reach) - before
         change = _smoothed(np.maximum.reduce(cv2.split(np.abs(np.log(gain)))), reach)
         return np.asarray((gained > share * least) & (change > LOCAL_MIN_CHANGE) & is_changed)
@@ -269,37 +268,37 @@ def _without_light(image: FrameCache, side: int) -> Image:
     return np.asarray(image.cached(small_copy, side) * (np.float32(0.5) / brightness)[..., np.newaxis])
 
 
-def _brightness(image: FrameCache, side: int, deviation: float) -> NDArray[Any]:
+def _brightness(image: FrameCache, side: int, deviation: float) -> np.ndarray:
     """Return the brightness around each pixel of a small copy, (h, w), above zero even where colours are negative."""
     mean = np.mean(cv2.split(image.cached(small_copy, side)), axis=0)
     return np.asarray(np.maximum(_smoothed(mean, deviation), 0) + np.float32(DARK))
 
 
-def _smoothed(values: NDArray[Any], deviation: float) -> NDArray[Any]:
+def _smoothed(values: np.ndarray, deviation: float) -> np.ndarray:
     """Return values smoothed by a Gaussian, in the same shape."""
-    smooth: NDArray[Any] = cv2.GaussianBlur(values, (0, 0), deviation, borderType=cv2.BORDER_REPLICATE)
+    smooth: np.ndarray = cv2.GaussianBlur(values, (0, 0), deviation, borderType=cv2.BORDER_REPLICATE)
     return smooth.reshape(values.shape)
 
 
-def _ends(field: MotionField) -> tuple[NDArray[Any], NDArray[Any]]:
+def _ends(field: MotionField) -> tuple[np.ndarray, np.ndarray]:
     """Return the row and the column at the end of each whole-pixel vector."""
     height, width = field.similarity.shape
     moved, y, x = field.flow.astype(int), np.arange(height)[:, np.newaxis], np.arange(width)
     return (y + moved[..., 1]).clip(0, height - 1), (x + moved[..., 0]).clip(0, width - 1)
 
 
-def _returns(there: MotionField, back: MotionField) -> NDArray[Any]:
+def _returns(there: MotionField, back: MotionField) -> np.ndarray:
     """Return whether the way there and back ends where it began, within a tolerance, (h, w) bool."""
     x, y = cv2.split(there.flow + back.flow[_ends(there)])
     return np.asarray(x**2 + y**2 < LOCAL_CONSISTENCY_TOLERANCE**2)
 
 
-def _confirmed(field01: MotionField, field10: MotionField) -> NDArray[Any]:
+def _confirmed(field01: MotionField, field10: MotionField) -> np.ndarray:
     """Return the similarity of frame 1's pixels to their matches in frame 0 if the motion there leads back, else 0."""
     return np.asarray(field10.similarity * _returns(field10, field01))
 
 
-def _fit_locally(small0: Image, small1: Image, fields: tuple[MotionField, MotionField]) -> NDArray[Any]:
+def _fit_locally(small0: Image, small1: Image, fields: tuple[MotionField, MotionField]) -> np.ndarray:
     """Fit a gain around each pixel of frame 1 by least squares over pixels and their matches in frame 0."""
     field01, field10 = fields
     matched, returns = small0[_ends(field10)], _returns(field10, field01)

@@ -6,7 +6,6 @@ predicts a change. Such pixels are blended without motion.
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import cv2
 import numpy as np
@@ -39,7 +38,7 @@ DILATION_RADIUS = 3
 
 def find_overlay(
     image0: FrameCache, image1: FrameCache, before: FrameCache, after: FrameCache, field01: MotionField
-) -> NDArray[Any] | None:
+) -> np.ndarray | None:
     """Find the pixels of a pair that are static in front of moving surroundings.
 
     Parameters
@@ -72,11 +71,11 @@ def find_overlay(
     found = (stands_out == STATIC_CONTRAST) & (marks > 0)
     together = found & (cv2.boxFilter(found.astype(np.uint8), cv2.CV_16U, (3, 3), normalize=False) >= MIN_NEIGHBOURS)
     near = cv2.dilate(together.astype(np.uint8), np.ones((2 * DILATION_RADIUS + 1, 2 * DILATION_RADIUS + 1), np.uint8))
-    overlay: NDArray[Any] = (near > 0) & (marks > 0)
+    overlay: np.ndarray = (near > 0) & (marks > 0)
     return overlay if overlay.any() else None
 
 
-def _mark(planes: Sequence[NDArray[Any]], motion: NDArray[Any], white: float, step: int) -> NDArray[np.uint8]:
+def _mark(planes: Sequence[np.ndarray], motion: np.ndarray, white: float, step: int) -> NDArray[np.uint8]:
     """Return where one plane is static and stands out; see `fpsboost.kernels.overlay.mark_overlay`.
 
     `motion` is that of the surroundings in samples of the plane, of which one comes every `step` pixels; `white` is the
@@ -89,13 +88,13 @@ def _mark(planes: Sequence[NDArray[Any]], motion: NDArray[Any], white: float, st
     return marks
 
 
-def _luma(image: FrameCache) -> NDArray[Any]:
+def _luma(image: FrameCache) -> np.ndarray:
     """Return the luma of an image; that of video is not copied."""
     luma = view(image.pixels).luma
     return image.cached(gray) if luma is None else luma
 
 
-def keep_overlay(image: Pixels, image0: Pixels, image1: Pixels, t: float, overlay: NDArray[Any]) -> None:
+def keep_overlay(image: Pixels, image0: Pixels, image1: Pixels, t: float, overlay: np.ndarray) -> None:
     """Blend the overlay's pixels into an in-between frame, in place; chroma where half of its pixels belong to it."""
     for plane, plane0, plane1 in zip(*(view(each).arrays() for each in (image, image0, image1)), strict=True):
         rows, columns = plane.shape[:2]

@@ -19,7 +19,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import Annotated, Any, Protocol, runtime_checkable
+from typing import Annotated, Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -187,7 +187,7 @@ class CutDetector(Checked):
         """
         return min(float(each.mean()) for each in self.match_maps(image0, image1))
 
-    def match_maps(self, image0: FrameCache, image1: FrameCache) -> tuple[NDArray[Any], NDArray[Any]]:
+    def match_maps(self, image0: FrameCache, image1: FrameCache) -> tuple[np.ndarray, np.ndarray]:
         """Return how well each pixel of both thumbnails can be followed there and back, (h, w) float32, 0 to 1.
 
         The components of the search do not hold all of chroma. Where matches differ in the planes that these leave out,
@@ -206,7 +206,7 @@ class CutDetector(Checked):
 
     def _follow(
         self, thumbnail0: Components, thumbnail1: Components
-    ) -> tuple[tuple[MotionField, MotionField], tuple[NDArray[Any], NDArray[Any]]]:
+    ) -> tuple[tuple[MotionField, MotionField], tuple[np.ndarray, np.ndarray]]:
         """Return the motion between two thumbnails, and how consistent it is, in both directions."""
         radius = math.ceil(SEARCH_RANGE * THUMBNAIL_SIDE)
         there, back = search_fused(thumbnail0, thumbnail1, radius, PATCH_RADIUS, "box", BANDWIDTH, MOTION_PENALTY)
@@ -214,7 +214,7 @@ class CutDetector(Checked):
         return (there, back), matched
 
 
-def unseen_planes(image: FrameCache, longer_side: int) -> list[NDArray[Any]]:
+def unseen_planes(image: FrameCache, longer_side: int) -> list[np.ndarray]:
     """Return the planes that the components of an image's thumbnail leave out: hue, and alpha if any, (h, w) float32.
 
     Hue is half the difference of both colour differences, whose mean is one of the components.
@@ -225,7 +225,7 @@ def unseen_planes(image: FrameCache, longer_side: int) -> list[NDArray[Any]]:
     return [*hue, small.array()[..., -1]] if has_alpha(small) else hue
 
 
-def _contradiction(similarity: NDArray[Any], field: MotionField, here: NDArray[Any], there: NDArray[Any]) -> float:
+def _contradiction(similarity: np.ndarray, field: MotionField, here: np.ndarray, there: np.ndarray) -> float:
     """Return the largest loss of similarity of any patch by the difference from its match in another plane."""
     ends, side = np.arange(here.size) + _as_steps(field.flow.reshape(-1, 2), here.shape[1]), 2 * PATCH_RADIUS + 1
     apart = np.square(here - there.take(ends).reshape(here.shape))
@@ -233,7 +233,7 @@ def _contradiction(similarity: NDArray[Any], field: MotionField, here: NDArray[A
     return float((similarity * (1 - alike.reshape(here.shape))).max())
 
 
-def _measure_consistency(thumbnail: Components, there: MotionField, back: MotionField) -> NDArray[Any]:
+def _measure_consistency(thumbnail: Components, there: MotionField, back: MotionField) -> np.ndarray:
     """Return, by pixel, the match's similarity times that of the patch where the backward vector ends, (h, w)."""
     height, width = there.similarity.shape
     starts, flow = np.arange(height * width), there.flow.reshape(-1, 2)
@@ -247,12 +247,12 @@ def _measure_consistency(thumbnail: Components, there: MotionField, back: Motion
     return np.asarray(there.similarity * looks_the_same)
 
 
-def _as_steps(vectors: NDArray[Any], width: int) -> NDArray[np.intp]:
+def _as_steps(vectors: np.ndarray, width: int) -> NDArray[np.intp]:
     """Return (N, 2) vectors of whole pixels as distances in an image whose rows are `width` pixels."""
     return np.asarray((vectors[:, 1] * np.float32(width) + vectors[:, 0]).astype(np.intp))
 
 
-def _sample_patches(thumbnail: Components, places: NDArray[np.intp]) -> NDArray[Any]:
+def _sample_patches(thumbnail: Components, places: NDArray[np.intp]) -> np.ndarray:
     """Return (N, 3, 3, 3) components of patches: their centres, corners and edges suffice to tell them apart."""
     height, width = thumbnail.shape[:2]
     y, x = np.divmod(places, width)

@@ -4,11 +4,8 @@ Strokes of one digit resemble those of the next, so that an estimator finds moti
 each stroke. What moves follows one motion as a whole: each part of the layer that changes is tested for that.
 """
 
-from typing import Any
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.motion.components import gray
@@ -27,7 +24,7 @@ LONGEST_WAY = 1 / 4
 """Longest motion of a part, as a share of its longer side: a digit that appears next to one like it does not move."""
 
 
-def find_still_parts(image0: FrameCache, image1: FrameCache, field01: MotionField) -> NDArray[Any]:
+def find_still_parts(image0: FrameCache, image1: FrameCache, field01: MotionField) -> np.ndarray:
     """Find the parts of a layer that stand still, whether they change or not.
 
     Parameters

@@ -13,11 +13,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import pairwise
-from typing import IO, Any, Protocol
+from typing import IO, Protocol
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost import __version__
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy, counts_frames
@@ -265,6 +264,6 @@ def _scored(
         observer.advance()
 
 
-def _mean_where(error: NDArray[Any], area: NDArray[Any]) -> float:
+def _mean_where(error: np.ndarray, area: np.ndarray) -> float:
     """Return the mean error in an area; NaN if it is empty."""
     return float(error[area].mean()) if area.any() else float("nan")

@@ -15,11 +15,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import av.filter
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.colour import as_shown, composite_on_black, has_alpha
 from fpsboost.errors import InputError, OptionError, choose_one
@@ -232,7 +231,7 @@ def missing_flip() -> str | None:
     return None if find_spec("flip_evaluator") else needed
 
 
-def _as_rgb(image: Image) -> NDArray[Any]:
+def _as_rgb(image: Image) -> np.ndarray:
     """Return sRGB, (H, W, 3) float32 in the order RGB, with 1.0 for white."""
     return np.ascontiguousarray(as_shown(image)[..., ::-1]).astype(np.float32) / np.float32(255)
 

@@ -7,11 +7,10 @@ renderer's vectors are given, these determine motion and occlusion.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.analysis.duplicates import DuplicateDetector, compared_planes
 from fpsboost.evaluation.hidden_frames import Interval
@@ -46,9 +45,9 @@ AREAS = {"moving": "still", "occluded": "visible", "uncertain": "certain"}
 class Regions(NamedTuple):
     """Areas of one hidden frame, each (H, W) bool."""
 
-    moving: NDArray[Any]  # pixels that move by more than `MOVES` from one shown frame to the other
-    occluded: NDArray[Any]  # pixels that only one of the shown frames has
-    uncertain: NDArray[Any]  # pixels that neither has as they are: blur, glare, reflections, other light
+    moving: np.ndarray  # pixels that move by more than `MOVES` from one shown frame to the other
+    occluded: np.ndarray  # pixels that only one of the shown frames has
+    uncertain: np.ndarray  # pixels that neither has as they are: blur, glare, reflections, other light
 
 
 def find_regions(interval: Interval, vectors: VectorFolder | None = None) -> Iterator[Regions]:
@@ -79,7 +78,7 @@ def find_regions(interval: Interval, vectors: VectorFolder | None = None) -> Ite
         yield Regions(moving, visible[0] != visible[1], ~(matches[0] | matches[1]))
 
 
-def _motion(here: FrameCache, there: FrameCache, vectors: VectorFolder | None) -> tuple[NDArray[Any], NDArray[Any]]:
+def _motion(here: FrameCache, there: FrameCache, vectors: VectorFolder | None) -> tuple[np.ndarray, np.ndarray]:
     """Return the motion from one frame to another and back, (H, W, 2) float32 each."""
     if vectors is None:
         field, back = Dis().estimate(here, there)
@@ -87,7 +86,7 @@ def _motion(here: FrameCache, there: FrameCache, vectors: VectorFolder | None) -
     return _rendered_motion(here, there, vectors), _rendered_motion(there, here, vectors)
 
 
-def _find(truth: FrameCache, others: Sequence[FrameCache], flows: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+def _find(truth: FrameCache, others: Sequence[FrameCache], flows: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Return where the blocks of the true frame are found in each of the shown ones, (H, W) bool each."""
     here = _levels(truth)
     differences = []
@@ -100,12 +99,12 @@ def _find(truth: FrameCache, others: Sequence[FrameCache], flows: Sequence[NDArr
     return [first <= limit, second <= limit]
 
 
-def _levels(frame: FrameCache) -> NDArray[Any]:
+def _levels(frame: FrameCache) -> np.ndarray:
     """Return the planes of an image that are compared, (H, W, 1 to 4) float32, in levels of 8 bits."""
     return np.dstack([np.asarray(plane, np.float32) * np.float32(unit) for plane, unit in compared_planes(frame)])
 
 
-def _apart(here: NDArray[Any], there: NDArray[Any]) -> NDArray[Any]:
+def _apart(here: np.ndarray, there: np.ndarray) -> np.ndarray:
     """Return the mean difference of the block around each pixel, (H, W), in levels of 8 bits.
 
     It is that of the plane where it is largest.
@@ -113,7 +112,7 @@ def _apart(here: NDArray[Any], there: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(cv2.blur(cv2.absdiff(here, there), (BLOCK, BLOCK)).reshape(here.shape).max(axis=2))
 
 
-def _rendered_motion(here: FrameCache, there: FrameCache, vectors: VectorFolder) -> NDArray[Any]:
+def _rendered_motion(here: FrameCache, there: FrameCache, vectors: VectorFolder) -> np.ndarray:
     """Return the motion from one frame to another along the vectors of the first, (H, W, 2) float32."""
     number = frame_number(here.output_position)
     frames = frame_number(there.output_position) - number
@@ -121,7 +120,7 @@ def _rendered_motion(here: FrameCache, there: FrameCache, vectors: VectorFolder)
     return np.asarray((rendered.forward if frames > 0 else rendered.backward) * np.float32(abs(frames)))
 
 
-def _leads_back(flow: NDArray[Any], back: NDArray[Any]) -> NDArray[Any]:
+def _leads_back(flow: np.ndarray, back: np.ndarray) -> np.ndarray:
     """Return where motion leads into another frame, and from there back to where it began, (H, W) bool."""
     round_trip = flow + sample(back, flow, cv2.INTER_NEAREST)
     return np.asarray((np.linalg.norm(round_trip, axis=-1) <= CONSISTENT) & ends_inside(flow))

@@ -6,10 +6,9 @@ and MAE are given in levels of 255, as tables of 8-bit images have them; colours
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.colour import composite_on_black
 from fpsboost.errors import InputError
@@ -82,7 +81,7 @@ def score(truth: Image, image: Image) -> Scores:
     )
 
 
-def absolute_error(truth: Image, image: Image) -> NDArray[Any]:
+def absolute_error(truth: Image, image: Image) -> np.ndarray:
     """Return the mean over the channels of the absolute difference, levels of 255, (H, W) float32."""
     return np.asarray(np.abs(composite_on_black(truth) - composite_on_black(image)).mean(axis=2) * np.float32(LEVELS))
 

@@ -5,7 +5,6 @@ method in order (see `fpsboost.evaluation.further_metrics.Meter`).
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import cv2
 import numpy as np
@@ -88,7 +87,7 @@ def _edges(image: Image) -> NDArray[np.float32]:
     return np.hypot(across, down)
 
 
-def _luma(displayed: NDArray[Any]) -> NDArray[np.float32]:
+def _luma(displayed: np.ndarray) -> NDArray[np.float32]:
     """Return the luma of an sRGB image, (H, W) float32."""
     return cv2.cvtColor(displayed, cv2.COLOR_BGR2GRAY).astype(np.float32)
 
@@ -102,9 +101,9 @@ class FlickerMeter:
     """
 
     def __init__(self) -> None:
-        self._shown: NDArray[Any] | None = None
-        self._between: list[NDArray[Any]] = []
-        self._differences: list[NDArray[Any]] = []
+        self._shown: np.ndarray | None = None
+        self._between: list[np.ndarray] = []
+        self._differences: list[np.ndarray] = []
 
     def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
         """Add the next frame; a shown one, which does not count, closes an interval."""
@@ -125,7 +124,7 @@ class FlickerMeter:
         return [float(each) for each in (differences * signs).sum(axis=1).mean(axis=1)]
 
 
-def _kinds(image: Image) -> NDArray[Any]:
+def _kinds(image: Image) -> np.ndarray:
     """Return brightness, noise with the sharpest detail, and sharpness of each part of an image, (3, parts) levels."""
     luma = _luma(as_shown(image))
     fine, coarse = (cv2.GaussianBlur(luma, (0, 0), sigma) for sigma in (FINE, COARSE))
@@ -145,7 +144,7 @@ class StepMeter:
 
     def __init__(self) -> None:
         self._last: tuple[FrameCache, FrameCache] | None = None
-        self._back: list[NDArray[Any]] | None = None
+        self._back: list[np.ndarray] | None = None
         self._values: list[float] = []
 
     def add(self, truth: Image, image: Image, *, counts: bool = True) -> None:
@@ -163,7 +162,7 @@ class StepMeter:
         return self._values
 
 
-def _unevenness(back: list[NDArray[Any]], ahead: list[NDArray[Any]]) -> float:
+def _unevenness(back: list[np.ndarray], ahead: list[np.ndarray]) -> float:
     """Return the change of the steps beyond the true change, percent; each step is (true, interpolated), (H, W, 2)."""
     true_change, change = (a + b for a, b in zip(ahead, back, strict=True))
     path = sum(np.linalg.norm(step[0], axis=-1) for step in (back, ahead))
@@ -199,7 +198,7 @@ class DivergenceMeter:
         return self._values
 
 
-def _psnr_of_diverging(truth: Image, frame: FrameCache, flow: NDArray[Any]) -> float:
+def _psnr_of_diverging(truth: Image, frame: FrameCache, flow: np.ndarray) -> float:
     """Return the PSNR of luma where motion, (H, W, 2), diverges, dB; 120 for equal frames, as their PSNR."""
     divergence = np.abs(np.gradient(flow[..., 0], axis=1) + np.gradient(flow[..., 1], axis=0))
     differences = (_luma(as_shown(truth)) - _luma(as_shown(frame.array))) / LEVELS

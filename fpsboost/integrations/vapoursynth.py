@@ -22,12 +22,11 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from threading import Lock
-from typing import Annotated, Any
+from typing import Annotated
 from weakref import WeakValueDictionary
 
 import numpy as np
 import vapoursynth as vs
-from numpy.typing import NDArray
 
 from fpsboost import (
     ByFactor,
@@ -196,7 +195,7 @@ class _Rgb:
         image: Image = np.stack([np.asarray(frame[plane]) for plane in (2, 1, 0)], axis=-1)
         return image if self.bits in (8, 16, 32) else _scaled(image, (1 << self.bits) - 1, 65535)
 
-    def planes(self, image: FrameImage, like: vs.VideoFrame) -> Sequence[NDArray[Any]]:
+    def planes(self, image: FrameImage, like: vs.VideoFrame) -> Sequence[np.ndarray]:
         """Return the planes that an image has in a frame of the host, coded like another frame."""
         values = view(image).array()
         values = values if self.bits in (8, 16, 32) else _scaled(values, 65535, (1 << self.bits) - 1)
@@ -218,7 +217,7 @@ class _Ycc:
         y, cb, cr = (np.array(frame[plane]) for plane in range(3))
         return YCbCrImage((y, cb, cr), self._coding(frame))
 
-    def planes(self, image: FrameImage, like: vs.VideoFrame) -> Sequence[NDArray[Any]]:
+    def planes(self, image: FrameImage, like: vs.VideoFrame) -> Sequence[np.ndarray]:
         return view(in_coding(view(image).picture, self._coding(like))).arrays()
 
     def _coding(self, frame: vs.VideoFrame) -> Coding:

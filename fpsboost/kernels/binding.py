@@ -28,14 +28,13 @@ from typing import Annotated, Any, NamedTuple, ParamSpec, Union, get_args, get_o
 from zlib import crc32
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.kernels import constants
 from fpsboost.kernels.constants import KINDS, MAX_AXES
 
 Parameters = ParamSpec("Parameters")
 
-Array = NDArray[Any]
+Array = np.ndarray
 
 LEVELS = ("baseline", "avx2", "avx512")
 """Levels of x86-64, from the lowest; processors of other kinds have the first alone."""

@@ -12,10 +12,10 @@ is the bandwidth), and takes a dozen instructions for sixteen pixels.
 """
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 
 from fpsboost.kernels.binding import Array, Scratch, compiled
 from fpsboost.kernels.constants import FRACTION_BITS, WHITE
@@ -57,7 +57,7 @@ class PlanePair(NamedTuple):
     """Similarity of two equal pixels: `truncation` or `UNIT`."""
 
 
-def aligned_empty(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+def aligned_empty(shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
     """Return an array like `numpy.empty`, its last axis rounded up to whole cache lines and its first byte aligned."""
     itemsize = np.dtype(dtype).itemsize
     lanes = CACHE_LINE // itemsize

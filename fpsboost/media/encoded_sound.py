@@ -25,7 +25,6 @@ import av.filter
 import numpy as np
 from av.codec.codec import UnknownCodecError
 from av.packet import PacketSideData, PktSideDataT
-from numpy.typing import NDArray
 
 from fpsboost.media.clock import Window
 from fpsboost.media.encoding import check_holds, find_encoder
@@ -407,7 +406,7 @@ def _slice_samples(frame: av.AudioFrame, first: int, last: int) -> av.AudioFrame
     if (first, last) == (0, frame.samples):
         return frame
     width = 1 if frame.format.is_planar else frame.layout.nb_channels
-    samples: NDArray[Any] = np.ascontiguousarray(frame.to_ndarray()[:, first * width : last * width])
+    samples: np.ndarray = np.ascontiguousarray(frame.to_ndarray()[:, first * width : last * width])
     part = av.AudioFrame.from_ndarray(samples, format=frame.format.name, layout=frame.layout.name)
     part.sample_rate, part.pts, part.time_base = frame.sample_rate, frame.pts, frame.time_base
     return part

@@ -7,7 +7,6 @@ from typing import Any
 import av
 import numpy as np
 from av.video.reformatter import VideoReformatter
-from numpy.typing import NDArray
 
 SMPTE170M, BT709, BT2020, RGB, UNSPECIFIED = 6, 1, 9, 0, 2  # AVColorSpace
 
@@ -97,14 +96,14 @@ def full_chroma(bits: int) -> str:
     return f"yuv444p{bits}le" if bits in (9, 10, 12, 14) else "yuv444p16le"
 
 
-def plane_arrays(picture: av.VideoFrame) -> list[NDArray[Any]]:
+def plane_arrays(picture: av.VideoFrame) -> list[np.ndarray]:
     """Return views of a planar picture's planes, and of gray and alpha, without the padding at the end of every row.
 
     A negative line size means that the rows lie in memory from the last to the first, as AMV has them.
     """
     dtype = sample_type(bits_of(picture))
     interleaved = 2 if picture.format.name.startswith("ya") else 1
-    views: list[NDArray[Any]] = []
+    views: list[np.ndarray] = []
     for plane in picture.planes:
         rows = np.frombuffer(memoryview(plane), dtype).reshape(plane.height, -1)[:: -1 if plane.line_size < 0 else 1]
         views += [rows[:, first : interleaved * plane.width : interleaved] for first in range(interleaved)]

@@ -5,10 +5,9 @@ cheapest prediction and not necessarily the true motion.
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha, normalised
 from fpsboost.frame_cache import FrameCache
@@ -71,7 +70,7 @@ class BlockMatching(Checked):
         white = white_of(image0.array)
         return self._match(values0, values1, white), self._match(values1, values0, white)
 
-    def _match(self, values0: NDArray[Any], values1: NDArray[Any], white: float) -> MotionField:
+    def _match(self, values0: np.ndarray, values1: np.ndarray, white: float) -> MotionField:
         """Return the motion of the first frame's blocks to the second frame.
 
         The values are (H, W, 1 or 3) as `colour_values` returns them, and `white` is that of `white_of`.
@@ -97,7 +96,7 @@ class BlockMatching(Checked):
         return MotionField(motion, similarity.clip(0, 1), spacing=self.block_size, size=(height, width))
 
 
-def colour_values(image: Image) -> NDArray[Any]:
+def colour_values(image: Image) -> np.ndarray:
     """Return the colours as comparable numbers, (H, W, 1 or 3), multiplied by alpha if there is any; see `white_of`.
 
     Multiplication by alpha lets fully transparent pixels match each other whatever their stored colours. uint8 with

@@ -6,11 +6,9 @@ Thumbnails, from which cuts and changes of light are detected, are computed here
 """
 
 from functools import partial
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.colour import compress_highlights
 from fpsboost.frame_cache import FrameCache
@@ -18,7 +16,7 @@ from fpsboost.image import Image, Pixels, view
 from fpsboost.kernels.constants import HIGH_PASS_SIZE, LANES
 from fpsboost.kernels.planes import CodeLevels, aligned_empty, level_scale, shrink, split_colours, split_planes
 
-Components = NDArray[Any]
+Components = np.ndarray
 """Components of an image, (H, W, 3) float32."""
 
 ZERO_LEVEL = np.float32(128)
@@ -30,12 +28,12 @@ CHROMA_WEIGHT = 1 / 3
 three times as much noise in it: 9 levels in duplicates of one of the clips that `DuplicateDetector` was measured on."""
 
 
-def gray(image: Pixels) -> NDArray[Any]:
+def gray(image: Pixels) -> np.ndarray:
     """Return the luma of an image, (H, W) uint8, whatever its type."""
     return view(image).gray()
 
 
-def chroma(image: Pixels) -> list[NDArray[Any]]:
+def chroma(image: Pixels) -> list[np.ndarray]:
     """Return the colour differences (blue and red) of an image, two planes; none for gray images.
 
     They show what two images of equal luma differ in. Planes of a video keep their own size and code values.
@@ -43,7 +41,7 @@ def chroma(image: Pixels) -> list[NDArray[Any]]:
     return view(image).chroma()
 
 
-def half_chroma(image: Pixels) -> list[NDArray[Any]]:
+def half_chroma(image: Pixels) -> list[np.ndarray]:
     """Return the colour differences at half the size, (h, w) uint8; none for gray images.
 
     Planes of a video keep their own code values and dtype.
@@ -68,7 +66,7 @@ def contrast_components(image: Pixels) -> Components:
     return np.dstack([luma * 0.5, high_pass, chroma])
 
 
-def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> NDArray[Any]:
+def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> np.ndarray:
     """Return the `contrast_components` in bytes for the kernels, computed in a single pass over the image.
 
     Parameters
@@ -101,7 +99,7 @@ def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> NDArray[An
     return planes
 
 
-def small_copy(image: Pixels, longer_side: int) -> NDArray[Any]:
+def small_copy(image: Pixels, longer_side: int) -> np.ndarray:
     """Return a thumbnail with this longer side, pixels: (h, w, C) float32 in gray or BGR, with 1.0 for white."""
     height, width = image.shape[:2]
     scale = longer_side / max(height, width)
@@ -114,7 +112,7 @@ def small_components(image: FrameCache, longer_side: int) -> Components:
     return contrast_components(image.cached(small_copy, longer_side))
 
 
-def _shrunk(size: tuple[int, int], image: Image) -> NDArray[Any]:
+def _shrunk(size: tuple[int, int], image: Image) -> np.ndarray:
     """Return the image resized to (width, height), float32 with its own white; enlarged where it is smaller.
 
     Pixels are averaged over areas: a filter that skips pixels would let noise and fine patterns into thumbnails.
@@ -129,9 +127,7 @@ def _shrunk(size: tuple[int, int], image: Image) -> NDArray[Any]:
     return cv2.resize(small, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], channels)
 
 
-def padded_planes(
-    components: Components, padding: int, extra_left: int, extra_right: int, scale: float
-) -> NDArray[Any]:
+def padded_planes(components: Components, padding: int, extra_left: int, extra_right: int, scale: float) -> np.ndarray:
     """Return scaled planes with repeated edges for the search kernels.
 
     They are (3, H + 2 padding, W + 2 padding + both extras) float32: the extra columns let the kernels read whole

@@ -22,11 +22,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.colour import colour_components
 from fpsboost.frame_cache import FrameCache
@@ -231,7 +230,7 @@ def expected_motion(image0: FrameCache, image1: FrameCache) -> float:
 
 
 def _compare(
-    planes0: NDArray[Any], planes1: NDArray[Any], size: tuple[int, ...], field: MotionField, around: int
+    planes0: np.ndarray, planes1: np.ndarray, size: tuple[int, ...], field: MotionField, around: int
 ) -> ShortestMotion:
     """Compare the patch around each point with those that motion leads to; points are `STEP` apart.
 
@@ -245,7 +244,7 @@ def _compare(
     return found
 
 
-def _largest_neighbour_motion(lengths: NDArray[Any]) -> float:
+def _largest_neighbour_motion(lengths: np.ndarray) -> float:
     """Return the largest length that two neighbouring points have; that of a single point may be chance."""
     across = np.minimum(lengths[:, 1:], lengths[:, :-1])
     down = np.minimum(lengths[1:], lengths[:-1])
@@ -253,7 +252,7 @@ def _largest_neighbour_motion(lengths: NDArray[Any]) -> float:
 
 
 def _largest_object_motion(
-    field: MotionField, round_trips: NDArray[Any], gain: NDArray[Any], unexplained: NDArray[Any]
+    field: MotionField, round_trips: np.ndarray, gain: np.ndarray, unexplained: np.ndarray
 ) -> float:
     """Return the largest motion of objects that move by themselves and are missing from the regularised field, pixels.
 

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
@@ -58,9 +57,9 @@ class MotionField:
     1.0
     """
 
-    vectors: NDArray[Any]
+    vectors: np.ndarray
     """(rows, columns, 2) float32; the direction is in the variable's name (``field01``, ``field10``)."""
-    similarities: NDArray[Any] = field(default_factory=lambda: np.ones((1, 1), np.float32))
+    similarities: np.ndarray = field(default_factory=lambda: np.ones((1, 1), np.float32))
     """(rows, columns) float32. In the default method, that of the whole-pixel vector before refinement."""
     search_radius: int | None = None
     spacing: int = 1
@@ -87,16 +86,16 @@ class MotionField:
         return height, width
 
     @cached_property
-    def flow(self) -> NDArray[Any]:
+    def flow(self) -> np.ndarray:
         """Vector of every pixel, (H, W, 2) float32, ``(dx, dy)`` in pixels."""
         return self._at_pixels(self.vectors)
 
     @cached_property
-    def similarity(self) -> NDArray[Any]:
+    def similarity(self) -> np.ndarray:
         """Similarity of the point whose vector each pixel shares, not of its own patch, (H, W) float32."""
         return self._at_pixels(self.similarities)
 
-    def at_points(self, spacing: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    def at_points(self, spacing: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the vectors, (rows, columns, 2), and similarities, (rows, columns), at points `spacing` apart.
 
         The points are those of `point_places`. The arrays may be those of the field, and must not be written to.
@@ -104,7 +103,7 @@ class MotionField:
         layout = self.shape, self.spacing, spacing
         return resample_points(self.vectors, *layout), resample_points(self.similarities, *layout)
 
-    def errors_at_points(self, spacing: int, back: MotionField) -> NDArray[Any]:
+    def errors_at_points(self, spacing: int, back: MotionField) -> np.ndarray:
         """Return the forward-backward errors of the vectors of `at_points`, (rows, columns) float32, pixels.
 
         `back` is the motion of the other frame.
@@ -112,12 +111,12 @@ class MotionField:
         vectors, _ = self.at_points(spacing)
         return forward_backward_error(vectors, *point_places(self.shape, spacing), back)
 
-    def _at_pixels(self, values: NDArray[Any]) -> NDArray[Any]:
+    def _at_pixels(self, values: np.ndarray) -> np.ndarray:
         """Return the value of each point for all pixels that share it."""
         return values if self.spacing == 1 else spread_points(values, self.shape, self.spacing)
 
 
-def resample_points(values: NDArray[Any], size: tuple[int, ...], spacing: int, step: int) -> NDArray[Any]:
+def resample_points(values: np.ndarray, size: tuple[int, ...], spacing: int, step: int) -> np.ndarray:
     """Return the values of points `spacing` apart for those `step` apart; see `point_places`. Not always a copy.
 
     Each point takes the value of the point whose block of pixels it lies in; nothing is interpolated.
@@ -128,7 +127,7 @@ def resample_points(values: NDArray[Any], size: tuple[int, ...], spacing: int, s
     return np.asarray(values.take(y, axis=0).take(x, axis=1))
 
 
-def spread_points(values: NDArray[Any], size: tuple[int, ...], spacing: int) -> NDArray[Any]:
+def spread_points(values: np.ndarray, size: tuple[int, ...], spacing: int) -> np.ndarray:
     """Repeat the value of each point for every pixel of a frame, or for the finer points of `size`, (rows, columns)."""
     height, width = size[:2]
     # along rows first: the second repeat then copies whole rows
@@ -136,7 +135,7 @@ def spread_points(values: NDArray[Any], size: tuple[int, ...], spacing: int) -> 
 
 
 @lru_cache(maxsize=64)  # the same for every frame of a clip
-def point_places(size: tuple[int, ...], spacing: int) -> tuple[NDArray[Any], NDArray[Any]]:
+def point_places(size: tuple[int, ...], spacing: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the rows and columns of points `spacing` apart, from spacing / 2 to within the frame; read-only.
 
     A point is the middle of a block of spacing x spacing pixels; at the right and at the bottom edge, where blocks are
@@ -149,7 +148,7 @@ def point_places(size: tuple[int, ...], spacing: int) -> tuple[NDArray[Any], NDA
     return y, x
 
 
-def forward_backward_error(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[Any], back: MotionField) -> NDArray[Any]:
+def forward_backward_error(vectors: np.ndarray, y: np.ndarray, x: np.ndarray, back: MotionField) -> np.ndarray:
     """Return the distance between the start of each vector and the end of the way there and back, pixels.
 
     It is 0 where both fields agree, and large where a pixel is occluded in the other frame or matched by chance.
@@ -172,7 +171,7 @@ def forward_backward_error(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[An
     return distance
 
 
-def ends_inside(motion: NDArray[Any]) -> NDArray[Any]:
+def ends_inside(motion: np.ndarray) -> np.ndarray:
     """Return whether the motion from each pixel, (H, W, 2), ends inside of the frame, (H, W) bool."""
     height, width = motion.shape[:2]
     y = np.arange(height, dtype=np.float32)[:, np.newaxis] + motion[..., 1]
@@ -180,7 +179,7 @@ def ends_inside(motion: NDArray[Any]) -> NDArray[Any]:
     return np.asarray((x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5))
 
 
-def motion_gradients(vectors: NDArray[Any], spacing: int) -> NDArray[Any]:
+def motion_gradients(vectors: np.ndarray, spacing: int) -> np.ndarray:
     """Return the motion gradients around points: those of zoom, rotation and perspective, not of object boundaries.
 
     A gradient is the smaller of the differences from the neighbours on both sides if they have the same sign, else 0
@@ -238,7 +237,7 @@ LEAST_RATIO = 0.125
 
 def accelerations_at_points(
     onward: tuple[MotionField, MotionField], away: tuple[MotionField, MotionField] | None, ratio: float, spacing: int
-) -> NDArray[Any]:
+) -> np.ndarray:
     """Estimate the acceleration at the frame that two neighbouring pairs share, at points `spacing` apart.
 
     If the durations differ by more than a factor of 2, it is limited so that the path of a point, with either weight,

@@ -12,7 +12,6 @@ from typing import Any, Literal
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.kernels.constants import LANES
 from fpsboost.kernels.planes import UNIT, colour_scale
@@ -89,13 +88,13 @@ def search_fused(
 
 
 @lru_cache(maxsize=32)  # the same for every frame of a clip
-def _motion_penalties(search_radius: int, per_pixel: float, dtype: type[np.number[Any]]) -> NDArray[Any]:
+def _motion_penalties(search_radius: int, per_pixel: float, dtype: type[np.number[Any]]) -> np.ndarray:
     """Return the penalty of every offset, by its length along x and y together; read-only.
 
     `per_pixel` is on the scale of the sums that the kernel compares.
     """
     lengths = np.abs(np.arange(-search_radius, search_radius + 1))
-    penalties: NDArray[Any] = ((lengths[:, np.newaxis] + lengths) * per_pixel).astype(dtype)
+    penalties: np.ndarray = ((lengths[:, np.newaxis] + lengths) * per_pixel).astype(dtype)
     penalties.flags.writeable = False
     return penalties
 
@@ -123,7 +122,7 @@ def search_by_passes(
 
 
 def _passes_one_way(
-    a: Components, b: Components, search_radius: int, patch_radius: int, taps: NDArray[Any], bandwidth: float
+    a: Components, b: Components, search_radius: int, patch_radius: int, taps: np.ndarray, bandwidth: float
 ) -> MotionField:
     """Return the motion from image `a` to image `b`, both padded by the patch radius."""
     height, width = a.shape[0] - 2 * patch_radius, a.shape[1] - 2 * patch_radius

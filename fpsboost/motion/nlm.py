@@ -17,11 +17,10 @@ smoothness cost towards its neighbours on the next level.
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.colour import normalised
 from fpsboost.frame_cache import FrameCache
@@ -210,7 +209,7 @@ class CoarseToFine(Checked):
         return found
 
     def _search_residuals(
-        self, pair: PlanePair, flow: NDArray[Any], step: int, min_similarity: np.float32
+        self, pair: PlanePair, flow: np.ndarray, step: int, min_similarity: np.float32
     ) -> CoarseMotion:
         """Return the motion including that of small objects, and the smoothness weights of the next level.
 
@@ -225,7 +224,7 @@ class CoarseToFine(Checked):
         loosen_ties(looked, flow, np.float32(step), CONSISTENCY_TOLERANCE, WEAK_SMOOTHNESS, ties)
         return CoarseMotion(looked, flow, ties)
 
-    def _refine(self, pair: PlanePair, known: NDArray[Any], flow: NDArray[Any], step: int) -> None:
+    def _refine(self, pair: PlanePair, known: np.ndarray, flow: np.ndarray, step: int) -> None:
         """Refine the motion in both directions to a fraction of a pixel, in place.
 
         Vectors that equal those in `known` have been refined before and are left as they are.
@@ -271,7 +270,7 @@ def halved(image: Pixels) -> Pixels:
     """
     height, width = ((length + 1) // 2 for length in image.shape[:2])
 
-    def half(pixels: NDArray[Any]) -> NDArray[Any]:
+    def half(pixels: np.ndarray) -> np.ndarray:
         if pixels.shape[:2] == (height, width):
             return pixels
         smooth = cv2.GaussianBlur(pixels, (5, 5), 0, borderType=cv2.BORDER_REPLICATE)  # 1, 4, 6, 4, 1

@@ -7,11 +7,10 @@ stored. OpenCV's functions report no similarity, so that it is 1 everywhere.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import check_pair
@@ -137,7 +136,7 @@ class TvL1(Checked):
 
 
 def _estimate_both(
-    flow: Callable[[NDArray[Any], NDArray[Any], NDArray[Any]], NDArray[Any]], image0: FrameCache, image1: FrameCache
+    flow: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray], image0: FrameCache, image1: FrameCache
 ) -> tuple[MotionField, MotionField]:
     """Return the motion in both directions by a function of OpenCV that takes gray images and an initial flow.
 

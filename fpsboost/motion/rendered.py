@@ -10,7 +10,6 @@ from fractions import Fraction
 from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
@@ -21,11 +20,11 @@ from fpsboost.motion.field import MotionField, ZeroMotion
 class FrameVectors(NamedTuple):
     """Motion vectors and depth of one output frame."""
 
-    backward: NDArray[Any]
+    backward: np.ndarray
     """(H, W, 2) float32, to the previous output frame, y down."""
-    forward: NDArray[Any]
+    forward: np.ndarray
     """(H, W, 2) float32, to the next output frame, y down."""
-    depth: NDArray[Any] | None
+    depth: np.ndarray | None
     """(H, W) float32, distance from the camera in any unit, infinite where nothing is; None if it is not known."""
 
 

@@ -10,11 +10,10 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost import (
     ClipInfo,
@@ -62,7 +61,7 @@ class ConvertedPassage(NamedTuple):
     least_certain: LowestMatch | None
     """Frame between the two that match least, see `fpsboost.Summary.lowest_match`; its time is in the passage, on the
     source's clock."""
-    confidence: NDArray[Any] | None
+    confidence: np.ndarray | None
     """Confidence of that frame's pixels, (H, W, 1) float32; None if the method has none of its own."""
     frames: int
     """Number of frames that were written."""
@@ -191,7 +190,7 @@ class _Recorder(SilentObserver):
     """Duration of the output as a multiple of the source's."""
     needs_confidence: bool
     """Whether frames shall have a confidence."""
-    confidences: list[NDArray[Any] | None] = field(default_factory=list)
+    confidences: list[np.ndarray | None] = field(default_factory=list)
     """Confidence of each output frame, as it is displayed."""
     own_seconds: float = 0.0
     """CPU time of this object, which is subtracted from that of the conversion."""
@@ -382,12 +381,12 @@ def check_video(target: Target, inputs: Collection[Path] = (), *, overwrite: boo
     check_writable(Path(target.path), target.path, inputs, overwrite)
 
 
-def _beside(views: dict[str, View], time: Fraction, label: str) -> NDArray[Any]:
+def _beside(views: dict[str, View], time: Fraction, label: str) -> np.ndarray:
     """Return the pictures of all views at a time, side by side, each under its name."""
     return np.concatenate([_labelled(view.image_at(time), name + label) for name, view in views.items()], axis=1)
 
 
-def _labelled(image: NDArray[Any], text: str) -> NDArray[Any]:
+def _labelled(image: np.ndarray, text: str) -> np.ndarray:
     """Return a picture under a line of text, with even sides as encoders require."""
     height, width = (each + each % 2 for each in image.shape[:2])
     canvas = np.zeros((height + LABEL_HEIGHT, width, 3), np.uint8)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import islice, pairwise, takewhile
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -57,7 +57,7 @@ class View:
         self.times.append(time)
         self.pictures.append(data.tobytes())
 
-    def displayed(self, image: NDArray[Any]) -> NDArray[Any]:
+    def displayed(self, image: np.ndarray) -> np.ndarray:
         """Return an image, or a map of its pixels, as it is displayed and no larger than a page can use."""
         height, width = image.shape[:2]
         aspect = (self.traits.sample_aspect_ratio or 1) if self.traits else 1
@@ -363,7 +363,7 @@ class _Reader:
 
     def read(self, start: Fraction, duration: Fraction, count: int) -> tuple[Passage, list[Place]]:
         """Read a part, and measure the motion of passages of `count` frames in it."""
-        small = list[tuple[Fraction, NDArray[Any]]]()
+        small = list[tuple[Fraction, np.ndarray]]()
         passage = self.examine(start, duration, lambda frame, time: small.append((time, _thumbnail(frame))))
         motions = [Place(passage.start + each.start, each.motion) for each in _motions(small)]
         groups = [motions[number : number + count] for number in range(0, len(motions), max(1, count // 3))]
@@ -383,7 +383,7 @@ class _Reader:
         return list(places.values())
 
 
-def _thumbnail(frame: Frame) -> NDArray[Any]:
+def _thumbnail(frame: Frame) -> np.ndarray:
     """Return a small copy of a frame as it is shown, (h, w, 3) uint8."""
     image = view(frame.image).to_bgr()
     height, width = image.shape[:2]
@@ -397,7 +397,7 @@ def _mean(motions: list[Place]) -> float:
     return float(np.mean([each.motion for each in motions]))
 
 
-def _motions(images: Iterable[tuple[Fraction, NDArray[Any]]]) -> Iterator[Place]:
+def _motions(images: Iterable[tuple[Fraction, np.ndarray]]) -> Iterator[Place]:
     """Yield the mean length of the motion from every image to the next, as a fraction of the longer side.
 
     It is that of the colour channel that moves most.

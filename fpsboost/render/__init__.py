@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    import numpy as np
 
 ConventionName = Literal["auto", "blender", "nuke", "forward-up", "forward-down", "backward-up", "backward-down"]
 """A convention, or the one that the names of the channels and a comparison of frames suggest."""
@@ -31,9 +31,9 @@ class StoredVectors(NamedTuple):
     y_sign: int
     """1 if positive values lead down, -1 if up."""
 
-    def read(self, channels: NDArray[Any]) -> NDArray[Any]:
+    def read(self, channels: np.ndarray) -> np.ndarray:
         """Return the vectors, (H, W, 2) float32, y down, of the two channels as stored, (H, W, 2)."""
-        scaled: NDArray[Any] = channels.copy()
+        scaled: np.ndarray = channels.copy()
         scaled *= (self.x_sign, self.y_sign)
         return scaled
 
@@ -51,7 +51,7 @@ class VectorConvention:
     pairs: tuple[StoredVectors, ...]
     """Meaning of the first two channels, and of the next two if there are four."""
 
-    def read(self, channels: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    def read(self, channels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the vectors to the previous and to the next frame, each (H, W, 2) float32, y down.
 
         `channels` are those of the file, (H, W, 2 or 4).

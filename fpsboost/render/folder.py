@@ -20,11 +20,10 @@ from copy import copy
 from functools import lru_cache
 from itertools import chain, product
 from pathlib import Path
-from typing import Any, NamedTuple, Self, get_args
+from typing import NamedTuple, Self, get_args
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.colour import normalised
 from fpsboost.errors import InputError, OptionError, explained, refuse
@@ -171,7 +170,7 @@ class VectorFolder:
         """Return whether there is a file for an output frame, counted from 0."""
         return self._place_of(self._vectors, number) is not None
 
-    def channels_at(self, number: int) -> tuple[NDArray[Any], VectorConvention]:
+    def channels_at(self, number: int) -> tuple[np.ndarray, VectorConvention]:
         """Return the channels of an output frame's vectors, (H, W, 2 or 4) float32, and their usual convention.
 
         Raises `InputError` if there are none, or they are not finite numbers.
@@ -201,7 +200,7 @@ class VectorFolder:
         self.check_size(vectors.backward, image)
         return vectors
 
-    def check_size(self, vectors: NDArray[Any], image: Pixels) -> None:
+    def check_size(self, vectors: np.ndarray, image: Pixels) -> None:
         """Raise `InputError` if vectors are of another size than an image."""
         height, width = vectors.shape[:2]
         if vectors.shape[:2] != image.shape[:2]:
@@ -312,14 +311,14 @@ def _partners(path: Path) -> list[Path]:
     return [path, path.with_name(path.name.removesuffix(BACKWARD) + FORWARD)]
 
 
-def _check_numbers(path: Path, flow: NDArray[Any]) -> None:
+def _check_numbers(path: Path, flow: np.ndarray) -> None:
     """Raise `InputError` if vectors are not finite."""
     count = int((~np.isfinite(flow)).any(axis=-1).sum())
     if count:
         raise InputError(f"{path} has {count} motion vectors that are unknown, infinite or NaN; render it again.")
 
 
-def _read_depth(path: Path) -> NDArray[Any]:
+def _read_depth(path: Path) -> np.ndarray:
     """Return the depth, (H, W) float32; infinite where it is not a number."""
     names = list(read_exr_header(path).channels)
     layers = [name for name in names if name.endswith(("Depth.Z", "Depth.V"))]
@@ -383,9 +382,9 @@ class RenderedPair(NamedTuple):
 
     image0: Image
     image1: Image
-    channels0: NDArray[Any]
+    channels0: np.ndarray
     """Vectors of the first frame as stored, (H, W, 2 or 4) float32."""
-    channels1: NDArray[Any]
+    channels1: np.ndarray
     """Vectors of the second frame as stored."""
     distance: int
     """Number of vectors from one frame to the other."""
@@ -429,8 +428,8 @@ def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], 
     fitted.remarks = list(folder.remarks)
     if fit.convention != usual:
         fitted.remarks.append(
-            f"In {folder.path}, {fit.convention}: found by comparing frames, although the names of the channels suggest "
-            "otherwise; `vector_convention` overrides this."
+            f"In {folder.path}, {fit.convention}: found by comparing frames, although the names of the channels "
+            "suggest otherwise; `vector_convention` overrides this."
         )
     if fit.error > fit.still_error:
         fitted.remarks.append(
@@ -474,13 +473,13 @@ def fit_convention(pairs: Iterable[RenderedPair], usual: VectorConvention) -> Ve
     return VectorFit(VectorConvention(chosen), error_of(chosen), still)
 
 
-def _comparable(image: Image) -> NDArray[Any]:
+def _comparable(image: Image) -> np.ndarray:
     """Return the colours of an image in units of their mean, (H, W, C) float32."""
     colours = normalised(image)
     return np.asarray((colours / max(float(np.abs(colours).mean()), 1e-6)).clip(-LARGEST_COLOUR, LARGEST_COLOUR))
 
 
-def _fetch_error(here: NDArray[Any], there: NDArray[Any], motion: NDArray[Any]) -> float:
+def _fetch_error(here: np.ndarray, there: np.ndarray, motion: np.ndarray) -> float:
     """Return the mean squared difference between a frame and the other one fetched along the motion.
 
     Pixels whose motion leaves the frame are left out; if most do, the error is that without motion.

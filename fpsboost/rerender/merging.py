@@ -9,11 +9,9 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost import InputError, Layer, LayeredImage, OptionError, OutputError
 from fpsboost.extension import (
@@ -123,7 +121,7 @@ def merge_regions(made: PathName, rendered: PathName, output: PathName, options:
     return MergeSummary(len(files), len(planned), sum(len(frame.regions) for frame in planned.values()), remarks)
 
 
-def seam_weights(mask: NDArray[Any], feather: int) -> NDArray[Any]:
+def seam_weights(mask: np.ndarray, feather: int) -> np.ndarray:
     """Return the share of the rendered image in each pixel, (H, W) float32.
 
     It is 1 inside of the mask, falls towards its edges over `feather` pixels, and is 0 outside.
@@ -134,7 +132,7 @@ def seam_weights(mask: NDArray[Any], feather: int) -> NDArray[Any]:
     return np.asarray(np.minimum(distance / np.float32(feather + 1), 1), np.float32)
 
 
-def mix(image: Image, rendered: Image, weights: NDArray[Any]) -> Image:
+def mix(image: Image, rendered: Image, weights: np.ndarray) -> Image:
     """Return the weighted mean of two images; pixels of weight 0 are those of the first, of weight 1 of the second.
 
     Parameters
@@ -195,7 +193,7 @@ def _read(path: Path, passes: Passes | None) -> FrameImage:
     return passes.read(path, None)
 
 
-def _mix_layer(made: Layer, rendered: Layer, weights: NDArray[Any], mask: NDArray[Any]) -> Layer:
+def _mix_layer(made: Layer, rendered: Layer, weights: np.ndarray, mask: np.ndarray) -> Layer:
     """Return a layer with that of the rendered frame in it; layers that must not be mixed have no seam."""
     planes = {}
     for name, plane in made.planes.items():

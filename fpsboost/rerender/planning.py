@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost import InputError, Interpolator, MemoryLimit, VectorFolder, find_method
 from fpsboost.extension import (
@@ -65,7 +64,7 @@ class PlannedFrame:
     remaining_error: float
     """Expected mean squared error after rendering, in levels of 255 squared."""
 
-    def mask(self, height: int, width: int) -> NDArray[Any]:
+    def mask(self, height: int, width: int) -> np.ndarray:
         """Return the pixels to render, (height, width) bool."""
         mask = np.zeros((height, width), bool)
         for region in self.regions:

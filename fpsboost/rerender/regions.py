@@ -10,11 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 WHOLE_SHARE = 0.8
 """Share of a frame from which on all of it is rendered: one plain render without seams."""
@@ -81,7 +80,7 @@ class TileGrid:
         return -(-self.height // self.tile), -(-self.width // self.tile)
 
     @cached_property
-    def areas(self) -> NDArray[Any]:
+    def areas(self) -> np.ndarray:
         """Pixels of each tile, (rows, columns) float64."""
         rows, columns = (
             np.diff(np.minimum(np.arange(count + 1) * self.tile, length))
@@ -89,7 +88,7 @@ class TileGrid:
         )
         return np.outer(rows, columns).astype(np.float64)
 
-    def means(self, values: NDArray[Any]) -> NDArray[Any]:
+    def means(self, values: np.ndarray) -> np.ndarray:
         """Return the mean of every tile, (rows, columns) float64, of values of (height, width)."""
         sums = values.astype(np.float64)
         for axis, length in enumerate((self.height, self.width)):
@@ -103,7 +102,7 @@ class TileGrid:
         return Rectangle(x, y, min(right, self.width) - x, min(bottom, self.height) - y)
 
 
-def partition(mask: NDArray[Any]) -> list[Rectangle]:
+def partition(mask: np.ndarray) -> list[Rectangle]:
     """Divide a mask into rectangles that do not overlap, along rows or along columns, whichever gives fewer.
 
     Examples
@@ -117,7 +116,7 @@ def partition(mask: NDArray[Any]) -> list[Rectangle]:
     return sorted(fewer, key=lambda each: (each.y, each.x))
 
 
-def _runs_joined(mask: NDArray[Any]) -> Iterator[Rectangle]:
+def _runs_joined(mask: np.ndarray) -> Iterator[Rectangle]:
     """Yield the runs of consecutive tiles in each row, joined with equal runs in the rows below."""
     growing: dict[tuple[int, int], int] = {}
     for y, row in enumerate([*mask, np.zeros(mask.shape[1], bool)]):
@@ -130,7 +129,7 @@ def _runs_joined(mask: NDArray[Any]) -> Iterator[Rectangle]:
             growing.setdefault(run, y)
 
 
-def simplified(mask: NDArray[Any]) -> NDArray[Any]:
+def simplified(mask: np.ndarray) -> np.ndarray:
     """Return a mask of tiles with near rectangles joined while that adds no more than `MAX_ADDED_SHARE`."""
     result = mask.copy()
     near = cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8))
@@ -164,12 +163,12 @@ def _joined(rectangles: Iterable[Rectangle]) -> list[Rectangle]:
 class _Choice(NamedTuple):
     """Masks of all frames, their pixels and their gains."""
 
-    masks: NDArray[Any]  # tiles to render, (F, rows, columns) bool
-    areas: NDArray[Any]  # pixels to render of each frame, (F,)
-    gains: NDArray[Any]  # squared error that is taken away from each frame, (F,)
+    masks: np.ndarray  # tiles to render, (F, rows, columns) bool
+    areas: np.ndarray  # pixels to render of each frame, (F,)
+    gains: np.ndarray  # squared error that is taken away from each frame, (F,)
 
 
-def choose_regions(errors: NDArray[Any], grid: TileGrid, budget: float, scenes: Sequence[int]) -> NDArray[Any]:
+def choose_regions(errors: np.ndarray, grid: TileGrid, budget: float, scenes: Sequence[int]) -> np.ndarray:
     """Choose the tiles to render within a budget of pixels, by the error that they are expected to have.
 
     Parameters
@@ -209,7 +208,7 @@ def choose_regions(errors: NDArray[Any], grid: TileGrid, budget: float, scenes: 
     return _filled_up(choose(fits), [choose(count) for count in sorted(counts)], budget)
 
 
-def _filled_up(base: _Choice, options: Sequence[_Choice], budget: float) -> NDArray[Any]:
+def _filled_up(base: _Choice, options: Sequence[_Choice], budget: float) -> np.ndarray:
     """Replace frames by those of larger choices, the largest gain per pixel first, as long as they fit the budget."""
     masks, areas, gains = (each.copy() for each in base)
     for option in options:
@@ -222,7 +221,7 @@ def _filled_up(base: _Choice, options: Sequence[_Choice], budget: float) -> NDAr
     return masks
 
 
-def smooth_over_time(errors: NDArray[Any], scenes: NDArray[Any]) -> NDArray[Any]:
+def smooth_over_time(errors: np.ndarray, scenes: np.ndarray) -> np.ndarray:
     """Return errors averaged over each frame and its neighbours in a scene, with the weights 1, 2, 1.
 
     Errors are (F, rows, columns).
@@ -235,7 +234,7 @@ def smooth_over_time(errors: NDArray[Any], scenes: NDArray[Any]) -> NDArray[Any]
     return np.asarray((2 * errors + np.where(goes_on, after, errors) + np.where(came, before, errors)) / 4)
 
 
-def clean(masks: NDArray[Any], scenes: NDArray[Any]) -> NDArray[Any]:
+def clean(masks: np.ndarray, scenes: np.ndarray) -> np.ndarray:
     """Return masks, (F, rows, columns) bool, with fewer and simpler regions that do not flicker.
 
     A tile that is chosen in the frames before and after is chosen in the frame between, too.
@@ -247,20 +246,20 @@ def clean(masks: NDArray[Any], scenes: NDArray[Any]) -> NDArray[Any]:
     return np.stack([_clean_frame(mask) for mask in masks])
 
 
-def _clean_frame(mask: NDArray[Any]) -> NDArray[Any]:
+def _clean_frame(mask: np.ndarray) -> np.ndarray:
     """Fill holes, drop single tiles and join near rectangles; a frame that is nearly covered is taken as a whole."""
     kept = _without_holes(simplified(_without_crumbs(_without_holes(mask))))
     return np.ones_like(kept) if kept.mean() >= WHOLE_SHARE else kept
 
 
-def _without_holes(mask: NDArray[Any]) -> NDArray[Any]:
+def _without_holes(mask: np.ndarray) -> np.ndarray:
     """Fill areas that the mask encloses; the edge of the frame encloses nothing."""
     padded = cv2.copyMakeBorder((~mask).astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1)
     _, labels = cv2.connectedComponents(padded, connectivity=4)
     return np.asarray((labels != labels[0, 0])[1:-1, 1:-1])
 
 
-def _without_crumbs(mask: NDArray[Any]) -> NDArray[Any]:
+def _without_crumbs(mask: np.ndarray) -> np.ndarray:
     """Drop single tiles, unless the frame has only a few."""
     if mask.size < SMALLEST_GRID:
         return mask

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from itertools import islice
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost import Frame, FrameCache, Interpolator, Pair, SourcePosition, with_neighbours
 from fpsboost.extension import Image, compared_colours, composite_on_black, view
@@ -27,7 +26,7 @@ MIN_ERROR = 1e-7
 
 BINS = 256  # number of bins of equally many tiles that a curve is fitted to
 
-Tiles = NDArray[Any]
+Tiles = np.ndarray
 """A number for every tile of a frame, (rows, columns) float64."""
 
 InOrder = Callable[[Iterable[Callable[[], "Trial"]]], Iterator["Trial"]]
@@ -65,9 +64,9 @@ def isotonic_regression(values: Tiles, weights: Tiles) -> Tiles:
 class ErrorCurve:
     """Squared error by uncertainty, which never falls as the uncertainty rises (isotonic regression)."""
 
-    doubts: NDArray[Any]
+    doubts: np.ndarray
     """Uncertainty at the points of the curve, increasing, (N,) float64."""
-    errors: NDArray[Any]
+    errors: np.ndarray
     """Squared error at these points, (N,) float64; linear between them and constant beyond them."""
 
     @classmethod
@@ -79,7 +78,7 @@ class ErrorCurve:
         mean_doubts, mean_errors = (np.array([tiles[each].mean() for each in bins]) for tiles in (doubts, errors))
         return cls(mean_doubts, isotonic_regression(mean_errors, np.array([len(each) for each in bins])))
 
-    def at(self, doubts: NDArray[Any]) -> NDArray[Any]:
+    def at(self, doubts: np.ndarray) -> np.ndarray:
         """Return the expected squared error of tiles with these uncertainties."""
         return np.asarray(np.interp(doubts, self.doubts, self.errors))
 
@@ -92,7 +91,7 @@ class ErrorCurve:
 
 def expect_errors(
     frames: Iterable[Frame], interpolator: Interpolator, factor: int, grid: TileGrid, in_order: InOrder
-) -> tuple[NDArray[Any], list[int]]:
+) -> tuple[np.ndarray, list[int]]:
     """Predict the squared error of the frames of a conversion.
 
     Parameters
@@ -155,7 +154,7 @@ def comparable(image: Image) -> Image:
     return compared_colours(image) if image.dtype == np.float32 else image
 
 
-def squared_error(image0: Image, image1: Image) -> NDArray[Any]:
+def squared_error(image0: Image, image1: Image) -> np.ndarray:
     """Return the squared difference of `comparable` images, mean of the channels, (H, W) float32, for white = 1."""
     difference = composite_on_black(image0) - composite_on_black(image1)
     return np.asarray(np.einsum("yxc,yxc->yx", difference, difference) / np.float32(difference.shape[2]))
@@ -195,7 +194,7 @@ def _try(
     return Trial(pair.is_cut(*neighbours), [grid.means(1 - image.confidence) for image in interpolated], error)
 
 
-def _tiles_of(trials: Sequence[Trial]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _tiles_of(trials: Sequence[Trial]) -> tuple[np.ndarray, np.ndarray]:
     """Return the uncertainty and the error of all tiles of frames whose error is known."""
     measured = [trial for trial in trials if trial.error is not None]
     doubts = np.concatenate([trial.doubts[0].ravel() for trial in measured])

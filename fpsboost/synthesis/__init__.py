@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from numpy.typing import NDArray
+import numpy as np
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels
@@ -55,7 +55,7 @@ class InterpolatedImage(NamedTuple):
 
     image: FrameImage
     """Colours, (H, W, C), as the frames have them."""
-    confidence: NDArray[Any] | Any = None
+    confidence: np.ndarray | Any = None
     """Confidence of every pixel, (H, W) float32 in [0, 1]; None if it was not asked for."""
 
 

@@ -8,11 +8,8 @@ The fallback replaces uncertain pixels by the two frames themselves, mixed or th
 (`measure_uncertainty`, `blend_fallback`).
 """
 
-from typing import Any
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels, view
@@ -31,7 +28,7 @@ ITERATIONS = 3
 """Iterations of the search for the motion that leads through a pixel."""
 
 
-def measure_agreement(frame_pair: FramePair, t: float) -> NDArray[Any]:
+def measure_agreement(frame_pair: FramePair, t: float) -> np.ndarray:
     """Return the confidence of an in-between frame: the agreement of the two frames along the motion between them.
 
     In each direction, the motion through every pixel is found by the fixed-point search of Yang et al. 2011, and the
@@ -56,7 +53,7 @@ def measure_agreement(frame_pair: FramePair, t: float) -> NDArray[Any]:
     return np.asarray(np.minimum(agreement01, measure_agreement_along(image0, image1, t * back, (t - 1) * back)))
 
 
-def find_motion(field: MotionField, t: float) -> NDArray[Any]:
+def find_motion(field: MotionField, t: float) -> np.ndarray:
     """Return the motion of the points that are at each pixel after a share t of their way, (H, W, 2) float32."""
     motion = flow = field.flow
     for _ in range(ITERATIONS if flow.any() else 0):  # without motion, nothing is to be searched
@@ -65,8 +62,8 @@ def find_motion(field: MotionField, t: float) -> NDArray[Any]:
 
 
 def measure_agreement_along(
-    image0: FrameCache, image1: FrameCache, motion0: NDArray[Any], motion1: NDArray[Any]
-) -> NDArray[Any]:
+    image0: FrameCache, image1: FrameCache, motion0: np.ndarray, motion1: np.ndarray
+) -> np.ndarray:
     """Return the agreement of two frames along the motion from each in-between pixel to either of them.
 
     Parameters
@@ -97,7 +94,7 @@ def measure_agreement_along(
     return np.asarray(upsampled.clip(0, 1) ** 8)
 
 
-def sample(values: NDArray[Any], motion: NDArray[Any], interpolation: int) -> NDArray[Any]:
+def sample(values: np.ndarray, motion: np.ndarray, interpolation: int) -> np.ndarray:
     """Return the values at the end of the motion from each pixel, in the shape of `values`.
 
     Edges are repeated. `motion` is (H, W, 2), `interpolation` one of OpenCV's filters such as ``cv2.INTER_CUBIC``.
@@ -108,7 +105,7 @@ def sample(values: NDArray[Any], motion: NDArray[Any], interpolation: int) -> ND
     return sampled.reshape(values.shape)
 
 
-def _comparable(image: Pixels) -> NDArray[Any]:
+def _comparable(image: Pixels) -> np.ndarray:
     """Return an image as the agreement compares it; a function for `FrameCache.cached`."""
     return view(image).comparable()
 
@@ -122,7 +119,7 @@ MAX_UNSURE = 0.2
 """Largest share of uncertain pixels of a frame that is not held."""
 
 
-def measure_uncertainty(confidence: NDArray[Any], below: float, uncertain: Uncertain) -> NDArray[Any]:
+def measure_uncertainty(confidence: np.ndarray, below: float, uncertain: Uncertain) -> np.ndarray:
     """Return the weight of the fallback at each pixel, (H, W) float32, 0 to 1.
 
     It is continuous in place and in confidence, so that no edges and no flicker appear; with ``hold``, it is 0 or 1
@@ -143,7 +140,7 @@ def measure_uncertainty(confidence: NDArray[Any], below: float, uncertain: Uncer
 
 
 def blend_fallback(
-    image: Pixels, image0: Pixels, image1: Pixels, t: float, uncertainty: NDArray[Any], *, mix: bool
+    image: Pixels, image0: Pixels, image1: Pixels, t: float, uncertainty: np.ndarray, *, mix: bool
 ) -> Pixels:
     """Return an image in which the two frames replace uncertain pixels, by the weight `uncertainty`.
 
@@ -164,7 +161,7 @@ def blend_fallback(
     return mix_by_weight(image, view(image0).mix(view(image1), t) if mix else nearer, uncertainty)
 
 
-def mix_by_weight(image: Pixels, other: Pixels, weights: NDArray[Any]) -> Pixels:
+def mix_by_weight(image: Pixels, other: Pixels, weights: np.ndarray) -> Pixels:
     """Return an image with another one of its kind mixed in by a weight for each pixel.
 
     Parameters
@@ -176,7 +173,7 @@ def mix_by_weight(image: Pixels, other: Pixels, weights: NDArray[Any]) -> Pixels
         are those of the image to the bit, and where it is 1, those of the other.
     """
 
-    def mixed(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
+    def mixed(first: np.ndarray, second: np.ndarray) -> np.ndarray:
         weight = cv2.resize(weights, first.shape[1::-1], interpolation=cv2.INTER_AREA)
         result, part = first.copy(), weight > 0
         before, after = first[part], second.reshape(first.shape)[part]

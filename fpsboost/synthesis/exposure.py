@@ -8,7 +8,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha, srgb_encoded
 from fpsboost.image import Image
@@ -60,7 +59,7 @@ class Exposure:
         return np.asarray(levels.astype(self._dtype))
 
 
-def _linear(image: Image) -> tuple[NDArray[Any], NDArray[Any]]:
+def _linear(image: Image) -> tuple[np.ndarray, np.ndarray]:
     """Return the light of an image as float32, and its weight: 1, or (H, W, 1) with straight alpha."""
     if image.dtype == np.float32:
         return image.copy(), np.ones((), np.float32)
@@ -72,7 +71,7 @@ def _linear(image: Image) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 @cache
-def _curve(dtype: np.dtype[Any]) -> NDArray[Any]:
+def _curve(dtype: np.dtype[Any]) -> np.ndarray:
     """Return the linear light of every level of a type, float32; black is 0 and white is 1."""
     levels = np.linspace(0, 1, np.iinfo(dtype).max + 1)
     return np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4).astype(np.float32)

@@ -11,11 +11,10 @@ come from the nearer frame that has the pixel (`Sources`).
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.colour import normalised
 from fpsboost.layered import Layer, LayeredImage
@@ -24,7 +23,7 @@ from fpsboost.synthesis import FramePair
 PLANES_AT_ONCE = 8
 """Planes that are mixed at a time: their samples take 32 bytes per pixel each."""
 
-Planes = Sequence[NDArray[Any]]
+Planes = Sequence[np.ndarray]
 """Planes of a frame, each (H, W)."""
 
 AGREEMENT = np.float32(4)
@@ -61,31 +60,31 @@ class MixesLayers(Protocol):
 class Mixed(NamedTuple):
     """Planes of an in-between frame, each (planes, H, W) float32, sampled in two ways with the same weights."""
 
-    sharp: NDArray[Any]
+    sharp: np.ndarray
     """Interpolated by splines, which overshoot at edges."""
-    smooth: NDArray[Any]
+    smooth: np.ndarray
     """Smoothed by the same splines, within the range of the frames' own samples."""
 
 
 class Sources(NamedTuple):
     """Source of each pixel of an in-between frame: its places in both frames, and the frame that shows it."""
 
-    place0: tuple[NDArray[Any], NDArray[Any]]
+    place0: tuple[np.ndarray, np.ndarray]
     """Rows and columns in frame 0, (H, W) int."""
-    place1: tuple[NDArray[Any], NDArray[Any]]
+    place1: tuple[np.ndarray, np.ndarray]
     """Rows and columns in frame 1, (H, W) int."""
-    is_second: NDArray[Any]
+    is_second: np.ndarray
     """Whether the pixel is taken from frame 1 instead of frame 0, (H, W) bool."""
-    have_both: NDArray[Any]
+    have_both: np.ndarray
     """Whether both frames show it, (H, W) bool."""
     t: float
     """Time of the in-between frame, 0 to 1."""
 
-    def nearest(self, plane0: NDArray[Any], plane1: NDArray[Any]) -> NDArray[Any]:
+    def nearest(self, plane0: np.ndarray, plane1: np.ndarray) -> np.ndarray:
         """Return the values of the frame that each pixel is taken from, unmixed, (H, W)."""
         return np.asarray(np.where(self.is_second, plane1[self.place1], plane0[self.place0]))
 
-    def clamp_range(self, plane0: NDArray[Any], plane1: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    def clamp_range(self, plane0: np.ndarray, plane1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the lowest and the highest value around each pixel's places, (H, W), to which a spline is clamped.
 
         The clamp is for values above 1 and the pixels to which they ring; elsewhere the range is infinite.
@@ -96,7 +95,7 @@ class Sources(NamedTuple):
         rings = cv2.dilate(high, RINGING) > 1
         return np.where(rings, np.minimum(*lows), -no_limit), np.where(rings, high, no_limit)
 
-    def depth(self, plane0: NDArray[Any], plane1: NDArray[Any]) -> NDArray[Any]:
+    def depth(self, plane0: np.ndarray, plane1: np.ndarray) -> np.ndarray:
         """Return distances like `nearest`, but mixed by time within a surface: nothing is between two surfaces."""
         value0, value1 = (
             plane[place].astype(np.float32, copy=False)
@@ -159,7 +158,7 @@ def _pairs(layered: tuple[LayeredImage, LayeredImage]) -> Iterator[tuple[Layer, 
 
 
 def _mix_linear(
-    pairs: Sequence[tuple[NDArray[Any], NDArray[Any]]],
+    pairs: Sequence[tuple[np.ndarray, np.ndarray]],
     mix: Callable[[Planes, Planes], Mixed],
     find_sources: Callable[[], Sources],
 ) -> Planes:
@@ -192,7 +191,7 @@ def _mix_linear(
     return [each.clip(*limits) for each, limits in zip(values, ranges, strict=True)]
 
 
-def _mix_normals(pairs: Sequence[tuple[NDArray[Any], NDArray[Any]]], mix: Callable[[Planes, Planes], Mixed]) -> Planes:
+def _mix_normals(pairs: Sequence[tuple[np.ndarray, np.ndarray]], mix: Callable[[Planes, Planes], Mixed]) -> Planes:
     """Return mixed directions that are as long as the frames' are: 1 on surfaces, 0 on the background."""
     planes0, planes1 = ([_numbers(plane) for plane in planes] for planes in zip(*pairs, strict=True))
     lengths = [np.sqrt(sum(plane * plane for plane in planes)) for planes in (planes0, planes1)]
@@ -203,12 +202,12 @@ def _mix_normals(pairs: Sequence[tuple[NDArray[Any], NDArray[Any]]], mix: Callab
     return [each * factor for each in directions]
 
 
-def _numbers(plane: NDArray[Any]) -> NDArray[Any]:
+def _numbers(plane: np.ndarray) -> np.ndarray:
     """Return a plane as float32 without infinity and NaN, which would spread to neighbouring pixels."""
     return normalised(plane.astype(np.float32, copy=False))
 
 
-def find_sources(places: NDArray[Any], flows: tuple[NDArray[Any], NDArray[Any]], t: float) -> Sources:
+def find_sources(places: np.ndarray, flows: tuple[np.ndarray, np.ndarray], t: float) -> Sources:
     """Decide which frame each pixel of an in-between frame is taken from.
 
     A frame shows the pixel if its place is inside of the frame, and if the frame's own motion there agrees: where the

@@ -16,10 +16,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha, normalised, premultiplied
 from fpsboost.errors import OptionError
@@ -94,11 +93,11 @@ class _Surfaces(NamedTuple):
 
     motion: SurfaceMotion
     """Motion of the surfaces to both frames."""
-    mixed: NDArray[Any]
+    mixed: np.ndarray
     """Its planes, with 1 for white, (C, H, W) float32."""
-    share: NDArray[Any]
+    share: np.ndarray
     """Its weight against the mixture of all other candidates, (H, W) float32."""
-    confidence: NDArray[Any]
+    confidence: np.ndarray
     """Confidence of the two together, (H, W) float32."""
 
 
@@ -223,7 +222,7 @@ class MultiHypothesis(Checked):
         self._limit_highlights(colours, moment, surfaces)
         return InterpolatedImage(as_image(colours, image0.array, image1.array, moment.t), surfaces.confidence)
 
-    def _find_surfaces(self, confidence: NDArray[Any], moment: _Moment, vectors: RenderedVectors) -> _Surfaces:
+    def _find_surfaces(self, confidence: np.ndarray, moment: _Moment, vectors: RenderedVectors) -> _Surfaces:
         """Follow the renderer's motion, and weigh it against the mixture of the candidates with its confidence."""
         image0, image1 = moment.pair.image0, moment.pair.image1
         motion = find_surface_motion(image0, image1, moment.t, vectors)
@@ -307,7 +306,7 @@ class MultiHypothesis(Checked):
             surroundings = None if known is None else at_time(known, t, candidates)
             yield _Moment(frame_pair, t, full, weighting, candidates, surroundings)
 
-    def _mixed(self, moment: _Moment, *, with_confidence: bool) -> tuple[Pixels, NDArray[Any]]:
+    def _mixed(self, moment: _Moment, *, with_confidence: bool) -> tuple[Pixels, np.ndarray]:
         """Return the mixture of the candidates and its confidence, which is empty if it is not asked for."""
         frame0, frame1 = moment.pair.image0, moment.pair.image1
         image0, image1 = frame0.pixels, frame1.pixels
@@ -396,7 +395,7 @@ def _samples(image: Pixels) -> tuple[Samples, Samples]:
     return _with_coefficients(full, unit, bits), _with_coefficients(half, unit, bits)
 
 
-def _with_coefficients(planes: NDArray[Any], unit: np.float32, bits: int) -> Samples:
+def _with_coefficients(planes: np.ndarray, unit: np.float32, bits: int) -> Samples:
     """Return planes with their cubic B-spline coefficients, computed to a few times finer than the image's `bits`."""
     planes = np.ascontiguousarray(planes)
     channels, height, width = planes.shape

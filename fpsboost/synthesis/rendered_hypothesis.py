@@ -5,11 +5,10 @@ is known to hold at a pixel, so both in-between images are generated, and weight
 agree along each motion: by the same measure that weights the candidate motions of `MultiHypothesis`.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.spline import Source, mix_along
@@ -28,14 +27,14 @@ PATCH_SIZE = 9
 class SurfaceMotion(NamedTuple):
     """Motion of the surfaces of an in-between frame to both frames, each as `_seen_from` returns it."""
 
-    to_frame0: tuple[NDArray[Any], NDArray[Any]]
+    to_frame0: tuple[np.ndarray, np.ndarray]
     """Motion, (H, W, 2) float32, and whether frame 0 shows the surface, (H, W) bool."""
-    to_frame1: tuple[NDArray[Any], NDArray[Any]]
+    to_frame1: tuple[np.ndarray, np.ndarray]
     """The same for frame 1."""
     t: float
     """Time of the in-between frame, 0 to 1."""
 
-    def mix(self, coefficients0: NDArray[Any], coefficients1: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    def mix(self, coefficients0: np.ndarray, coefficients1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mix planes of both frames along the motion, given their spline coefficients; see `fpsboost.kernels.spline`.
 
         Returns
@@ -52,14 +51,14 @@ class SurfaceMotion(NamedTuple):
         mix_along(*sources, np.float32(self.t), mixed, squared)
         return mixed, squared
 
-    def similarity(self, squared: NDArray[Any], scale: float) -> NDArray[Any]:
+    def similarity(self, squared: np.ndarray, scale: float) -> np.ndarray:
         """Return the similarity of the frames around each pixel, (H, W), 0 to 1.
 
         `squared` is the squared difference of `mix`; `scale` is 1 / 2 v squared, as in the similarity of candidates.
         Where neither frame shows the surface, it is 0.
         """
         alike = np.exp(cv2.blur(squared, (2, 2)) * np.float32(-scale))
-        similarity: NDArray[Any] = cv2.blur(alike, (PATCH_SIZE, PATCH_SIZE))
+        similarity: np.ndarray = cv2.blur(alike, (PATCH_SIZE, PATCH_SIZE))
         similarity[~(self.to_frame0[1] | self.to_frame1[1])] = 0
         return similarity
 
@@ -90,7 +89,7 @@ def find_surface_motion(image0: FrameCache, image1: FrameCache, t: float, vector
     return SurfaceMotion(found[0], found[1], t)
 
 
-def _seen_from(here: FrameVectors, there: FrameVectors, distance: int) -> tuple[NDArray[Any], NDArray[Any]]:
+def _seen_from(here: FrameVectors, there: FrameVectors, distance: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the motion of the in-between frame's pixels over `distance` vectors, and where the other frame shows them.
 
     The distance is negative for an earlier frame. A surface is visible if its motion there and back ends where it
@@ -102,14 +101,14 @@ def _seen_from(here: FrameVectors, there: FrameVectors, distance: int) -> tuple[
     return motion, (error <= CONSISTENCY_TOLERANCE * abs(distance)) & ends_inside(motion)
 
 
-def _landed(there: FrameVectors, distance: int) -> tuple[NDArray[Any], NDArray[Any]]:
+def _landed(there: FrameVectors, distance: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the same without vectors of the in-between frame, from the pixels of the other frame that land there."""
     flow = _displacement(there, distance)
     source, is_visible = Reproject().find_sources(flow, 1)
     return -flow.reshape(-1, 2)[source], is_visible
 
 
-def _displacement(vectors: FrameVectors, distance: int) -> NDArray[Any]:
+def _displacement(vectors: FrameVectors, distance: int) -> np.ndarray:
     """Return the displacement over several vectors, (H, W, 2) float32, at constant acceleration."""
     far, velocity = np.float32(distance), (vectors.forward - vectors.backward) / 2
     return np.ascontiguousarray(far * velocity + far * far / 2 * (vectors.forward + vectors.backward))

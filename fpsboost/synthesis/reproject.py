@@ -6,10 +6,9 @@ It follows one motion per pixel, unlike `MultiHypothesis`, and takes colours at 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.image import Image, rounding_offset
 from fpsboost.kernels.reproject import bin_landings, fetch_both, search_iteratively, search_nearest_landing
@@ -68,7 +67,7 @@ class Reproject(Checked):
             fetch_both(image0, image1, np.float32(t), rounding_offset(image0), source0, found0, source1, found1, out)
             yield out
 
-    def find_sources(self, flow: NDArray[Any], t: float) -> tuple[NDArray[Any], NDArray[Any]]:
+    def find_sources(self, flow: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
         """Find the source of every target pixel in one frame, given its motion.
 
         Parameters

@@ -6,10 +6,9 @@ shadows, reflections and refractions do not move with the surfaces.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.colour import premultiplied
 from fpsboost.image import Image, as_image
@@ -20,7 +19,7 @@ from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.agreement import measure_agreement_along
 from fpsboost.synthesis.blend import Blend
 
-Flow = NDArray[Any]
+Flow = np.ndarray
 """Motion from an in-between frame to one of the two frames, (H, W, 2) float32."""
 
 
@@ -101,7 +100,7 @@ class SceneAssisted(Checked):
         return as_image((1 - share) * colours[0] + share * colours[1], image0.array, image1.array, t), flows
 
 
-def _between_pixels(values: NDArray[Any], x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:
+def _between_pixels(values: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return (H, W, C) values at positions within the image, interpolated bilinearly."""
     height, width = values.shape[:2]
     left, top = x.astype(np.intp), y.astype(np.intp)

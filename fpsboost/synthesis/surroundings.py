@@ -4,11 +4,8 @@ Its record, `PairContext`, is read by the kernels. What does not depend on the t
 (`find_surroundings`), the rest for every time (`at_time`).
 """
 
-from typing import Any
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.candidates import Candidates
@@ -25,7 +22,7 @@ NOTHING = np.empty((0, 0), np.float32)
 """Luma of a frame that does not exist."""
 
 
-def half_luma(image: FrameCache) -> NDArray[Any]:
+def half_luma(image: FrameCache) -> np.ndarray:
     """Return the luma at half the size, (h, w) float32 with 1 for white, padded as its spline needs it."""
     luma = image.cached(gray)
     even = np.pad(luma, [(0, size % 2) for size in luma.shape], "edge")
@@ -34,7 +31,7 @@ def half_luma(image: FrameCache) -> NDArray[Any]:
     return around.astype(np.float32) * np.float32(1 / 255)
 
 
-def flatness(image: FrameCache, step: int) -> NDArray[Any]:
+def flatness(image: FrameCache, step: int) -> np.ndarray:
     """Return the flatness around points `step` apart, (rows, columns) float32: 1 without contrast, 0 in texture."""
     luma = image.derived(half_luma)[MARGIN:-MARGIN, MARGIN : -MARGIN - SQUARES_PER_ROW]
     detail = luma - cv2.blur(luma, (5, 5))

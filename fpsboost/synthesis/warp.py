@@ -2,11 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.colour import premultiplied
 from fpsboost.image import Image, as_image, rounding_offset
@@ -53,7 +52,7 @@ class Extrapolate:
             yield as_image(fetched, frame_pair.image0.array, frame_pair.image1.array, float(t > 0.5))
 
 
-def _backward_warp(values: NDArray[Any], flow: NDArray[Any], t: float) -> NDArray[Any]:
+def _backward_warp(values: np.ndarray, flow: np.ndarray, t: float) -> np.ndarray:
     """Return each pixel's value at the place that it has come from, bilinearly."""
     return sample(values, -np.float32(t) * flow, cv2.INTER_LINEAR)
 

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.evaluation.report.styles import MARKS
 
@@ -168,7 +167,7 @@ def draw_lines(
     return charts
 
 
-def _line(method: int, x: NDArray[Any], y: NDArray[Any]) -> Curve:
+def _line(method: int, x: np.ndarray, y: np.ndarray) -> Curve:
     """Return the line of a method through points, interrupted where one is not finite."""
     points = [(round(across, 2), round(down, 2)) for across, down in zip(x.tolist(), y.tolist(), strict=True)]
     path, command = "", "M"

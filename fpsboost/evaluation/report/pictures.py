@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.colour import as_shown
 from fpsboost.evaluation.compared_methods import ComparedInterpolator, ComparedMethod
@@ -198,7 +197,7 @@ def _doubts(
             yield Picture(name, index, encode(uncertainty)), Picture(name, index, encode(wrong), float(error.mean()))
 
 
-def find_spots(errors: Sequence[NDArray[Any]]) -> list[Spot]:
+def find_spots(errors: Sequence[np.ndarray]) -> list[Spot]:
     """Return the square where all methods together err most, and one beside it.
 
     The second is where the lead of the best method is largest.
@@ -221,14 +220,14 @@ def find_spots(errors: Sequence[NDArray[Any]]) -> list[Spot]:
     return spots
 
 
-def in_colour(flow: NDArray[Any], edge: float) -> NDArray[Any]:
+def in_colour(flow: np.ndarray, edge: float) -> np.ndarray:
     """Return motion as colours, (H, W, 3) uint8: direction as hue, length as saturation, full from `edge` pixels on."""
     length, angle = cv2.cartToPolar(flow[..., 0], flow[..., 1], angleInDegrees=True)
     colours = np.stack([angle, (length / edge).clip(0, 1), np.ones_like(angle)], axis=-1).astype(np.float32)
     return np.rint(cv2.cvtColor(colours, cv2.COLOR_HSV2BGR) * 255).astype(np.uint8)
 
 
-def draw_wheel(size: int) -> NDArray[Any]:
+def draw_wheel(size: int) -> np.ndarray:
     """Return the legend of `in_colour`, (size, size, 4) uint8: each vector has its colour where it points to."""
     radius = size / 2
     y, x = (np.mgrid[:size, :size].astype(np.float32) + 0.5 - radius) / radius
@@ -236,7 +235,7 @@ def draw_wheel(size: int) -> NDArray[Any]:
     return np.dstack([in_colour(np.dstack([x, y]), 1), np.rint(inside * 255).astype(np.uint8)])
 
 
-def draw_arrows(flow: NDArray[Any], spacing: int, stretch: float) -> tuple[str, str]:
+def draw_arrows(flow: np.ndarray, spacing: int, stretch: float) -> tuple[str, str]:
     """Return motion of (H, W, 2) as SVG paths, in pixels: shafts from every `spacing` pixels on, and their tips."""
     shafts, tips = [], []
     for row, vectors in enumerate(flow[np.ix_(*point_places(flow.shape, spacing))]):

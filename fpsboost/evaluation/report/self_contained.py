@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 QUALITY = 92
 """WebP quality of a picture, of 100."""
@@ -68,7 +67,7 @@ def templates_of(*packages: str) -> Environment:
     return environment
 
 
-def encode(image: NDArray[Any], quality: int = QUALITY) -> str:
+def encode(image: np.ndarray, quality: int = QUALITY) -> str:
     """Return an image, (H, W, C) uint8, as WebP in a data URI."""
     return data_uri(as_webp(image, quality), "webp")
 
@@ -78,19 +77,19 @@ def data_uri(picture: bytes, kind: str) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(picture).decode()}"
 
 
-def as_webp(image: NDArray[Any], quality: int) -> bytes:
+def as_webp(image: np.ndarray, quality: int) -> bytes:
     """Return an image, (H, W, C) uint8, encoded as WebP."""
     return cv2.imencode(".webp", image, [cv2.IMWRITE_WEBP_QUALITY, quality])[1].tobytes()
 
 
-def not_too_wide(image: NDArray[Any]) -> NDArray[Any]:
+def not_too_wide(image: np.ndarray) -> np.ndarray:
     """Return an image, reduced if it is wider than `MAX_WIDTH`."""
     height, width = image.shape[:2]
     size = MAX_WIDTH, max(1, round(height * MAX_WIDTH / width))
     return image if width <= MAX_WIDTH else cv2.resize(image, size, interpolation=cv2.INTER_AREA)
 
 
-def as_heat(values: NDArray[Any]) -> NDArray[Any]:
+def as_heat(values: np.ndarray) -> np.ndarray:
     """Return values of (H, W), 0 to 1, as colours from black over red to pale yellow, (H, W, 3) uint8."""
     levels = np.rint(values.clip(0, 1) * 255).astype(np.uint8)
     return np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO))

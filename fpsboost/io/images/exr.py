@@ -16,7 +16,6 @@ from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.errors import InputError
 from fpsboost.io.images.library import damaged, name_for_libraries, opened
@@ -170,9 +169,7 @@ def _part(name: str, header: Mapping[str, Any], types: Mapping[str, Precision]) 
     return ExrPart(name, {each.name: types[each.name] for each in header["channels"]}, data, display, attributes)
 
 
-def read_exr(
-    path: Path, names: Sequence[str] | None = None, limit: MemoryLimit | None = None
-) -> dict[str, NDArray[Any]]:
+def read_exr(path: Path, names: Sequence[str] | None = None, limit: MemoryLimit | None = None) -> dict[str, np.ndarray]:
     """Read channels of a file, in scanlines or tiles, as (H, W) float32 by their names; without `names`, all of them.
 
     In a file of several parts, the name of its part stands before that of each. Planes are as large as the display
@@ -186,7 +183,7 @@ def read_exr(
 
 def read_channels(
     path: Path, header: ExrHeader, names: Sequence[str], limit: MemoryLimit | None = None
-) -> dict[str, NDArray[Any]]:
+) -> dict[str, np.ndarray]:
     """Read channels of a file by their full names, as (H, W) float16, float32 or uint32; otherwise as `read_exr`."""
     limit = limit or MemoryLimit()
     for window in (header.display, *(part.data for part in header.parts)):
@@ -204,7 +201,7 @@ def read_channels(
     return {name: _in_display_window(planes[name], header.places[name][0].data, header.display) for name in names}
 
 
-def encode_exr(channels: Mapping[str, NDArray[Any]], *, half: bool = True) -> bytes:
+def encode_exr(channels: Mapping[str, np.ndarray], *, half: bool = True) -> bytes:
     """Turn planes, (H, W) all of one size, into the content of a file: scanlines, compressed without loss (ZIP).
 
     With `half`, numbers have 16 bits, which hold about three digits and end at 65504 (what is larger becomes infinity).
@@ -216,7 +213,7 @@ def encode_exr(channels: Mapping[str, NDArray[Any]], *, half: bool = True) -> by
     return _encoded(OpenEXR.File(header, planes))
 
 
-def encode_exr_like(header: ExrHeader, planes: Mapping[str, NDArray[Any]]) -> bytes:
+def encode_exr_like(header: ExrHeader, planes: Mapping[str, np.ndarray]) -> bytes:
     """Encode planes, by full names, to the content of a file with the parts and attributes of another one.
 
     Parts, names, types, compression and its level, line order, tiles and all attributes that OpenEXR's library knows
@@ -243,7 +240,7 @@ def encode_exr_like(header: ExrHeader, planes: Mapping[str, NDArray[Any]]) -> by
     return _encoded(OpenEXR.File([OpenEXR.Part(*part) for part in written]))
 
 
-def _typed(plane: NDArray[Any], kind: type[np.generic]) -> NDArray[Any]:
+def _typed(plane: np.ndarray, kind: type[np.generic]) -> np.ndarray:
     """Convert a plane to a type, contiguous; values beyond its range become infinity."""
     with np.errstate(over="ignore"):
         return np.ascontiguousarray(plane, kind)
@@ -257,7 +254,7 @@ def _encoded(file: Any) -> bytes:
     return stream.getvalue()
 
 
-def _in_display_window(plane: NDArray[Any], data: Window, display: Window) -> NDArray[Any]:
+def _in_display_window(plane: np.ndarray, data: Window, display: Window) -> np.ndarray:
     """Move a plane from its data window to the display window, with zeros outside of the data."""
     if data == display:
         return plane

@@ -9,10 +9,9 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, applicable
 from fpsboost.image import Image, view
@@ -177,7 +176,7 @@ def _picture_channels(path: Path, header: ExrHeader) -> list[str]:
     return chosen
 
 
-def _picture_of(channels: Mapping[str, NDArray[Any]]) -> Image:
+def _picture_of(channels: Mapping[str, np.ndarray]) -> Image:
     """Return the channels of a picture as an image, (H, W, C) float32; gray with alpha becomes BGRA."""
     planes = [plane.astype(np.float32) for plane in channels.values()]
     if len(planes) == 2:
@@ -264,7 +263,7 @@ def encode_like(header: ExrHeader, image: FrameImage) -> bytes:
     colour = view(image).array()
     channels = contents_of(header).picture
     places = (0, 3) if len(channels) == 2 else range(len(channels))
-    planes: dict[str, NDArray[Any]] = {name: colour[..., i] for name, i in zip(channels, places, strict=True)}
+    planes: dict[str, np.ndarray] = {name: colour[..., i] for name, i in zip(channels, places, strict=True)}
     if isinstance(image, LayeredImage):  # an array has no names of channels
         planes |= image.planes()
     return encode_exr_like(header, planes)

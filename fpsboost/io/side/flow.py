@@ -8,10 +8,8 @@ show direction as hue and length as saturation, no motion as white.
 
 import struct
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.errors import InputError
 from fpsboost.io.images.files import content_of
@@ -33,7 +31,7 @@ BEYOND = np.float32(0.75)
 """Brightness of colours for longer vectors."""
 
 
-def read_flow(path: Path) -> NDArray[Any]:
+def read_flow(path: Path) -> np.ndarray:
     """Return the motion field of a ``.flo`` file, (H, W, 2) float32 pixels; NaN where it is unknown."""
     data = content_of(path)
     if len(data) < 12 or data[:4] != MAGIC:
@@ -46,14 +44,14 @@ def read_flow(path: Path) -> NDArray[Any]:
     return flow
 
 
-def encode_flow(flow: NDArray[Any]) -> bytes:
+def encode_flow(flow: np.ndarray) -> bytes:
     """Return a motion field, (H, W, 2) float32 pixels, NaN where it is unknown, as the content of a ``.flo`` file."""
     height, width = flow.shape[:2]
     vectors = np.where(np.isnan(flow), UNKNOWN, flow).astype("<f4")
     return MAGIC + struct.pack("<2i", width, height) + vectors.tobytes()
 
 
-def flow_picture(flow: NDArray[Any]) -> NDArray[Any]:
+def flow_picture(flow: np.ndarray) -> np.ndarray:
     """Return a motion field, (H, W, 2) float32 pixels, as a picture, (H, W, 3) uint8 BGR; black where it is no number.
 
     The length in full saturation is the 99th percentile of all, at least 1; longer vectors are drawn darker.

@@ -9,10 +9,9 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.contracts import Cancellable, FrameSink, FrameWatcher, HasDetails
 from fpsboost.errors import OptionError, OutputError, explained
@@ -258,7 +257,7 @@ class ConfidenceWriter(SideWriter):
         place, self._place = self._place, self._place + 1
         if frame.confidence is None:
             return
-        values: NDArray[Any] = frame.confidence[..., np.newaxis]
+        values: np.ndarray = frame.confidence[..., np.newaxis]
         if self._suffix == PICTURE:
             values = np.rint(values.clip(0, 1) * 255).astype(np.uint8)
         path = Path(self._stem(place) + self._suffix)
@@ -309,7 +308,7 @@ class MotionWriter(SideWriter):
             )
             self._last = None
 
-    def _write_vectors(self, place: int, backward: NDArray[Any], forward: NDArray[Any]) -> None:
+    def _write_vectors(self, place: int, backward: np.ndarray, forward: np.ndarray) -> None:
         """Write the vectors of a source frame, pixels to the frames before and after it, and their pictures."""
         stem = self._stem(place)
         if self._suffix == EXR:
