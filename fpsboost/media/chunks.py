@@ -26,6 +26,7 @@ from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS
 from fpsboost.media.errors import OutputError, undone_by
 from fpsboost.media.fitting import Fitting, check_readable, open_muxer
 from fpsboost.media.other_streams import MOVIE_CLOCK, OtherStreams
+from fpsboost.media.pyav import Packet
 from fpsboost.media.staging import rename_safely, sync
 from fpsboost.media.traits import VideoTraits
 
@@ -61,7 +62,7 @@ class ChunkWriter:
         self._extradata = extradata
         self._packets: list[Any] = []
 
-    def add(self, packet: av.Packet[Any], duration: int, captions: bytes) -> None:
+    def add(self, packet: Packet, duration: int, captions: bytes) -> None:
         """Append a packet, in decoding order; its data and side data are copied, with closed captions for its picture.
 
         Its times and `duration` are in ticks of the output's time base.
@@ -104,11 +105,11 @@ class Chunk:
     times: Sequence[int]
     """Presentation times, in that order, in ticks."""
 
-    def read(self) -> Iterator[av.Packet[Any]]:
+    def read(self) -> Iterator[Packet]:
         """Yield the packets in decoding order, without stream and time base."""
         with ZipFile(self.path) as archive, archive.open(DATA) as data:
             for times, is_keyframe, size, side_data in _index_of(self.path)["packets"]:
-                packet: av.Packet[Any] = av.Packet(data.read(size))
+                packet: Packet = av.Packet(data.read(size))
                 packet.pts, packet.dts, packet.duration = times
                 packet.is_keyframe = is_keyframe
                 for kind, length in side_data:
@@ -264,7 +265,7 @@ class Assembly:
         return end_pts
 
 
-def timed_packets(chunks: Sequence[Chunk]) -> Iterator[av.Packet[Any]]:
+def timed_packets(chunks: Sequence[Chunk]) -> Iterator[Packet]:
     """Yield all packets with their decoding times in the whole output, in ticks.
 
     With reordering, those of each chunk's encoder reach back into the chunk before, and for fewer pictures than x265

@@ -11,14 +11,13 @@ from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import av
 from av.format import Flags
 
 from fpsboost.media.errors import EncryptedError, InputError, OptionError, refuse, undone_by
 from fpsboost.media.pixels import NO_COLOUR_TAG
-from fpsboost.media.pyav import open_input
+from fpsboost.media.pyav import Packet, open_input
 from fpsboost.media.remarks import Damage, encrypted_sentence
 
 STILL_CODECS = ("png", "mjpeg", "bmp", "gif", "tiff", "webp")
@@ -172,7 +171,7 @@ class Demuxer:
         jumps = max(steps, default=0) > 10 * max(statistics.median(steps or [0]), MAX_REORDERED_TIME)
         return None if jumps else duration
 
-    def packets(self, damage: Damage) -> Iterator[av.Packet[Any]]:
+    def packets(self, damage: Damage) -> Iterator[Packet]:
         """Yield the video packets from the current position on; update `damage`, `clear` and the positions read."""
         video, streams = self.stream.index, self.container.streams
         self.clear = None
@@ -307,7 +306,7 @@ def choose_video(container: av.container.InputContainer, name: str, wanted: int 
     return chosen
 
 
-def is_encrypted(packet: av.Packet[Any]) -> bool:
+def is_encrypted(packet: Packet) -> bool:
     """Return whether a packet is encrypted, by itself (MP4), or with its whole stream (Matroska, FairPlay)."""
     with suppress(AttributeError, UnicodeDecodeError):  # data has no codec, and some tags are no text
         if packet.stream.codec_context.codec_tag == "drms":
@@ -393,9 +392,7 @@ def is_fragmented(stream: av.stream.Stream) -> bool:
     return stream.container.format.name.startswith("mov") and stream.frames < len(stream.index_entries)
 
 
-def read_packets(
-    container: av.container.InputContainer, wanted: Collection[int], damage: Damage
-) -> Iterator[av.Packet[Any]]:
+def read_packets(container: av.container.InputContainer, wanted: Collection[int], damage: Damage) -> Iterator[Packet]:
     """Yield the non-empty packets of the wanted streams, past damaged places and with clock jumps removed.
 
     All other streams are discarded from now on, so that damage to them has no effect. If a container has no
@@ -415,7 +412,7 @@ def read_packets(
             yield packet
 
 
-def _demux_past_damage(container: av.container.InputContainer, damage: Damage) -> Iterator[av.Packet[Any]]:
+def _demux_past_damage(container: av.container.InputContainer, damage: Damage) -> Iterator[Packet]:
     """Yield the packets with data of a container, and go on after read errors.
 
     Gives up after `MAX_FAILURES` errors in a row, or at the end of the file; containers that list their samples are
@@ -458,7 +455,7 @@ class ContinuousClock:
         self._ends: dict[int, Fraction] = {}
         """End of the last packet of each stream after its offset, seconds."""
 
-    def move(self, packet: av.Packet[Any]) -> None:
+    def move(self, packet: Packet) -> None:
         """Add the offset of its recording to the times of a packet of any stream."""
         time = packet.pts if packet.dts is None else packet.dts
         if time is None:

@@ -30,7 +30,7 @@ from fpsboost.media.clock import Window
 from fpsboost.media.encoding import check_holds, find_encoder
 from fpsboost.media.errors import OptionError
 from fpsboost.media.info import FOREVER, EncodeSettings, Passage
-from fpsboost.media.pyav import pulled
+from fpsboost.media.pyav import Packet, pulled
 
 sound_encoders = {
     **{"aac": "aac", "opus": "libopus", "mp3": "libmp3lame", "ac3": "ac3", "eac3": "eac3"},
@@ -186,7 +186,7 @@ class EncodedSound:
         self._packets_end = self._tick = Fraction(0)
         self.silent_until = FOREVER
 
-    def take(self, packet: av.Packet[Any]) -> None:
+    def take(self, packet: Packet) -> None:
         """Decode a packet, and encode what is complete with it; packets far outside the audible parts are ignored."""
         self._tick = tick = Fraction(packet.time_base)
         pts = packet.dts or 0 if packet.pts is None else packet.pts
@@ -203,7 +203,7 @@ class EncodedSound:
         self._end_run(self._packets_end)
         self._pieces = []
 
-    def _decode(self, packet: av.Packet[Any] | None, begin: Fraction, *, is_heard: bool) -> None:
+    def _decode(self, packet: Packet | None, begin: Fraction, *, is_heard: bool) -> None:
         """Decode a packet, or what the decoder still holds, and encode what is complete with it."""
         try:
             frames: list[Any] = self._source.decode(packet)
@@ -238,7 +238,7 @@ class EncodedSound:
         self._output.mux(self._with_padding_marked(self.stream.encode(None)))
         return True
 
-    def _with_padding_marked(self, packets: list[av.Packet[Any]]) -> list[av.Packet[Any]]:
+    def _with_padding_marked(self, packets: list[Packet]) -> list[Packet]:
         """Return the last packets with padding marked, as not all encoders do, by duration or samples to skip."""
         last = next((packet for packet in reversed(packets) if packet.size), None)
         if last is None or last.pts is None or self._next_pts is None:

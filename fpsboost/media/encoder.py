@@ -16,7 +16,6 @@ from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import av
 from av.codec.codec import Capabilities, PixFmtLoss, find_best_pix_fmt_of_list
@@ -27,6 +26,7 @@ from fpsboost.media.errors import OptionError, OutputError
 from fpsboost.media.info import EncodeSettings
 from fpsboost.media.output import Output
 from fpsboost.media.pixels import FULL_RANGE, LIMITED_RANGE, RGB, has_alpha, is_gray
+from fpsboost.media.pyav import Packet
 from fpsboost.media.side_data import CAPTIONS, filtered, stereo_modes
 from fpsboost.media.traits import LightLevel, MasteringDisplay, VideoTraits
 
@@ -132,7 +132,7 @@ class VideoEncoder:
             self._stream = self._open()
         return self._stream
 
-    def encode(self, picture: av.VideoFrame, pts: int, duration: int, *, is_original: bool) -> list[av.Packet[Any]]:
+    def encode(self, picture: av.VideoFrame, pts: int, duration: int, *, is_original: bool) -> list[Packet]:
         """Encode the next picture, and return the packets that are ready, often those of earlier pictures.
 
         Parameters
@@ -166,7 +166,7 @@ class VideoEncoder:
         finally:
             picture.pts, picture.duration, picture.time_base, picture.pict_type = before
 
-    def finish(self) -> list[av.Packet[Any]]:
+    def finish(self) -> list[Packet]:
         """Flush and close the encoder, and return its remaining packets; the next picture begins a new chunk."""
         packets = self.stream.encode(None)
         self.close()

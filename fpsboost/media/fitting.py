@@ -19,7 +19,7 @@ from fpsboost.media.encoding import containers, holds
 from fpsboost.media.errors import OptionError, OutputError, refuse
 from fpsboost.media.info import EncodeSettings
 from fpsboost.media.output import Output
-from fpsboost.media.pyav import open_input, trial_file
+from fpsboost.media.pyav import Packet, open_input, trial_file
 
 MAX_PROBED_PACKETS = 200  # maximum number of packets that are read to find the first packet of each stream
 INCOMPLETE_LIST_CONTAINERS = ("matroska",)  # containers that hold more codecs than their list names
@@ -298,7 +298,7 @@ def _muxed(
             with open_muxer(path, container, any_codec=any_codec) as output:
                 target = add_copied(output, stream, container)
                 output.start_encoding()
-                packet: av.Packet[Any] = av.Packet(sample or bytes(64))
+                packet: Packet = av.Packet(sample or bytes(64))
                 packet.stream, packet.pts, packet.dts, packet.duration = target, 0, 0, 1
                 packet.time_base = target.time_base or Fraction(1)
                 output.mux(packet)

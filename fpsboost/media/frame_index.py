@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import av
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.media.demuxer import VideoFile, is_encrypted, read_packets
+from fpsboost.media.pyav import Packet
 from fpsboost.media.remarks import Damage
 
 INDEXED = ("matroska", "mov")  # containers that store a presentation time with every packet, and an index of key frames
@@ -114,7 +114,7 @@ def _index_of(
     return FrameIndex(ticks, points)
 
 
-def is_presented(codec: str, packet: av.Packet[Any]) -> bool:
+def is_presented(codec: str, packet: Packet) -> bool:
     """Return whether a packet becomes a picture that is presented; some of VP8 and VP9 are references alone."""
     data = memoryview(packet)
     if codec == "vp8":

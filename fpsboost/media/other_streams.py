@@ -25,7 +25,7 @@ from fpsboost.media.encoded_sound import EncodedSound
 from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, containers
 from fpsboost.media.errors import EncryptedError, applicable
 from fpsboost.media.fitting import Fitting, add_copied, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
-from fpsboost.media.pyav import open_input, printable
+from fpsboost.media.pyav import Packet, open_input, printable
 from fpsboost.media.remarks import Damage, counted, encrypted_stream_sentence, not_held_remark
 from fpsboost.media.tags import (
     copy_labels,
@@ -93,7 +93,7 @@ class OtherStreams:
         """Type, tags and flags of each target when all is muxed; PyAV reads none of a file that is closed."""
         self._regional = regional_languages(self._input)
         self._last_dts: dict[int, int] = {}
-        self._covers: list[av.Packet[Any]] = []
+        self._covers: list[Packet] = []
         self._converters: dict[int, TextConverter] = {}
         self._sounds: dict[int, EncodedSound] = {}
         self.tags = tags_for(self._input.metadata, self._container)
@@ -121,7 +121,7 @@ class OtherStreams:
         self.clock = ticks if ticks < 2**31 else MOVIE_CLOCK
         """Ticks per second in which starts, and ends of re-encoded audio, are exact."""
         self._packets = self._moved()
-        self._ahead: tuple[Fraction, av.Packet[av.stream.Stream]] | None = None
+        self._ahead: tuple[Fraction, Packet] | None = None
 
     def close(self) -> None:
         """Close the source file; the output stays open."""
@@ -281,7 +281,7 @@ class OtherStreams:
             keeping = [suffix for suffix, container in containers.items() if container in ("mp4", "matroska")]
             self.remarks.append(not_held_remark(self._name, "the cover picture", keeping))
 
-    def _moved(self) -> Iterator[tuple[Fraction, av.Packet[av.stream.Stream]]]:
+    def _moved(self) -> Iterator[tuple[Fraction, Packet]]:
         """Yield the packets to mux, and when each is due in the output, seconds.
 
         They are in file order. Where the source plays backwards, all cues are read first and put in the output's order.
@@ -298,9 +298,7 @@ class OtherStreams:
             ]
         yield from merge(packets, sorted(moved, key=itemgetter(0)), key=itemgetter(0))
 
-    def _due(
-        self, packets: Iterator[av.Packet[av.stream.Stream]]
-    ) -> Iterator[tuple[Fraction, av.Packet[av.stream.Stream]]]:
+    def _due(self, packets: Iterator[Packet]) -> Iterator[tuple[Fraction, Packet]]:
         """Yield packets, at times in the output but for sound that is encoded, and when that which they hold is due."""
         window, end = self._window, self._window.end
         for packet in packets:
@@ -312,9 +310,7 @@ class OtherStreams:
             for moved in [packet] if window is ALL or index in self._sounds else self._move(packet, window):
                 yield due, moved
 
-    def _read(
-        self, file: av.container.InputContainer, streams: Collection[int]
-    ) -> Iterator[av.Packet[av.stream.Stream]]:
+    def _read(self, file: av.container.InputContainer, streams: Collection[int]) -> Iterator[Packet]:
         """Yield packets of streams of the source, in file order, with times from the start of the clip; text as cues.
 
         Ends soon after the window does. Damage is remarked once.
@@ -342,13 +338,13 @@ class OtherStreams:
         for index, converter in self._converters.items():
             yield from converter.last_cues() if index in streams else ()
 
-    def _is_hidden(self, packet: av.Packet[av.stream.Stream]) -> bool:
+    def _is_hidden(self, packet: Packet) -> bool:
         """Return whether the edit list hides a packet that is copied, the output cannot, and no decoder needs it."""
         end = ((packet.pts or 0) + (packet.duration or 0)) * Fraction(packet.time_base)
         is_copied = packet.stream.index not in self._sounds and self._container not in EXACT_TIME_BASE_CONTAINERS
         return packet.is_discard and is_copied and end < -MAX_PRIMING
 
-    def _move(self, packet: av.Packet[av.stream.Stream], window: Window) -> Sequence[av.Packet[av.stream.Stream]]:
+    def _move(self, packet: Packet, window: Window) -> Sequence[Packet]:
         """Move a packet like the pictures; return what lies in the window, a cue as often as it is shown."""
         tick, dts = Fraction(packet.time_base), packet.dts or 0
         pts = dts if packet.pts is None else packet.pts
@@ -368,16 +364,16 @@ class OtherStreams:
             packet.pts = packet.dts = round(window.output_time(begin) / tick)
         return [packet] if packet.pts >= 0 or is_exact or leads else []
 
-    def _shown_from(self, packet: av.Packet[av.stream.Stream], begin: int, end: int) -> av.Packet[av.stream.Stream]:
+    def _shown_from(self, packet: Packet, begin: int, end: int) -> Packet:
         """Return a copy of a cue that is shown from one tick to another."""
-        again: av.Packet[Any] = av.Packet(bytes(packet))
+        again: Packet = av.Packet(bytes(packet))
         again.stream, again.time_base = self._input.streams[packet.stream.index], packet.time_base
         again.pts, again.dts, again.duration = begin, begin, end - begin
         for data in packet.iter_sidedata():
             again.set_sidedata(data)
         return again
 
-    def _copy(self, packet: av.Packet[av.stream.Stream]) -> None:
+    def _copy(self, packet: Packet) -> None:
         """Mux, convert or encode one packet.
 
         Packets whose decoding time runs backwards are left out with a remark, because muxers refuse them.
@@ -403,7 +399,7 @@ class OtherStreams:
             packet.stream = self._targets[index]
             self._mux(index, kind, [packet])
 
-    def _mux(self, index: int, kind: str, packets: list[av.Packet[Any]]) -> None:
+    def _mux(self, index: int, kind: str, packets: list[Packet]) -> None:
         """Mux packets of a stream of the source, and record its number and type in `written`."""
         self._output.mux(packets)
         if packets:
@@ -427,7 +423,7 @@ def _chapters_within(file: av.container.InputContainer, window: Window, start: F
     return kept
 
 
-def _attached_picture(source: VideoFile, index: int) -> av.Packet[Any] | None:
+def _attached_picture(source: VideoFile, index: int) -> Packet | None:
     """Return the packet of an attached picture, by a separate open file, as seeking back would lose audio."""
     with source.open() as file, suppress(av.error.FFmpegError):
         return next((packet for packet in file.demux(file.streams[index]) if packet.size), None)
@@ -469,7 +465,7 @@ class TextConverter:
         self._end = 0
         """End of the last packet that was decoded, in ticks of the stream."""
 
-    def cues(self, packet: av.Packet[Any]) -> list[av.Packet[Any]]:
+    def cues(self, packet: Packet) -> list[Packet]:
         """Decode a packet of the source to a packet of ASS lines at its time; empty if it shows nothing.
 
         The decoder of closed captions (CEA-608), which are commands to a screen, returns the previous text when the
@@ -486,20 +482,20 @@ class TextConverter:
         if not shown:
             return []
         begin = round(Fraction(shown.pts, av.time_base) / Fraction(packet.time_base)) if self._is_late else pts
-        cue: av.Packet[Any] = av.Packet(b"\n".join(line.ass for line in shown))
+        cue: Packet = av.Packet(b"\n".join(line.ass for line in shown))
         cue.stream, cue.time_base, cue.pts, cue.dts = packet.stream, packet.time_base, begin, begin
         cue.duration = (pts if self._is_late else self._end) - begin
         return [cue]
 
-    def last_cues(self) -> list[av.Packet[Any]]:
+    def last_cues(self) -> list[Packet]:
         """Return the closed captions still on screen after the last packet, by decoding an erase command."""
         if not self._is_late:
             return []
-        packet: av.Packet[Any] = av.Packet(ERASE_CAPTIONS)
+        packet: Packet = av.Packet(ERASE_CAPTIONS)
         packet.stream, packet.time_base, packet.pts = self._source, self._source.time_base, self._end
         return self.cues(packet)
 
-    def take(self, packet: av.Packet[Any]) -> list[av.Packet[Any]]:
+    def take(self, packet: Packet) -> list[Packet]:
         """Add a cue of `cues`; return the packets in the target format that are complete with it."""
         lines, start, tick = bytes(packet).split(b"\n"), packet.pts or 0, Fraction(packet.time_base)
         begin, end = (round(time * tick / self._tick) for time in (start, start + (packet.duration or 0)))
@@ -510,13 +506,13 @@ class TextConverter:
         self._cues.append((max(end, begin + 1), lines))
         return complete
 
-    def until(self, time: Fraction | None) -> list[av.Packet[Any]]:
+    def until(self, time: Fraction | None) -> list[Packet]:
         """Return the packets that are complete once all streams are read up to `time`, seconds; None for all."""
         return self._shown(None if time is None else math.floor(time / self._tick), cut=False)
 
-    def _shown(self, time: int | None, *, cut: bool) -> list[av.Packet[Any]]:
+    def _shown(self, time: int | None, *, cut: bool) -> list[Packet]:
         """Return the texts up to `time` that no later cue can change; with `cut`, end the current one at `time`."""
-        packets: list[av.Packet[Any]] = []
+        packets: list[Packet] = []
         late = 0 if cut else math.ceil(MAX_INTERLEAVING / self._tick)  # a packet may come so late
         while self._begin is not None and (cues := [cue for cue in self._cues if cue[0] > self._begin]):
             end = min(end for end, _ in cues)
@@ -528,13 +524,13 @@ class TextConverter:
             self._cues, self._begin = cues, end
         return packets
 
-    def _packets(self, lines: list[bytes], begin: int, end: int) -> list[av.Packet[Any]]:
+    def _packets(self, lines: list[bytes], begin: int, end: int) -> list[Packet]:
         """Encode lines as one packet from `begin` to `end`, ticks; drop lines from the first until it fits."""
         # an ASS line has nine fields, of which the last is the text; layers repeat it
         texts = list(dict.fromkeys(line.split(b",", 8)[-1] for line in lines))
         text = b",".join([*lines[0].split(b",", 8)[:-1], b"\\N".join(texts)])
         try:
-            packet: av.Packet[Any] = self._encoder.encode_subtitle(SubtitleSet.create(text, 0, end - begin))
+            packet: Packet = self._encoder.encode_subtitle(SubtitleSet.create(text, 0, end - begin))
         except av.error.FFmpegError:
             self.lost_lines = True
             return self._packets(lines[1:], begin, end) if lines[1:] else []

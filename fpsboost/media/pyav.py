@@ -9,10 +9,13 @@ from contextlib import contextmanager, suppress
 from fractions import Fraction
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import av
 from av.codec.codec import UnknownCodecError
+
+Packet: TypeAlias = "av.Packet[Any]"
+"""Packet of a stream of any kind."""
 
 KEEPS_UNDECODABLE_BYTES = int(av.__version__.partition(".")[0]) >= 19
 

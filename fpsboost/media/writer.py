@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import av
 
@@ -30,6 +30,7 @@ from fpsboost.media.fitting import fit_streams
 from fpsboost.media.info import EncodeSettings, OutputTiming
 from fpsboost.media.output import Output
 from fpsboost.media.pictures import FormatUnifier
+from fpsboost.media.pyav import Packet
 from fpsboost.media.staging import (
     PartFolder,
     StagedSink,
@@ -222,7 +223,7 @@ class Writer(StagedSink):
             self._chunks.append(self._writer.finish(self._frames_in_chunk))
             self._writer, self._frames_in_chunk = None, 0
 
-    def _keep(self, writer: ChunkWriter, packets: Iterable[av.Packet[Any]]) -> None:
+    def _keep(self, writer: ChunkWriter, packets: Iterable[Packet]) -> None:
         """Append packets to the chunk, each with the duration and the closed captions of its frame."""
         for packet in packets:
             writer.add(packet, *self._pending.pop(packet.pts, (0, b"")))
