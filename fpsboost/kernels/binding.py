@@ -114,9 +114,8 @@ def processor_level() -> str:
 def compiled(function: Callable[Parameters, None]) -> Callable[Parameters, None]:
     """Decorate the description of a kernel: calls check the arguments and go to the kernel of the same name in C++.
 
-    Arguments are integers, floats, arrays, named tuples of these, and tuples of a fixed number of them; a named tuple
-    may be None, which C++ sees as zeros. Arrays are annotated as ``Annotated[Array, "float32 (height, width)"]``, with
-    the type of their elements and their axes:
+    Arguments are integers, floats, arrays, named tuples of these, and tuples of a fixed number of them. Arrays are
+    annotated as ``Annotated[Array, "float32 (height, width)"]``, with the type of their elements and their axes:
 
     - Axes of one name have one size in all arrays of a call. A name may be followed by a condition on it, such as
       ``columns >= width + 2 * padding``, of other axes, of the whole numbers among the arguments, and of `constants`;
@@ -125,6 +124,7 @@ def compiled(function: Callable[Parameters, None]) -> Callable[Parameters, None]
       in the same place of their lists.
     - ``... or empty``: an array without elements stands for none.
     - ``... strided``: the array need not fill its memory in C order, as all others must.
+    - ``Record | None``: None stands for no record, which C++ sees as zeros.
     - ``Annotated[Record, "further"]``, or a further text for an array: names of axes count within this scope first.
 
     Raises `TypeError` if an array has another type, `ValueError` if it has another shape, and `struct.error` if a
@@ -177,12 +177,13 @@ def field_of(name: str, hint: Any, scope: str = "") -> Field:
         if hint is Array:
             return array_field(name, texts[0], scope)
     members = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
-    hint = next(kind for kind in members if kind is not NoneType)
+    hint = members[0]
     if get_origin(hint) is tuple:
         return record({f"{n}": field_of(name, each, scope) for n, each in enumerate(get_args(hint))})
     if hasattr(hint, "_fields"):
         fields = get_annotations(hint)
-        return record({each: field_of(f"{name}.{each}", fields[each], scope) for each in hint._fields})
+        parts = {each: field_of(f"{name}.{each}", fields[each], scope) for each in hint._fields}
+        return record(parts, may_be_none=NoneType in members)
     if not issubclass(hint, int | np.integer):
         pack = struct.Struct("d").pack
         return Field("d", 8, [], lambda value, _: pack(value))
@@ -195,8 +196,8 @@ def field_of(name: str, hint: Any, scope: str = "") -> Field:
     return Field("q", 8, [Compared(scope, re.split(r"[.: ]+", name)[-1], [], None, [], False)], convert)
 
 
-def record(fields: dict[str, Field]) -> Field:
-    """Return a record of fields, which is converted from a tuple, or from None to zeros.
+def record(fields: dict[str, Field], may_be_none: bool = False) -> Field:
+    """Return a record of fields, which is converted from a tuple, or from None to zeros where that is allowed.
 
     To join bytes is several times faster than to fill the fields of a structure of ctypes.
     """
@@ -208,7 +209,7 @@ def record(fields: dict[str, Field]) -> Field:
     converts, zeros, nothing = [field.convert for field in fields.values()], bytes(size), [None] * len(compared)
 
     def convert(values: Any, compared: list[Hashable]) -> bytes:
-        if values is None:
+        if may_be_none and values is None:
             compared += nothing
             return zeros
         return b"".join([convert(value, compared) for convert, value in zip(converts, values, strict=True)])

@@ -13,6 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import av
+from av.container import InputContainer
 from av.format import Flags
 
 from fpsboost.media.errors import EncryptedError, InputError, OptionError, refuse, undone_by
@@ -92,7 +93,7 @@ class VideoFile:
     playlists: bool = False
     """Whether it may be a playlist, for which other files are read."""
 
-    def open(self) -> av.container.InputContainer:
+    def open(self) -> InputContainer:
         """Open the file once more, from its beginning."""
         return open_video(self.path, self.name, playlists=self.playlists)
 
@@ -207,7 +208,7 @@ class Demuxer:
         self.container.close()
 
 
-def open_video(path: Path, name: str, *, playlists: bool = False) -> av.container.InputContainer:
+def open_video(path: Path, name: str, *, playlists: bool = False) -> InputContainer:
     """Open a file for demuxing, or raise `InputError` with a sentence about `name`."""
     refuse(
         {
@@ -282,7 +283,7 @@ def boxes_of(path: Path) -> Iterator[tuple[bytes, bytes]]:
             begin = file.seek(begin + length)
 
 
-def choose_video(container: av.container.InputContainer, name: str, wanted: int | None) -> av.VideoStream:
+def choose_video(container: InputContainer, name: str, wanted: int | None) -> av.VideoStream:
     """Choose a video stream: the one with the number `wanted`, or the one that FFmpeg considers the best.
 
     That is the largest one, where the default flag outweighs all but very large sizes; among equals, the first that is
@@ -336,7 +337,7 @@ def is_scrambled(path: Path, pid: int) -> bool:
     return any(4 * sum(each >= 0x40 for each in of_block) > len(of_block) for of_block in flags)
 
 
-def left_out_remarks(container: av.container.InputContainer, chosen: av.VideoStream, name: str) -> list[str]:
+def left_out_remarks(container: InputContainer, chosen: av.VideoStream, name: str) -> list[str]:
     """Return the remarks on the video streams that are not read."""
     videos = [stream for stream in container.streams.video if not is_cover_art(stream) and stream.index != chosen.index]
     if not videos:
@@ -373,12 +374,12 @@ def _score(stream: av.VideoStream) -> tuple[int, bool]:
     return context.width * context.height + DEFAULT_STREAM_SCORE * is_default, not is_gray
 
 
-def clock_may_jump(container: av.container.InputContainer) -> bool:
+def clock_may_jump(container: InputContainer) -> bool:
     """Return whether a container's clock may start at any time and may jump, as in transport and program streams."""
     return bool(Flags(container.format.flags) & Flags.ts_discont)
 
 
-def is_raw(container: av.container.InputContainer) -> bool:
+def is_raw(container: InputContainer) -> bool:
     """Return whether a file is a raw stream, such as ``.264``, ``.m2v`` or ``.obu``, or images one after the other.
 
     It stores no presentation times; those that FFmpeg gives its packets are guesses, and partly wrong.
@@ -392,7 +393,7 @@ def is_fragmented(stream: av.stream.Stream) -> bool:
     return stream.container.format.name.startswith("mov") and stream.frames < len(stream.index_entries)
 
 
-def read_packets(container: av.container.InputContainer, wanted: Collection[int], damage: Damage) -> Iterator[Packet]:
+def read_packets(container: InputContainer, wanted: Collection[int], damage: Damage) -> Iterator[Packet]:
     """Yield the non-empty packets of the wanted streams, past damaged places and with clock jumps removed.
 
     All other streams are discarded from now on, so that damage to them has no effect. If a container has no
@@ -412,7 +413,7 @@ def read_packets(container: av.container.InputContainer, wanted: Collection[int]
             yield packet
 
 
-def _demux_past_damage(container: av.container.InputContainer, damage: Damage) -> Iterator[Packet]:
+def _demux_past_damage(container: InputContainer, damage: Damage) -> Iterator[Packet]:
     """Yield the packets with data of a container, and go on after read errors.
 
     Gives up after `MAX_FAILURES` errors in a row, or at the end of the file; containers that list their samples are

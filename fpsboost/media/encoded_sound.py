@@ -25,6 +25,7 @@ import av.filter
 import numpy as np
 from av.codec.codec import UnknownCodecError
 from av.packet import PacketSideData, PktSideDataT
+from av.stream import Stream
 
 from fpsboost.media.clock import Window
 from fpsboost.media.encoding import check_holds, find_encoder
@@ -125,7 +126,7 @@ def _takes(encoder: str, traits: Traits) -> bool:
     return True
 
 
-def can_encode(stream: av.stream.Stream, encoder: str) -> bool:
+def can_encode(stream: Stream, encoder: str) -> bool:
     """Return whether a stream can be decoded here, stretched and encoded by an encoder."""
     context: Any = stream.codec_context
     if context is None or context.sample_rate <= 0:
@@ -148,7 +149,7 @@ class EncodedSound:
 
     Parameters
     ----------
-    stream : av.stream.Stream
+    stream : Stream
         Audio stream of the source.
     output : av.container.OutputContainer
         Output, whose header is not written yet, to which a stream is added.
@@ -160,7 +161,7 @@ class EncodedSound:
     """
 
     def __init__(
-        self, stream: av.stream.Stream, output: av.container.OutputContainer, encoder: str, window: Window | None
+        self, stream: Stream, output: av.container.OutputContainer, encoder: str, window: Window | None
     ) -> None:
         self.lost_packets = 0
         self._output, self._window = output, window

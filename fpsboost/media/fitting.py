@@ -12,6 +12,7 @@ from typing import Any, cast
 
 import av
 from av.codec.codec import Properties
+from av.stream import Stream
 
 from fpsboost.media.demuxer import VideoFile
 from fpsboost.media.encoded_sound import can_encode, choose_sound_encoder, defaults, named_layout, sound_encoders
@@ -153,7 +154,7 @@ def _any_of(ways: Sequence[str]) -> str:
 
 
 def _not_held(
-    stream: av.stream.Stream, encoder: str | None, others: Sequence[str], name: str, source: str, *, is_whole: bool
+    stream: Stream, encoder: str | None, others: Sequence[str], name: str, source: str, *, is_whole: bool
 ) -> _Misfit:
     """Return the misfit of a stream that the container does not hold, with other containers and an encoder as ways."""
     what, option = ("sound", "`audio=False`") if stream.type == "audio" else ("subtitles", "`subtitles=False`")
@@ -168,13 +169,13 @@ def _not_held(
     return cause, ways, f"leave the {what} out with {option}"
 
 
-def is_wanted(stream: av.stream.Stream, encoding: EncodeSettings) -> bool:
+def is_wanted(stream: Stream, encoding: EncodeSettings) -> bool:
     """Return whether a stream is audio or subtitles that are to be kept."""
     is_chosen = encoding.streams is None or stream.index in encoding.streams
     return is_chosen and {"audio": encoding.audio, "subtitle": encoding.subtitles}.get(stream.type, False)
 
 
-def first_packets(file: av.container.InputContainer, streams: Sequence[av.stream.Stream]) -> dict[int, bytes]:
+def first_packets(file: av.container.InputContainer, streams: Sequence[Stream]) -> dict[int, bytes]:
     """Return the first packet of each stream by its number, if it is among the first of the file."""
     packets: dict[int, bytes] = {}
     with suppress(av.error.FFmpegError):
@@ -205,7 +206,7 @@ def check_readable(path: Path, written: Counter[str], name: str) -> None:
     )
 
 
-def fits(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool:
+def fits(container: str, stream: Stream, sample: bytes | None) -> bool:
     """Return whether a container holds a stream as it is, by a trial with its muxer.
 
     The trial uses a packet of the stream, since a muxer may have to rewrite packets, such as audio of MPEG transport
@@ -219,7 +220,7 @@ def fits(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool
     return is_possible and _muxed(container, stream, sample, any_codec=True) == [codec_of(stream)]
 
 
-def _headers_of(stream: av.stream.Stream) -> tuple[bool, bool]:
+def _headers_of(stream: Stream) -> tuple[bool, bool]:
     """Return whether a stream has what its codec needs beside packets, as Vorbis of OGM has not, and a decoder opens.
 
     Nothing else may be done with the stream: FFmpeg forgets its codec where a decoder does not open, and may crash.
@@ -240,7 +241,7 @@ def headers_in(source: VideoFile) -> dict[int, tuple[bool, bool]]:
         return {stream.index: _headers_of(stream) for stream in file.streams}
 
 
-def add_copied(output: av.container.OutputContainer, stream: av.stream.Stream, container: str) -> av.stream.Stream:
+def add_copied(output: av.container.OutputContainer, stream: Stream, container: str) -> Stream:
     """Add a stream for the packets of another one to an output.
 
     FFmpeg's mp4 takes PCM only with a named channel layout, which AVI, Matroska and MXF do not give: there two channels
@@ -253,19 +254,19 @@ def add_copied(output: av.container.OutputContainer, stream: av.stream.Stream, c
     return target
 
 
-def is_text(stream: av.stream.Stream) -> bool:
+def is_text(stream: Stream) -> bool:
     """Return whether a stream is text subtitles rather than bitmap subtitles."""
     context: Any = stream.codec_context
     return context is not None and Properties.TEXT_SUB in Properties(context.codec.properties)
 
 
-def codec_of(stream: av.stream.Stream) -> str:
+def codec_of(stream: Stream) -> str:
     """Return FFmpeg's name of a stream's format."""
     context: Any = stream.codec_context
     return str(context.codec.canonical_name) if context is not None else "unknown"
 
 
-def kind_of(stream: av.stream.Stream) -> str:
+def kind_of(stream: Stream) -> str:
     """Describe a stream that has no codec: ``data, klv``, ``attachment, font.ttf``."""
     tags = {key.lower(): value for key, value in stream.metadata.items()}
     name = tags.get("filename") if stream.type == "attachment" else getattr(stream, "name", None)
@@ -273,22 +274,20 @@ def kind_of(stream: av.stream.Stream) -> str:
     return f"{stream.type}, {more}" if more else stream.type
 
 
-def keeps_data(container: str, stream: av.stream.Stream) -> bool:
+def keeps_data(container: str, stream: Stream) -> bool:
     """Return whether data is recognized after muxing, by a trial, as codec lists are too permissive, or a font kept."""
     if stream.type != "data":
         return stream.type == "attachment" and container == "matroska"
     return _muxed(container, stream, None) == [getattr(stream, "name", "")]
 
 
-def _listed(container: str, stream: av.stream.Stream) -> bool:
+def _listed(container: str, stream: Stream) -> bool:
     """Return whether the codec of a stream is in the container's list."""
     context: Any = stream.codec_context
     return context is not None and holds(container, context.codec.name)
 
 
-def _muxed(
-    container: str, stream: av.stream.Stream, sample: bytes | None, *, any_codec: bool = False
-) -> list[str] | None:
+def _muxed(container: str, stream: Stream, sample: bytes | None, *, any_codec: bool = False) -> list[str] | None:
     """Return the formats of the streams in a file with one packet of a stream; None if the muxer refuses it.
 
     None also if the file lacks the headers of AAC, with which FFmpeg's mp4 and mov do without and players do not.

@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import av
+from av.container import InputContainer
+from av.stream import Stream
 
 from fpsboost.media.demuxer import HEADER_BOX, boxes_of
 from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS
@@ -107,7 +109,7 @@ def tags_for(source: Mapping[str, str], container: str) -> Tags:
     return Tags(values, False, lost)
 
 
-def copy_labels(stream: av.stream.Stream, target: av.stream.Stream, container: str) -> None:
+def copy_labels(stream: Stream, target: Stream, container: str) -> None:
     """Copy language, title and disposition of a stream to a stream of a container.
 
     Languages become three-letter codes; .mov supports only one of two codes for some languages. Matroska and WebM keep
@@ -128,7 +130,7 @@ def copy_labels(stream: av.stream.Stream, target: av.stream.Stream, container: s
     target.disposition = stream.disposition
 
 
-def lost_labels(tags: dict[str, str], flags: av.stream.Disposition, stream: av.stream.Stream) -> list[str]:
+def lost_labels(tags: dict[str, str], flags: av.stream.Disposition, stream: Stream) -> list[str]:
     """Describe the language, title and dispositions that a stream was given and lacks in the finished file."""
     before, after = _lower(tags), _lower(stream.metadata)
     language, title = before.get("language", "und"), before.get("title")
@@ -141,7 +143,7 @@ def lost_labels(tags: dict[str, str], flags: av.stream.Disposition, stream: av.s
     return applicable(lost)
 
 
-def regional_languages(file: av.container.InputContainer) -> dict[int, str]:
+def regional_languages(file: InputContainer) -> dict[int, str]:
     """Return the languages with a region or script, such as pt-BR, by the numbers of their streams.
 
     Beside the tag, Matroska has an element for them, which FFmpeg does not read; its tracks are FFmpeg's first streams.
@@ -214,7 +216,7 @@ def _lower(tags: Mapping[str, str]) -> dict[str, str]:
     return {key.lower(): value for key, value in tags.items()}
 
 
-def unread_of_chapters(file: av.container.InputContainer) -> list[str]:
+def unread_of_chapters(file: InputContainer) -> list[str]:
     """Return in words the properties of chapters that FFmpeg does not read, found in Matroska's element for them.
 
     FFmpeg leaves out chapters inside others, and those that begin no later than one before, as where an edition begins.
@@ -245,7 +247,7 @@ class _Element(NamedTuple):
     content: bytes
 
 
-def _elements_to(last: bytes, file: av.container.InputContainer) -> list[_Element]:
+def _elements_to(last: bytes, file: InputContainer) -> list[_Element]:
     """Return the elements of a Matroska that are in `PARENTS`, up to the one named last, behind which packets may lie.
 
     No other file has any.
@@ -286,7 +288,7 @@ def find_timecode(*tags: Mapping[str, str]) -> str | None:
     return next((value for mapping in tags for key, value in mapping.items() if key.lower() == "timecode"), None)
 
 
-def is_timecode(stream: av.stream.Stream) -> bool:
+def is_timecode(stream: Stream) -> bool:
     """Return whether a stream of data is a timecode, by its tags; FFmpeg gives no timecode that it cannot count."""
     handler = stream.metadata.get("handler_name", "").lower().replace(" ", "")
     return stream.type == "data" and ("timecode" in handler or find_timecode(stream.metadata) is not None)

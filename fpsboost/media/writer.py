@@ -80,8 +80,7 @@ class Writer(StagedSink):
         self._chunks: list[Chunk] = []
         self._first_chunk = 0 if output.part is None else output.part.first // chunk_frames
         self._writer: ChunkWriter | None = None
-        self._pending: dict[int | None, tuple[int, bytes]] = {}
-        """Duration, ticks, and closed captions of each picture in the encoder, by its time."""
+        self._pending: dict[int | None, tuple[int, bytes]] = {}  # ticks and captions of pictures in the encoder, by pts
         self._frames_seen = self._frames_in_chunk = 0
         self._last_pts: int | None = None
         self._unifier: FormatUnifier | None = None
@@ -149,8 +148,7 @@ class Writer(StagedSink):
         picture : av.VideoFrame
             Picture, which is converted to the encoder's size and pixel format if it has another; None if `is_complete`.
         time, duration : Fraction
-            When it is presented, and for how long, seconds. Times are rounded to ticks of the output's time base and
-            must increase by at least one.
+            Presentation time and duration, seconds; times, in ticks of the output's time base, must increase.
         is_original : bool
             Whether it is a decoded picture of the source, whose own colour tags stay; others get the encoder's.
         captions : bytes, optional

@@ -109,6 +109,13 @@ def test_images_of_two_types_are_refused():
         match_blocks(row, row, 3, 2, 1, plan, motion, np.zeros((1, 2), np.float32))
 
 
+def test_a_record_that_is_needed_is_not_left_out():
+    """None is no plan of a search, and would be read as one without offsets."""
+    row, motion = noise(2, 3, 3, np.uint8).reshape(2, 9), np.zeros((1, 2, 2), np.int32)
+    with pytest.raises(TypeError):
+        match_blocks(row, row, 3, 2, 1, None, motion, np.zeros((1, 2), np.int64))
+
+
 def test_a_call_that_was_right_does_not_vouch_for_the_next():
     """Calls with other shapes are compared anew."""
     for height in (4, 5):
