@@ -139,7 +139,7 @@ def test_methods_equal_our_own_conversion(tmp_path, options, props):
 
 
 @pytest.mark.parametrize(
-    ("format", "dtype", "gain"), [("RGB24", np.uint8, 1), ("RGB48", np.uint16, 257), ("RGBS", np.float32, 0.3)]
+    ("format", "dtype", "gain"), [("RGB24", np.uint8, 1), ("RGB48", np.uint16, 257), ("RGBS", np.float32, 0.01)]
 )
 def test_rgb_equals_our_own_conversion(format, dtype, gain):
     """Planes are BGR arrays of the clip's own type."""
@@ -300,7 +300,7 @@ def test_options_are_refused_with_the_command_lines_sentences(options, sentence)
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({"length": 1}, "The clip holds one frame, and two are needed"),
+        ({"length": 1}, "The clip has one frame; interpolation needs at least two"),
         ({"varsize": True}, "The clip changes its format or its size on the way"),
         ({"varformat": True}, "The clip changes its format or its size on the way"),
         ({"format": "GRAY8"}, "The clip is Gray8; convert it"),
@@ -319,7 +319,7 @@ def test_clips_are_refused(options, sentence):
 
 def test_what_cannot_be_known_or_taken_is_an_error_of_the_host():
     """`fps_num` needs the clip's rate; a colour matrix that nobody can mix in stops the request for the frame."""
-    with pytest.raises(vs.Error, match=r"say it with std\.AssumeFPS"):
+    with pytest.raises(vs.Error, match=r"set it with std\.AssumeFPS"):
         interpolate(vs.core.std.BlankClip(fpsnum=0, fpsden=1), fps_num=60)
     output = interpolate(gray(props=[{"_Matrix": 14}]).clip, method="blend")
     with pytest.raises(vs.Error, match="colour matrix number 14, which is not supported"):
