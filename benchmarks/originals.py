@@ -16,6 +16,7 @@ import tempfile
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
+import av
 from coming_through import COMPARED_FRAMES, Colours, Video, compare_colours, compare_sound, read_video
 from rich.markup import escape
 from rich.table import Table
@@ -77,7 +78,11 @@ def judge(path: Path, folder: Path, options: list[str]) -> Row:
         row.verdict = lines[-1].removeprefix("fpsboost: ") if lines else "failed without a word"
         return row
     row.remarks = [line.removeprefix("Note: ") for line in lines if line.startswith("Note: ")]
-    before = read_video(path, COMPARED_FRAMES)
+    try:
+        before = read_video(path, COMPARED_FRAMES)
+    except (av.error.FFmpegError, ValueError, AttributeError) as error:  # an animation that Pillow alone reads
+        row.verdict = f"was converted, and PyAV cannot read it to compare: {error}"
+        return row
     after = read_video(target, 3 * COMPARED_FRAMES, in_rgb=before.is_rgb)
     row.source = f"{before.description}, {len(before.times)} frames"
     row.result = f"{after.description}, {len(after.times)} frames"
