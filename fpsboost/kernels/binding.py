@@ -202,11 +202,11 @@ def record(fields: dict[str, Field], may_be_none: bool = False) -> Field:
     To join bytes is several times faster than to fill the fields of a structure of ctypes.
     """
     layout = ", ".join(f"{name} {field.layout}" for name, field in fields.items())
-    size, compared = (
-        sum(field.size for field in fields.values()),
-        [each for f in fields.values() for each in f.compared],
-    )
-    converts, zeros, nothing = [field.convert for field in fields.values()], bytes(size), [None] * len(compared)
+    size = sum(field.size for field in fields.values())
+    compared = [each for field in fields.values() for each in field.compared]
+    converts = [field.convert for field in fields.values()]
+    zeros = bytes(size)
+    nothing = [None] * len(compared)
 
     def convert(values: Any, compared: list[Hashable]) -> bytes:
         if may_be_none and values is None:
@@ -288,7 +288,8 @@ def check_shape(own: Compared, shape: list[int], known: dict[str, Any]) -> None:
     for axis, size in zip(own.axes, shape, strict=True):
         name, _, condition = axis.partition(" ")
         expected = known[name] if name in known else int(name)
-        if size != expected or (condition and not eval(axis, known)):
+        # a text that is evaluated in another thread would make Python forget that Ctrl-C ends the program
+        if size != expected or (condition and not eval(compile(axis, name, "eval"), known)):
             names = dict.fromkeys(re.findall(r"[a-z]\w*", axis))
             given = [f"{each} = {known[each]}" for each in names if each in known]
             where = f" with {', '.join(given)}" if given else ""

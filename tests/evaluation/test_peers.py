@@ -186,7 +186,7 @@ def test_the_command_scores_other_tools(fpsboost_, clip, tmp_path):
 def test_the_command_ends_where_a_peer_fails(fpsboost_, clip, tmp_path, unchanged):
     """One sentence, exit code 1, nothing written, and no method was run before."""
     with unchanged(tmp_path):
-        peer = f"bad={sys.executable} -c 1/0 {{in}} {{out}}"
+        peer = f"bad={shlex.quote(sys.executable)} -c 1/0 {{in}} {{out}}"
         result = fpsboost_("compare", clip, "-m", "nlm", "--peer", peer, "--json", "x.json")
         assert (result.code, len(result.lines)) == (1, 1)
         assert "The peer bad failed with exit code 1: ZeroDivisionError" in result.err

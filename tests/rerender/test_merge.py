@@ -28,7 +28,7 @@ def picture(number, dtype=np.uint8, channels=3):
     return values.astype(dtype) * (257 if dtype is np.uint16 else 1) / dtype(255 if dtype is np.float32 else 1)
 
 
-def save(folder, name, image, metadata=None):
+def save(folder, name, image, metadata=ImageMetadata()):
     folder.mkdir(exist_ok=True)
     path = folder / name
     path.write_bytes(encode_image(path, np.ascontiguousarray(image), metadata=metadata, half=False))

@@ -295,7 +295,7 @@ def test_output_is_no_link(client, films):
         ({"method": "magic"}, ["--method", "magic"]),
         ({"start": "soon"}, ["--start", "soon"]),
         ({"start": "2", "end": "1"}, ["--start", "2", "--end", "1"]),
-        ({"codec": "h265", "quality": "lossless"}, ["--codec", "h265", "--lossless"]),
+        ({"codec": "h246", "quality": "lossless"}, ["--codec", "h246", "--lossless"]),
         ({"name": "out.webm", "codec": "h264"}, ["--codec", "h264"]),
         ({"name": "out.avi"}, []),
         ({"name": "out"}, []),

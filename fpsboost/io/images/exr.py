@@ -116,8 +116,8 @@ def read_exr_header(path: Path) -> ExrHeader:
 
     Raises `InputError` if it cannot be read, has deep pixels, subsampled channels, or parts of different sizes.
     """
-    types = _types_of(path)
     with _opened_exr(path, header_only=True) as file:
+        types = _types_of(path)
         headers = [dict(file.header(number)) for number in range(len(file.parts))]  # emptied at its end
         if not headers or len(headers) != len(types):
             raise ValueError("parts that cannot be read")

@@ -107,7 +107,7 @@ def test_a_sink_that_does_not_ask_costs_nothing(monkeypatch):
     def fail(*_: Any) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("fpsboost.interpolator.measure_agreement", fail)
+    monkeypatch.setattr("fpsboost.synthesis.generation.measure_agreement", fail)
     monkeypatch.setattr("fpsboost.streaming.PairMotion", fail)
     frames = blended(FakeSink(), 2)
     assert {(frame.confidence is None, frame.motion is None) for frame in frames} == {(True, True)}
