@@ -332,7 +332,7 @@ def test_cuts_that_a_list_names_are_cuts_for_the_methods(fpsboost_, folder, tmp_
 @pytest.mark.parametrize(
     ("arguments", "code", "sentence"),
     [
-        (("-m", "magic"), 2, "There is no method 'magic', and other tools take --peer or --frames; choose one of nlm"),
+        (("-m", "magic"), 2, "There is no method 'magic'; choose one of nlm"),
         (("--range", "0:2"), 2, "leaves nothing to hide"),
         (("--range", "x"), 2, "is not a range"),
         (("--start", "0.1"), 2, "say it with --input-fps"),
