@@ -97,8 +97,7 @@ def convert(
     **options : Any
         Any field of these four, and of those nested in them, by its own name instead: ``fps=60``, ``factor=4``,
         ``crf=18``, ``overwrite=True``, ``start="1:30"``, ``limit="8G"``, ``progress=print``. Texts are read as on the
-        command line. And
-        ``mask="hud.png"``: areas that stay as in the nearer frame; see `fpsboost.Mask`.
+        command line. And ``mask="hud.png"``: areas that stay as in the nearer frame; see `fpsboost.Mask`.
         A mask as a layer goes with the method: ``replace(find_method("nlm"), mask=Mask("hud.png", mask_as="layer"))``.
 
     Raises
