@@ -193,10 +193,9 @@ class ImageSource(ClosesOnExit):
                 raise InputError(
                     f"{path} ({view(image).describe()}) is unlike {self._described}; make all images one size and type."
                 )
-            yield Frame(
-                *(image, self._time_of(number), 1 / self.info.rate, None if self._reading.upright else path),
-                ends_gap=number > 0 and self._places[number] - self._places[number - 1] > 1,
-            )
+            ends_gap = number > 0 and self._places[number] - self._places[number - 1] > 1
+            original = None if self._reading.upright else path
+            yield Frame(image, self._time_of(number), 1 / self.info.rate, original, ends_gap=ends_gap)
 
     def frame_times(self) -> Sequence[Fraction]:
         """Return the times of all frames, seconds, without reading any."""
