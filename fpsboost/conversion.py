@@ -115,7 +115,8 @@ def convert(
     >>> convert("in.mp4", "out.mp4", fps=60, overwrite=True)  # doctest: +SKIP
     >>> convert("in.mp4", "out.mp4", rate=OutputRate(fps=60), run=RunOptions(overwrite=True))  # doctest: +SKIP
     """
-    mask, interpolator = options.pop("mask", None), find_method(method)
+    mask = options.pop("mask", None)
+    interpolator = find_method(method)
     groups = {
         "rate": rate or OutputRate(),
         "decoding": decoding or DecodeOptions(),
@@ -211,7 +212,9 @@ def looped(ready: Preparation) -> tuple[FoldedSource, OutputRange]:
     OptionError
         The source cannot be read twice, or does not list its frames; or one of them is shown for minutes.
     """
-    source, whole, schedule = ready.clip.source, ready.clip.whole, ready.base_schedule
+    source = ready.clip.source
+    whole = ready.clip.whole
+    schedule = ready.base_schedule
     times = source.frame_times() if isinstance(source, RandomAccess) and whole.stream_info.files else None
     if times is None or not isinstance(source, RandomAccess):
         raise OptionError(
@@ -219,7 +222,9 @@ def looped(ready: Preparation) -> tuple[FoldedSource, OutputRange]:
             "shown; convert it with `factor=1` first."
         )
     source.begin_at(0)  # so that the window on the other streams is known
-    count, start, read_from = len(times), times[0], partial(read_again, ready.job, ready.run, whole)
+    count = len(times)
+    start = times[0]
+    read_from = partial(read_again, ready.job, ready.run, whole)
     with read_from(count - 1) as again:
         last = list(again)[-1]
     end = schedule.presentation_time(start, last.time + (last.duration or 1 / source.info.rate))
@@ -230,7 +235,8 @@ def looped(ready: Preparation) -> tuple[FoldedSource, OutputRange]:
             )
         }
     )
-    window, of_clip = ready.clip.window, whole.frame_times() if isinstance(whole, RandomAccess) else None
+    window = ready.clip.window
+    of_clip = whole.frame_times() if isinstance(whole, RandomAccess) else None
     if window is not None and of_clip is not None and window.skipped + count < len(of_clip):
         window.end = window.begin + end - start  # the clip goes on, and so does its sound
     order = range(-LOOP_CONTEXT, count + LOOP_CONTEXT)
@@ -239,7 +245,8 @@ def looped(ready: Preparation) -> tuple[FoldedSource, OutputRange]:
     total = count_frames(schedule, info, holds_last_frame=True)
     seam = [step.t for step in schedule.steps(count - 1, start, times[-1], end)]
     before = schedule.output_position(order[0], start, schedule.presentation_time(start, shown[0]))
-    remarks, video = list(dict.fromkeys([*whole.remarks, *again.remarks])), whole.stream_info.video
+    remarks = list(dict.fromkeys([*whole.remarks, *again.remarks]))
+    video = whole.stream_info.video
     if ready.target.kind == "video" and ready.output.encoding.audio and video and "sound" in video.companions:
         remarks.append(
             f"{info.name} has sound, which does not become a loop; where it outlasts the {total} frames, players hold "
@@ -328,7 +335,8 @@ def stream(
     [0, 20, 40, 60, 80, 80]
     """
     interpolator = find_method(method)
-    rate, decoding = OutputRate(factor, fps, retime=retime), DecodeOptions(input_fps=input_fps)
+    rate = OutputRate(factor, fps, retime=retime)
+    decoding = DecodeOptions(input_fps=input_fps)
     limit = MemoryLimit(bytes_per_pixel=BYTES_PER_PIXEL_OF.get(type(interpolator.estimator), BYTES_PER_PIXEL))
     linear = interpolator.takes_layers
     with _as_source(source, decoding, limit, linear=linear, needs_rate=fps is not None) as opened:
@@ -354,7 +362,8 @@ def _as_source(
         return open_source(os.fspath(source), requirements=requirements, decoding=decoding, limit=limit)
     rate = None if decoding.input_fps is None else Fraction(decoding.input_fps)
     if isinstance(source, cv2.VideoCapture):
-        images, rate = captured(source), rate or rate_of(source)
+        images = captured(source)
+        rate = rate or rate_of(source)
     else:
         images = iter(source)
     if rate is None and needs_rate:
@@ -480,7 +489,8 @@ def interpolate_clip(
     )
     pixels = _Pixels(order, layout)
     clip = frames if isinstance(frames, Iterator | list | tuple) else np.atleast_1d(_as_array(frames))
-    before, total = list[Image](), None
+    before = list[Image]()
+    total = None
     if not isinstance(clip, Iterator):
         refuse({"`frames` gives no frame; give at least two.": len(clip) == 0}, InputError)
         total = math.ceil(len(clip) * target / rate)
@@ -564,7 +574,9 @@ def _clip_frames(
 
     Of a loop, `before` are its last images, if they are known. `total` is the number of output frames, or None.
     """
-    images, start, ends = map(pixels.read, clip), len(before) / rate, list[Fraction]()
+    images = map(pixels.read, clip)
+    start = len(before) / rate
+    ends = list[Fraction]()
     source = ArraySource(chain(before, _continued(images, rate, ends)) if loop else images, rate, "`frames`")
     with interpolate_frames(
         source,
@@ -582,7 +594,8 @@ def _clip_frames(
 
 def _continued(images: Iterator[Image], rate: Fraction, ends: list[Fraction]) -> Iterator[Image]:
     """Yield the images of a loop, and then its first ones again; before these, append the time when a round ends."""
-    first, numbers = list(islice(images, LOOP_CONTEXT)), count()
+    first = list(islice(images, LOOP_CONTEXT))
+    numbers = count()
     yield from (image for image, _ in zip(chain(first, images), numbers, strict=False))
     ends.append(next(numbers) / rate)  # of the image after the last one
     yield from islice(cycle(first), LOOP_CONTEXT)

@@ -62,7 +62,8 @@ class TrimmedSource(ClosesOnExit):
     """
 
     def __init__(self, source: FrameSource, trim: Trim, *, may_skip: bool = True, curve: TimeMap | None = None) -> None:
-        self._source, self._trim = source, trim
+        self._source = source
+        self._trim = trim
         by_frames = any(place is not None and place.is_frame for place in (trim.start, trim.end))
         self._seekable = source if isinstance(source, SeekableSource) else None
         self._may_skip = may_skip and trim.start is not None and not by_frames and self._seekable is not None
@@ -121,7 +122,8 @@ class TrimmedSource(ClosesOnExit):
                 f"The range of {self.info.name} has {len(numbers)} frames, and none has the number {number}."
             )
         assert isinstance(self._source, RandomAccess)
-        self._first, self._begun = numbers[number], True
+        self._first = numbers[number]
+        self._begun = True
         self._source.begin_at(self._first)
         self.window.origin, self.window.begin, self.window.skipped = times[0], times[numbers[0]], numbers[0]
 
@@ -158,7 +160,9 @@ class TrimmedSource(ClosesOnExit):
         yield replace(last, time=last.time - self.window.begin)
 
     def _trimmed_frames(self) -> Iterator[Frame]:
-        start, end, window = self._trim.start, self._trim.end, self.window
+        start = self._trim.start
+        end = self._trim.end
+        window = self.window
         if self._may_skip and self._seekable is not None and not self._begun:
             self._seekable.skip_to(window.begin - self._rounding)
         begun = self._begun
@@ -174,7 +178,8 @@ class TrimmedSource(ClosesOnExit):
                 return
             if not begun:
                 begun = True
-                window.begin, window.skipped = frame.time, number
+                window.begin = frame.time
+                window.skipped = number
             yield frame
 
 
@@ -204,7 +209,8 @@ class FoldedSource(ClosesOnExit):
         self.first = number
 
     def __iter__(self) -> Iterator[Frame]:
-        place, order = self.first, self.order
+        place = self.first
+        order = self.order
         while place < len(order):
             step = order[place + 1] - order[place] if place + 1 < len(order) else 0
             stop = place + 1
@@ -214,7 +220,8 @@ class FoldedSource(ClosesOnExit):
                 else order[stop] - order[stop - 1] == step < 0 and stop - place < BLOCK
             ):
                 stop += 1
-            first, wanted = min(order[place], order[stop - 1]), {*order[place:stop]}
+            first = min(order[place], order[stop - 1])
+            wanted = {*order[place:stop]}
             with self.read_from(first) as source:
                 begin = first if isinstance(source, RandomAccess) else 0
                 # to the end of the clip, if this is all that is wanted
@@ -229,13 +236,15 @@ class FoldedSource(ClosesOnExit):
 
 def _kept(numbered: Iterable[tuple[int, Frame]], wanted: set[int]) -> Iterator[Frame]:
     """Yield the wanted frames with the closed captions of those left out before each, or behind the last one."""
-    last, captions = None, b""
+    last = None
+    captions = b""
     for number, frame in numbered:
         captions += frame.captions
         if number in wanted:
             if last is not None:
                 yield last
-            last, captions = replace(frame, captions=captions), b""
+            last = replace(frame, captions=captions)
+            captions = b""
     if last is not None:
         yield replace(last, captions=last.captions + captions)
 
@@ -252,10 +261,12 @@ def without_repeats(
     """
     if not whole.stream_info.files:
         raise OptionError("`duplicates='drop'` reads a clip twice, which a pipe does not allow; name a file.")
-    info, found = source.info, Repeats(interpolator.duplicates or DuplicateDetector())
+    info = source.info
+    found = Repeats(interpolator.duplicates or DuplicateDetector())
     for _ in found.groups(map(SourceFrame, source)):
         pass
-    cadence, how = found.cadence(info.rate), "keep their own times"
+    cadence = found.cadence(info.rate)
+    how = "keep their own times"
     order, times = found.kept(cadence)
     if cadence is not None and cadence.is_certain:
         info = replace(info, rate=cadence.rate, time_base=ByRate(cadence.rate).time_base(info.time_base))
@@ -280,7 +291,8 @@ def without_gaps(
     These are found by reading the clip, unless all are listed. `read_from` opens it once more at a frame. Raises
     `OptionError` if its rate is not constant, or the last frame is listed.
     """
-    info, times = source.info, (source.frame_times() if isinstance(source, RandomAccess) else None) or ()
+    info = source.info
+    times = (source.frame_times() if isinstance(source, RandomAccess) else None) or ()
     refuse(
         {
             f"`gaps` needs a constant rate and a file that says when each frame is shown, unlike {info.name}; convert "

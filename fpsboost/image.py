@@ -204,9 +204,11 @@ class ImageView:
         nothing = np.empty((0, 1, 1), self.dtype)
         if self.dtype == np.float32:  # NaN and infinity would spread to their surroundings
             return normalised(self.array()).transpose(2, 0, 1).copy(), nothing, np.float32(1), 16
-        planes, unit = self.array().transpose(2, 0, 1).copy(), 1 / self.white
+        planes = self.array().transpose(2, 0, 1).copy()
+        unit = 1 / self.white
         if has_alpha(self):
-            planes, unit = planes * unit, np.float32(1)
+            planes = planes * unit
+            unit = np.float32(1)
             planes[:-1] *= planes[-1]
         return planes, nothing, unit, 8 if self.dtype == np.uint8 else 16
 
@@ -346,7 +348,8 @@ class YCbCrImage(ImageView):
 
     def spline_planes(self) -> tuple[np.ndarray, np.ndarray, np.float32, int]:
         unit = np.float32(1 / self.white)  # also for chroma, whose weight is then about that in a sum over B, G and R
-        full, half = self.planes[: self._full_planes], self.planes[self._full_planes :]
+        full = self.planes[: self._full_planes]
+        half = self.planes[self._full_planes :]
         together = full[0][np.newaxis] if len(full) == 1 else np.stack(full)
         return together, np.stack(half) if half else np.empty((0, 1, 1), self.dtype), unit, self.coding.bits
 
@@ -384,7 +387,8 @@ def check_values(image: Image, name: str) -> None:
         )
     values = image[:: image.shape[0] // 256 + 1, :: image.shape[1] // 256 + 1, :3]
     values = values[np.isfinite(values)]
-    lowest, highest = values.min(initial=0), values.max(initial=0)
+    lowest = values.min(initial=0)
+    highest = values.max(initial=0)
     needs = f"{name} has values from {lowest:g} to {highest:g}, and white is 1 in floats;"
     if np.count_nonzero(values < -0.1) > values.size / 20:
         raise OptionError(f"{needs} shift and scale them to 0 to 1: of -1 to 1, give values / 2 + 0.5.")

@@ -312,7 +312,8 @@ class Interpolator(Checked):
             if 0 < t < 1:
                 image, confidence = next(made)
             else:
-                image, confidence = (pair.image1 if t == 1 else pair.image0).image.copy(), None
+                image = (pair.image1 if t == 1 else pair.image0).image.copy()
+                confidence = None
             if with_confidence and confidence is None:  # no motion connects the frames, or it is one of them
                 confidence = np.full(image.shape[:2], t in {0, 1}, np.float32)
             yield InterpolatedImage(image, confidence if with_confidence else None)
@@ -402,13 +403,16 @@ class Interpolator(Checked):
         after: Pair | None,
     ) -> Iterator[InterpolatedImage]:
         """Give images the illumination of their time, grain, and overlays as they are in the frames."""
-        overlay, image0, image1 = None, pair.image0, pair.image1
+        overlay = None
+        image0 = pair.image0
+        image1 = pair.image1
         illumination = pair.illumination
         # a change of all light changes overlays, too
         if self.overlays and (before or after) and (illumination is None or illumination.is_local):
             overlay = find_overlay(image0, image1, (before or pair).image0, (after or pair).image1, pair.fields[0])
         if overlay is not None and illumination is not None:  # which is applied to BGR
-            image0, image1 = as_bgr(image0), as_bgr(image1)
+            image0 = as_bgr(image0)
+            image1 = as_bgr(image1)
         position = pair.image0.source_position
         number = 0 if position is None else position.number
         for (synthesized, confidence), t in zip(images, times, strict=True):
@@ -449,11 +453,13 @@ def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, 
     [(None, 'a', 'b'), ('a', 'b', None)]
     """
     padded = chain([None], items, [None])
-    before, item = next(padded), next(padded)
+    before = next(padded)
+    item = next(padded)
     for after in padded:
         assert item is not None, "only the first and the last are"
         yield before, item, after
-        before, item = item, after
+        before = item
+        item = after
 
 
 def _replace_uncertain(
@@ -487,5 +493,6 @@ def _extrapolate(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[M
 def _neighbour(neighbour: Pair, pair: Pair) -> FramePair:
     """Return what a synthesizer takes of the pair before or after: its frames are as they are, not in equal light."""
     other_light = neighbour.illumination is not None or pair.illumination is not None
-    ratio, images = float(neighbour.duration / pair.duration), (neighbour.image0, neighbour.image1)
+    ratio = float(neighbour.duration / pair.duration)
+    images = (neighbour.image0, neighbour.image1)
     return FramePair(*images, *neighbour.fields, duration=ratio, other_light=other_light)

@@ -129,7 +129,8 @@ class Mask:
 
     def background(self, frame: FrameCache) -> FrameCache:
         """Return what is behind the mask: where it hides that, the nearest pixels around it."""
-        image, weights = view(frame.image).picture, self.weight(frame)
+        image = view(frame.image).picture
+        weights = self.weight(frame)
 
         def filled(plane: np.ndarray) -> np.ndarray:
             hidden = (cv2.resize(weights, plane.shape[1::-1], interpolation=cv2.INTER_AREA) > 0).astype(np.uint8)
@@ -141,7 +142,8 @@ class Mask:
 
     def layer(self, frame: FrameCache) -> FrameCache:
         """Return what the mask shows, in BGR if it was in planes, with the mask as alpha."""
-        colours, weights = view(view(frame.image).to_bgr()), self.weight(frame)[..., np.newaxis]
+        colours = view(view(frame.image).to_bgr())
+        weights = self.weight(frame)[..., np.newaxis]
         refuse({"`mask_as='layer'` needs frames without alpha; leave it out.": has_alpha(colours)})
         alpha = np.asarray(weights * colours.white + rounding_offset(colours.picture)).astype(colours.dtype)
         # alpha of float is premultiplied
@@ -151,7 +153,8 @@ class Mask:
     def composite(self, behind: InterpolatedImage, shown: InterpolatedImage) -> InterpolatedImage:
         """Return a background with a layer over it; see `fpsboost.interpolator.FrameMask`."""
         layer = view(shown.image).array()
-        colours, alpha = layer[..., :-1], normalised(layer[..., -1]).clip(0, 1)
+        colours = layer[..., :-1]
+        alpha = normalised(layer[..., -1]).clip(0, 1)
         if layer.dtype == np.float32:
             colours = colours / np.maximum(alpha, np.float32(1e-6))[..., np.newaxis]
         return InterpolatedImage(

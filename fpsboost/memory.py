@@ -32,8 +32,10 @@ ADDRESS_SPACE = 1_300_000_000
 BYTES_PER_PIXEL_OF_A_THREAD = 100
 """Bytes per pixel for every thread beyond the first that processes a pair of frames; measured: 70 with `nlm`."""
 
-BYTES_PER_PLANE, BYTES_PER_PLANE_OF_A_THREAD = 32, 12
-"""The same for every plane of layers beside the picture; measured with 40 of them: 29 and 10."""
+BYTES_PER_PLANE = 32
+"""The same for every plane of layers beside the picture; measured with 40 of them: 29."""
+BYTES_PER_PLANE_OF_A_THREAD = 12
+"""The same of a thread; measured: 10."""
 
 UNKNOWN_MACHINE = 8_000_000_000
 

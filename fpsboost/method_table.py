@@ -289,8 +289,10 @@ def interpolate_with_confidence(
 
 def _with_channels(frame0: Image, frame1: Image) -> tuple[Image, Image]:
     """Return the two as images of the library; gray ones may come without a channel axis, and as other arrays."""
-    image0, image1 = np.ascontiguousarray(frame0), np.ascontiguousarray(frame1)
+    image0 = np.ascontiguousarray(frame0)
+    image1 = np.ascontiguousarray(frame1)
     if image0.ndim == 2 and image1.ndim == 2:
-        image0, image1 = image0[..., np.newaxis], image1[..., np.newaxis]
+        image0 = image0[..., np.newaxis]
+        image1 = image1[..., np.newaxis]
     check_pair(image0, image1, "frame0", "frame1")
     return image0, image1

@@ -193,7 +193,8 @@ class Checked:
 
     def __post_init__(self) -> None:
         for each in fields(self):  # type: ignore[arg-type]
-            given, hint = getattr(self, each.name), hints_of(type(self))[each.name]
+            given = getattr(self, each.name)
+            hint = hints_of(type(self))[each.name]
             value = os.fspath(given) if isinstance(given, os.PathLike) else given
             parse = each.metadata["option"].parse if "option" in each.metadata else None
             is_exact = isinstance(value, Fraction) if _is_rate(hint) else _is_of(value, hint)
@@ -300,7 +301,8 @@ DESCRIPTIONS: Mapping[Any, str] = {
 
 def _described(hint: Any, value: Any) -> str:
     """Return what a message calls a type, or the range that a value of the right type is not in."""
-    members, origin = _members(hint), get_origin(hint) or hint
+    members = _members(hint)
+    origin = get_origin(hint) or hint
     if origin is Annotated:
         kind, extent = get_args(hint)
         return str(extent) if _is_of(value, kind) else _described(kind, value)

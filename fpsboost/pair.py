@@ -63,15 +63,21 @@ class Pair:
         compensate_illumination: bool,
     ) -> None:
         check_pair(image0.pixels, image1.pixels)
-        self.image0, self.image1, self.duration, self.apart = image0, image1, duration, apart or duration
-        self._estimator, self._cuts, self._compensate_illumination = estimator, cuts, compensate_illumination
+        self.image0 = image0
+        self.image1 = image1
+        self.duration = duration
+        self.apart = apart or duration
+        self._estimator = estimator
+        self._cuts = cuts
+        self._compensate_illumination = compensate_illumination
         self._pair = partial(Pair, estimator=estimator, cuts=cuts, compensate_illumination=compensate_illumination)
         self._results = Results()
 
     @property
     def layered(self) -> Layered | None:
         """The two frames with their further layers; None if they have none."""
-        image0, image1 = self.image0.image, self.image1.image
+        image0 = self.image0.image
+        image1 = self.image1.image
         # only some methods take these
         return (image0, image1) if isinstance(image0, LayeredImage) and isinstance(image1, LayeredImage) else None
 
@@ -92,7 +98,8 @@ class Pair:
     def _compensate(self) -> tuple[FrameCache, FrameCache]:
         if self.illumination is None:
             return self.image0, self.image1
-        first, second = normalised(view(self.image0.pixels).to_bgr()), view(self.image1.pixels).to_bgr()
+        first = normalised(view(self.image0.pixels).to_bgr())
+        second = view(self.image1.pixels).to_bgr()
         return self.image0.with_image(first), self.image1.with_image(self.illumination.undo(second))
 
     @property
@@ -228,7 +235,8 @@ def check_fields(estimator: MotionEstimator, fields: Any, size: tuple[int, ...])
     for each in fields:
         if each.shape != size:
             raise OptionError(f"{told} for frames of (height, width) {size}, not {each.shape}.")
-        vectors, similarities = each.vectors, each.similarities
+        vectors = each.vectors
+        similarities = each.similarities
         in_range = vectors.min() > -MAX_LENGTH and vectors.max() < MAX_LENGTH  # NaN is not
         if not (in_range and similarities.min() > -0.01 and similarities.max() < 1.01):  # sums are rounded
             raise OptionError(f"{told} of finite vectors, in pixels, with `similarities` from 0 to 1.")

@@ -115,7 +115,9 @@ def memory_limit(job: ConversionJob, run: RunOptions) -> MemoryLimit:
 @contextmanager
 def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
     """Open the source of a job while the block lasts; see `fpsboost.io.opening.open_source`."""
-    rate, interpolator, target = job.rate, job.method, job.target(run)
+    rate = job.rate
+    interpolator = job.method
+    target = job.target(run)
     requirements = target.requirements(
         job.encoding,
         needs_rate=rate.fps is not None or job.decoding.trim.needs_rate,
@@ -132,7 +134,8 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
     ) as whole:
         _check_layers(whole.stream_info.images, interpolator, rate)
         may_skip = not counts_frames(interpolator.cuts, interpolator.mask) and rate.replace is None
-        trim, images = job.decoding.trim, whole.stream_info.images
+        trim = job.decoding.trim
+        images = whole.stream_info.images
         info = with_duration(whole) if rate.retimes else whole.info
         clip_curve = curve = rate.time_map(trim.of_info(info), 1 if images is None else images.first_number)
         source, window = trim_source(whole, trim, may_skip=may_skip, curve=curve or rate.slow_map)
@@ -211,13 +214,17 @@ def prepared(job: ConversionJob, run: RunOptions) -> Iterator[Preparation]:
 
 def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparation:
     """Work out the frames and the output of a job; raise `OptionError` or `InputError` if they do not fit the clip."""
-    target, rate, interpolator = clip.target, job.rate, job.method
-    info, stream = clip.source.info, clip.whole.stream_info
+    target = clip.target
+    rate = job.rate
+    interpolator = job.method
+    info = clip.source.info
+    stream = clip.whole.stream_info
     if rate.replacement is not None:
         rate.replacement.check(clip.whole.info)
     encoding, lost = _adapt_audio(job.encoding, stream, rate, clip.clip_curve, target.path)
     schedule = rate.schedule(info, has_clock=target.has_clock, curve=clip.curve)
-    most, asked = target.highest_rate, rate.timing(info, schedule).rate
+    most = target.highest_rate
+    asked = rate.timing(info, schedule).rate
     if most is not None and asked > most and rate.follows_source:
         rate = replace(rate, fps=most) if rate.slow_motion else replace(rate, factor=rate.multiple * most / asked)
         schedule = rate.schedule(info, has_clock=target.has_clock, curve=clip.curve)
@@ -260,7 +267,8 @@ def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparatio
 
 def closing_remarks(ready: Preparation, intervals: FrameIntervals) -> list[str]:
     """Return the remarks on the whole conversion when it is done; `intervals` are complete to the source's end."""
-    images, info = ready.clip.whole.stream_info.images, ready.clip.source.info
+    images = ready.clip.whole.stream_info.images
+    info = ready.clip.source.info
     remarks = [*ready.remarks, *ready.job.rate.remarks(info, ready.base_schedule, intervals)]
     if images is not None and images.step > 1 and ready.target.has_rate:
         remarks.append(
@@ -292,7 +300,9 @@ def _check_layers(images: NumberedImages | None, interpolator: Interpolator, rat
 
 def _check_rate(rate: OutputRate, interpolator: Interpolator, trim: Trim, run: RunOptions) -> None:
     """Raise `OptionError` if the times of the output's frames exclude another option."""
-    blurs, has_vectors, maps = rate.shutter is not None, interpolator.uses_vectors, " or ".join(run.side.given)
+    blurs = rate.shutter is not None
+    has_vectors = interpolator.uses_vectors
+    maps = " or ".join(run.side.given)
     any_time = "`retime` and `speed` show the source at any time, and"
     refuse(
         {
@@ -355,7 +365,8 @@ def output_beside(clip: PathName, rate: OutputRate) -> str:
     kept = ("dropped" if rate.duplicates == "drop" else "repaired") if rate.keeps_frames else speed
     parts = ["retimed" if rate.retimes else kept] if rate.fps is None or rate.slow_motion or rate.retimes else []
     parts += ["slow"] * rate.slow_motion + ([] if rate.fps is None else [f"{readable(rate.fps)}fps"])
-    planned, place = name_in_folder(input, Path()), Path(input)
+    planned = name_in_folder(input, Path())
+    place = Path(input)
     folder = place.resolve().parent if place.name in ("", "..") else place.parent
     ending = "/" if planned.endswith("/") else Path(planned).suffix
     return f"{folder / '-'.join([clip_name(input), *parts])}{ending}"

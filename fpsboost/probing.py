@@ -102,7 +102,8 @@ class Probe:
     def from_json(cls, data: dict[str, Any]) -> Self:
         """Return what `dataclasses.asdict` has made of it, perhaps on its way through JSON."""
         look = data["look"] and Look(**data["look"])
-        streams, conversion = [StreamFacts(**each) for each in data["streams"]], Conversion(**data["conversion"])
+        streams = [StreamFacts(**each) for each in data["streams"]]
+        conversion = Conversion(**data["conversion"])
         return cls(**{**data, "look": look, "streams": streams, "conversion": conversion})
 
 
@@ -134,7 +135,8 @@ class Findings:
 
     def cuts(self, frames: FrameSource, interpolator: Interpolator) -> list[Fraction]:
         """Read frames and return the times of those that begin a scene; find duplicates as a conversion counts them."""
-        cuts, first = list[Fraction](), None
+        cuts = list[Fraction]()
+        first = None
         # `pictures` runs ahead of the current pair: the pair's index tells which of them it is made of
         for place, (before, pair, after) in enumerate(with_neighbours(self.pairs(frames, interpolator))):
             first = first or pair
@@ -165,7 +167,8 @@ class Findings:
     def pairs(self, frames: FrameSource, interpolator: Interpolator) -> Iterator[Pair]:
         """Yield the pairs between which a conversion would make frames."""
         last: SourceFrame | None = None
-        detector, shown = interpolator.duplicates, self.shown(frames)
+        detector = interpolator.duplicates
+        shown = self.shown(frames)
         self.repeats = None if detector is None else Repeats(detector)
         for group in zip(shown) if self.repeats is None else self.repeats.groups(shown):
             self.pictures.append([each.frame.time for each in group])
@@ -196,7 +199,8 @@ def probe(
         try:
             schedule = OutputRate().schedule(source.info, has_clock=has_clock)
         except FpsboostError as error:
-            schedule, refused = OutputRate(keep_timing=True).schedule(source.info, has_clock=has_clock), str(error)
+            schedule = OutputRate(keep_timing=True).schedule(source.info, has_clock=has_clock)
+            refused = str(error)
         losses: list[str] = []
         if beside.video is not None and refused is None:
             timing = OutputTiming(schedule.rate(source.info.rate), schedule.time_base(source.info.time_base))
@@ -208,14 +212,16 @@ def probe(
         cuts = findings.cuts(source, methods["nlm"])
         if isinstance(source, SeekableSource):
             refused = refused or source.stopped_by
-        info, times = source.info, findings.times
+        info = source.info
+        times = findings.times
         counted = replace(info, frame_count=len(times), duration=findings.end - times[0])
         # that of the last frame is its own in an animation; in a video, some headers are a few frames off
         last = findings.end - times[-1]
         ends = [findings.end] if is_animated or last > 4 / info.rate else []
         intervals = [later - earlier for earlier, later in pairwise([*times, *ends])] or [1 / info.rate]
         cadence = None if findings.repeats is None else findings.repeats.cadence(info.rate)
-        median, spread = statistics.median(intervals), max(intervals) - min(intervals)
+        median = statistics.median(intervals)
+        spread = max(intervals) - min(intervals)
         return Probe(
             name=info.name,
             width=info.width,
@@ -260,13 +266,16 @@ def before_writing(output: Output) -> tuple[str, list[str]]:
 
     Raises `OutputError` if it cannot be written.
     """
-    details, remarks, name = "", list[str](), Path(output.path).name
+    details = ""
+    remarks = list[str]()
+    name = Path(output.path).name
     with TemporaryDirectory() as folder:
         path = str(Path(folder) / name)
         try:
             sink = Target.parse(path).open(replace(output, path=path))
             with suppress(_AbortSinkError), sink:
-                details, remarks = sink.details if isinstance(sink, HasDetails) else "", sink.remarks
+                details = sink.details if isinstance(sink, HasDetails) else ""
+                remarks = sink.remarks
                 raise _AbortSinkError
         except FpsboostError as error:
             raise OutputError(str(error).replace(path, name)) from error
@@ -278,7 +287,9 @@ def expected_losses(ready: Preparation) -> tuple[str, list[str]]:
 
     Raises `OutputError` if the output cannot be written.
     """
-    sink, details, losses = ready.target.open(ready.output), "", list[str]()
+    sink = ready.target.open(ready.output)
+    details = ""
+    losses = list[str]()
     if ready.target.kind == "video":
         details, losses = before_writing(ready.output)
     remarks = [*ready.clip.source.remarks, *ready.remarks, *sink.remarks, *losses]

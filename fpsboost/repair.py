@@ -38,7 +38,8 @@ def _standing_out(frames: Iterable[SourceFrame]) -> Iterator[Marked]:
     matched_before = nothing_known = np.ones((1, 1), np.float32)
     for before, frame, after in with_neighbours(frames):
         matched = nothing_known if after is None else _match(frame, after)
-        own, is_out = _bands(np.maximum(matched_before, matched)), False
+        own = _bands(np.maximum(matched_before, matched))
+        is_out = False
         if before is not None and after is not None and own.min() < SHARE:  # or no match can exceed it enough
             across = _bands(_match(before, after))
             is_out = bool(((own < SHARE * across) & (across >= LEAST)).any())
@@ -66,11 +67,13 @@ def group_replaced(
     begins with the first one, and which frames are not there. Raises `InputError` where too many follow each other.
     """
     group: list[SourceFrame] = []
-    number, end = 0, None
+    number = 0
+    end = None
     marked = find_damaged(frames) if replacement.detect else ((frame, False) for frame in frames)
     for _, (frame, is_damaged), after in with_neighbours(marked):
         place = frame.position
-        number, end = place.number, after[0].position.seconds if after else place.seconds + frame.frame.duration
+        number = place.number
+        end = after[0].position.seconds if after else place.seconds + frame.frame.duration
         is_replaced = is_damaged or replacement.times_listed(number, place.seconds, end) > 0
         if is_replaced and group:
             group.append(frame)

@@ -107,7 +107,8 @@ class RunOptions(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        is_part, given = self.chunk is not None, self.side.given
+        is_part = self.chunk is not None
+        given = self.side.given
         refuse(
             {
                 "`chunk` writes its part into a folder, which does not work with `in_place`; leave one of them out.": (
@@ -124,7 +125,8 @@ class RunObserver:
     """Observer that calls what the options of a run have for it: `observer`, `progress` and `cancel`."""
 
     def __init__(self, run: RunOptions) -> None:
-        self._run, self._observer = run, run.observer or SilentObserver()
+        self._run = run
+        self._observer = run.observer or SilentObserver()
         self._expected: int | None = None
 
     def opened(self, info: ClipInfo, expected_frames: int | None) -> None:

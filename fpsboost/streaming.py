@@ -48,9 +48,10 @@ from fpsboost.timing.position import format_time
 from fpsboost.timing.rate import stretched
 from fpsboost.timing.schedule import ExposureSchedule, RetimeSchedule, Schedule, Step, rising_time
 
-LONG, MOST_NOTED = 2, 10
-"""Least intervals between two frames across which a cut is named in a remark, and the number of remarks from which no
-more are added."""
+LONG = 2
+"""Least number of frame intervals between two frames across which a cut is named in a remark."""
+MOST_NOTED = 10
+"""Number of remarks from which no more are added."""
 FRAMES_PER_TASK = 4  # maximum number of output frames that one task makes
 
 
@@ -155,13 +156,15 @@ def interpolate_frames(
             outputs=outputs,
             stretch=stretch,
         )
-        before, start = clip.outputs_before, None if outputs.entry is None else outputs.entry.start
+        before = clip.outputs_before
+        start = None if outputs.entry is None else outputs.entry.start
         stop = None if outputs.stop is None else outputs.stop - before
         made = _output_frames(frames, clip, sink is None or sink.holds_last_frame, in_order)
         exposed = _exposed(made, interpolator.mask) if clip.has_exposures else map(_Output.finished, made)
         timed = _completed(exposed, clip)
         if clip.curve is not None:  # the times of frames are those of the source so far
-            numbered, rate = enumerate(timed, before), schedule.rate(source.info.rate)
+            numbered = enumerate(timed, before)
+            rate = schedule.rate(source.info.rate)
             timed = (replace(frame, time=clip.start + number / rate, duration=1 / rate) for number, frame in numbered)
         if outputs.first > before or stop is not None:
             timed = islice(timed, outputs.first - before, stop)
@@ -206,7 +209,8 @@ class _Output(NamedTuple):
 
     def repeated(self, confidence: float | None) -> _Output:
         """Return it with the frame of the source, and this confidence unless it is shown at its own time."""
-        frame, time = self.source.frame, self.step.time
+        frame = self.source.frame
+        time = self.step.time
         is_unknown = confidence is None or time == frame.time
         values = None if is_unknown else np.full(frame.image.shape[:2], confidence, np.float32)
         return self._replace(frame=replace(frame, time=time, confidence=values))
@@ -244,10 +248,13 @@ class _Interval:
         """
         if self.is_still is not None:
             return
-        first, last, outputs = self.group[0], self.group[-1], self.outputs
+        first = self.group[0]
+        last = self.group[-1]
+        outputs = self.outputs
         is_still = may_be_still and len(self.group) > 1 and self.pair.is_discontinuous(*neighbours)
         if len(self.group) > 1 and not is_still:
-            begin, end = first.frame.time, self.following.frame.time
+            begin = first.frame.time
+            end = self.following.frame.time
             steps = (each.step._replace(t=(each.step.time - begin) / (end - begin)) for each in outputs)
             outputs = [each._replace(source=first, step=step) for each, step in zip(outputs, steps, strict=True)]
         # a still is shown until the cut at the end of its last frame
@@ -287,7 +294,8 @@ class _LoopState:
         # the number of output frames so far, and those of the source frames to be read, and to become part of an
         # interval, next
         self.outputs_before, self.number, self.index = entry.outputs_before, entry.number, entry.number
-        self.start, self.step = entry.start, entry.step
+        self.start = entry.start
+        self.step = entry.step
 
     def presented(self, frames: Iterator[Frame]) -> Iterator[SourceFrame]:
         """Yield the source's frames with their positions, at the schedule's presentation times, and count them."""
@@ -297,9 +305,11 @@ class _LoopState:
                 self.start = frame.time
             number = self.number
             self.number += 1
-            place, seconds = number, frame.time - self.start
+            place = number
+            seconds = frame.time - self.start
             if self.outputs.round_frames and self.outputs.round_end:
-                place, seconds = place % self.outputs.round_frames, seconds % (self.outputs.round_end - self.start)
+                place = place % self.outputs.round_frames
+                seconds = seconds % (self.outputs.round_end - self.start)
             if place == number:  # of a loop, one round counts
                 self.summary.frame_intervals.note(frame.time, self.start)
                 self.summary.frames_in += 1
@@ -337,7 +347,8 @@ class _LoopState:
         elif not interval.is_still:
             self.summary.duplicates += len(interval.group) - 1
         self.summary.scene_cuts += interval.scene_cut
-        apart, end = interval.pair.apart, interval.following.position.seconds
+        apart = interval.pair.apart
+        end = interval.following.position.seconds
         if interval.scene_cut and apart * self.info.rate >= LONG and len(self.summary.remarks) < MOST_NOTED:
             self.summary.remarks.append(
                 f"A scene seems to end between {format_time(end - apart)} and {format_time(end)}, so that no motion is "
@@ -363,7 +374,8 @@ class _LoopState:
 
     def interval(self, group: tuple[SourceFrame, ...], following: tuple[SourceFrame, ...]) -> _Interval:
         """Return the interval from one picture to the next; must be called in order."""
-        first_output, outputs = self.outputs_before, list[_Output]()
+        first_output = self.outputs_before
+        outputs = list[_Output]()
         shown = *(group if self.interpolator.replacement is None else group[:1]), following[0]  # not what is damaged
         for source, after in pairwise([*group, following[0]]):
             for step in self.schedule.steps(self.index, self.start, source.frame.time, after.frame.time):
@@ -379,7 +391,8 @@ class _LoopState:
         """Return the number of the output frame that a step belongs to; must be called in order."""
         if step.is_sample:  # of the exposure of the frame before or of the next one
             return self.outputs_before - (step.frame_number == self.exposed)
-        number, self.exposed = self.outputs_before, step.frame_number
+        number = self.outputs_before
+        self.exposed = step.frame_number
         self.outputs_before += 1
         if number in (self.outputs.first, self.outputs.stop):
             self.summary.boundaries[number] = SourceMoment(self.place(source), source.frame.time)
@@ -422,7 +435,8 @@ def _output_frames(
     in_order: Callable[[Iterable[Callable[[], Made]]], Iterator[Made]],
 ) -> Iterator[_Output]:
     """Yield the output frames without durations, or the samples of each; note when the clip ends."""
-    scenes, summary = 0, clip.summary
+    scenes = 0
+    summary = clip.summary
     for interval, outputs in in_order(_tasks(clip, clip.groups(clip.presented(frames)))):
         clip.count_outputs(interval, outputs)
         if interval.done == 0:
@@ -447,7 +461,8 @@ def _output_frames(
     if clip.curve is not None and not clip.curve.is_open:
         if clip.start + clip.curve.top > clip.end:
             summary.remarks.append(f"{clip.info.name} ended before the retime curve, which held its last frame.")
-        clip.end, holds_last_frame = max(clip.end, clip.start + clip.curve.top + 1), True
+        clip.end = max(clip.end, clip.start + clip.curve.top + 1)
+        holds_last_frame = True
     for step in clip.schedule.steps(clip.index, clip.start, last.frame.time, clip.end):
         if step.t == 0 or holds_last_frame:
             output = _Output(last, step, clip.output_number(step, last), scene=scenes, nearest=last)
@@ -462,13 +477,18 @@ def _exposed(outputs: Iterator[_Output], mask: FrameMask | None) -> Iterator[Fra
     """
     for _, samples in groupby(outputs, lambda output: output.step.frame_number):
         exposures: dict[int, Exposure] = {}
-        frame, scene, nearest = None, 0, None
+        frame = None
+        scene = 0
+        nearest = None
         for output in samples:
             exposures.setdefault(output.scene, Exposure()).add(output.finished().array)
             if not output.step.is_sample:
-                frame, scene, nearest = output.frame, output.scene, output.nearest
+                frame = output.frame
+                scene = output.scene
+                nearest = output.nearest
         if frame is not None and exposures[scene].count > 1:
-            image, preceding = exposures[scene].image(), frame.original or frame.preceding
+            image = exposures[scene].image()
+            preceding = frame.original or frame.preceding
             frame = replace(frame, image=image, original=None, preceding=preceding)
         if frame is not None:
             yield _masked(frame, nearest, mask)
@@ -494,7 +514,8 @@ def _tasks(clip: _LoopState, groups: Iterable[tuple[SourceFrame, ...]]) -> Itera
 def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: int) -> Made:
     """Make the output frames of a part of an interval; those that are not needed carry any image."""
     interval.resolve(neighbours, may_be_still=clip.interpolator.replacement is None)
-    outputs, pair = interval.outputs[begin : begin + FRAMES_PER_TASK], interval.pair
+    outputs = interval.outputs[begin : begin + FRAMES_PER_TASK]
+    pair = interval.pair
     mask = None if clip.has_exposures else clip.interpolator.mask
     times = [each.step.t for each in outputs if clip.makes(each)]
     images: Iterator[InterpolatedImage] = iter(())

@@ -16,8 +16,12 @@ from fpsboost.motion.field import MotionField
 from fpsboost.motion.opencv import Dis
 
 SIDE = 320  # longer side of the thumbnails in which motion is found, pixels; larger frames are reduced
-MOVING, STEADY, JUMPING = 0.05, 0.5, 0.6
-"""Least shares: of the picture that moves, of this that moves alike before and after, and of that which jumps alike."""
+MOVING = 0.05
+"""Least share of the picture that moves."""
+STEADY = 0.5
+"""Least share of the moving area that moves alike before and after the gap."""
+JUMPING = 0.6
+"""Least share of that area which moves by a multiple in the gap itself."""
 
 
 def find_gaps(frames: Iterable[FrameCache]) -> dict[int, int]:

@@ -32,15 +32,21 @@ BLOCK_SIZE = 16
 
 BLOCK_SPACING = 8  # distance between blocks, samples
 
-MAX_BLOCKS, MAX_FLAT_BLOCKS = 1024, 256
-"""Number of blocks, and of flat blocks, of a plane above which only every second, third... is measured."""
+MAX_BLOCKS = 1024
+"""Number of blocks of a plane above which only every second, third... is measured."""
+MAX_FLAT_BLOCKS = 256
+"""Number of flat blocks of a plane above which only every second, third... is measured."""
 
-MAX_LEVELS, MIN_BLOCKS_PER_LEVEL = 8, 64
-"""Maximum number of intensities at which noise is measured, and minimum number of blocks for each."""
+MAX_LEVELS = 8
+"""Maximum number of intensities at which noise is measured."""
+MIN_BLOCKS_PER_LEVEL = 64
+"""Minimum number of blocks for each intensity."""
 
-FLATTEST_SHARE, MAX_CONTRAST_RATIO = 0.05, 2.0
-"""Share of an intensity's blocks that are its flattest, and how many times their variance a flat block may have: the
-noise of one intensity has one variance, and textures have many."""
+FLATTEST_SHARE = 0.05
+"""Share of an intensity's blocks that are its flattest."""
+MAX_CONTRAST_RATIO = 2.0
+"""How many times the variance of the flattest blocks a flat block may have: the noise of one intensity has one
+variance, and textures have many."""
 
 MAX_CORRELATION = 0.35  # correlation of two frames along the motion above which a block shows texture rather than noise
 MAX_COHERENCE = 0.35  # coherence of gradients above which a block shows an edge, 0 to 1
@@ -99,7 +105,8 @@ def measure_grain(image0: Pixels, image1: Pixels, field01: MotionField, field10:
     field01, field10 : MotionField
         Motion in both directions, by which blocks are compared with the same surface in the other frame.
     """
-    planes0, planes1 = _planes(image0), _planes(image1)
+    planes0 = _planes(image0)
+    planes1 = _planes(image1)
     blocks = [
         (_find_flat_blocks(plane0, plane1, field01), _find_flat_blocks(plane1, plane0, field10))
         for plane0, plane1 in zip(planes0, planes1, strict=True)
@@ -123,7 +130,8 @@ def match_grain(image: Pixels, grain: PairGrain, t: float, seed: Sequence[int]) 
     seed : sequence of int
         Seed of the random numbers: the same seed gives the same noise, so that a conversion can be repeated.
     """
-    planes, random = _planes(image), np.random.default_rng(seed)
+    planes = _planes(image)
+    random = np.random.default_rng(seed)
     white = [random.standard_normal(plane.samples.shape, np.float32) for plane in planes]
     if grain.mixing.size:
         white = list(np.tensordot(grain.mixing, np.stack(white), 1))
@@ -233,7 +241,8 @@ def _blocks(plane: np.ndarray, corners: np.ndarray) -> np.ndarray:
 def _coherence(blocks: np.ndarray) -> np.ndarray:
     """Return how far the gradients of each block have one direction, 0 to 1: 0 in noise, 1 at a straight edge."""
     # central differences: those to the next sample would share one, and correlate in noise
-    down, across = blocks[:, 2:, 1:-1] - blocks[:, :-2, 1:-1], blocks[:, 1:-1, 2:] - blocks[:, 1:-1, :-2]
+    down = blocks[:, 2:, 1:-1] - blocks[:, :-2, 1:-1]
+    across = blocks[:, 1:-1, 2:] - blocks[:, 1:-1, :-2]
     yy, xx, xy = (np.sum(one * other, axis=(1, 2)) for one, other in ((down, down), (across, across), (down, across)))
     return np.asarray(np.hypot(yy - xx, 2 * xy) / np.maximum(yy + xx, np.finfo(np.float32).tiny))
 
@@ -264,7 +273,8 @@ class MissingNoise(NamedTuple):
 
     def at(self, intensity: np.ndarray) -> np.ndarray:
         """Return the standard deviation at each sample, float32."""
-        low, step = self.intensities[0], self.intensities[1] - self.intensities[0]
+        low = self.intensities[0]
+        step = self.intensities[1] - self.intensities[0]
         places = np.nan_to_num((intensity - low) / step + np.float32(0.5))
         return np.asarray(self.deviations[places.clip(0, LEVELS - 1).astype(np.intp)])
 
@@ -281,13 +291,15 @@ class NoiseComparison(NamedTuple):
 def _compare(plane: Plane, flat: FlatBlocks, distance: float) -> NoiseComparison:
     """Compare the noise of a frame with that of an in-between frame's plane, which is `distance` intervals away."""
     left, inside = _residuals(plane.samples, flat.corners + np.rint(flat.motion * distance).astype(int))
-    missing, lowest = [], np.inf
+    missing = []
+    lowest = np.inf
     for each in range(MAX_LEVELS):
         of_level = inside & (flat.level == each)
         if of_level.sum() < MIN_FLAT_BLOCKS:
             continue
         there, here = (np.median(np.square(blocks[of_level]).mean(axis=(1, 2))) for blocks in (flat.residuals, left))
-        intensity, variance = float(flat.intensities[of_level].mean()), max(float(there - here), 0.0)
+        intensity = float(flat.intensities[of_level].mean())
+        variance = max(float(there - here), 0.0)
         missing.append((intensity, variance))
         if there > MIN_RELATIVE_VARIANCE * intensity * intensity:
             lowest = min(lowest, variance)
@@ -306,10 +318,12 @@ def _find_missing_noise(
     if not usable:
         return None
     measured = [level for each, _ in usable for level, _ in each.missing]
-    low, high = min(measured), max(measured)
+    low = min(measured)
+    high = max(measured)
     smallest = LEVELS * float(np.finfo(np.float32).eps) * max(abs(high), 1.0)  # steps that float32 tells apart
     intensities = np.linspace(low, max(high, low + smallest), LEVELS, dtype=np.float32)
-    spectrum, curves = np.zeros(window.shape, np.float32), []
+    spectrum = np.zeros(window.shape, np.float32)
+    curves = []
     for each, share in usable:
         levels, variances = np.array(each.missing).T
         curves.append(np.interp(intensities, levels, np.minimum(variances, most)).astype(np.float32))

@@ -166,7 +166,8 @@ def _estimate_everywhere(image0: FrameCache, image1: FrameCache) -> Estimate | N
     small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
     white = np.float32(max(1.0, float(small0.max()), float(small1.max())))
     illumination = _match_mean_and_deviation(small0, small1, white)
-    small0, small1 = small0 / white, small1 / white
+    small0 = small0 / white
+    small1 = small1 / white
     if np.abs(illumination.apply(small0, 1, small0.dtype) - small0).mean() < MIN_CHANGE:
         return None
     exact = _fit_along_motion(small0, small1, _search(small0, illumination.undo(small1)))
@@ -185,7 +186,8 @@ def compensate_either(
 ) -> tuple[tuple[FrameCache, FrameCache], ...]:
     """Return small copies of two frames, under the illumination of frame 0 and under that of frame 1."""
     small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
-    in_light0, in_light1 = (small0, illumination.undo(small1)), (illumination.apply(small0, 1, small0.dtype), small1)
+    in_light0 = (small0, illumination.undo(small1))
+    in_light1 = (illumination.apply(small0, 1, small0.dtype), small1)
     return tuple((image0.with_image(first), image1.with_image(second)) for first, second in (in_light0, in_light1))
 
 
@@ -254,7 +256,8 @@ def _find_local_gain(image0: FrameCache, image1: FrameCache, side: int) -> np.nd
 def _search_near(components0: Components, components1: Components) -> tuple[MotionField, MotionField]:
     """Search small copies for motion up to `LOCAL_SEARCH_RANGE`, in both directions."""
     side = max(components0.shape[:2])
-    radius, penalty = math.ceil(LOCAL_SEARCH_RANGE * side), LOCAL_MOTION_PENALTY / side
+    radius = math.ceil(LOCAL_SEARCH_RANGE * side)
+    penalty = LOCAL_MOTION_PENALTY / side
     return search_fused(components0, components1, radius, 2, "box", 0.09, penalty)
 
 
@@ -283,7 +286,9 @@ def _smoothed(values: np.ndarray, deviation: float) -> np.ndarray:
 def _ends(field: MotionField) -> tuple[np.ndarray, np.ndarray]:
     """Return the row and the column at the end of each whole-pixel vector."""
     height, width = field.similarity.shape
-    moved, y, x = field.flow.astype(int), np.arange(height)[:, np.newaxis], np.arange(width)
+    moved = field.flow.astype(int)
+    y = np.arange(height)[:, np.newaxis]
+    x = np.arange(width)
     return (y + moved[..., 1]).clip(0, height - 1), (x + moved[..., 0]).clip(0, width - 1)
 
 
@@ -301,7 +306,8 @@ def _confirmed(field01: MotionField, field10: MotionField) -> np.ndarray:
 def _fit_locally(small0: Image, small1: Image, fields: tuple[MotionField, MotionField]) -> np.ndarray:
     """Fit a gain around each pixel of frame 1 by least squares over pixels and their matches in frame 0."""
     field01, field10 = fields
-    matched, returns = small0[_ends(field10)], _returns(field10, field01)
+    matched = small0[_ends(field10)]
+    returns = _returns(field10, field01)
     weight = (field10.similarity.clip(0, 1) * np.where(returns, np.float32(1), np.float32(0.05)))[..., np.newaxis]
     deviation = max(small0.shape[:2]) / 80
     products, squares = (_smoothed(weight * matched * other, deviation) for other in (small1, matched))

@@ -25,9 +25,10 @@ BLOCK_SIZE = 32
 MEDIAN_SIZE = 5  # side of the median filter that gives the motion of the surroundings, blocks
 MIN_MOTION = np.float32(1)  # motion below which surroundings count as still, pixels
 
-STATIC_THRESHOLD, CHANGE_THRESHOLD = 8, 25
-"""Levels of 255: a pixel whose luma changes by at most the first is static, one that changes by more than the second
-not; see `CHROMA_WEIGHT` about chroma."""
+STATIC_THRESHOLD = 8
+"""Greatest change of luma of a static pixel, levels of 255; see `CHROMA_WEIGHT` about chroma."""
+CHANGE_THRESHOLD = 25
+"""Change of luma above which a pixel is not static, levels of 255."""
 
 MIN_NEIGHBOURS = 3
 """Minimum number of overlay pixels in the 3x3 neighbourhood of a pixel of an overlay, itself included."""

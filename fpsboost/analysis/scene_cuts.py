@@ -227,7 +227,8 @@ def unseen_planes(image: FrameCache, longer_side: int) -> list[np.ndarray]:
 
 def _contradiction(similarity: np.ndarray, field: MotionField, here: np.ndarray, there: np.ndarray) -> float:
     """Return the largest loss of similarity of any patch by the difference from its match in another plane."""
-    ends, side = np.arange(here.size) + _as_steps(field.flow.reshape(-1, 2), here.shape[1]), 2 * PATCH_RADIUS + 1
+    ends = np.arange(here.size) + _as_steps(field.flow.reshape(-1, 2), here.shape[1])
+    side = 2 * PATCH_RADIUS + 1
     apart = np.square(here - there.take(ends).reshape(here.shape))
     alike = cv2.blur(cv2.exp(apart * np.float32(-0.5 / BANDWIDTH**2)), (side, side))
     return float((similarity * (1 - alike.reshape(here.shape))).max())
@@ -236,7 +237,8 @@ def _contradiction(similarity: np.ndarray, field: MotionField, here: np.ndarray,
 def _measure_consistency(thumbnail: Components, there: MotionField, back: MotionField) -> np.ndarray:
     """Return, by pixel, the match's similarity times that of the patch where the backward vector ends, (h, w)."""
     height, width = there.similarity.shape
-    starts, flow = np.arange(height * width), there.flow.reshape(-1, 2)
+    starts = np.arange(height * width)
+    flow = there.flow.reshape(-1, 2)
     across = flow + back.flow.reshape(-1, 2).take(starts + _as_steps(flow, width), axis=0)
     looks_the_same = np.ones((height, width), np.float32)
     elsewhere = np.flatnonzero(across[:, 0] ** 2 + across[:, 1] ** 2 >= CONSISTENCY_TOLERANCE**2)

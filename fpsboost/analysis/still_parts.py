@@ -41,7 +41,8 @@ def find_still_parts(image0: FrameCache, image1: FrameCache, field01: MotionFiel
     """
     layer0, layer1 = (cv2.blur(image.cached(gray).astype(np.float32), (3, 3)) for image in (image0, image1))
     change = cv2.absdiff(layer0, layer1)
-    is_changed, reach = change > CHANGED, max(3, round(JOINED * max(change.shape)))
+    is_changed = change > CHANGED
+    reach = max(3, round(JOINED * max(change.shape)))
     joined = cv2.dilate(is_changed.astype(np.uint8), np.ones((reach, reach), np.uint8))
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(joined)
     still = np.ones_like(change)

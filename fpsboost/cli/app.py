@@ -228,7 +228,8 @@ def convert(
     inputs = paths if run_options.in_place else paths[:-1]
     check_named_once(inputs)
     if batch.is_pair(inputs) and not run_options.in_place:
-        input, output = ",".join(inputs), paths[-1]
+        input = ",".join(inputs)
+        output = paths[-1]
         inputs = [input]
     if len(inputs) <= 1:
         run(input, None if run_options.in_place else output or output_beside(input, rate))
@@ -508,7 +509,8 @@ def stopping_on(*numbers: int) -> Iterator[None]:
         request.end()
         for number in numbers:
             signal.signal(number, signal.SIG_DFL)
-        sys.unraisablehook, sys.excepthook = sys.__unraisablehook__, sys.__excepthook__
+        sys.unraisablehook = sys.__unraisablehook__
+        sys.excepthook = sys.__excepthook__
 
 
 class _Request:
@@ -524,7 +526,8 @@ class _Request:
         It is not raised where it would be lost, during an import, nor while one that was raised before is being
         handled, unless a user asks again.
         """
-        is_repeated, self._is_repeated = self._is_repeated, False
+        is_repeated = self._is_repeated
+        self._is_repeated = False
         self.end()
         self._timer = Timer(AGAIN_AFTER, self._repeat, [number])
         self._timer.daemon = True

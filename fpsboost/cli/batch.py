@@ -99,7 +99,8 @@ def convert_all(
     failed.
     """
     messages = console()
-    done, failed = 0, []
+    done = 0
+    failed = []
     try:
         for number, (path, output) in enumerate(zip(inputs, outputs, strict=True), 1):
             try:

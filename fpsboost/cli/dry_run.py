@@ -32,8 +32,10 @@ MIN_FRAMES = 1200  # number of frames of a clip below which one passage is tried
 PART = 16
 """Divisor of a clip's frames for those that are tried: with reading, the trial takes a tenth of the run."""
 
-SHORTEST, LONGEST = 3, 24
-"""Minimum and maximum number of frames in a passage."""
+SHORTEST = 3
+"""Minimum number of frames in a passage."""
+LONGEST = 24
+"""Maximum number of frames in a passage."""
 
 KEY_INTERVAL = 250
 """Usual number of frames from one key frame to the next; in a passage, the first frame is one."""
@@ -55,8 +57,11 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
     reading = Console(stderr=True)
     with reading.status("reading"), prepared(job, replace(run, resume=False)) as ready:
         details, remarks = expected_losses(ready)
-        source, output, is_images = ready.clip.source.info, ready.output, ready.target.kind == "images"
-        frames, rate = output.expected_frames, output.timing.rate
+        source = ready.clip.source.info
+        output = ready.output
+        is_images = ready.target.kind == "images"
+        frames = output.expected_frames
+        rate = output.timing.rate
         if frames is None:
             source = job.decoding.trim.of_info(with_duration(ready.clip.whole))
             frames = count_frames(ready.base_schedule, source, holds_last_frame=not is_images or job.rate.loop)
@@ -101,7 +106,9 @@ def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
 
 def _kept(ready: Preparation, remarks: Sequence[str]) -> list[str]:
     """Return the streams beside the pictures that a video keeps."""
-    file, encoding, kept = ready.clip.whole.stream_info.video, ready.output.encoding, list[str]()
+    file = ready.clip.whole.stream_info.video
+    encoding = ready.output.encoding
+    kept = list[str]()
     lost = " ".join(remark for remark in remarks if "left out" in remark)
     wanted = {"audio": encoding.audio, "subtitle": encoding.subtitles}
     for stream in list_streams(file) if file is not None and ready.target.kind == "video" else ():

@@ -229,7 +229,8 @@ class Reporter(ExitStack):
     def __init__(self, output: str, *, quiet: bool, verbose: bool) -> None:
         super().__init__()
         self._console = console(quiet=quiet)
-        self._output, self._verbose = output, verbose
+        self._output = output
+        self._verbose = verbose
         self._progress = self.enter_context(
             Progress(
                 TextColumn("{task.description}"),
@@ -280,11 +281,13 @@ class Reporter(ExitStack):
         frames += f", {len(summary.replaced)} replaced" if summary.replaced else ""
         frames += f", {summary.completed_frames} of which were there already" if summary.completed_frames else ""
         if self._verbose and summary.search_radii:
-            least, largest = min(summary.search_radii), max(summary.search_radii)
+            least = min(summary.search_radii)
+            largest = max(summary.search_radii)
             self._say(f"Search radius: {least if least == largest else f'{least} to {largest}'} pixels.")
         if self._verbose and summary.details:
             self._say(summary.details)
-        lowest, where = summary.lowest_match, ""
+        lowest = summary.lowest_match
+        where = ""
         if lowest is not None and lowest.match_score < 1:
             file = f", {summary.lowest_match_file}" if summary.lowest_match_file else ""
             # in milliseconds, the time may lie in the frame before, and players would show that
@@ -320,7 +323,8 @@ class JsonReporter(ExitStack):
 
     def __init__(self, output: str) -> None:
         super().__init__()
-        self._output, self._frames = output, 0
+        self._output = output
+        self._frames = 0
         self._expected: int | None = None
 
     def opened(self, info: fpsboost.ClipInfo, expected_frames: int | None) -> None:
@@ -346,7 +350,8 @@ class JsonReporter(ExitStack):
 
         ``least_certain`` is null if nothing was interpolated between two frames of a scene.
         """
-        self._frames, lowest = summary.frames_out, summary.lowest_match
+        self._frames = summary.frames_out
+        lowest = summary.lowest_match
         results = {
             "frames_in": summary.frames_in,
             "frames_made": summary.frames_made,

@@ -410,8 +410,10 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
     Callable
         Function with the command's other parameters, and one for each flag.
     """
-    hints, signature = get_type_hints(command, include_extras=True), inspect.signature(command)
-    parameters, classes = list[inspect.Parameter](), dict[str, type]()
+    hints = get_type_hints(command, include_extras=True)
+    signature = inspect.signature(command)
+    parameters = list[inspect.Parameter]()
+    classes = dict[str, type]()
     for name, parameter in signature.parameters.items():
         kind, group = get_args(hints[name])
         if is_dataclass(kind):
@@ -425,7 +427,8 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
         own = hints.keys() - classes.keys()
         command(*arguments, **options, **{name: value for name, value in values.items() if name in own})
 
-    run.__doc__, run.__module__ = command.__doc__, command.__module__
+    run.__doc__ = command.__doc__
+    run.__module__ = command.__module__
     run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return run
@@ -436,15 +439,19 @@ def parameter_of(flag: Flag, group: Group) -> inspect.Parameter:
 
     Values that the library parses are taken as texts; types of paths and choices let a shell complete them.
     """
-    kind, default, metavar = flag.kind, flag.default, flag.option.metavar
+    kind = flag.kind
+    default = flag.default
+    metavar = flag.option.metavar
     if "PathLike" in str(kind):
         kind = str | None
     if isinstance(default, bool):
-        kind, default = bool, False
+        kind = bool
+        default = False
     else:
         metavar = metavar or next(_metavars[each] for each in _metavars if each in str(kind))
         if flag.option.parse is not None:
-            kind, default = tuple[str, ...] if isinstance(default, tuple) else str, None
+            kind = tuple[str, ...] if isinstance(default, tuple) else str
+            default = None
             kind |= None
         if metavar in ("DIR", "FILE", "IN"):  # names of files and folders
             kind |= Path

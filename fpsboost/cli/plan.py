@@ -13,7 +13,8 @@ from fpsboost.cli.messages import console, fact_table, literal, sentence
 from fpsboost.cli.options import MethodOptions, PathName, PlannedMethodOptions, with_flags
 from fpsboost.rerender import MergeOptions, PlanOptions
 
-budget, method = Group("Regions", sort_key=1), Group("Method", sort_key=2)
+budget = Group("Regions", sort_key=1)
+method = Group("Method", sort_key=2)
 merge_options = Group("Options", sort_key=1)
 
 
@@ -47,7 +48,8 @@ def plan_table(plan: fpsboost.RerenderPlan, folder: str) -> Table:
     started = [frame for frame in plan.frames if frame.regions]
     regions = sum(len(frame.regions) for frame in started)
     whole = sum(frame.whole for frame in started)
-    before, after = plan.expected_error, plan.remaining_error
+    before = plan.expected_error
+    after = plan.remaining_error
     less = f", {1 - after / before:.0%} less" if before > 0 else ""
     facts = {
         "frames": f"{len(started)} of {len(plan.frames)} that are interpolated" + f", {whole} whole" * (whole > 0),

@@ -73,7 +73,8 @@ def _affordable_workers(job: fpsboost.ConversionJob, run: fpsboost.RunOptions) -
     from fpsboost.extension import memory_limit, opened_clip  # noqa: PLC0415
 
     with opened_clip(job, run) as clip:
-        info, images = clip.source.info, clip.whole.stream_info.images
+        info = clip.source.info
+        images = clip.whole.stream_info.images
     planes = 0 if images is None else images.planes
     return memory_limit(job, run).affordable_processes(info.width, info.height, available_cores(), planes)
 

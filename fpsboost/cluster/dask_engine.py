@@ -82,8 +82,10 @@ WAIT_SECONDS = 0.5
 WORKERS_INTERVAL = 1.0
 """Seconds between requests to the scheduler for the list of workers."""
 
-CONNECT_SECONDS, REPLY_SECONDS = 10, 30
-"""Time limits of a connection to the scheduler, and of an answer of the scheduler or a worker, seconds."""
+CONNECT_SECONDS = 10
+"""Time limit of a connection to the scheduler, seconds."""
+REPLY_SECONDS = 30
+"""Time limit of an answer of the scheduler or a worker, seconds."""
 
 PIECE_BYTES = 16 << 20
 """Bytes of a part's file that are sent at a time where storage is not shared; worker, scheduler and client each hold
@@ -93,7 +95,8 @@ one such piece in memory."""
 @checked
 def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None) -> Summary:
     """Convert a clip; see `fpsboost.cluster.convert`. Complete parts of earlier runs of the same job are used."""
-    begin, run = time.perf_counter(), run or RunOptions()
+    begin = time.perf_counter()
+    run = run or RunOptions()
     if client.asynchronous:
         raise OptionError("The client is asynchronous, and a conversion waits for its parts; give a synchronous one.")
     output = os.path.abspath(output_beside(job.input, job.rate) if job.output is None else job.output)
@@ -104,7 +107,8 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
         raise OptionError(
             f"`cluster` converts in parts, which does not work with {' or '.join(given)}; leave one of them out."
         )
-    observer, progress = RunObserver(run), Summary()
+    observer = RunObserver(run)
+    progress = Summary()
     with planned_job(job, run, max(GROWN_CLUSTER, len(client.nthreads())) * PARTS_PER_WORKER) as (info, planned):
         folders = {each.part: each.part.folder(output) for each in planned}
         missing = [each for each in planned if not folders[each.part].is_dir()]
@@ -120,7 +124,8 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
 
         _Parts(client, job, run, missing).make(wrote)
     summary = _join(output, list(folders.values()), overwrite=run.overwrite)
-    summary.completed_frames, summary.seconds = progress.completed_frames, time.perf_counter() - begin
+    summary.completed_frames = progress.completed_frames
+    summary.seconds = time.perf_counter() - begin
     return summary
 
 
@@ -193,7 +198,11 @@ class _Parts:
     def __init__(self, client: Client, job: ConversionJob, run: RunOptions, planned: Sequence[PlannedPart]) -> None:
         assert job.output is not None
         assert client.scheduler is not None
-        self._client, self._job, self._run, self._output, self._facts = client, job, run, job.output, job_facts(job)
+        self._client = client
+        self._job = job
+        self._run = run
+        self._output = job.output
+        self._facts = job_facts(job)
         self._topic = f"fpsboost-{job_key(self._facts, os.fspath(job.output))}"
         self._mark = Part(1, 1).folder(job.output).with_name(f".{self._topic}.{uuid4().hex[:8]}")
         self._waiting = largest_first(planned)
@@ -252,7 +261,8 @@ class _Parts:
             tasks = self._client.sync(self._scheduler.processing, callback_timeout=REPLY_SECONDS)
         except (OSError, TimeoutError) as error:
             raise self._scheduler_gone() from error
-        self._workers, keys = set(tasks), {key for of_worker in tasks.values() for key in of_worker}
+        self._workers = set(tasks)
+        keys = {key for of_worker in tasks.values() for key in of_worker}
         for running in self._running:
             running.times_missing = 0 if running.future.key in keys else running.times_missing + 1
 
@@ -270,7 +280,8 @@ class _Parts:
 
     def _submit(self, planned: PlannedPart, worker: str) -> None:
         """Submit a part as a task to a worker."""
-        part, attempts = planned.part, self._attempts[planned.part]
+        part = planned.part
+        attempts = self._attempts[planned.part]
         run = RunOptions(chunk=part, resume=True, threads=self._run.threads, limit=self._run.limit)
         order = WorkerOrder(pickle.dumps((self._job, run)), self._facts, str(self._mark), self._topic)
         key = f"{self._topic}-{part.number}-of-{part.count}-{attempts.count}"
@@ -305,7 +316,8 @@ class _Parts:
 
         Raises the error of the task, or `WorkerLostError` if its worker is lost.
         """
-        part, future = running.planned.part, running.future
+        part = running.planned.part
+        future = running.future
         if running.copy is not None:
             return running.copy.done() and running.copy.result() is None
         if not future.done():

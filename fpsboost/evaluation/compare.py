@@ -108,7 +108,8 @@ def compare(
         facts = _Facts()
         pairs = _true_pairs(facts.passing(hold_out.intervals(path), file, observer, vectors), cuts)
         across_cuts, doubtful = _not_counted(path, facts, pairs)
-        rate, results = facts.pictures / facts.seconds, []
+        rate = facts.pictures / facts.seconds
+        results = []
         for name, compared_method in compared_methods.items():
             observer.begin(name, len(facts.hidden))
             # the true frames are read beside: a method may read far ahead

@@ -92,9 +92,11 @@ class ComparedInterpolator:
         """Yield the chosen frames of an interval with the time that each took."""
         images = self.interpolator.images(pair, [hidden.t for hidden in chosen], before, after)
         for hidden in chosen:
-            begin, begin_cpu = time.perf_counter(), time.process_time()
+            begin = time.perf_counter()
+            begin_cpu = time.process_time()
             image = view(next(images).image).array()
-            seconds, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
+            seconds = time.perf_counter() - begin
+            cpu = time.process_time() - begin_cpu
             yield InterpolatedFrame(hidden.number, image, seconds, cpu, pair.search_radius)
 
     def _pairs(self, intervals: Iterable[Interval]) -> Iterator[tuple[Interval, Pair]]:
@@ -147,14 +149,16 @@ class Minterpolate:
         """
         graph: av.filter.Graph | None = None
         hidden: dict[int, HeldOutFrame] = {}  # by the place in the filter's output
-        place, last = 0, None
+        place = 0
+        last = None
         for interval in intervals:
             factor = len(interval.hidden) + 1
             if graph is None:
                 graph = self._graph(interval.shown0.array, factor)
                 graph.vpush(_as_picture(interval.shown0.array, 0))
             hidden |= {place * factor + k: each for k, each in enumerate(interval.hidden, start=1)}
-            place, last = place + 1, interval.shown1.array
+            place = place + 1
+            last = interval.shown1.array
             yield from _passed(graph, _as_picture(last, place), hidden, wanted)
         if graph is not None and last is not None:
             # the filter holds two frames back and never makes the last interval: the last frame is repeated at the end
@@ -175,7 +179,8 @@ def _as_picture(image: Image, place: int) -> av.VideoFrame:
     colours = image[..., :3] if image.shape[2] >= 3 else image[..., :1].repeat(3, axis=2)
     levels = np.rint(normalised(colours).clip(0, 1) * 255).astype(np.uint8)
     picture = av.VideoFrame.from_ndarray(levels, format="bgr24")
-    picture.pts, picture.time_base = place, Fraction(1)
+    picture.pts = place
+    picture.time_base = Fraction(1)
     return picture
 
 
@@ -183,10 +188,12 @@ def _passed(
     graph: av.filter.Graph, picture: av.VideoFrame, hidden: dict[int, HeldOutFrame], wanted: Container[int] | None
 ) -> Iterator[InterpolatedFrame]:
     """Push a picture, and yield the hidden frames that come out, which are taken from `hidden`."""
-    begin, begin_cpu = time.perf_counter(), time.process_time()
+    begin = time.perf_counter()
+    begin_cpu = time.process_time()
     graph.vpush(picture)
     pictures = [each for each in pulled(graph) if each.pts in hidden]
-    seconds, cpu_seconds = time.perf_counter() - begin, time.process_time() - begin_cpu
+    seconds = time.perf_counter() - begin
+    cpu_seconds = time.process_time() - begin_cpu
     for each in pictures:
         frame = hidden.pop(each.pts or 0)
         if wanted is None or frame.number in wanted:

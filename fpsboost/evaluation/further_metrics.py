@@ -60,7 +60,8 @@ class _FilterMeter:
 
     def __init__(self, rate: Fraction, filter_name: str, options: dict[str, str]) -> None:
         self._clock = Fraction(1, max(1, round(rate)))
-        self._filter_name, self._options = filter_name, options
+        self._filter_name = filter_name
+        self._options = options
         self._graph = av.filter.Graph()
         self._entries: list[av.filter.FilterContext] = []
         self._counts: list[bool] = []
@@ -74,7 +75,8 @@ class _FilterMeter:
             if has_alpha(image):  # colours count as far as they are seen, as in the other scores
                 image = composite_on_black(image)[..., :-1]  # noqa: PLW2901
             picture = from_bgr(image, PIXEL_FORMAT, assumed_color_space(height), full_range=False)
-            picture.pts, picture.time_base = len(self._counts), self._clock
+            picture.pts = len(self._counts)
+            picture.time_base = self._clock
             entry.push(picture)
         self._counts.append(counts)
         return list(pulled(self._graph))
@@ -100,7 +102,8 @@ class _FilterMeter:
         for entry in self._entries:
             entry.push(None)
         pictures = list(pulled(self._graph)) if self._entries else []
-        self._graph, self._entries = av.filter.Graph(), []
+        self._graph = av.filter.Graph()
+        self._entries = []
         return pictures
 
     def _counted(self, values: list[float]) -> list[float]:

@@ -153,7 +153,8 @@ class HoldOut(Checked):
 
     def as_json(self) -> dict[str, Any]:
         """Return plain data by the names of the options; a range as its two ends."""
-        start, end = self.decoding.trim.start, self.decoding.trim.end
+        start = self.decoding.trim.start
+        end = self.decoding.trim.end
         return {
             "skip": self.skip,
             "first": self.first,
@@ -197,11 +198,13 @@ class HoldOut(Checked):
 
     def _shown(self, source: FrameSource, clock: ByRate, path: str) -> Iterator[SourceFrame]:
         """Yield the frames of the range, at the times that a conversion gives them."""
-        begin, start = SourcePosition(0, Fraction(0)), Fraction(0)
+        begin = SourcePosition(0, Fraction(0))
+        start = Fraction(0)
         last: Fraction | None = None
         for number, frame in islice(enumerate(source), self.last):
             if number == 0:
-                begin, start = beginning(source), frame.time
+                begin = beginning(source)
+                start = frame.time
             if number < self.first:
                 continue
             position = SourcePosition(begin.number + number, begin.seconds + frame.time - start)
@@ -235,7 +238,8 @@ class HoldOut(Checked):
 def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
     """Return the interval of a row of frames: the first and the last are shown, those between are hidden."""
     before, *between, after = row
-    begin, end = before.frame.time, after.frame.time
+    begin = before.frame.time
+    end = after.frame.time
     hidden = []
     for k, truth in enumerate(between, start=1):
         even = Fraction(k, len(between) + 1)

@@ -65,14 +65,16 @@ def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerF
     """
     with explained(InputError, "read", folder, "name a folder of images"):
         images = find_images(str(folder))
-    files, own = images.files, images.numbers
+    files = images.files
+    own = images.numbers
     hidden: list[int] = []
     shown: list[int] = []
     for interval in intervals:
         hidden += [each.number for each in interval.hidden]
         shown += [interval.begin.number, interval.end.number]
         skip = len(interval.hidden)
-    first, last = shown[0], shown[-1]
+    first = shown[0]
+    last = shown[-1]
     steps = np.diff(own).tolist()
     is_even = len(set(steps)) <= 1
     numbers: Sequence[int] = own
@@ -123,9 +125,11 @@ def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Pa
     values = {"{in}": str(folders[0]), "{out}": str(folders[1]), "{factor}": str(factor), "{fps}": f"{rate:.10g}"}
     for placeholder, value in values.items():
         words = [word.replace(placeholder, value) for word in words]
-    begin, begin_cpu = time.perf_counter(), _seconds_of_children()
+    begin = time.perf_counter()
+    begin_cpu = _seconds_of_children()
     last_line = _run(name, words, scratch)
-    seconds, cpu_seconds = time.perf_counter() - begin, _seconds_of_children() - begin_cpu
+    seconds = time.perf_counter() - begin
+    cpu_seconds = _seconds_of_children() - begin_cpu
     images = find_images(str(folders[1])).files if any(folders[1].iterdir()) else []
     least = (count - 1) * factor + 1
     if not least <= len(images) <= count * factor:

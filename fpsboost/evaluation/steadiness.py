@@ -16,19 +16,24 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image
 from fpsboost.motion.opencv import Dis
 
-AFAR, WRONG_LEVELS = 4, 24
-"""Factor by which images are reduced, as if they were seen from a distance, and difference that counts as wrong at this
-size, levels."""
+AFAR = 4
+"""Factor by which images are reduced, as if they were seen from a distance."""
+WRONG_LEVELS = 24
+"""Difference that counts as wrong at this size, levels."""
 
-EDGE_REACH, EDGE_RATIO, EDGE_LEVELS = 4, np.float32(1.25), np.float32(1)
-"""Distance within which an edge has a counterpart, pixels at half the size; ratio to the counterpart from which it is
-too strong; and slope that it may have in addition to that, levels per pixel."""
+EDGE_REACH = 4
+"""Distance within which an edge has a counterpart, pixels at half the size."""
+EDGE_RATIO = np.float32(1.25)
+"""Ratio to the counterpart from which an edge is too strong."""
+EDGE_LEVELS = np.float32(1)
+"""Slope that an edge may have in addition to that, levels per pixel."""
 
 PARTS = 4
 """Number of parts along each side of the picture in which flicker is measured separately."""
-FINE, COARSE = 1.0, 4.0
-"""Standard deviations of the Gaussians that separate noise and the finest detail from the rest, and the coarse picture,
-pixels."""
+FINE = 1.0
+"""Standard deviation of the Gaussian that separates noise and the finest detail from the rest, pixels."""
+COARSE = 4.0
+"""Standard deviation of the Gaussian that leaves the coarse picture, pixels."""
 
 MIN_MOTION = 2.0
 """Shortest true path from the frame before to the frame after that counts as motion, pixels."""
@@ -68,7 +73,8 @@ def wrong_area(truth: Image, image: Image) -> float:
 
 def spurious_edges(truth: Image, image: Image) -> float:
     """Return the mean strength of edges that have no counterpart in the true frame, hundredths of a level."""
-    edges, expected = _edges(image), _edges(truth)
+    edges = _edges(image)
+    expected = _edges(truth)
     side = 2 * EDGE_REACH + 1
     explained = EDGE_RATIO * cv2.dilate(expected, np.ones((side, side), np.uint8)) + EDGE_LEVELS
     return 100 * float(np.maximum(edges - explained, 0).mean())
@@ -113,7 +119,8 @@ class FlickerMeter:
             return
         if self._shown is not None:
             self._differences += [each - (self._shown + kinds) / 2 for each in self._between]
-        self._shown, self._between = kinds, []
+        self._shown = kinds
+        self._between = []
 
     def values(self) -> list[float]:
         """Return the difference of every frame in the direction that most frames have, levels, mean over the parts."""

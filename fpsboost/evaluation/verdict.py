@@ -118,7 +118,8 @@ def difference(method: str, best: Sequence[float], other: Sequence[float]) -> Di
     (1.0, False)
     """
     differences = np.subtract(best, other)
-    mean, count = float(differences.mean()), len(differences)
+    mean = float(differences.mean())
+    count = len(differences)
     if count < 2:
         return Difference(method, mean, None)
     apart = differences - mean
@@ -153,7 +154,8 @@ def _advise(
     advice = f"Take {best}: best picture {place}, {_span(near)} ahead of {listed([each.method for each in near])}"
     if level:
         advice += f", which {'is' if len(level) == 1 else 'are'} level"
-    price, others = seconds[best], [seconds[each.method] for each in ahead]
+    price = seconds[best]
+    others = [seconds[each.method] for each in ahead]
     if cheapest == best and not math.isnan(price):
         is_cheapest = all(each >= price for each in others)
         advice += f"; nothing {'is cheaper' if is_cheapest else f'cheaper comes within {NEGLIGIBLE_DIFFERENCE} dB'}"

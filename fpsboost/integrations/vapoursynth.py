@@ -111,7 +111,8 @@ def interpolate(
         factor = _factor_of(clip, factor_num, factor_den, fps_num, fps_den)
         interpolator = replace(interpolator, duplicates=None, cuts=interpolator.cuts if sc else None)
         outputs = _OutputFrames(clip, interpolator, factor, finds_cuts=sc)
-    count, rate = math.ceil(clip.num_frames * factor), clip.fps * factor
+    count = math.ceil(clip.num_frames * factor)
+    rate = clip.fps * factor
     output = vs.core.std.BlankClip(clip, length=count, fpsnum=rate.numerator, fpsden=rate.denominator, keep=True)
     return vs.core.std.FrameEval(output, partial(outputs.node, output[0]), clip_src=[clip])
 
@@ -243,8 +244,12 @@ class _OutputFrames:
     """
 
     def __init__(self, clip: vs.VideoNode, interpolator: Interpolator, factor: Fraction, *, finds_cuts: bool) -> None:
-        self._clip, self._interpolator, self._factor, self._finds_cuts = clip, interpolator, factor, finds_cuts
-        self._layout, self._last = _layout_of(clip.format), int(clip.num_frames) - 1
+        self._clip = clip
+        self._interpolator = interpolator
+        self._factor = factor
+        self._finds_cuts = finds_cuts
+        self._layout = _layout_of(clip.format)
+        self._last = int(clip.num_frames) - 1
         # frames that are made at once lie in so many pairs, each needs those beside its own, and threads lag
         self._recent: deque[Pair] = deque(maxlen=math.ceil(vs.core.num_threads / factor) + 4)
         self._lock = Lock()
@@ -346,7 +351,8 @@ class _OutputFrames:
 
     def _shares(self, number: int) -> dict[int, Fraction]:
         """Return the share of each source frame during which an output frame is displayed."""
-        begin, end = number / self._factor, min((number + 1) / self._factor, Fraction(self._last + 1))
+        begin = number / self._factor
+        end = min((number + 1) / self._factor, Fraction(self._last + 1))
         frames = range(math.floor(begin), math.ceil(end))
         return {each: min(Fraction(each + 1), end) - max(Fraction(each), begin) for each in frames}
 

@@ -40,8 +40,10 @@ from fpsboost.memory import MemoryLimit
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage  # whoever reads no animation does not wait for Pillow
 
-DEFAULT_DELAY, SHORTEST_GIF_DELAY = Fraction(1, 10), Fraction(1, 50)
-"""Seconds that players show a frame without a delay, or one of a GIF with a shorter delay than the second."""
+DEFAULT_DELAY = Fraction(1, 10)
+"""Time for which players show a frame without a delay, seconds."""
+SHORTEST_GIF_DELAY = Fraction(1, 50)
+"""Delay in a GIF below which players take `DEFAULT_DELAY`, seconds."""
 
 MAX_DELAY_TERM = 65535
 """Largest numerator and denominator of an APNG's delay."""
@@ -101,8 +103,12 @@ class AnimationSource(ClosesOnExit):
     """
 
     def __init__(self, path: str, *, keeps_alpha: bool = True, limit: MemoryLimit | None = None) -> None:
-        data, limit = content_of(Path(path)), limit or MemoryLimit()
-        self._file, self._keeps_alpha, self._has_alpha, self._begin = BytesIO(data), keeps_alpha, False, 0
+        data = content_of(Path(path))
+        limit = limit or MemoryLimit()
+        self._file = BytesIO(data)
+        self._keeps_alpha = keeps_alpha
+        self._has_alpha = False
+        self._begin = 0
         declared = _webp_size(data[:HEADER_SIZE])
         if declared is not None:  # Pillow allocates the canvas of a WebP when it opens the file
             limit.check(path, *declared)
@@ -210,8 +216,10 @@ def _plays_of(image: PillowImage) -> int:
 
 OPAQUE = 128  # minimum alpha of a visible pixel of a GIF
 
-WEBP_ALPHA, WEBP_REPLACES = 0x10, 0x02
-"""Flags of a WebP: in the header, that frames have alpha; at a frame, that it replaces the one before."""
+WEBP_ALPHA = 0x10
+"""Flag in the header of a WebP: frames have alpha."""
+WEBP_REPLACES = 0x02
+"""Flag at a frame of a WebP: it replaces the one before."""
 
 
 class AnimationWriter(ABC):
@@ -253,7 +261,9 @@ class AnimationWriter(ABC):
     """Whether the type stores primaries and transfer function."""
 
     def __init__(self, file: BinaryIO, plays: int, tick: Fraction, code_points: tuple[int, int]) -> None:
-        self._file, self._tick, self._code_points = file, tick, code_points
+        self._file = file
+        self._tick = tick
+        self._code_points = code_points
         self._container = av.open(file, "w", format=self.muxer, options={self.loop_option: str(self.loops(plays))})
         self._stream: av.VideoStream | None = None
         self._shape: tuple[int, ...] = ()
@@ -295,7 +305,8 @@ class AnimationWriter(ABC):
             self._stream.height, self._stream.width = picture.height, picture.width
             self._stream.pix_fmt = picture.format.name
             self._stream.time_base = self._stream.codec_context.time_base = self._tick
-        picture.pts, picture.time_base = self.ticks, self._tick
+        picture.pts = self.ticks
+        picture.time_base = self._tick
         picture.color_primaries, picture.color_trc = self._code_points
         for packet in self._stream.encode(picture):
             packet.duration = ticks
@@ -321,8 +332,11 @@ class GifWriter(AnimationWriter):
     """
 
     muxer = codec = "gif"
-    tick, shortest, longest = Fraction(1, 100), SHORTEST_GIF_DELAY, Fraction(65535, 100)
-    largest_side, most_plays = 65535, 65536
+    tick = Fraction(1, 100)
+    shortest = SHORTEST_GIF_DELAY
+    longest = Fraction(65535, 100)
+    largest_side = 65535
+    most_plays = 65536
 
     _graph: av.filter.Graph | None = None
 
@@ -353,9 +367,11 @@ class GifWriter(AnimationWriter):
 
     def picture(self, image: Image) -> av.VideoFrame:
         """Convert an image to 256 colours of its own, with dithering."""
-        has_alpha, image = image.shape[2] == 4, _with_binary_alpha(image)
+        has_alpha = image.shape[2] == 4
+        image = _with_binary_alpha(image)
         picture = av.VideoFrame.from_ndarray(image, format="bgra")
-        picture.pts, picture.time_base = self.ticks, self._tick
+        picture.pts = self.ticks
+        picture.time_base = self._tick
         self._graph = self._graph or _palette_graph(picture, has_alpha)
         self._graph.push(picture)
         indices: Any = cast(av.VideoFrame, self._graph.pull()).to_ndarray()
@@ -378,7 +394,8 @@ def _palette_graph(picture: av.VideoFrame, has_alpha: bool) -> av.filter.Graph:
     entry = graph.add_buffer(
         width=picture.width, height=picture.height, format=picture.format, time_base=picture.time_base
     )
-    split, sink = graph.add("split"), graph.add("buffersink")
+    split = graph.add("split")
+    sink = graph.add("buffersink")
     chosen = graph.add("palettegen", f"stats_mode=single:reserve_transparent={int(has_alpha)}")
     used = graph.add("paletteuse", f"new=1:alpha_threshold={OPAQUE}:dither=sierra2_4a")
     graph.link_nodes(entry, split, used, sink)
@@ -393,7 +410,8 @@ class ApngWriter(AnimationWriter):
 
     muxer = codec = "apng"
     loop_option = "plays"
-    shortest, longest = Fraction(1, MAX_DELAY_TERM), Fraction(MAX_DELAY_TERM)
+    shortest = Fraction(1, MAX_DELAY_TERM)
+    longest = Fraction(MAX_DELAY_TERM)
     largest_side = most_plays = 2**31 - 1
     is_deep = has_tags = True
 
@@ -410,9 +428,13 @@ class ApngWriter(AnimationWriter):
 class WebpWriter(AnimationWriter):
     """Writer of WebP, lossless but for colours under full transparency."""
 
-    muxer, codec = "webp", "libwebp"
-    tick, shortest, longest = Fraction(1, 1000), Fraction(1, 1000), Fraction(2**24 - 1, 1000)
-    largest_side, most_plays = 16383, 65535
+    muxer = "webp"
+    codec = "libwebp"
+    tick = Fraction(1, 1000)
+    shortest = Fraction(1, 1000)
+    longest = Fraction(2**24 - 1, 1000)
+    largest_side = 16383
+    most_plays = 65535
 
     def encoder_options(self) -> dict[str, str]:
         """Return options for encoding without loss in a quarter of the default's time."""
@@ -475,7 +497,9 @@ class AnimationSink(StagedSink):
     holds_last_frame = True
 
     def __init__(self, output: Output) -> None:
-        self._name, self._path, self._info = output.path, Path(output.path), output.info
+        self._name = output.path
+        self._path = Path(output.path)
+        self._info = output.info
         self._type = types[self._path.suffix.lower()]
         self._plays = min(output.stream.plays, self._type.most_plays)
         check_writable(self._path, output.path, output.stream.files, output.overwrite)
@@ -485,7 +509,8 @@ class AnimationSink(StagedSink):
         self._shortest = max(1, math.ceil(self._type.shortest / self._tick))
         self._longest = int(self._type.longest / self._tick)
         self._begin: Fraction | None = None
-        self._latest, self._ticks = Fraction(0), list[int]()
+        self._latest = Fraction(0)
+        self._ticks = list[int]()
         colours = output.stream.traits or output.stream.colours
         self._code_points = colours.code_points
         lost = " and the ".join(word for word in colours.beyond_sdr if not self._type.has_tags or word == MASTERING)
@@ -493,8 +518,11 @@ class AnimationSink(StagedSink):
 
     def _check_fits(self, rate: Fraction) -> None:
         """Raise `OutputError` if the type cannot hold the size or the rate, or FFmpeg lacks its encoder."""
-        suffix, largest = self._path.suffix.lower(), self._type.largest_side
-        width, height, fastest = self._info.width, self._info.height, 1 / self._type.shortest
+        suffix = self._path.suffix.lower()
+        largest = self._type.largest_side
+        width = self._info.width
+        height = self._info.height
+        fastest = 1 / self._type.shortest
         others = {".gif": ", or write .webp or .apng", ".webp": ", or write .apng"}.get(suffix, "")
         refuse(
             {
@@ -513,7 +541,8 @@ class AnimationSink(StagedSink):
     @property
     def remarks(self) -> list[str]:
         """Sentences about losses so far: colour tags, depth, short frames, and frames that come late."""
-        suffix, shortest = self._path.suffix.lower(), self._type.shortest
+        suffix = self._path.suffix.lower()
+        shortest = self._type.shortest
         before, last = [0, 0, *self._ticks][-2:]
         late = {
             f"{self._name} shows some frames up to {float(self._latest * 1000):.0f} ms late, because {suffix} cannot "

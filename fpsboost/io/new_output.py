@@ -31,8 +31,10 @@ if TYPE_CHECKING:
 
 ADVICE = "check the free space and the permissions"
 
-STAGED, MOVING = "output", "moving.json"
-"""In a hidden folder: the folder of the files that are written, and a list of those to be moved to their names."""
+STAGED = "output"
+"""Folder of the files that are written, in a hidden folder."""
+MOVING = "moving.json"
+"""List of the files to be moved to their names, in a hidden folder."""
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -117,8 +119,11 @@ class StagedFiles(StagingDirectory):
         job: JobFingerprint | None = None,
         adds_only: bool = False,
     ) -> None:
-        self.namings, self._target = namings, namings[0].folder
-        self._overwrite, self._alone, self._adds_only = overwrite, alone, adds_only
+        self.namings = namings
+        self._target = namings[0].folder
+        self._overwrite = overwrite
+        self._alone = alone
+        self._adds_only = adds_only
         with explained(OutputError, "write to", path, "check the path and the permissions"):
             check_folder(self._target, may_be_new=alone)
             discard_published(self._target)
@@ -126,7 +131,8 @@ class StagedFiles(StagingDirectory):
             self._is_new = not self._target.is_dir()
             beside = self._target.parent, self._target.name
             super().__init__(hidden_place(*(beside if self._is_new else (self._target, called))), STAGED, path, job)
-            self._replaced, self._moving = self.folder / REPLACED, self.folder / MOVING
+            self._replaced = self.folder / REPLACED
+            self._moving = self.folder / MOVING
 
     def check(self) -> None:
         """Raise an error if there are files that this run must not replace, or that an earlier run has left unmoved.
@@ -141,7 +147,8 @@ class StagedFiles(StagingDirectory):
             )
         if self._adds_only or self._overwrite or not self._target.is_dir() or (is_moving and self.goes_on):
             return
-        old, reason = self.find_old(), ""
+        old = self.find_old()
+        reason = ""
         if self._alone and any(not name.startswith(".") for name in os.listdir(self._target)):
             reason = f"{self._target} is not empty; add `overwrite=True` to replace the files in it, or name another."
         elif old:
@@ -183,7 +190,8 @@ class StagedFiles(StagingDirectory):
         Raises `ExistsError` or `OutputError` if files have appeared there meanwhile.
         """
         with explained(OutputError, "write to", self.name, ADVICE):
-            staged, finished = sorted(os.listdir(self.staged)), sorted(self.finished)
+            staged = sorted(os.listdir(self.staged))
+            finished = sorted(self.finished)
             if not finished:
                 return
             self.check()
@@ -223,7 +231,9 @@ class StagedFiles(StagingDirectory):
 
 def names_to_move(hidden: Path) -> list[str]:
     """Return the names of files that a run has begun to move from a hidden folder; empty if none has, or it is done."""
-    moving, is_pending = hidden / MOVING, (hidden / MANIFEST).exists()  # which goes first when a run is done
+    # which goes first when a run is done
+    moving = hidden / MOVING
+    is_pending = (hidden / MANIFEST).exists()
     is_due = moving.exists() and (is_pending or any((hidden / STAGED).glob("*")))
     return list(json.loads(moving.read_bytes())["names"]) if is_due else []
 

@@ -351,11 +351,9 @@ def open_sink(
     OptionError, OutputError
         The path can be no output, exists, or cannot be written.
     """
-    target, encoding, timing = (
-        Target.parse(path),
-        encoding or Encoding(),
-        OutputTiming(info.rate, info.time_base),
-    )
+    target = Target.parse(path)
+    encoding = encoding or Encoding()
+    timing = OutputTiming(info.rate, info.time_base)
     target.check_encoding(encoding)
     return target.open(
         Output(target.path, info, timing, encoding=encoding, expected_frames=info.frame_count, overwrite=overwrite)

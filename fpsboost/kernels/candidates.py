@@ -58,7 +58,8 @@ class Candidates(NamedTuple):
 def no_votes(nodes: tuple[int, int], capacity: int, spacing: int) -> CollectedVotes:
     """Return room for the votes at some rows and columns of nodes."""
     shape = (*nodes, capacity)
-    votes, places = np.empty(shape, np.float32), np.empty(shape, np.int32)
+    votes = np.empty(shape, np.float32)
+    places = np.empty(shape, np.int32)
     sums = np.empty((votes.size, SUMS_PER_CANDIDATE), np.float32)
     return CollectedVotes(np.zeros(nodes, np.int32), votes, places, sums, np.zeros(1, np.int64), spacing)
 

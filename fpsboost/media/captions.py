@@ -13,8 +13,10 @@ from fpsboost.media.side_data import CAPTIONS, side_data_of
 
 LONGEST = 93  # bytes of captions in one message
 
-ENTRY, MESSAGE = re.compile(rb"(?s)([\xfc-\xff]..)|..."), re.compile(rb"(?s).{1,93}")
-"""Entry, as a group if it is valid, and what one message holds of captions. An entry is its type and two bytes."""
+ENTRY = re.compile(rb"(?s)([\xfc-\xff]..)|...")
+"""Entry of captions, its type and two bytes, as a group if it is valid."""
+MESSAGE = re.compile(rb"(?s).{1,93}")
+"""What one message holds of captions."""
 
 FIRST_SLICE = re.compile(rb"\0?\0\0\x01[\x01-\x05\x21-\x25\x41-\x45\x61-\x65]")
 """Start of a unit of H.264 that holds a part of a picture."""

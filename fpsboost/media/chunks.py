@@ -34,7 +34,8 @@ CHUNK_FRAMES = 240
 """Frames per chunk: near the default maximum keyframe interval of x264 and x265, so chunks do not enlarge the file."""
 
 CHUNK_SUFFIX = ".chunk"
-DATA, INDEX = "packets", "index.json"
+DATA = "packets"
+INDEX = "index.json"
 DAMAGES = (BadZipFile, zlib.error, EOFError, KeyError, OSError, OverflowError, RuntimeError, ValueError)
 """Exceptions that reading a damaged archive raises."""
 
@@ -178,7 +179,9 @@ class Assembly:
         traits: VideoTraits,
     ) -> None:
         output = fitting.output
-        self._path, self._time_base, self._name = path, output.timing.time_base, output.path
+        self._path = path
+        self._time_base = output.timing.time_base
+        self._name = output.path
         self._container = container = fitting.container
         self._output: av.container.OutputContainer | None = open_muxer(path, container, any_codec=fitting.any_codec)
         self._others: OtherStreams | None = None
@@ -224,7 +227,8 @@ class Assembly:
         end = self._mux(self._output, chunks)
         if self._others is not None:
             self._others.finish(end * self._time_base)
-        output, self._output = self._output, None
+        output = self._output
+        self._output = None
         output.close()
         sync(self._path)
         others = self._others.written.values() if self._others is not None else ()
@@ -240,7 +244,8 @@ class Assembly:
             return
         with suppress(OSError):  # Windows cannot remove an open file; its folder is removed later
             self._path.unlink(missing_ok=True)
-        output, self._output = self._output, None
+        output = self._output
+        self._output = None
         with suppress(av.error.FFmpegError, OSError, ValueError):
             output.close()
 
@@ -250,9 +255,12 @@ class Assembly:
         end_pts = 0
         for packet, following in pairwise(chain(timed_packets(chunks), (None,))):
             assert packet is not None
-            packet.time_base, packet.stream = self._time_base, self._stream
-            pts, dts = packet.pts or 0, packet.dts or 0
-            begin, end_pts = begin or (pts, dts), max(end_pts, pts + (packet.duration or 0))
+            packet.time_base = self._time_base
+            packet.stream = self._stream
+            pts = packet.pts or 0
+            dts = packet.dts or 0
+            begin = begin or (pts, dts)
+            end_pts = max(end_pts, pts + (packet.duration or 0))
             if following is None and self._container in EXACT_TIME_BASE_CONTAINERS:
                 # The duration of an mp4 track is a sum of decoding time differences; only the last one can be chosen.
                 left = (end_pts - begin[0]) - (dts - begin[1])

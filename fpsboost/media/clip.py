@@ -142,7 +142,9 @@ class Clip:
     """
 
     def __init__(self, path: str | os.PathLike[str], reading: Reading) -> None:
-        self._name, self.path, self._reading = os.fspath(path), Path(path), reading
+        self._name = os.fspath(path)
+        self.path = Path(path)
+        self._reading = reading
         self.remarks: list[str] = []
         self._demuxer = Demuxer(
             self.path, self._name, reading.stream, playlists=reading.allow_playlists, threads=reading.threads
@@ -169,12 +171,14 @@ class Clip:
 
         Adds remarks on a crop, ignored video streams, ordered chapters and an assumed frame rate.
         """
-        streams, stream = self._demuxer.container.streams, self._demuxer.stream
+        streams = self._demuxer.container.streams
+        stream = self._demuxer.stream
         context = stream.codec_context
         self._reading.check_size(self._name, context.width, context.height)
         self._header = read_header(stream)
         left, top, right, bottom = self._header.crop or (0, 0, 0, 0)
-        width, height = context.width - left - right, context.height - top - bottom
+        width = context.width - left - right
+        height = context.height - top - bottom
         if self._header.crop is not None:
             self.remarks.append(
                 f"{self._name} shows {width}x{height} of its {context.width}x{context.height} pixels and was cropped "
@@ -263,7 +267,8 @@ class Clip:
                 if not self._reading.force_colours:
                     raise InputError(self._refused)
                 self.remarks.append(f"{self._name} is Dolby Vision whose colours were taken for ordinary ones: wrong.")
-            stops, aspect = self._reading.size_change == "stop", self._pictures.aspect_of(picture)
+            stops = self._reading.size_change == "stop"
+            aspect = self._pictures.aspect_of(picture)
             self._unifier = FormatUnifier(self._name, (picture.width, picture.height), traits, stops, aspect)
         return self._unifier
 
@@ -287,8 +292,10 @@ class Clip:
     def _presented(self) -> Generator[TimedPicture, None, None]:
         """Yield the pictures; see `pictures`."""
         unifier = self._opened()
-        clock, damage = self._clock, self._pictures.damage
-        count, end = self._first, None
+        clock = self._clock
+        damage = self._pictures.damage
+        count = self._first
+        end = None
         try:
             for picture, time, is_last in in_rising_order(
                 self._timed(unifier), 1 / clock.rate, clock.time_base, damage
@@ -342,7 +349,8 @@ class Clip:
             if not self._demuxer.seek(math.floor(place / self._clock.tick)):
                 continue
             self._pictures = self._pictures_from_here()
-            reached, picture = self._next_time(), self._pictures.peek()
+            reached = self._next_time()
+            picture = self._pictures.peek()
             # what follows a corrupt picture would depend on pictures before it
             if reached is not None and first <= reached <= time and picture is not None and not picture.is_corrupt:
                 return

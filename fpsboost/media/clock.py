@@ -314,17 +314,21 @@ class VideoClock:
 
     def early_end_remarks(self, name: str, end: Fraction, count: int, listed: int | None) -> list[str]:
         """Return the remark that a file ends earlier than its header declares, at `end` after `count` frames."""
-        container, declared = self.file.container, self._declared_end
-        promised, reached = Fraction(0), Fraction(0)
+        container = self.file.container
+        declared = self._declared_end
+        promised = Fraction(0)
+        reached = Fraction(0)
         if declared is not None and not clock_may_jump(container):  # there FFmpeg estimates it
-            promised, reached = declared, end
+            promised = declared
+            reached = end
         # The whole file may outlast its video, so it is short only if no stream reaches its end.
         if container.duration and self._says_duration and self.file.duration == self.file.stream.duration:
             whole, begin = (Fraction(time or 0, 1_000_000) for time in (container.duration, container.start_time))
             # some headers count from the beginning, others from time 0 of the clock, if that is not after the end
             whole += begin if container.format.name.startswith(DURATION_FROM_BEGIN) or begin >= whole else 0
             if whole - self.file.furthest > promised - reached:
-                promised, reached = whole - self.start, self.file.furthest - self.start
+                promised = whole - self.start
+                reached = self.file.furthest - self.start
         if promised - reached <= max(5 / self.rate, promised / 20):
             return []
         of_all = "" if listed is None else f" of {listed}"

@@ -66,8 +66,12 @@ PICTURE_TIME = re.compile(rb"\x00\x00\x01[\xe0-\xef]..[\x80-\xbf][\x80-\xff].(.{
 MAX_REORDERED_TIME = 45_000
 """Maximum backward step between presentation times in storage order, as reordering causes it, ticks of 90 kHz."""
 
-PROBES, MIN_PROBED_BYTES, MAX_PROBED_BYTES = 256, 1 << 12, 1 << 15
-"""Number and sizes of the places of a file at which a sample is taken."""
+PROBES = 256
+"""Number of places of a file at which a sample is taken."""
+MIN_PROBED_BYTES = 1 << 12
+"""Least size of a sample."""
+MAX_PROBED_BYTES = 1 << 15
+"""Greatest size of a sample."""
 
 UNTIMED_FORMAT = "avi"
 """Container that stores no times, only packets in order; FFmpeg guesses presentation times from picture types."""
@@ -130,7 +134,10 @@ class Demuxer:
     """
 
     def __init__(self, path: Path, name: str, wanted: int | None, *, playlists: bool = False, threads: int = 1) -> None:
-        self._path, self._name, self._wanted, self._playlists = path, name, wanted, playlists
+        self._path = path
+        self._name = name
+        self._wanted = wanted
+        self._playlists = playlists
         self._threads = threads
         self.furthest = self.last_start = Fraction(0)
         self.clear: Fraction | None = None
@@ -174,7 +181,8 @@ class Demuxer:
 
     def packets(self, damage: Damage) -> Iterator[Packet]:
         """Yield the video packets from the current position on; update `damage`, `clear` and the positions read."""
-        video, streams = self.stream.index, self.container.streams
+        video = self.stream.index
+        streams = self.container.streams
         self.clear = None
         companions = {stream.index for stream in (*streams.audio, *streams.subtitles)}
         for packet in read_packets(self.container, {video, *companions}, damage):
@@ -273,10 +281,12 @@ def boxes_of(path: Path) -> Iterator[tuple[bytes, bytes]]:
 
     What it yields of other files means nothing.
     """
-    begin, size = 0, path.stat().st_size
+    begin = 0
+    size = path.stat().st_size
     with path.open("rb") as file:
         while len(head := file.read(16)) >= 8:
-            kind, length = head[4:8], int.from_bytes(head[:4] if head[:4] != b"\0\0\0\1" else head[8:])
+            kind = head[4:8]
+            length = int.from_bytes(head[:4] if head[:4] != b"\0\0\0\1" else head[8:])
             yield kind, file.read(min(length, size)) if kind == HEADER_BOX else b""
             if not 8 <= length < size:  # 0 stands for the end of the file
                 break
@@ -461,7 +471,8 @@ class ContinuousClock:
         time = packet.pts if packet.dts is None else packet.dts
         if time is None:
             return
-        tick, index = Fraction(packet.time_base), packet.stream.index
+        tick = Fraction(packet.time_base)
+        index = packet.stream.index
         if packet.stream.type in ("video", "audio"):
             place = self._recording_of(index, time * tick)
             self._places[index] = place

@@ -164,7 +164,8 @@ class EncodedSound:
         self, stream: Stream, output: av.container.OutputContainer, encoder: str, window: Window | None
     ) -> None:
         self.lost_packets = 0
-        self._output, self._window = output, window
+        self._output = output
+        self._window = window
         self._source: Any = stream.codec_context
         traits = _traits_of(self._source)
         self._target = traits_for(encoder, traits)
@@ -191,7 +192,8 @@ class EncodedSound:
         """Decode a packet, and encode what is complete with it; packets far outside the audible parts are ignored."""
         self._tick = tick = Fraction(packet.time_base)
         pts = packet.dts or 0 if packet.pts is None else packet.pts
-        begin, end = pts * tick, (pts + (packet.duration or 0)) * tick
+        begin = pts * tick
+        end = (pts + (packet.duration or 0)) * tick
         needing = [piece for piece in self._pieces if piece.source0 - PREROLL <= end and begin < piece.source1]
         if not needing:
             return
@@ -275,14 +277,17 @@ class EncodedSound:
         """Parts of the source that are heard, at its own times; none after its end."""
         if self._window is None:
             return [WHOLE]
-        begin, curve = self._window.begin, self._window.curve
+        begin = self._window.begin
+        curve = self._window.curve
         last = begin + FOREVER if self._window.end is None else self._window.end
         heard = [FROM_START] if curve is None else curve.sounding
         return [replace(x, source0=begin + x.source0, source1=min(begin + x.source1, last)) for x in heard]
 
     def _stretch(self, frame: av.AudioFrame, time: Fraction, first: int, last: int, piece: Passage) -> None:
         """Stretch and encode some samples of a frame that begins at a time."""
-        run, stretch, traits = self._run, 1 / piece.slope0, _traits_of(frame)
+        run = self._run
+        stretch = 1 / piece.slope0
+        traits = _traits_of(frame)
         time += Fraction(first, frame.sample_rate)
         if run is None or time > run.end or (run.traits, run.stretch) != (traits, stretch):
             self._end_run()
@@ -295,7 +300,8 @@ class EncodedSound:
                 graph, traits, stretch, time, self._fill(piece.begin + (time - piece.source0) * stretch)
             )
         part = _slice_samples(frame, first, last)
-        part.pts, part.time_base = run.taken, Fraction(1, traits[0])
+        part.pts = run.taken
+        part.time_base = Fraction(1, traits[0])
         run.taken += part.samples
         run.graph.push(part)
         self._encode(pulled(run.graph))
@@ -306,7 +312,8 @@ class EncodedSound:
         What was decoded beyond `end`, where the source's packets end, is padding; 0 if unknown. A packet's time and
         duration may both be rounded to the file's time base, and are then not exact to the sample.
         """
-        run, self._run = self._run, None
+        run = self._run
+        self._run = None
         if run is not None:
             padding = run.end - end if end else Fraction(0)
             padding = padding if 2 * self._tick < padding < MAX_PADDING else Fraction(0)
@@ -337,13 +344,15 @@ class EncodedSound:
             assert self._next_pts is not None
             left = frame.samples if end is None else end - self._next_pts
             if left > 0:
-                latest, self._latest = self._latest, _slice_samples(frame, 0, min(left, frame.samples))
+                latest = self._latest
+                self._latest = _slice_samples(frame, 0, min(left, frame.samples))
                 self._latest.pts, self._latest.time_base = self._next_pts, Fraction(1, self._rate)
                 self._next_pts += self._latest.samples
                 self._output.mux([] if latest is None else self.stream.encode(latest))
         if end is not None and self._latest is not None and self._next_pts is not None and self._next_pts > end:
             kept = max(1, self._latest.samples - (self._next_pts - end))
-            self._latest, self._next_pts = _slice_samples(self._latest, 0, kept), end
+            self._latest = _slice_samples(self._latest, 0, kept)
+            self._next_pts = end
 
 
 @dataclass
@@ -409,7 +418,9 @@ def _slice_samples(frame: av.AudioFrame, first: int, last: int) -> av.AudioFrame
     width = 1 if frame.format.is_planar else frame.layout.nb_channels
     samples: np.ndarray = np.ascontiguousarray(frame.to_ndarray()[:, first * width : last * width])
     part = av.AudioFrame.from_ndarray(samples, format=frame.format.name, layout=frame.layout.name)
-    part.sample_rate, part.pts, part.time_base = frame.sample_rate, frame.pts, frame.time_base
+    part.sample_rate = frame.sample_rate
+    part.pts = frame.pts
+    part.time_base = frame.time_base
     return part
 
 

@@ -66,11 +66,18 @@ class VideoEncoder:
     def __init__(
         self, output: Output, encoder: str, options: dict[str, str], container: str, traits: VideoTraits
     ) -> None:
-        self._encoder, self._format = encoder, container
-        self._name, self._info, self._timing, self._encoding = output.path, output.info, output.timing, output.encoding
-        self.traits, name, window = traits, self._name, output.window
+        self._encoder = encoder
+        self._format = container
+        self._name = output.path
+        self._info = output.info
+        self._timing = output.timing
+        self._encoding = output.encoding
+        self.traits = traits
+        name = self._name
+        window = output.window
         self._plays_backwards = window is not None and window.curve is not None and window.curve.reverses
-        self.full_range, self._options = traits.full_range, dict(options)
+        self.full_range = traits.full_range
+        self._options = dict(options)
         is_default = traits.chroma_location == "left" and encoder in ("libx264", "libx265")  # needs no tag
         if traits.tagged_chroma_location and not is_default:
             self._options["chroma_sample_location"] = traits.chroma_location
@@ -149,17 +156,22 @@ class VideoEncoder:
         list of av.Packet
             Packets in decoding order, whose times are in the same ticks; empty if none is ready.
         """
-        stream, time_base = self.stream, self._timing.time_base
+        stream = self.stream
+        time_base = self._timing.time_base
         if not is_original:  # the ProRes encoder reads these and not its context
             context = stream.codec_context
-            picture.colorspace, picture.color_range = context.colorspace, context.color_range
-            picture.color_primaries, picture.color_trc = context.color_primaries, context.color_trc
+            picture.colorspace = context.colorspace
+            picture.color_range = context.color_range
+            picture.color_primaries = context.color_primaries
+            picture.color_trc = context.color_trc
         if "VIEW_ID" in self.traits.side_data:  # of two views, one is left, which x264 must not call stereo
             picture = filtered(picture, ["mode=delete:type=STEREO3D"]) or picture
         # The same decoded picture may be written again at another time, so its properties are restored. The encoder
         # holds a reference of its own, with the properties as set here.
         before = picture.pts, picture.duration, picture.time_base or time_base, picture.pict_type
-        picture.pts, picture.duration, picture.time_base = pts, duration, time_base
+        picture.pts = pts
+        picture.duration = duration
+        picture.time_base = time_base
         picture.pict_type = PictureType.NONE  # else x264 repeats the source's choice of keyframes
         try:
             return stream.encode(picture)
@@ -176,7 +188,8 @@ class VideoEncoder:
         """Close the encoder, and drop the pictures that it still holds; may be called again."""
         self._stream = None
         if self._nowhere is not None:
-            nowhere, self._nowhere = self._nowhere, None
+            nowhere = self._nowhere
+            self._nowhere = None
             with contextlib.suppress(av.error.FFmpegError):
                 nowhere.close()
 
@@ -203,18 +216,23 @@ class VideoEncoder:
 
     def _tag_colours(self, context: av.VideoCodecContext, traits: VideoTraits) -> None:
         """Set the colour tags to those of the source, or to those that the pixel format requires."""
-        context.color_primaries, context.color_trc = traits.color_primaries, traits.color_transfer
-        context.color_range, context.colorspace = traits.color_range, traits.tagged_color_space
+        context.color_primaries = traits.color_primaries
+        context.color_trc = traits.color_transfer
+        context.color_range = traits.color_range
+        context.colorspace = traits.tagged_color_space
         if _is_rgb(traits.pixel_format) and not _is_rgb(self.pixel_format):
             # RGB has neither matrix nor range; the matrix is chosen by the size.
             self.full_range = False
-            context.colorspace, context.color_range = traits.color_space, LIMITED_RANGE
+            context.colorspace = traits.color_space
+            context.color_range = LIMITED_RANGE
         elif _is_rgb(self.pixel_format):
-            context.colorspace, context.color_range = RGB, FULL_RANGE
+            context.colorspace = RGB
+            context.color_range = FULL_RANGE
         elif is_gray(av.VideoFormat(self.pixel_format)):  # else decoders that give yuv420p for it take it for limited
             context.color_range = FULL_RANGE
         elif self.pixel_format.startswith("yuvj"):
-            self.full_range, context.color_range = True, FULL_RANGE
+            self.full_range = True
+            context.color_range = FULL_RANGE
         if context.colorspace == RGB and not _is_rgb(self.pixel_format):  # as decoders of gray PNG tag it
             context.colorspace = traits.color_space
 
@@ -453,5 +471,6 @@ def _chroma_of(format: av.VideoFormat) -> float:
 def _divides(pixel_format: str, width: int, height: int) -> bool:
     """Return whether the chroma samples of a pixel format divide the size of a picture."""
     layout = av.VideoFormat(pixel_format, 16, 16)
-    across, down = 16 // max(1, layout.chroma_width()), 16 // max(1, layout.chroma_height())
+    across = 16 // max(1, layout.chroma_width())
+    down = 16 // max(1, layout.chroma_height())
     return width % across == 0 and height % down == 0

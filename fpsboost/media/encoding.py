@@ -40,8 +40,10 @@ ENCODER_THREADS = 8
 With x264 at 1920x1080 they take no more processor time on 1, 2 or 4 cores than the number that x264 chooses there, and
 each costs about 20 MB. Packets depend on their number, even where ``mvrange-thread`` and ``lookahead-threads`` are set.
 """
-LARGE_PICTURE, THREADS_FOR_LARGE_PICTURES = 2560 * 1440, 6
-"""Pixels beyond which an encoder has fewer threads: at 3840x2160, x264 keeps 170 of 1040 MB less than with 8."""
+LARGE_PICTURE = 2560 * 1440
+"""Pixels beyond which an encoder has fewer threads."""
+THREADS_FOR_LARGE_PICTURES = 6
+"""Threads of an encoder of large pictures: at 3840x2160, x264 keeps 170 of 1040 MB less than with 8."""
 
 threads_of_encoders = {
     "libx265": 4,
@@ -223,7 +225,8 @@ def encodes_alpha(encoding: EncodeSettings, container: str) -> bool:
 
 def _options_of_known(known: Encoder, asked: str, encoding: EncodeSettings) -> dict[str, str]:
     """Return the options for an encoder of the table; raise `OptionError` for values that it does not accept."""
-    crf, preset = known.crf if encoding.crf is None else encoding.crf, encoding.preset or known.preset
+    crf = known.crf if encoding.crf is None else encoding.crf
+    preset = encoding.preset or known.preset
     unknown = f"`preset={preset!r}` is unknown to {asked}; {choose_one(preset, known.presets)}"
     refuse(
         {

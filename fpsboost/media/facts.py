@@ -105,14 +105,18 @@ def look_of(traits: VideoTraits) -> Look:
 
 def list_streams(file: VideoFile) -> list[StreamFacts]:
     """Return the properties of all streams in a file."""
-    whole, listed = headers_in(file), list[StreamFacts]()
+    whole = headers_in(file)
+    listed = list[StreamFacts]()
     with file.open() as container:
         streams: list[Any] = list(container.streams)
         samples = first_packets(container, [stream for stream in streams if stream.type in ("audio", "subtitle")])
         for stream in streams:
-            context, tags, number = stream.codec_context, stream.metadata, stream.index
+            context = stream.codec_context
+            tags = stream.metadata
+            number = stream.index
             kind: str = "cover" if stream.type == "video" and is_cover_art(stream) else stream.type
-            details, carries_over = "", number == file.stream_index
+            details = ""
+            carries_over = number == file.stream_index
             if stream.type == "video" and context:
                 details = f"{context.width}x{context.height}"
             elif stream.type == "audio" and context:
@@ -123,6 +127,7 @@ def list_streams(file: VideoFile) -> list[StreamFacts]:
                 carries_over = stream.name in ("png", "mjpeg")
             elif kind == "data":
                 carries_over = bool(find_timecode(tags)) or keeps_data("mp4", stream)
-            codec, title = context.codec.canonical_name if context else None, tags.get("title", tags.get("name"))
+            codec = context.codec.canonical_name if context else None
+            title = tags.get("title", tags.get("name"))
             listed.append(StreamFacts(number, kind, codec, tags.get("language"), title, details, carries_over))
     return listed

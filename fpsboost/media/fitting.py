@@ -71,7 +71,9 @@ def fit_streams(output: Output, container: str, encoder: str) -> Fitting:
     OutputError
         A stream cannot be stored that is the only one of its type, or was asked for by number.
     """
-    name, encoding, source = output.path, output.encoding, output.stream.video
+    name = output.path
+    encoding = output.encoding
+    source = output.stream.video
     if source is None:
         if encoding.streams is not None:
             raise OptionError("`streams` chooses among the streams of a video file; leave it out.")
@@ -298,7 +300,10 @@ def _muxed(container: str, stream: Stream, sample: bytes | None, *, any_codec: b
                 target = add_copied(output, stream, container)
                 output.start_encoding()
                 packet: Packet = av.Packet(sample or bytes(64))
-                packet.stream, packet.pts, packet.dts, packet.duration = target, 0, 0, 1
+                packet.stream = target
+                packet.pts = 0
+                packet.dts = 0
+                packet.duration = 1
                 packet.time_base = target.time_base or Fraction(1)
                 output.mux(packet)
         except (av.error.FFmpegError, ValueError):

@@ -71,7 +71,8 @@ def read_index(file: VideoFile) -> FrameIndex:
     try:
         with file.open() as container:
             stream = container.streams.get(file.stream_index)[0]
-            listed, codec = len(stream.index_entries), stream.codec_context.codec.canonical_name
+            listed = len(stream.index_entries)
+            codec = stream.codec_context.codec.canonical_name
             for place, packet in enumerate(read_packets(container, {file.stream_index}, damage)):
                 if packet.pts is None:
                     raise UnindexedError("some of its packets have no time")

@@ -80,9 +80,13 @@ class OtherStreams:
     def __init__(
         self, fitting: Fitting, source: VideoFile, output: av.container.OutputContainer, video: av.VideoStream
     ) -> None:
-        self._fitting, self._source, self._output = fitting, source, output
-        self._window, self._encoding = fitting.output.window or ALL, fitting.output.encoding
-        self._name, self._container = fitting.output.path, fitting.container
+        self._fitting = fitting
+        self._source = source
+        self._output = output
+        self._window = fitting.output.window or ALL
+        self._encoding = fitting.output.encoding
+        self._name = fitting.output.path
+        self._container = fitting.container
         self._curve = self._window.curve
         self._reverses = self._curve is not None and self._curve.reverses
         self.written: dict[int, str] = {}
@@ -98,7 +102,8 @@ class OtherStreams:
         self._sounds: dict[int, EncodedSound] = {}
         self.tags = tags_for(self._input.metadata, self._container)
         output.metadata.update(self.tags.values)
-        chapters, unread = _chapters_within(self._input, self._window, source.start), unread_of_chapters(self._input)
+        chapters = _chapters_within(self._input, self._window, source.start)
+        unread = unread_of_chapters(self._input)
         output.set_chapters(chapters)
         lost = {
             f"tags of its source, which its container has no place for: {', '.join(self.tags.lost)}": self.tags.lost,
@@ -255,7 +260,8 @@ class OtherStreams:
         timecode = find_timecode(self._input.streams[self._source.stream_index].metadata, self._input.metadata)
         if timecode is None:
             return False
-        old, new = timecode_rate(self._source.path) or self._source.coded_rate, video.codec_context.framerate
+        old = timecode_rate(self._source.path) or self._source.coded_rate
+        new = video.codec_context.framerate
         is_counted = self._curve is None or self._curve.is_steady
         skipped = self._window.frames_before(old)
         again = timecode_at(timecode, old, Fraction(new), skipped) if new and is_counted else None
@@ -270,8 +276,10 @@ class OtherStreams:
         """Keep a cover picture, as an attachment in Matroska or a stream in mp4; elsewhere remark on its loss."""
         packet = _attached_picture(self._source, stream.index)
         if packet is not None and self._container == "matroska":
-            kind, tags = "png" if stream.name == "png" else "jpeg", stream.metadata
-            name, mimetype = tags.get("filename", f"cover.{kind}"), tags.get("mimetype", f"image/{kind}")
+            kind = "png" if stream.name == "png" else "jpeg"
+            tags = stream.metadata
+            name = tags.get("filename", f"cover.{kind}")
+            mimetype = tags.get("mimetype", f"image/{kind}")
             self._output.add_attachment(name, mimetype, bytes(packet))
         elif packet is not None and self._container == "mp4" and stream.name in ("png", "mjpeg"):
             packet.stream = self._output.add_stream_from_template(stream, opaque=True)
@@ -300,9 +308,11 @@ class OtherStreams:
 
     def _due(self, packets: Iterator[Packet]) -> Iterator[tuple[Fraction, Packet]]:
         """Yield packets, at times in the output but for sound that is encoded, and when that which they hold is due."""
-        window, end = self._window, self._window.end
+        window = self._window
+        end = self._window.end
         for packet in packets:
-            index, kind = packet.stream.index, packet.stream.type
+            index = packet.stream.index
+            kind = packet.stream.type
             time = (packet.dts or 0) * Fraction(packet.time_base)
             if is_encrypted(packet) and (end is None or time < end):
                 raise EncryptedError(encrypted_stream_sentence(self._source.name, kind, index))
@@ -346,18 +356,22 @@ class OtherStreams:
 
     def _move(self, packet: Packet, window: Window) -> Sequence[Packet]:
         """Move a packet like the pictures; return what lies in the window, a cue as often as it is shown."""
-        tick, dts = Fraction(packet.time_base), packet.dts or 0
+        tick = Fraction(packet.time_base)
+        dts = packet.dts or 0
         pts = dts if packet.pts is None else packet.pts
-        begin, end = pts * tick, (pts + max(packet.duration or 0, 1)) * tick
+        begin = pts * tick
+        end = (pts + max(packet.duration or 0, 1)) * tick
         # Matroska has no times before 0: there all packets are offset, as of a whole clip, or what comes before is lost
         is_exact = self._container in EXACT_TIME_BASE_CONTAINERS
         leads = not is_exact and packet.stream.type == "audio" and window.begin == window.origin
         if (end <= window.begin and not leads) or (window.end is not None and begin >= window.end):
             return []
         moved = round(window.begin / tick)
-        packet.pts, packet.dts = pts - moved, dts - moved
+        packet.pts = pts - moved
+        packet.dts = dts - moved
         if packet.stream.type == "subtitle":
-            begin, end = max(begin, window.begin), end if window.end is None else min(end, window.end)
+            begin = max(begin, window.begin)
+            end = end if window.end is None else min(end, window.end)
             if packet.duration or self._reverses:
                 times = [(round(time0 / tick), round(time1 / tick)) for time0, time1 in window.passages(begin, end)]
                 return [self._shown_from(packet, time0, time1) for time0, time1 in times if time0 < time1]
@@ -367,8 +381,11 @@ class OtherStreams:
     def _shown_from(self, packet: Packet, begin: int, end: int) -> Packet:
         """Return a copy of a cue that is shown from one tick to another."""
         again: Packet = av.Packet(bytes(packet))
-        again.stream, again.time_base = self._input.streams[packet.stream.index], packet.time_base
-        again.pts, again.dts, again.duration = begin, begin, end - begin
+        again.stream = self._input.streams[packet.stream.index]
+        again.time_base = packet.time_base
+        again.pts = begin
+        again.dts = begin
+        again.duration = end - begin
         for data in packet.iter_sidedata():
             again.set_sidedata(data)
         return again
@@ -379,7 +396,8 @@ class OtherStreams:
         Packets whose decoding time runs backwards are left out with a remark, because muxers refuse them.
         """
         assert packet.dts is not None
-        index, kind = packet.stream.index, packet.stream.type
+        index = packet.stream.index
+        kind = packet.stream.type
         last = self._last_dts.get(index)
         # short audio packets may share a millisecond, and re-encoded audio gets new times
         equal_is_fine = kind == "subtitle" or index in self._sounds or self._container not in EXACT_TIME_BASE_CONTAINERS
@@ -411,7 +429,8 @@ def _chapters_within(file: av.container.InputContainer, window: Window, start: F
     kept: list[Any] = []
     for chapter in file.chapters():
         tick = Fraction(chapter["time_base"] or 1)
-        begin, end = max(chapter["start"] * tick - start, window.begin), chapter["end"] * tick - start
+        begin = max(chapter["start"] * tick - start, window.begin)
+        end = chapter["end"] * tick - start
         end = end if window.planned_end is None else min(end, window.planned_end)
         for time0, time1 in window.passages(begin, end) if begin < end else ():
             times = {"start": round(time0 / tick), "end": round(time1 / tick)}
@@ -472,7 +491,8 @@ class TextConverter:
         screen changes: that text begins at the decoder's time and ends at the time of the packet that completed it.
         """
         pts: Any = packet.dts if packet.pts is None else packet.pts
-        packet.pts, self._end = pts, pts + (packet.duration or 0)
+        packet.pts = pts
+        self._end = pts + (packet.duration or 0)
         if is_encrypted(packet):
             return [packet]
         try:
@@ -483,7 +503,10 @@ class TextConverter:
             return []
         begin = round(Fraction(shown.pts, av.time_base) / Fraction(packet.time_base)) if self._is_late else pts
         cue: Packet = av.Packet(b"\n".join(line.ass for line in shown))
-        cue.stream, cue.time_base, cue.pts, cue.dts = packet.stream, packet.time_base, begin, begin
+        cue.stream = packet.stream
+        cue.time_base = packet.time_base
+        cue.pts = begin
+        cue.dts = begin
         cue.duration = (pts if self._is_late else self._end) - begin
         return [cue]
 
@@ -492,12 +515,16 @@ class TextConverter:
         if not self._is_late:
             return []
         packet: Packet = av.Packet(ERASE_CAPTIONS)
-        packet.stream, packet.time_base, packet.pts = self._source, self._source.time_base, self._end
+        packet.stream = self._source
+        packet.time_base = self._source.time_base
+        packet.pts = self._end
         return self.cues(packet)
 
     def take(self, packet: Packet) -> list[Packet]:
         """Add a cue of `cues`; return the packets in the target format that are complete with it."""
-        lines, start, tick = bytes(packet).split(b"\n"), packet.pts or 0, Fraction(packet.time_base)
+        lines = bytes(packet).split(b"\n")
+        start = packet.pts or 0
+        tick = Fraction(packet.time_base)
         begin, end = (round(time * tick / self._tick) for time in (start, start + (packet.duration or 0)))
         if not self._shows_one:
             return self._packets(lines, begin, end)
@@ -521,7 +548,8 @@ class TextConverter:
             if time is not None and not (self._begin < end <= time and self._begin <= time - late):
                 break
             packets += self._packets([line for _, lines in cues for line in lines], self._begin, end)
-            self._cues, self._begin = cues, end
+            self._cues = cues
+            self._begin = end
         return packets
 
     def _packets(self, lines: list[bytes], begin: int, end: int) -> list[Packet]:
@@ -534,6 +562,9 @@ class TextConverter:
         except av.error.FFmpegError:
             self.lost_lines = True
             return self._packets(lines[1:], begin, end) if lines[1:] else []
-        packet.stream, packet.time_base = self.stream, self._tick
-        packet.pts, packet.dts, packet.duration = begin, begin, end - begin
+        packet.stream = self.stream
+        packet.time_base = self._tick
+        packet.pts = begin
+        packet.dts = begin
+        packet.duration = end - begin
         return [packet]

@@ -83,18 +83,24 @@ class Pictures(Iterator[av.VideoFrame]):
         remarks: list[str],
     ) -> None:
         self.damage = Damage()
-        self._file, self._tick, self._raw_rate = clock.file, clock.tick, clock.raw_rate
-        self._name, self._remarks, self._deinterlaced = name, remarks, deinterlace
+        self._file = clock.file
+        self._tick = clock.tick
+        self._raw_rate = clock.raw_rate
+        self._name = name
+        self._remarks = remarks
+        self._deinterlaced = deinterlace
         stream = clock.file.stream
         self._says_alpha = stream.metadata.get("alpha_mode") == "1"  # as every recording by a browser does
         hidden = decoders_of_hidden_alpha.get(stream.codec_context.name) if self._says_alpha and keeps_alpha else None
         self._decoder = stream.codec_context
         if hidden is not None:
-            self._says_alpha, self._decoder = False, cast(av.VideoCodecContext, av.CodecContext.create(hidden, "r"))
+            self._says_alpha = False
+            self._decoder = cast(av.VideoCodecContext, av.CodecContext.create(hidden, "r"))
         reorders = self._decoder.codec.reorder and clock.raw_rate is None
         self._buffer = ReorderBuffer(float(1 / (clock.rate * clock.tick)), reorders=reorders)
         self._count = self._interlaced_count = self._end_of_raw = 0
-        self._reformatter, self._palette_format = VideoReformatter(), ""
+        self._reformatter = VideoReformatter()
+        self._palette_format = ""
         self._coded = self._decode()
         self._presented: Iterator[av.VideoFrame] = self._coded
         if deinterlace:
@@ -107,7 +113,8 @@ class Pictures(Iterator[av.VideoFrame]):
         self._graphs = _Graphs(self._tick)
 
     def __next__(self) -> av.VideoFrame:
-        picture, self._next = self._next, None
+        picture = self._next
+        self._next = None
         return next(self._presented) if picture is None else picture
 
     def peek(self) -> av.VideoFrame | None:
@@ -119,7 +126,8 @@ class Pictures(Iterator[av.VideoFrame]):
         """Make a picture that was just taken the next one again, and reset the counts to begin with it."""
         self._next = next_picture
         self.damage.corrupt = 0
-        self._count, self._interlaced_count = 1, int(next_picture.interlaced_frame)
+        self._count = 1
+        self._interlaced_count = int(next_picture.interlaced_frame)
 
     def aspect_of(self, picture: av.VideoFrame) -> Fraction:
         """Return the pixel aspect ratio of a picture, which PyAV lacks: a filter scales by it, and is measured."""
@@ -139,7 +147,8 @@ class Pictures(Iterator[av.VideoFrame]):
 
     def interlacing_remarks(self) -> list[str]:
         """Return the remarks on interlaced pictures that stayed whole, and on progressive ones that were halved."""
-        interlaced, count = self._interlaced_count, self._count
+        interlaced = self._interlaced_count
+        count = self._count
         if not self._deinterlaced:
             which = "" if interlaced == count else f" in {interlaced} of {counted(count, 'frame')}"
             return [interlaced_remark(self._name, which, "pass `deinterlace=True`")] if interlaced else []
@@ -183,7 +192,8 @@ class Pictures(Iterator[av.VideoFrame]):
         halves = 2 * picture.duration * Fraction(self._file.stream.time_base or 0) * rate
         repeats = self._decoder.codec.canonical_name in REPEATING_CODECS and halves in REPEATED_HALVES
         picture.duration = int(halves) if repeats else 2
-        picture.pts, picture.time_base = self._end_of_raw, self._tick
+        picture.pts = self._end_of_raw
+        picture.time_base = self._tick
         self._end_of_raw += picture.duration
 
     def _without_palette(self, picture: av.VideoFrame) -> av.VideoFrame:
@@ -222,7 +232,8 @@ class ReorderBuffer:
 
     def __init__(self, interval: float, *, reorders: bool = True) -> None:
         self.has_interchanged = False
-        self._interval, self._reorders = interval, reorders
+        self._interval = interval
+        self._reorders = reorders
         self._owed: Counter[int] = Counter()
         self._waiting: list[av.VideoFrame] = []
         self._last: list[int] = []
@@ -253,7 +264,8 @@ class ReorderBuffer:
 
     def flush(self) -> list[av.VideoFrame]:
         """Return all waiting pictures in decoder output order, with their times in increasing order."""
-        ready, self._waiting = self._waiting, []
+        ready = self._waiting
+        self._waiting = []
         times = [picture.pts for picture in ready if picture.pts is not None]
         rising = sorted(times)
         self.has_interchanged |= times != rising
@@ -311,10 +323,12 @@ class _Graphs:
 
 def cropped(pictures: Iterable[av.VideoFrame], crop: Crop, time_base: Fraction, name: str) -> Iterator[av.VideoFrame]:
     """Yield what a crop leaves of pictures, by resampling chroma alone where it begins inside a sample of it."""
-    scaler, graphs = VideoReformatter(), _Graphs(time_base)
+    scaler = VideoReformatter()
+    graphs = _Graphs(time_base)
     margins = f"iw-{crop.left + crop.right}:ih-{crop.top + crop.bottom}:{crop.left}:{crop.top}:exact=1"
     for picture in pictures:
-        coded, filters = picture.format, [("crop", margins)]
+        coded = picture.format
+        filters = [("crop", margins)]
         if crop.left % (16 // coded.chroma_width(16)) or crop.top % (16 // coded.chroma_height(16)):
             whole = full_chroma(coded.components[0].bits).replace("yuv", "yuva" if has_alpha(coded.name) else "yuv")
             place = chroma_location_of(picture, scaler)
@@ -352,7 +366,9 @@ class FormatUnifier:
     def __init__(
         self, name: str, size: tuple[int, int], traits: VideoTraits, stops: bool, aspect: Fraction = Fraction(1)
     ) -> None:
-        self._name, self.traits, self._stops = name, traits, stops
+        self._name = name
+        self.traits = traits
+        self._stops = stops
         self._width, self._height, self._aspect = *size, aspect
         self._graphs = _Graphs(Fraction(1, 1000))
         self._reshaped = self._recoded = self._retagged = 0
@@ -377,7 +393,8 @@ class FormatUnifier:
         """
         traits = self.traits
         before, now = self._described(picture, aspect)
-        old, new = (traits.color_transfer, traits.color_primaries), (picture.color_trc, picture.color_primaries)
+        old = (traits.color_transfer, traits.color_primaries)
+        new = (picture.color_trc, picture.color_primaries)
         try:
             coding = picture.format.is_rgb, color_space_of(picture), is_full_range(picture)
             recodes = coding != (av.VideoFormat(traits.pixel_format).is_rgb, traits.color_space, traits.full_range)
@@ -415,13 +432,16 @@ class FormatUnifier:
 
     def _like_first(self, picture: av.VideoFrame, aspect: Fraction, *, recodes: bool) -> av.VideoFrame:
         """Return a picture scaled and padded by FFmpeg, in the first one's format, and its coding if it `recodes`."""
-        traits, width, height = self.traits, self._width, self._height
+        traits = self.traits
+        width = self._width
+        height = self._height
         wider = Fraction(picture.width, picture.height) * aspect / (Fraction(width, height) * self._aspect)
         if wider > 1 + MAX_SQUEEZE:
             height = min(height, 4 * max(1, round(height / wider / 4)))  # whole samples of chroma
         elif wider < 1 - MAX_SQUEEZE:
             width = min(width, 4 * max(1, round(width * wider / 4)))
-        full, wanted = is_full_range(picture), av.VideoFormat(traits.pixel_format)
+        full = is_full_range(picture)
+        wanted = av.VideoFormat(traits.pixel_format)
         options = f"{width}:{height}:flags={SCALER_FLAGS}:in_range={1 + full}:out_range={1 + traits.full_range}"
         options += "" if picture.format.is_rgb else f":in_color_matrix={color_space_of(picture)}"
         options += "" if wanted.is_rgb else f":out_color_matrix={traits.color_space}"
@@ -430,10 +450,13 @@ class FormatUnifier:
         deep = full_chroma(16).replace("yuv", "yuva" if has_alpha(wanted.name) else "yuv")
         middle, last = (("format", name) for name in (deep if recodes else wanted.name, wanted.name))
         alike = self._graphs.passed(picture, ("scale", options), middle, ("pad", margins), last)
-        alike.pts, alike.duration = picture.pts, picture.duration
+        alike.pts = picture.pts
+        alike.duration = picture.duration
         alike.time_base = picture.time_base or Fraction(1, 1000)
-        alike.colorspace, alike.color_range = traits.tagged_color_space, traits.color_range
-        alike.color_primaries, alike.color_trc = traits.color_primaries, traits.color_transfer
+        alike.colorspace = traits.tagged_color_space
+        alike.color_range = traits.color_range
+        alike.color_primaries = traits.color_primaries
+        alike.color_trc = traits.color_transfer
         return alike
 
     def remarks(self) -> list[str]:

@@ -8,9 +8,16 @@ import av
 import numpy as np
 from av.video.reformatter import VideoReformatter
 
-SMPTE170M, BT709, BT2020, RGB, UNSPECIFIED = 6, 1, 9, 0, 2  # AVColorSpace
+# AVColorSpace
+SMPTE170M = 6
+BT709 = 1
+BT2020 = 9
+RGB = 0
+UNSPECIFIED = 2
 
-FULL_RANGE, LIMITED_RANGE = 2, 1  # AVColorRange
+# AVColorRange
+FULL_RANGE = 2
+LIMITED_RANGE = 1
 
 MATRICES = (1, 4, 5, 6, 7, 9)
 """AVColorSpace of the plain luma-chroma matrices, by which pictures can be converted."""
@@ -159,7 +166,8 @@ def chroma_location_of(picture: av.VideoFrame, reformatter: VideoReformatter) ->
     PyAV does not expose the tag, so a ramp is subsampled with the picture's properties, and the location follows from
     the resulting values.
     """
-    size, step = 32, 4
+    size = 32
+    step = 4
     if picture.format.is_rgb or len(picture.planes) < 2:
         return "left"
     ramp = reformatted(picture, reformatter, "yuv444p", True, size=(size, size))

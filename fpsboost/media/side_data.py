@@ -23,9 +23,12 @@ ICC_PROFILE = 15  # FFmpeg's number of the type
 unnamed_types = {ICC_PROFILE: "ICC_PROFILE", 28: "LCEVC", 29: "VIEW_ID", 30: "THREE_D_REFERENCE_DISPLAYS", 31: "EXIF"}
 """Names of FFmpeg's types, by their numbers, that PyAV is not asked for: PyAV 18 has no name for those from 28 on."""
 
-FIRST_UNNAMED, LAST_TYPE = 28, 40  # numbers of the types that are looked for; FFmpeg 8 ends at 33
+# numbers of the types that are looked for; FFmpeg 8 ends at 33
+FIRST_UNNAMED = 28
+LAST_TYPE = 40
 
-DYNAMIC_HDR, MASTERING = "dynamic HDR metadata", "HDR mastering data"
+DYNAMIC_HDR = "dynamic HDR metadata"
+MASTERING = "HDR mastering data"
 words = {
     CAPTIONS: "closed captions",
     "AFD": "active format",
@@ -51,7 +54,8 @@ words = {
 }
 """Words for side data in remarks, by its type; other types are always carried over, or are notes of a codec."""
 
-_X264, _X265 = "dc45e9bde6d948b7962cd820d923eeef", "2ca2de09b51747dbbb55a4fe7fc2fc4e"
+_X264 = "dc45e9bde6d948b7962cd820d923eeef"
+_X265 = "2ca2de09b51747dbbb55a4fe7fc2fc4e"
 _APPLE = "47564adc5c4c433f94efc5113cd143a8"
 encoder_notes = [bytes.fromhex(identifier) for identifier in (_X264, _X265, _APPLE)]
 """Identifiers of user data that describes the coding alone."""
@@ -65,7 +69,10 @@ stereo_modes = {
 }
 """Matroska's names by FFmpeg's AVStereo3DType, with the left view first and with the right one."""
 
-FLAT, RECTILINEAR, FULL_FRAME = 0, 4, 8  # of AVStereo3DType, AVSphericalProjection and ETSI TS 101 154
+# of AVStereo3DType, AVSphericalProjection and ETSI TS 101 154
+FLAT = 0
+RECTILINEAR = 4
+FULL_FRAME = 8
 TIME_OF_GOP = 0xFFEFFF  # MPEG-2's timecode without its flag and its marker
 
 base_layers = (4, 6, 7, 9)
@@ -96,7 +103,8 @@ def side_data_of(picture: av.VideoFrame) -> list[tuple[str, bytes]]:
     """
     others: list[int] = []
     if not picture.format.name.startswith("yuv") and filtered(picture, ["mode=select:type=ICC_PROFILE"]) is not None:
-        others, picture = [ICC_PROFILE], filtered(picture, ["mode=delete:type=ICC_PROFILE"]) or picture
+        others = [ICC_PROFILE]
+        picture = filtered(picture, ["mode=delete:type=ICC_PROFILE"]) or picture
     try:
         sides: Any = picture.side_data
     except ValueError:
@@ -151,7 +159,8 @@ def stereo_mode_of(sides: Mapping[str, bytes]) -> str:
 def read_header(stream: av.VideoStream) -> HeaderData:
     """Return a stream's side data that PyAV does not give, from the header that a muxer writes for it."""
     header = next(filter(None, (_header_of(stream, container) for container in ("mp4", "mov", "matroska"))), b"")
-    crop, context = _crop_of_box(header, stream) or _crop_of_elements(header), stream.codec_context
+    crop = _crop_of_box(header, stream) or _crop_of_elements(header)
+    context = stream.codec_context
     is_whole = not any(crop) or crop.left + crop.right >= context.width or crop.top + crop.bottom >= context.height
     boxes = [at for at in map(header.find, (b"dvcC", b"dvvC", b"dvwC")) if at >= 0]
     dolby_vision = (header[boxes[0] + 6] >> 1, header[boxes[0] + 8] >> 4) if boxes else None

@@ -37,15 +37,19 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-LOCK, MANIFEST, COMPLETE = "lock", "manifest.json", "whole"
+LOCK = "lock"
+MANIFEST = "manifest.json"
+COMPLETE = "whole"
 LOCKED = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)
 """Codes of the errors for a file that another process has locked; others mean that the disk has no locks."""
 MAX_ATTEMPTS = 1000
 """Attempts to lock a folder that other runs remove meanwhile; a folder that keeps nothing would take any number."""
 MAX_FACT_LENGTH = 60
 """Maximum length of an option's value that a message quotes, characters."""
-MAX_NAME_BYTES, SHORT_NAME_LENGTH = 230, 50
-"""Bytes of a name beyond which it is cut to so many characters: file systems take 255, with prefix and suffix."""
+MAX_NAME_BYTES = 230
+"""Bytes of a name beyond which it is cut: file systems take 255, with prefix and suffix."""
+SHORT_NAME_LENGTH = 50
+"""Characters that are left of a name that is cut."""
 IN_EXISTING_FOLDER = "fpsboost"
 """Name of the staging folder of images that go into a folder that was there."""
 
@@ -99,8 +103,11 @@ class StagingDirectory:
     """
 
     def __init__(self, folder: Path, staged: str, name: str, job: JobFingerprint | None) -> None:
-        self.folder, self.staged, self.remarks = folder, folder / staged, list[str]()
-        self.name, self._job = name, job
+        self.folder = folder
+        self.staged = folder / staged
+        self.remarks = list[str]()
+        self.name = name
+        self._job = job
         self._lock: BufferedRandom | None = None
 
     @property
@@ -239,8 +246,10 @@ class StagingDirectory:
     def _check_same(self, before: Mapping[str, str], now: Mapping[str, str]) -> None:
         """Raise `OutputError`, which names the first difference, unless both jobs are the same."""
         for key in (key for key in [*now, *before] if now.get(key) != before.get(key)):
-            old, new = before.get(key, "nothing"), now.get(key, "nothing")
-            what, wording = key.rpartition(".")[2].replace("_", " "), f"{old} and not {new}"
+            old = before.get(key, "nothing")
+            new = now.get(key, "nothing")
+            what = key.rpartition(".")[2].replace("_", " ")
+            wording = f"{old} and not {new}"
             if max(len(old), len(new)) > MAX_FACT_LENGTH:
                 wording = f"that {'have' if what.endswith('s') else 'has'} changed since"
             advice = "give the same input and options, or leave `resume` out to start anew."
@@ -344,7 +353,8 @@ class PartFolder(StagingDirectory):
     """
 
     def __init__(self, part: OutputPart, job: JobFingerprint | None, *, overwrite: bool) -> None:
-        self._part, folder = part, part.folder
+        self._part = part
+        folder = part.folder
         super().__init__(hidden_place(folder.parent, folder.name), "output", str(folder), job)
         discard_published(folder)
         if folder.exists() and not overwrite:

@@ -60,14 +60,26 @@ three_letters = {"yo": "yor", "za": "zha", "zh": "zho", "zu": "zul"}
 """ISO 639-2/T code by the ISO 639-1 codes that FFmpeg does not find in its own table."""
 
 
-CHAPTERS, CHAPTER, CHAPTER_NAME = b"\x10\x43\xa7\x70", b"\xb6", b"\x80"
-"""Identifiers of Matroska's Chapters, ChapterAtom and ChapterDisplay."""
+CHAPTERS = b"\x10\x43\xa7\x70"
+"""Identifier of Matroska's Chapters."""
+CHAPTER = b"\xb6"
+"""Identifier of ChapterAtom."""
+CHAPTER_NAME = b"\x80"
+"""Identifier of ChapterDisplay."""
 
-IS_ORDERED, IS_HIDDEN, LANGUAGE = b"\x45\xdd", b"\x98", b"\x43\x7c"
-"""Identifiers of EditionFlagOrdered, ChapterFlagHidden and ChapLanguage."""
+IS_ORDERED = b"\x45\xdd"
+"""Identifier of EditionFlagOrdered."""
+IS_HIDDEN = b"\x98"
+"""Identifier of ChapterFlagHidden."""
+LANGUAGE = b"\x43\x7c"
+"""Identifier of ChapLanguage."""
 
-TRACKS, TRACK, TRACK_LANGUAGE = b"\x16\x54\xae\x6b", b"\xae", b"\x22\xb5\x9d"
-"""Identifiers of Tracks, TrackEntry and LanguageBCP47."""
+TRACKS = b"\x16\x54\xae\x6b"
+"""Identifier of Tracks."""
+TRACK = b"\xae"
+"""Identifier of TrackEntry."""
+TRACK_LANGUAGE = b"\x22\xb5\x9d"
+"""Identifier of LanguageBCP47."""
 
 PARENTS = (b"\x18\x53\x80\x67", TRACKS, TRACK, CHAPTERS, b"\x45\xb9", CHAPTER, CHAPTER_NAME)
 """Identifiers of the elements that are looked into: these, Segment and EditionEntry."""
@@ -132,8 +144,10 @@ def copy_labels(stream: Stream, target: Stream, container: str) -> None:
 
 def lost_labels(tags: dict[str, str], flags: av.stream.Disposition, stream: Stream) -> list[str]:
     """Describe the language, title and dispositions that a stream was given and lacks in the finished file."""
-    before, after = _lower(tags), _lower(stream.metadata)
-    language, title = before.get("language", "und"), before.get("title")
+    before = _lower(tags)
+    after = _lower(stream.metadata)
+    language = before.get("language", "und")
+    title = before.get("title")
     roles = int(flags) & ~int(stream.disposition)
     lost = {
         f"the language {language}": language not in ("und", after.get("language")),
@@ -225,7 +239,8 @@ def unread_of_chapters(file: InputContainer) -> list[str]:
     if not kept:
         return []
     elements = _elements_to(CHAPTERS, file)
-    names, contents = [element.name for element in elements], {(element.name, element.content) for element in elements}
+    names = [element.name for element in elements]
+    contents = {(element.name, element.content) for element in elements}
     of_names = [element.parent for element in elements if element.name == CHAPTER_NAME]
     count = names.count(CHAPTER)
     unread = {
@@ -275,7 +290,8 @@ def _elements(data: mmap.mmap, begin: int, end: int) -> Iterator[tuple[bytes, in
     while begin < end:
         after = begin + 9 - data[begin].bit_length()
         width = 9 - data[min(after, end - 1)].bit_length()
-        start, most = after + width, (1 << 7 * width) - 1
+        start = after + width
+        most = (1 << 7 * width) - 1
         size = int.from_bytes(data[after:start]) & most
         # a size of ones is unknown, as where a recording was streamed: all that follows
         stop = end if size == most else min(end, start + size)
@@ -309,7 +325,8 @@ def timecode_at(timecode: str, old: Fraction, new: Fraction, later: int = 0) -> 
     numbers of each minute but every tenth. Returns None for a text that is no timecode, or a rate that cannot count it.
     """
     match = TIMECODE_PATTERN.fullmatch(timecode.strip())
-    before, after = round(old), round(new)
+    before = round(old)
+    after = round(new)
     if match is None or int(match[5]) >= before or after not in counted_rates[match[4] == ":"]:
         return None
     hours, minutes, seconds, frames = (int(match[group]) for group in (1, 2, 3, 5))

@@ -36,7 +36,11 @@ transfers = {
 }
 """Common names of FFmpeg's colour tags, by number; a tag without a name is shown as its number."""
 
-LINEAR, SRGB, PQ, HLG = 8, 13, 16, 18  # transfer functions
+# transfer functions
+LINEAR = 8
+SRGB = 13
+PQ = 16
+HLG = 18
 _plain = {BT709, *NO_COLOUR_TAG["color_primaries"]}
 
 UPRIGHT = struct.pack("=9i", 1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 30)

@@ -76,7 +76,8 @@ class BlockMatching(Checked):
         The values are (H, W, 1 or 3) as `colour_values` returns them, and `white` is that of `white_of`.
         """
         height, width, channels = values0.shape
-        rows, columns = -(-height // self.block_size), -(-width // self.block_size)
+        rows = -(-height // self.block_size)
+        columns = -(-width // self.block_size)
         motion = np.empty((rows, columns, 2), np.int32)
         difference = np.empty((rows, columns), np.float32 if values0.dtype == np.float32 else np.int64)
         match_blocks(
@@ -105,7 +106,8 @@ def colour_values(image: Image) -> np.ndarray:
     values = normalised(image) if image.dtype == np.float32 else image
     if not has_alpha(image):
         return np.ascontiguousarray(values)
-    colours, alpha = values[..., :-1], values[..., -1:]
+    colours = values[..., :-1]
+    alpha = values[..., -1:]
     if image.dtype == np.uint8:
         return np.asarray(colours.astype(np.uint16) * alpha)  # uint16 holds the products exactly
     if image.dtype == np.uint16:

@@ -118,7 +118,8 @@ def _shrunk(size: tuple[int, int], image: Image) -> np.ndarray:
     Pixels are averaged over areas: a filter that skips pixels would let noise and fine patterns into thumbnails.
     """
     height, width, channels = image.shape
-    across, down = min(size[0], width), min(size[1], height)
+    across = min(size[0], width)
+    down = min(size[1], height)
     small = np.empty((down, across, channels), np.float32)
     rows = np.ascontiguousarray(image).reshape(height, width * channels)
     shrink(rows, small)

@@ -99,7 +99,8 @@ class ExhaustiveSearch(Checked):
         check_pair(image0.array, image1.array)
         radius = self.search_radius or choose_search_radius(image0, image1, self.vectors)
         search = search_fused if self.implementation == "fused" else search_by_passes
-        colours0, colours1 = image0.cached(colour_components), image1.cached(colour_components)
+        colours0 = image0.cached(colour_components)
+        colours1 = image1.cached(colour_components)
         field01, field10 = search(colours0, colours1, radius, self.patch_radius, self.window, self.v)
         return replace(field01, search_radius=radius), replace(field10, search_radius=radius)
 

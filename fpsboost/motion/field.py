@@ -67,7 +67,8 @@ class MotionField:
 
     def __post_init__(self) -> None:
         """Bring the arrays, which may be views, into the form that kernels take."""
-        vectors, similarities = np.ascontiguousarray(self.vectors, np.float32), np.asarray(self.similarities)
+        vectors = np.ascontiguousarray(self.vectors, np.float32)
+        similarities = np.asarray(self.similarities)
         height, width = self.size or vectors.shape[:2]
         points = -(-height // self.spacing), -(-width // self.spacing)
         if vectors.shape != (*points, 2) or similarities.shape not in {points, (1, 1)}:
@@ -265,9 +266,11 @@ def accelerations_at_points(
     if away is not None:
         fields = *onward, *away
         if len({field.spacing for field in fields}) == 1:
-            vectors, shared = [field.vectors for field in fields], onward[0].spacing
+            vectors = [field.vectors for field in fields]
+            shared = onward[0].spacing
         else:
-            vectors, shared = [field.flow for field in fields], 1
+            vectors = [field.flow for field in fields]
+            shared = 1
         trips = RoundTrip(*vectors[:2]), RoundTrip(*vectors[2:])
         layout = FieldLayout(shared, *onward[0].shape)
         find_accelerations(*trips, layout, y, x, ratio, np.float32(CONSISTENT), changes)

@@ -67,7 +67,8 @@ def search_fused(
         Motion in whole pixels, with the similarities of the best offsets minus their penalties.
     """
     height, width = colours0.shape[:2]
-    is_box, weights = window == "box", np.array(window_taps(window, patch_radius), np.float32)
+    is_box = window == "box"
+    weights = np.array(window_taps(window, patch_radius), np.float32)
     scale = colour_scale(bandwidth)
     planes0 = padded_planes(colours0, patch_radius, 0, 2 * LANES, scale)
     planes1 = padded_planes(colours1, patch_radius, LANES, 3 * LANES, scale)
@@ -125,17 +126,23 @@ def _passes_one_way(
     a: Components, b: Components, search_radius: int, patch_radius: int, taps: np.ndarray, bandwidth: float
 ) -> MotionField:
     """Return the motion from image `a` to image `b`, both padded by the patch radius."""
-    height, width = a.shape[0] - 2 * patch_radius, a.shape[1] - 2 * patch_radius
-    flow, best = np.zeros((height, width, 2), np.float32), np.full((height, width), -1, np.float32)
+    height = a.shape[0] - 2 * patch_radius
+    width = a.shape[1] - 2 * patch_radius
+    flow = np.zeros((height, width, 2), np.float32)
+    best = np.full((height, width), -1, np.float32)
     inner = slice(patch_radius, -patch_radius)
     box = np.ptp(taps) == 0
     exponent = np.full((1, 3), -1 / (2 * bandwidth * bandwidth), np.float32)
     # shortest motion first: a later offset must be more similar, so that ties go to the smallest motion
     for dx, dy in rank_offsets(search_radius)[1].astype(int).tolist():
-        y0, y1, x0, x1 = max(0, -dy), min(height, height - dy), max(0, -dx), min(width, width - dx)
+        y0 = max(0, -dy)
+        y1 = min(height, height - dy)
+        x0 = max(0, -dx)
+        x1 = min(width, width - dx)
         if y0 >= y1 or x0 >= x1:
             continue
-        y2, x2 = y1 + 2 * patch_radius, x1 + 2 * patch_radius
+        y2 = y1 + 2 * patch_radius
+        x2 = x1 + 2 * patch_radius
         difference = cv2.subtract(a[y0:y2, x0:x2], b[y0 + dy : y2 + dy, x0 + dx : x2 + dx])
         w = cv2.exp(cv2.transform(cv2.multiply(difference, difference), exponent))
         s = cv2.boxFilter(w, -1, (len(taps), len(taps))) if box else cv2.sepFilter2D(w, -1, taps, taps)

@@ -141,9 +141,11 @@ class CoarseToFine(Checked):
         levels0, levels1 = (image.cached_for_both_pairs(pyramid, self.coarsest_side) for image in (image0, image1))
         last = min(self.finest_level, len(levels0) - 1)
         pair = self._plane_pair(levels0[-1], levels1[-1])
-        found, step = self._search_coarsest(levels0[-1], levels1[-1], pair), COARSEST_STEP
+        found = self._search_coarsest(levels0[-1], levels1[-1], pair)
+        step = COARSEST_STEP
         for level in range(len(levels0) - 2, last - 1, -1):
-            looks, flow = len(levels0) - 2 - level, found.flow
+            looks = len(levels0) - 2 - level
+            flow = found.flow
             if looks == 1:
                 shape = -(-pair.height // DENSE_STEP), -(-pair.width // DENSE_STEP)
                 flow = np.stack([spread_points(each, shape, COARSE_STEP // DENSE_STEP) for each in flow])
@@ -152,15 +154,18 @@ class CoarseToFine(Checked):
                 coarse = self._search_residuals(pair, flow, step, MIN_SIMILARITY[looks - 1])
             else:
                 coarse = CoarseMotion(flow, flow, np.ones(flow.shape[:3], np.float32))
-            spacing, step = step * 2, self.step if level == last else COARSE_STEP
+            spacing = step * 2
+            step = self.step if level == last else COARSE_STEP
             pair = self._plane_pair(levels0[level], levels1[level])
             # whole pixels around the prediction are compared on two levels: on the second coarsest, because an error
             # grows from there on, and on the finest, because no further level corrects it
             refine_radius = int(level in (last, len(levels0) - 2))
             row_step = 2 if level == last and step % 4 == 0 else 1
             found = self._search(pair, coarse, 2, spacing, step, refine_radius, row_step)
-        size, scale = image0.pixels.shape[:2], 2**last
-        vectors, similarities = found.flow * np.float32(scale), found.similarity.clip(0, 1)
+        size = image0.pixels.shape[:2]
+        scale = 2**last
+        vectors = found.flow * np.float32(scale)
+        similarities = found.similarity.clip(0, 1)
         field01, field10 = (
             MotionField(*each, None, step * scale, size) for each in zip(vectors, similarities, strict=True)
         )
@@ -215,7 +220,8 @@ class CoarseToFine(Checked):
 
         Small objects are those whose motion their surroundings do not predict.
         """
-        looked, ties = flow.copy(), np.empty(flow.shape[:3], np.float32)
+        looked = flow.copy()
+        ties = np.empty(flow.shape[:3], np.float32)
         similarity = np.empty((2, *ties.shape), np.float32)
         search_residuals_bidirectional(
             pair, step, self._max_offset(pair), SMALL_RADIUS, min_similarity, MIN_GAIN, looked, similarity

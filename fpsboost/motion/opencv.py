@@ -144,7 +144,8 @@ def _estimate_both(
     """
     check_pair(image0.pixels, image1.pixels)
     height, width = image0.pixels.shape[:2]
-    below, right = max(0, MIN_SIDE - height), max(0, MIN_SIDE - width)
+    below = max(0, MIN_SIDE - height)
+    right = max(0, MIN_SIDE - width)
     gray0, gray1 = (
         cv2.copyMakeBorder(image.cached(gray), 0, below, 0, right, cv2.BORDER_REPLICATE) for image in (image0, image1)
     )

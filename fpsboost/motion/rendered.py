@@ -101,7 +101,8 @@ class RenderedMotion:
             The images have no vectors of their size.
         """
         check_pair(image0.array, image1.array)
-        number0, number1 = frame_number(image0.output_position), frame_number(image1.output_position)
+        number0 = frame_number(image0.output_position)
+        number1 = frame_number(image1.output_position)
         span = np.float32((number1 - number0) * self.vectors.step)
         forward = self.vectors.for_image(number0, image0.array).forward
         backward = self.vectors.for_image(number1, image1.array).backward

@@ -129,7 +129,8 @@ def check_complete(parts: Sequence[PartFiles]) -> list[PartFiles]:
     for folder, manifest in parts:
         other = by_number.setdefault(manifest.part.number, (folder, manifest))[0]
         difference = first_difference(manifest0.facts, manifest.facts)
-        count0, count = manifest0.part.count, manifest.part.count
+        count0 = manifest0.part.count
+        count = manifest.part.count
         refuse(
             {
                 f"{other} and {folder} are both part {manifest.part}; name one of them.": other != folder,

@@ -317,7 +317,8 @@ def _moving_samples() -> Iterator[NDArray[np.int64]]:
     in_front = _texture(random, *OBJECT)
     for number in range(FRAMES):
         frame = behind[:, 5 * number : 2 * width + 5 * number].reshape(height, width, 2, 4).sum(axis=2) // 2
-        top, left = 12 + number, 160 + 4 * number
+        top = 12 + number
+        left = 160 + 4 * number
         frame[top : top + OBJECT[0], left : left + OBJECT[1]] = in_front[:, ::2]
         yield frame
 

@@ -110,7 +110,9 @@ def plan_part(ready: Preparation) -> PartPlan:
 
 def enter(ready: Preparation, outputs: OutputRange) -> OutputRange:
     """Let a source that lists its frames begin near the first of some output frames; return these with the entry."""
-    job, source, curve = ready.job, ready.clip.source, ready.clip.curve
+    job = ready.job
+    source = ready.clip.source
+    curve = ready.clip.curve
     is_late = outputs.first > 0 or (curve is not None and curve.source(Fraction(0)) >= LATE)
     if not isinstance(source, RandomAccess):
         return outputs
@@ -320,7 +322,9 @@ def read_index(folder: Path, identity: str) -> FrameIndex | None:
 
 def manifest_of(plan: PartPlan, ready: Preparation, folder: Path) -> Manifest:
     """Return the manifest of a part whose files are complete."""
-    job, summary, outputs = ready.job, plan.summary, plan.outputs
+    job = ready.job
+    summary = plan.summary
+    outputs = plan.outputs
     assert summary is not None
     read = summary.frames_in + (0 if outputs.entry is None else outputs.entry.number)
     by_number = (
@@ -350,7 +354,8 @@ class OutputNumbers:
     """Numbers of the output frames, counted from 0, of a clip whose frames are at `times`, increasing seconds."""
 
     def __init__(self, times: Sequence[Fraction], schedule: Schedule) -> None:
-        self._times, self._schedule = times, schedule
+        self._times = times
+        self._schedule = schedule
 
     def is_certain(self, number: int) -> bool:
         """Return whether the presentation time of a frame does not depend on those of earlier frames.
@@ -360,7 +365,9 @@ class OutputNumbers:
         """
         if number == 0:
             return True
-        start, time, before = self._times[0], self._times[number], self._times[number - 1]
+        start = self._times[0]
+        time = self._times[number]
+        before = self._times[number - 1]
         nominal = self._schedule.presentation_time(start, before)
         return self._schedule.presentation_time(start, time) > max(nominal, before)
 
@@ -393,11 +400,13 @@ class OutputNumbers:
     def _pauses(self) -> list[tuple[int, int]]:
         """Frames before pauses that are not filled, and the number of output frames that each pause lacks."""
         pauses = []
-        number, last = 0, len(self._times) - 1
+        number = 0
+        last = len(self._times) - 1
         while number < last:
             following = bisect_right(self._times, self._times[number] + MAX_FILLED - 1)  # snapping may lengthen a pause
             if following == number + 1:
-                time0, time1 = self.presented(number), self.presented(following)
+                time0 = self.presented(number)
+                time1 = self.presented(following)
                 steps = self._schedule.steps(number, self._times[0], time0, time1)
                 made = sum(not step.is_sample for step in steps)
                 pauses.append((number, self._position(following) - self._position(number) - made))

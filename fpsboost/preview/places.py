@@ -81,8 +81,10 @@ class View:
 PASSAGES = 3
 """Maximum number of passages that are chosen."""
 
-PLACES, FRAMES_PER_PLACE = 12, 4
-"""Number of places at which motion is measured, and number of frames that are decoded at each."""
+PLACES = 12
+"""Number of places at which motion is measured."""
+FRAMES_PER_PLACE = 4
+"""Number of frames that are decoded at each."""
 
 ENOUGH_PLACES = 4
 """Number of different places below which the clip is read from its beginning instead."""
@@ -90,8 +92,10 @@ ENOUGH_PLACES = 4
 MAX_READ = 480
 """Maximum number of frames that are read from the beginning instead."""
 
-MIN_FRAMES, MAX_FRAMES = 8, 30
-"""Minimum and maximum number of source frames in a passage, which otherwise lasts a second."""
+MIN_FRAMES = 8
+"""Minimum number of source frames in a passage, which otherwise lasts a second."""
+MAX_FRAMES = 30
+"""Maximum number of source frames in a passage."""
 
 MAX_PIXELS = 33_000_000
 """Number of pixels in the frames of a passage above which it is shorter, so that large frames do not take minutes."""
@@ -150,7 +154,9 @@ class Passage(NamedTuple):
         middle : int
             Number of the output frame.
         """
-        view, last, stop = self.before, self.before.times[-1], math.ceil(curve.length * rate)
+        view = self.before
+        last = self.before.times[-1]
+        stop = math.ceil(curve.length * rate)
 
         def time_of(number: int) -> Fraction:
             return curve.source(number / rate) + begin - self.start
@@ -234,7 +240,9 @@ def find_passages(
     if starts:
         passages = [reader.examine(span.latest(start), span.duration) for start in starts]
         return Selection(passages, passages, [])
-    places, examined, remarks = reader.measure(span.spread(PLACES)), list[Passage](), list[str]()
+    places = reader.measure(span.spread(PLACES))
+    examined = list[Passage]()
+    remarks = list[str]()
     if len(places) < ENOUGH_PLACES:
         longest = MAX_READ / span.info.rate
         read_for = longest if span.end is None else min(longest, span.end - span.begin)
@@ -264,7 +272,8 @@ def find_retimed(
         raise OptionError("`at` is after the end of the retimed output; give an earlier position.")
     times = given or shown[:: -(-len(shown) // PASSAGES)]
     starts = (span.begin + max(Fraction(0), curve.source(time) - span.duration / 2) for time in times)
-    selection, passages = find_passages(job, run, map(Position, starts)), list[Passage]()
+    selection = find_passages(job, run, map(Position, starts))
+    passages = list[Passage]()
     for passage, middle in zip(selection.passages, (math.floor(time * rate) for time in times), strict=True):
         if given or not passages or middle not in (passages[-1].retimed or ()):
             passages.append(passage.by_curve(curve, span.begin, rate, middle))
@@ -300,7 +309,8 @@ class _Span:
 def _opened(job: ConversionJob, run: RunOptions, length: int | None = None) -> tuple[_Span, _Reader]:
     """Return the part of a job's clip in which passages are chosen, and its reader."""
     with opened_clip(job, run) as clip:
-        info, images = clip.whole.info, clip.whole.stream_info.images
+        info = clip.whole.info
+        images = clip.whole.stream_info.images
         reader = _Reader(job, run, info.rate, images is not None)
     begin, end = job.decoding.trim.seconds(info)
     declared = info.duration or (None if info.frame_count is None else info.frame_count / info.rate)

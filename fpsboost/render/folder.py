@@ -107,7 +107,8 @@ class VectorFolder:
         self._depth = None if self.depth_path is None else _find_files(self.depth_path, "depth", ".exr")
         depth_files = [] if self._depth is None else self._depth.files
         self.files = [*chain.from_iterable(map(_partners, self._vectors.files)), *depth_files]
-        self.step, self.remarks = 1, list[str]()
+        self.step = 1
+        self.remarks = list[str]()
         self._numbers: Sequence[int] | None = None
         self._cached = lru_cache(CACHED_FRAMES)(self._read)
 
@@ -414,7 +415,8 @@ def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], 
     """
     if folder.convention is not None or folder.is_flow:
         return folder
-    pairs, usual = [], None
+    pairs = []
+    usual = None
     for (number0, image0), (number1, image1) in frames:
         channels0, usual = folder.channels_at(number0)
         channels1, _ = folder.channels_at(number1)
@@ -423,7 +425,8 @@ def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], 
         pairs.append(RenderedPair(image0, image1, channels0, channels1, (number1 - number0) * folder.step))
     if usual is None:
         return folder
-    fit, fitted = fit_convention(pairs, usual), copy(folder)
+    fit = fit_convention(pairs, usual)
+    fitted = copy(folder)
     fitted.convention = fit.convention
     fitted.remarks = list(folder.remarks)
     if fit.convention != usual:
@@ -447,7 +450,8 @@ def fit_convention(pairs: Iterable[RenderedPair], usual: VectorConvention) -> Ve
     taken.
     """
     errors = defaultdict[tuple[int, StoredVectors], float](float)
-    still, count = 0.0, len(usual.pairs)
+    still = 0.0
+    count = len(usual.pairs)
     meanings = [StoredVectors(*meaning) for meaning in product(get_args(Direction), (1, -1), (1, -1))]
     for pair in pairs:
         ends = _comparable(pair.image0), _comparable(pair.image1)
@@ -486,7 +490,8 @@ def _fetch_error(here: np.ndarray, there: np.ndarray, motion: np.ndarray) -> flo
     """
     height, width = motion.shape[:2]
     rows, columns = np.mgrid[:height, :width].astype(np.float32)
-    x, y = columns + motion[..., 0], rows + motion[..., 1]
+    x = columns + motion[..., 0]
+    y = rows + motion[..., 1]
     inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
     if inside.mean() < MIN_SHARE_INSIDE:
         return float(((there - here) ** 2).mean())

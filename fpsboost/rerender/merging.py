@@ -256,7 +256,8 @@ def _number_and_region(name: str, planned: Mapping[int, PlannedFrame]) -> tuple[
     stem = name[: -len(extension_of(name))]
     region = re.fullmatch(r".*?(\d+)_([1-9]\d*)", stem)
     if region is not None:
-        number, place = int(region[1]), int(region[2])
+        number = int(region[1])
+        place = int(region[2])
         if number in planned and place <= len(planned[number].regions):
             return number, place
     whole = re.fullmatch(r".*?(\d+)", stem)

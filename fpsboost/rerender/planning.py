@@ -123,7 +123,8 @@ class RerenderPlan:
         """Write ``plan.json`` and the masks into a folder."""
         masks = self._mask_numbering(folder)
         for frame in self.frames:
-            path, mask = masks.path(frame.number), frame.mask(self.height, self.width)[..., np.newaxis]
+            path = masks.path(frame.number)
+            mask = frame.mask(self.height, self.width)[..., np.newaxis]
             write_safely(path, encode_image(path, mask * np.uint8(RENDERED)))
         write_safely(folder / PLAN_FILE, json.dumps(self.as_json(), indent=1).encode())
 
@@ -230,7 +231,8 @@ def plan_rerender(
     options = options or PlanOptions()
     interpolator = find_method(method)
     with open_images(os.fspath(input), os.fspath(folder)) as source:
-        images, info = source.images, source.info
+        images = source.images
+        info = source.info
         factor = options.factor or (images.step if images.step > 1 else 2)
         first, step = images.numbers_for(Fraction(factor)) or (images.first_number, 1)
         numbers = [first + step * place for place in range((len(images.files) - 1) * factor + 1)]

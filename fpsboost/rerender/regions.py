@@ -57,7 +57,8 @@ class Rectangle(NamedTuple):
 
     def around(self, other: Rectangle) -> Rectangle:
         """Return the smallest rectangle that contains both."""
-        x, y = min(self.x, other.x), min(self.y, other.y)
+        x = min(self.x, other.x)
+        y = min(self.y, other.y)
         right = max(self.x + self.width, other.x + other.width)
         bottom = max(self.y + self.height, other.y + other.height)
         return Rectangle(x, y, right - x, bottom - y)
@@ -97,8 +98,10 @@ class TileGrid:
 
     def in_pixels(self, tiles: Rectangle) -> Rectangle:
         """Return a rectangle of tiles in pixels, cut off at the edges of the frame."""
-        x, y = tiles.x * self.tile, tiles.y * self.tile
-        right, bottom = (tiles.x + tiles.width) * self.tile, (tiles.y + tiles.height) * self.tile
+        x = tiles.x * self.tile
+        y = tiles.y * self.tile
+        right = (tiles.x + tiles.width) * self.tile
+        bottom = (tiles.y + tiles.height) * self.tile
         return Rectangle(x, y, min(right, self.width) - x, min(bottom, self.height) - y)
 
 
@@ -197,7 +200,8 @@ def choose_regions(errors: np.ndarray, grid: TileGrid, budget: float, scenes: Se
         return _Choice(masks, (masks * grid.areas).sum(axis=(1, 2)), (masks * steady * grid.areas).sum(axis=(1, 2)))
 
     largest = int((steady > 0).sum())
-    fits, too_many = 0, largest + 1
+    fits = 0
+    too_many = largest + 1
     while too_many - fits > 1:
         middle = (fits + too_many) // 2
         if choose(middle).areas.sum() <= budget:
@@ -212,7 +216,8 @@ def _filled_up(base: _Choice, options: Sequence[_Choice], budget: float) -> np.n
     """Replace frames by those of larger choices, the largest gain per pixel first, as long as they fit the budget."""
     masks, areas, gains = (each.copy() for each in base)
     for option in options:
-        more_area, more_gain = option.areas - areas, option.gains - gains
+        more_area = option.areas - areas
+        more_gain = option.gains - gains
         useful = np.flatnonzero(more_gain > 0)
         ratios = more_gain[useful] / np.maximum(more_area[useful], 1e-12)
         for frame in useful[np.argsort(-ratios, kind="stable")]:

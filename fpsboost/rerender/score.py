@@ -85,7 +85,8 @@ class ErrorCurve:
     def bias(self, trials: Sequence[Trial]) -> float:
         """Return the ratio of the expected errors of frames to their true ones, by their means; 1 where one is zero."""
         doubts, errors = _tiles_of(trials)
-        true, expected = float(errors.mean()), float(self.at(doubts).mean())
+        true = float(errors.mean())
+        expected = float(self.at(doubts).mean())
         return expected / true if true > 0 and expected > 0 else 1.0
 
 

@@ -48,7 +48,8 @@ def measure_agreement(frame_pair: FramePair, t: float) -> np.ndarray:
     """
     onward = find_motion(frame_pair.field01, t)
     back = find_motion(frame_pair.field10, 1 - t)
-    image0, image1 = frame_pair.image0, frame_pair.image1
+    image0 = frame_pair.image0
+    image1 = frame_pair.image1
     agreement01 = measure_agreement_along(image0, image1, -t * onward, (1 - t) * onward)
     return np.asarray(np.minimum(agreement01, measure_agreement_along(image0, image1, t * back, (t - 1) * back)))
 
@@ -100,7 +101,8 @@ def sample(values: np.ndarray, motion: np.ndarray, interpolation: int) -> np.nda
     Edges are repeated. `motion` is (H, W, 2), `interpolation` one of OpenCV's filters such as ``cv2.INTER_CUBIC``.
     """
     height, width = motion.shape[:2]
-    y, x = np.arange(height, dtype=np.float32)[:, np.newaxis], np.arange(width, dtype=np.float32)
+    y = np.arange(height, dtype=np.float32)[:, np.newaxis]
+    x = np.arange(width, dtype=np.float32)
     sampled = cv2.remap(values, x + motion[..., 0], y + motion[..., 1], interpolation, borderMode=cv2.BORDER_REPLICATE)
     return sampled.reshape(values.shape)
 
@@ -175,8 +177,10 @@ def mix_by_weight(image: Pixels, other: Pixels, weights: np.ndarray) -> Pixels:
 
     def mixed(first: np.ndarray, second: np.ndarray) -> np.ndarray:
         weight = cv2.resize(weights, first.shape[1::-1], interpolation=cv2.INTER_AREA)
-        result, part = first.copy(), weight > 0
-        before, after = first[part], second.reshape(first.shape)[part]
+        result = first.copy()
+        part = weight > 0
+        before = first[part]
+        after = second.reshape(first.shape)[part]
         share = weight[part].reshape(-1, *[1] * (first.ndim - 2))
         with np.errstate(invalid="ignore"):  # of infinity and NaN, which images of renderers hold
             values = before + share * (after.astype(np.float32) - before)

@@ -35,7 +35,8 @@ class Blend:
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
         """Generate mixtures of both frames by time; see `fpsboost.synthesis.Synthesizer.synthesize`."""
-        image0, image1 = frame_pair.image0.pixels, frame_pair.image1.pixels
+        image0 = frame_pair.image0.pixels
+        image1 = frame_pair.image1.pixels
         for t in times:
             yield view(image0).mix(view(image1), t)
 
@@ -72,7 +73,8 @@ class Nearest:
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
         """Generate copies of the nearer frame; see `fpsboost.synthesis.Synthesizer.synthesize`."""
-        image0, image1 = frame_pair.image0.pixels, frame_pair.image1.pixels
+        image0 = frame_pair.image0.pixels
+        image1 = frame_pair.image1.pixels
         for t in times:
             yield (image0 if t <= 0.5 else image1).copy()
 

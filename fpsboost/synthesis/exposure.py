@@ -44,7 +44,9 @@ class Exposure:
             self._light += light
             self._weight += weight
         else:
-            self._light, self._weight, self._dtype = light, weight, image.dtype
+            self._light = light
+            self._weight = weight
+            self._dtype = image.dtype
         self.count += 1
 
     def image(self) -> Image:

@@ -43,7 +43,8 @@ def generate(
 
 def _checked_images(synthesizer: Synthesizer, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Any]:
     """Yield the images of a synthesizer, which may be a user's; raise `OptionError` unless they are like the frames."""
-    image0, image1 = frame_pair.image0, frame_pair.image1
+    image0 = frame_pair.image0
+    image1 = frame_pair.image1
     frame = image0.pixels
     told = (
         f"The synthesizer {type(synthesizer).__name__} must yield an image for every time, like "

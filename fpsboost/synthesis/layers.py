@@ -30,8 +30,10 @@ AGREEMENT = np.float32(4)
 """Largest difference between a motion and that of a frame's own pixel for the two to agree, pixels: motion that changes
 across a surface differs by less, that of something in front of it by more."""
 
-NEAR, RINGING = np.ones((3, 3), np.uint8), np.ones((17, 17), np.uint8)
-"""Neighbourhood whose values limit that of a pixel (3 x 3), and the area to which a spline rings (17 x 17)."""
+NEAR = np.ones((3, 3), np.uint8)
+"""Neighbourhood whose values limit that of a pixel, 3 x 3."""
+RINGING = np.ones((17, 17), np.uint8)
+"""Area to which a spline rings, 17 x 17."""
 
 ONE_SURFACE = 0.1
 """Largest difference between two distances on one surface, as a share of the smaller."""
@@ -91,7 +93,8 @@ class Sources(NamedTuple):
         """
         sources = (plane0, self.place0), (plane1, self.place1)
         lows, highs = ([around(plane, NEAR)[place] for plane, place in sources] for around in (cv2.erode, cv2.dilate))
-        high, no_limit = np.maximum(*highs), np.float32(np.inf)
+        high = np.maximum(*highs)
+        no_limit = np.float32(np.inf)
         rings = cv2.dilate(high, RINGING) > 1
         return np.where(rings, np.minimum(*lows), -no_limit), np.where(rings, high, no_limit)
 
@@ -167,18 +170,22 @@ def _mix_linear(
     The share s is the largest for which ``smooth + s (sharp - smooth)`` is within the range of every plane: that of its
     two frames or, around values brighter than white, of the places that each pixel comes from.
     """
-    share, results, ranges = None, list[Mixed](), list[tuple[np.float32, np.float32]]()
+    share = None
+    results = list[Mixed]()
+    ranges = list[tuple[np.float32, np.float32]]()
     for begin in range(0, len(pairs), PLANES_AT_ONCE):
         group = [(_numbers(plane0), _numbers(plane1)) for plane0, plane1 in pairs[begin : begin + PLANES_AT_ONCE]]
         mixed = mix([plane0 for plane0, _ in group], [plane1 for _, plane1 in group])
         results.append(mixed)
         share = np.ones(mixed.sharp.shape[1:], np.float32) if share is None else share
         for (plane0, plane1), sharp, smooth in zip(group, *mixed, strict=True):
-            lowest, highest = min(plane0.min(), plane1.min()), max(plane0.max(), plane1.max())
+            lowest = min(plane0.min(), plane1.min())
+            highest = max(plane0.max(), plane1.max())
             ranges.append((lowest, highest))
             if highest > 1:
                 lows, highs = find_sources().clamp_range(plane0, plane1)
-                lowest, highest = np.maximum(lows, lowest), np.minimum(highs, highest)
+                lowest = np.maximum(lows, lowest)
+                highest = np.minimum(highs, highest)
             beyond = (sharp < lowest) | (sharp > highest)
             if beyond.any():
                 limit = np.where(sharp > highest, highest, lowest)[beyond]
@@ -224,9 +231,12 @@ def find_sources(places: np.ndarray, flows: tuple[np.ndarray, np.ndarray], t: fl
         Time of the in-between frame.
     """
     height, width = places.shape[1:]
-    motion, apart, found = places[2:] - places[:2], [], []
+    motion = places[2:] - places[:2]
+    apart = []
+    found = []
     for (column, row), flow, sign in zip((places[:2], places[2:]), flows, (1, -1), strict=True):
-        x, y = np.rint(column).astype(np.intp), np.rint(row).astype(np.intp)
+        x = np.rint(column).astype(np.intp)
+        y = np.rint(row).astype(np.intp)
         is_inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
         place = y.clip(0, height - 1), x.clip(0, width - 1)
         difference = np.moveaxis(flow[place], -1, 0) * np.float32(sign) - motion

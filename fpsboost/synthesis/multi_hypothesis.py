@@ -215,7 +215,8 @@ class MultiHypothesis(Checked):
             return InterpolatedImage(image, confidence)
         image, confidence = self._mixed(moment, with_confidence=True)
         surfaces = self._find_surfaces(confidence, moment, self.vectors)
-        image0, image1 = moment.pair.image0, moment.pair.image1
+        image0 = moment.pair.image0
+        image1 = moment.pair.image1
         colours = premultiplied(view(image).array())
         along = (surfaces.mixed * view(image0.pixels).white).clip(*_value_range(image0, image1))
         colours += surfaces.share[..., np.newaxis] * (along.transpose(1, 2, 0) - colours)
@@ -224,7 +225,8 @@ class MultiHypothesis(Checked):
 
     def _find_surfaces(self, confidence: np.ndarray, moment: _Moment, vectors: RenderedVectors) -> _Surfaces:
         """Follow the renderer's motion, and weigh it against the mixture of the candidates with its confidence."""
-        image0, image1 = moment.pair.image0, moment.pair.image1
+        image0 = moment.pair.image0
+        image1 = moment.pair.image1
         motion = find_surface_motion(image0, image1, moment.t, vectors)
         mixed, squared = motion.mix(moment.full.frame0.coefficients, moment.full.frame1.coefficients)
         agreement = motion.similarity(squared, 0.5 / self.bandwidth**2 * view(image0.pixels).gray_weight)
@@ -273,7 +275,8 @@ class MultiHypothesis(Checked):
 
     def _find_sources(self, moment: _Moment, surfaces: _Surfaces | None) -> Sources:
         """Find the frame that each pixel is taken from, along the motion with the largest weight."""
-        pair, t = moment.pair, moment.t
+        pair = moment.pair
+        t = moment.t
         size = pair.image0.pixels.shape[:2]
         own_place = np.indices(size, np.float32)[::-1]
         places = np.concatenate([own_place, own_place])
@@ -287,7 +290,8 @@ class MultiHypothesis(Checked):
 
     def _moments(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[_Moment]:
         """Yield each time with what the kernels read there."""
-        image0, image1 = frame_pair.image0, frame_pair.image1
+        image0 = frame_pair.image0
+        image1 = frame_pair.image1
         full = PlaneGroup(image0.cached(_samples)[0], image1.cached(_samples)[0], 1, 1)
         weighting = Weighting(
             np.float32(0.5 / self.bandwidth**2 * view(image0.pixels).gray_weight),
@@ -308,8 +312,10 @@ class MultiHypothesis(Checked):
 
     def _mixed(self, moment: _Moment, *, with_confidence: bool) -> tuple[Pixels, np.ndarray]:
         """Return the mixture of the candidates and its confidence, which is empty if it is not asked for."""
-        frame0, frame1 = moment.pair.image0, moment.pair.image1
-        image0, image1 = frame0.pixels, frame1.pixels
+        frame0 = moment.pair.image0
+        frame1 = moment.pair.image1
+        image0 = frame0.pixels
+        image1 = frame1.pixels
         output, pixels, chroma = view(image0).blank()
         confidence = np.empty(image0.shape[:2] if with_confidence else (0, 0), np.float32)
         straight_alpha = has_alpha(image0) and image0.dtype != np.float32
@@ -345,7 +351,8 @@ class MultiHypothesis(Checked):
         height, width = size
         nodes = -(-height // self.node_spacing), -(-width // self.node_spacing)
         collected = no_votes(nodes, CANDIDATE_CAPACITY, self.node_spacing)
-        support, tolerance = np.float32(self.support_radius), np.float32(self.merge_distance)
+        support = np.float32(self.support_radius)
+        tolerance = np.float32(self.merge_distance)
         for votes, sign, time in zip(votes_of_both, (1, -1), (t, 1 - t), strict=True):
             collect_candidates(
                 votes, np.float32(sign), np.float32(time), self.step, support, tolerance, height, width, collected
@@ -368,8 +375,10 @@ class MultiHypothesis(Checked):
         forward-backward error, to the half at `CONSISTENCY_TOLERANCE`: pixels occluded in the other frame are matched
         by chance only, at another position.
         """
-        field01, field10 = frame_pair.field01, frame_pair.field10
-        before, after = frame_pair.before, frame_pair.after
+        field01 = frame_pair.field01
+        field10 = frame_pair.field10
+        before = frame_pair.before
+        after = frame_pair.after
         share = np.float32(TWO_SIDED_WEIGHT if before and after else ONE_SIDED_WEIGHT)
         directions = (
             (field01, field10, (before.field10, before.field01) if before else None, before.duration if before else 1),

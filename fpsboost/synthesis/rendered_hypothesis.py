@@ -80,7 +80,8 @@ def find_surface_motion(image0: FrameCache, image1: FrameCache, t: float, vector
     found = []
     for image in (image0, image1):
         other = frame_number(image.output_position)
-        there, distance = vectors.for_image(other, image.pixels), (other - number) * vectors.step
+        there = vectors.for_image(other, image.pixels)
+        distance = (other - number) * vectors.step
         found.append(
             _seen_from(vectors.for_image(number, image.pixels), there, distance)
             if vectors.has(number)
@@ -95,7 +96,8 @@ def _seen_from(here: FrameVectors, there: FrameVectors, distance: int) -> tuple[
     The distance is negative for an earlier frame. A surface is visible if its motion there and back ends where it
     began.
     """
-    motion, back = _displacement(here, distance), _displacement(there, -distance)
+    motion = _displacement(here, distance)
+    back = _displacement(there, -distance)
     height, width = motion.shape[:2]
     error = forward_backward_error(motion, np.arange(height), np.arange(width), MotionField(back))
     return motion, (error <= CONSISTENCY_TOLERANCE * abs(distance)) & ends_inside(motion)
@@ -110,5 +112,6 @@ def _landed(there: FrameVectors, distance: int) -> tuple[np.ndarray, np.ndarray]
 
 def _displacement(vectors: FrameVectors, distance: int) -> np.ndarray:
     """Return the displacement over several vectors, (H, W, 2) float32, at constant acceleration."""
-    far, velocity = np.float32(distance), (vectors.forward - vectors.backward) / 2
+    far = np.float32(distance)
+    velocity = (vectors.forward - vectors.backward) / 2
     return np.ascontiguousarray(far * velocity + far * far / 2 * (vectors.forward + vectors.backward))

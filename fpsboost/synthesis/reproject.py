@@ -85,11 +85,13 @@ class Reproject(Checked):
             Whether it lands within half a pixel of the target.
         """
         height, width = flow.shape[:2]
-        source, found = np.empty((height, width), np.int32), np.empty((height, width), np.bool_)
+        source = np.empty((height, width), np.int32)
+        found = np.empty((height, width), np.bool_)
         if self.search == "iterative":
             search_iteratively(flow, np.float32(t), self.iterations, source, found)
             return source, found
-        starts, members = np.empty(height * width + 1, np.int32), np.empty(height * width, np.int32)
+        starts = np.empty(height * width + 1, np.int32)
+        members = np.empty(height * width, np.int32)
         bin_landings(flow, np.float32(t), starts, members)
         # no source is further from its landing position than the largest motion, which bounds the search (section 3)
         radius = math.ceil(min(float(np.abs(flow).max(initial=0)), max(height, width)))

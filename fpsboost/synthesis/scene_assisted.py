@@ -75,17 +75,21 @@ class SceneAssisted(Checked):
 
     def _look_up(self, frame_pair: FramePair, t: float) -> tuple[Image, list[Flow]]:
         """Return the in-between frame at time t, and the motion from it to each of the two frames."""
-        image0, image1 = frame_pair.image0, frame_pair.image1
+        image0 = frame_pair.image0
+        image1 = frame_pair.image1
         number = output_frame_between(image0.output_position, image1.output_position, t)
         here = self.vectors.for_image(number, image0.array)
         height, width = here.backward.shape[:2]
-        flows, weights, colours = [], [], []
+        flows = []
+        weights = []
+        colours = []
         for image, adjacent, weight in ((image0, here.backward, 1 - t), (image1, here.forward, t)):
             assert image.output_position is not None, "else there would be no frame between"
             flow = adjacent * np.float32(abs(image.output_position - number) * self.vectors.step)
             seen = ends_inside(flow)
             y, x = np.indices((height, width), np.float32)
-            x, y = (x + flow[..., 0]).clip(0, width - 1), (y + flow[..., 1]).clip(0, height - 1)
+            x = (x + flow[..., 0]).clip(0, width - 1)
+            y = (y + flow[..., 1]).clip(0, height - 1)
             if here.depth is not None:
                 there = self.vectors.for_image(frame_number(image.output_position), image0.array).depth
                 assert there is not None, "all frames of a folder have depth, or none"
@@ -103,9 +107,12 @@ class SceneAssisted(Checked):
 def _between_pixels(values: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return (H, W, C) values at positions within the image, interpolated bilinearly."""
     height, width = values.shape[:2]
-    left, top = x.astype(np.intp), y.astype(np.intp)
-    right, bottom = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
-    across, down = (x % 1)[..., np.newaxis], (y % 1)[..., np.newaxis]
+    left = x.astype(np.intp)
+    top = y.astype(np.intp)
+    right = np.minimum(left + 1, width - 1)
+    bottom = np.minimum(top + 1, height - 1)
+    across = (x % 1)[..., np.newaxis]
+    down = (y % 1)[..., np.newaxis]
     upper = values[top, left] * (1 - across) + values[top, right] * across
     lower = values[bottom, left] * (1 - across) + values[bottom, right] * across
     return np.asarray(upper * (1 - down) + lower * down)

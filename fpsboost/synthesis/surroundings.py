@@ -46,14 +46,21 @@ def find_surroundings(frame_pair: FramePair, step: int, bandwidth: float, sharpn
 
     The bandwidth and the sharpness are those of `fpsboost.synthesis.multi_hypothesis.MultiHypothesis`.
     """
-    image0, image1, before, after = frame_pair.image0, frame_pair.image1, frame_pair.before, frame_pair.after
+    image0 = frame_pair.image0
+    image1 = frame_pair.image1
+    before = frame_pair.before
+    after = frame_pair.after
     first = NOTHING if before is None or before.other_light else before.image0.derived(half_luma)
-    second, third = image0.derived(half_luma), image1.derived(half_luma)
+    second = image0.derived(half_luma)
+    third = image1.derived(half_luma)
     fourth = NOTHING if after is None or after.other_light else after.image1.derived(half_luma)
-    begin, end = -before.duration if before else -1, 1 + after.duration if after else 2
+    begin = -before.duration if before else -1
+    end = 1 + after.duration if after else 2
     times = np.float32(begin), np.float32(0), np.float32(1), np.float32(end)
-    flat0, flat1 = image0.derived(flatness, step), image1.derived(flatness, step)
-    field01, field10 = frame_pair.field01, frame_pair.field10
+    flat0 = image0.derived(flatness, step)
+    flat1 = image1.derived(flatness, step)
+    field01 = frame_pair.field01
+    field10 = frame_pair.field10
     points0, points1 = (
         np.dstack([*field.at_points(step), 1 / (1 + field.errors_at_points(step, back)), flat])
         for field, back, flat in ((field01, field10, flat0), (field10, field01, flat1))

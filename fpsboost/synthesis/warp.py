@@ -76,10 +76,12 @@ class Splat(Checked):
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """Generate images with the linear motion of frame 0 only; see `fpsboost.synthesis.Synthesizer.synthesize`."""
         image0, image1 = (np.ascontiguousarray(image.array) for image in (frame_pair.image0, frame_pair.image1))
-        flow, similarity = frame_pair.field01.flow, frame_pair.field01.similarity
+        flow = frame_pair.field01.flow
+        similarity = frame_pair.field01.similarity
         valid = np.ones(similarity.shape, np.bool_)  # so that colours are always blended
         for t in times:
-            source0, source1 = np.empty(similarity.shape, np.int32), np.empty(similarity.shape, np.int32)
+            source0 = np.empty(similarity.shape, np.int32)
+            source1 = np.empty(similarity.shape, np.int32)
             splat(flow, similarity, np.float32(self.least_similarity), np.float32(t), source0, source1)
             out = np.empty_like(image0)
             fetch_both(image0, image1, np.float32(t), rounding_offset(image0), source0, valid, source1, valid, out)

@@ -99,7 +99,8 @@ def parse_position(text: str, option: str, bare: str = "s", *, between: bool = F
     found = re.fullmatch(rf"(?:(?:([0-9]{{1,9}}):)?([0-9]{{1,9}}):)?{number}([sf]?)", text.strip())
     if found is not None:
         hours, minutes, digits, unit = found.groups()
-        value, is_frame = parse_number(digits, option), (unit or bare) == "f"
+        value = parse_number(digits, option)
+        is_frame = (unit or bare) == "f"
         if minutes is None:
             if between or not is_frame or value.denominator == 1:
                 return Position(value, is_frame)
@@ -142,7 +143,8 @@ class Trim(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        start, end = self.start or Position(Fraction(0)), self.end
+        start = self.start or Position(Fraction(0))
+        end = self.end
         comparable = end is not None and (start.is_frame == end.is_frame or not start.value or not end.value)
         if end is not None and comparable and end.value <= start.value:
             raise OptionError(f"`end={end}` must be after `start={start}`; the end is not part of the range.")
@@ -166,7 +168,8 @@ class Trim(Checked):
     def of_info(self, info: ClipInfo) -> ClipInfo:
         """Return the information about the trimmed clip, with duration and number of frames if the header has them."""
         begin, end = self.seconds(info)
-        duration, count = info.duration, info.frame_count
+        duration = info.duration
+        count = info.frame_count
         if duration is not None:
             duration = max(Fraction(0), min(duration, duration if end is None else end) - begin)
         if count is not None:

@@ -376,7 +376,8 @@ class FrameIntervals:
             interval = time - self._last
             self.shortest = min(self.shortest or interval, interval)
             if interval > self.longest:
-                self.longest, self.begin = interval, self._last - start
+                self.longest = interval
+                self.begin = self._last - start
         self._last = time
 
     def varies(self, info: ClipInfo) -> bool:

@@ -53,8 +53,10 @@ def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_n
     >>> str(curve.source(Fraction(3))), str(curve.length)
     ('9/4', '4')
     """
-    points, plain = list[tuple[Fraction, Fraction]](), re.sub("#.*", "", text)
-    is_smooth, ending = "smooth" in plain.split(), re.search(r"\sx(\S+)\s*$", plain)
+    points = list[tuple[Fraction, Fraction]]()
+    plain = re.sub("#.*", "", text)
+    is_smooth = "smooth" in plain.split()
+    ending = re.search(r"\sx(\S+)\s*$", plain)
     onward = None if ending is None else parse_number(ending[1], "`retime`, speed at the end,")
     if onward is not None and onward <= 0:
         raise OptionError(f"`retime` never reaches the source's end with x{onward}; give a speed above 0.")
@@ -63,7 +65,8 @@ def parse_curve(text: str, output_rate: Fraction, source_rate: Fraction, first_n
     is_listed = "\n" in text.strip()
     unit, lines = ("line", plain.splitlines()) if is_listed else ("point", plain.replace(",", " ").split())
     for number, line in enumerate(lines, 1):
-        where, words = f"`retime`, {unit} {number}", [w for w in re.findall(r"[^\s=,]+", line) if w != "smooth"]
+        where = f"`retime`, {unit} {number}"
+        words = [w for w in re.findall(r"[^\s=,]+", line) if w != "smooth"]
         if not words:
             continue
         lacks_unit = any(re.fullmatch(r"[\d.]+", word) and word.strip("0.") for word in words)
@@ -107,10 +110,12 @@ def parse_speeds(text: str, source_rate: Fraction) -> TimeMap:
     >>> str(curve.source(Fraction(2))), str(curve.source(Fraction(4)))
     ('3/2', '3')
     """
-    points, onward = [(Fraction(0), Fraction(0))], Fraction(1)
+    points = [(Fraction(0), Fraction(0))]
+    onward = Fraction(1)
     for word in text.split(","):
         name, _, place = word.partition("@")
-        speed, ends = parse_number(name, "`speed`"), [*place.split("-"), ""][:2]
+        speed = parse_number(name, "`speed`")
+        ends = [*place.split("-"), ""][:2]
         begin, end = (parse_position(each, "`speed`").seconds(source_rate) if each else None for each in ends)
         time, source = points[-1]
         ends_early = end is not None and end <= (begin or 0)
@@ -125,7 +130,8 @@ def parse_speeds(text: str, source_rate: Fraction) -> TimeMap:
             }
         )
         if begin is not None and begin > source:
-            time, source = time + begin - source, begin
+            time = time + begin - source
+            source = begin
             points.append((time, source))
         if end is not None:
             points.append((time + (end - source) / speed, end))

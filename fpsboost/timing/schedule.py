@@ -111,7 +111,8 @@ class ByFactor(Checked):
 
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
         """Yield the output frames of an interval; see `Schedule.steps`. In a pause, all repeat the earlier frame."""
-        first, is_pause = math.ceil(index * self.factor), time1 - time0 > self.longest
+        first = math.ceil(index * self.factor)
+        is_pause = time1 - time0 > self.longest
         for k in range(first, math.ceil((index + 1) * self.factor)):
             t = k / self.factor - index
             at = Fraction(0) if is_pause and k == first else t
@@ -223,7 +224,8 @@ class RetimeSchedule(ByRate):
 
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
         """Yield the output frames that show source times of an interval; see `Schedule.steps`."""
-        rate, is_pause = self.frames_per_second, time1 - time0 > self.longest
+        rate = self.frames_per_second
+        is_pause = time1 - time0 > self.longest
         first, last = (self.curve.frames_before(time - start, rate) for time in (time0, time1))
         offsets = [Fraction(0)] if self.shutter is None or is_pause else self.shutter.offsets
         for number in range(first - 1, last + 1):

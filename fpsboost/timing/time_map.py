@@ -39,7 +39,8 @@ class Segment(Passage):
 
     def source(self, time: Fraction) -> Fraction:
         """Return the source time at an output time: a cubic Hermite curve through both ends with their slopes."""
-        length, rise = self.end - self.begin, self.source1 - self.source0
+        length = self.end - self.begin
+        rise = self.source1 - self.source0
         u = (time - self.begin) / length
         bend = u * (1 - u) * length * ((1 - u) * self.slope0 - u * self.slope1)
         return self.source0 + (u * rise if self.speed is not None else u * u * (3 - 2 * u) * rise + bend)
@@ -143,7 +144,8 @@ class TimeMap:
 
     def is_plain(self, duration: Fraction | None) -> bool:
         """Return whether a clip of a duration, seconds, is shown from beginning to end at its own speed."""
-        first, ends = self.segments[0], self.is_open or self.segments[0].source1 == duration
+        first = self.segments[0]
+        ends = self.is_open or self.segments[0].source1 == duration
         return len(self.segments) == 1 and first.speed == 1 and not first.source0 and ends
 
     def unfolded(self, times: Sequence[Fraction]) -> tuple[list[int], list[Fraction], TimeMap]:
@@ -163,11 +165,16 @@ class TimeMap:
         curve : TimeMap
             Map of output times to times of the unfolded clip. The source turns behind the frame that encloses the turn.
         """
-        last, ends = len(times) - 1, [*times, self.top]  # beyond the last frame, that one is shown
+        # beyond the last frame, that one is shown
+        last = len(times) - 1
+        ends = [*times, self.top]
         stop = last if self.is_open or self.top <= times[-1] else last + 1
-        first, sign = self.segments[0], -1 if self.segments[0].source1 < self.segments[0].source0 else 1
+        first = self.segments[0]
+        sign = -1 if self.segments[0].source1 < self.segments[0].source0 else 1
         place = min(bisect_left(times, first.source0), stop) if sign < 0 else bisect_right(times, first.source0) - 1
-        places, displayed, segments = [place], [Fraction(0)], list[Segment]()
+        places = [place]
+        displayed = [Fraction(0)]
+        segments = list[Segment]()
         for each in self.segments:
             if each.source1 != each.source0:
                 sign = -1 if each.source1 < each.source0 else 1
@@ -278,7 +285,8 @@ def _slopes(lengths: Sequence[Fraction], speeds: Sequence[Fraction]) -> list[Fra
     """
     inner = []
     for (h0, h1), (before, after) in zip(pairwise(lengths), pairwise(speeds), strict=True):
-        w0, w1 = h0 + 2 * h1, 2 * h0 + h1
+        w0 = h0 + 2 * h1
+        w1 = 2 * h0 + h1
         inner.append((w0 + w1) / (w0 / before + w1 / after) if before * after > 0 else Fraction(0))
     return [_end_slope(lengths, speeds), *inner, _end_slope(lengths[::-1], speeds[::-1])]
 

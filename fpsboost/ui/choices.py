@@ -159,7 +159,8 @@ class Choices(Checked):
         """Return the properties of the output as plain data, without running the conversion."""
         with prepared(job, RunOptions(overwrite=self.overwrite)) as ready:
             remarks = expected_losses(ready)[1]
-            frames, rate = ready.output.expected_frames, ready.output.timing.rate
+            frames = ready.output.expected_frames
+            rate = ready.output.timing.rate
         has_rate = ready.target.has_rate
         return {
             "frames": frames,

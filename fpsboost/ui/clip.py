@@ -48,9 +48,12 @@ QUICK_PIXELS = 1_500_000_000
 def header(path: str) -> dict[str, Any]:
     """Return the properties of a clip that are known without reading its frames, as plain data."""
     with open_source(path, requirements=TargetRequirements(layers=True)) as source:
-        info, is_images = source.info, source.stream_info.images is not None
-        remarks, file = list(source.remarks), source.stream_info.video
-    count, duration = info.frame_count, _duration(info)
+        info = source.info
+        is_images = source.stream_info.images is not None
+        remarks = list(source.remarks)
+        file = source.stream_info.video
+    count = info.frame_count
+    duration = _duration(info)
     unit = info.rate if is_images else 1  # positions are numbers of images, or seconds
     says = [f"{info.width}x{info.height}", *([f"{count:,} frames"] if count else [])]
     if not is_images:
@@ -95,7 +98,8 @@ def probe(path: str, is_dropped: Event) -> dict[str, Any]:
 def poster(path: str) -> bytes:
     """Return the frame in the middle of a clip as JPEG, the picture of a result until it is played."""
     with open_source(path) as source:
-        shown, info = View(source.stream_info.traits), source.info
+        shown = View(source.stream_info.traits)
+        info = source.info
         place = math.floor((_duration(info) or 0) * info.rate / 2) / info.rate
         shown.add(next(iter(trim_source(source, Trim(Position(place)))[0])), Fraction(0))
     return shown.pictures[0]
@@ -104,7 +108,8 @@ def poster(path: str) -> bytes:
 def place_of(path: str, text: str) -> float:
     """Return a position that was typed, in seconds; of images, counted from 0, where a bare number counts from 1."""
     with open_source(path) as source:
-        rate, is_images = source.info.rate, source.stream_info.images is not None
+        rate = source.info.rate
+        is_images = source.stream_info.images is not None
     place = parse_position(text, "The text", "f" if is_images else "s")
     if is_images and text.strip() == "0":
         raise OptionError("Images count from 1; give the number of one of them.")
@@ -129,7 +134,9 @@ def preview_between(job: ConversionJob, time: Fraction) -> dict[str, Any]:
     """
     run = RunOptions(overwrite=True)  # nothing is written
     with opened_clip(job.of_part(Trim()), run) as clip:
-        info, traits, images = clip.whole.info, clip.whole.stream_info.traits, clip.whole.stream_info.images
+        info = clip.whole.info
+        traits = clip.whole.stream_info.traits
+        images = clip.whole.stream_info.images
     time = time if images is None else time / info.rate
     duration = _duration(info)
     if duration is not None:
@@ -149,7 +156,8 @@ def preview_between(job: ConversionJob, time: Fraction) -> dict[str, Any]:
         for method in (replace(methods["blend"], at_cuts="blend"), job.method):
             ((image, _),) = method.images(pair, [0.5], before, after)
             view.add(Frame(image, Fraction(0)), Fraction(0))
-        is_cut, ends = pair.is_cut(before, after), moments[nearest : nearest + 2]
+        is_cut = pair.is_cut(before, after)
+        ends = moments[nearest : nearest + 2]
     names = [format_time(end) if images is None else images.files[round(end * info.rate)].name for end in ends]
     return {
         "images": [data_uri(each, "jpeg") for each in view.pictures],

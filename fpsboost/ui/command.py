@@ -55,7 +55,8 @@ def ui(
     allowed = files.Files() if folder is None else files.Files(files.Files().inside(folder))
     if allowed.root is not None and not allowed.root.is_dir():
         raise OptionError(f"{folder} is not a folder; name one, or leave it out.")
-    console, token = Console(highlight=False), secrets.token_urlsafe(24)
+    console = Console(highlight=False)
+    token = secrets.token_urlsafe(24)
     state = platformdirs.user_state_path("fpsboost", appauthor=False)
     page = state / "page.html"
     try:

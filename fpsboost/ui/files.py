@@ -42,7 +42,8 @@ class Files:
         folder = self.inside(text)
         with explained(InputError, "list", str(folder), "check the permissions"):
             content = sorted(os.scandir(folder), key=lambda each: each.name.casefold())
-        entries, images = list[dict[str, Any]](), 0
+        entries = list[dict[str, Any]]()
+        images = 0
         for each in content:
             if each.name.startswith("."):
                 continue
@@ -70,7 +71,8 @@ class Files:
         """
         home = self.root or Path.home()
         folders = [self.inside(start), home, *(each for each in sorted(home.iterdir()) if each.name[0] != ".")]
-        paths, missing = list[str](), list[str]()
+        paths = list[str]()
+        missing = list[str]()
         for each in wanted:
             name = Path(str(each.get("name"))).name
             places = (folder / name for folder in folders if self._is_inside(folder / name))

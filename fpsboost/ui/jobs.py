@@ -81,7 +81,8 @@ class Job:
 
     def pause(self, kept: int, message: str) -> None:
         """Pause with `kept` frames that the next run need not compute; if there are none, `message` is the reason."""
-        self.state, self.frame = "paused", kept
+        self.state = "paused"
+        self.frame = kept
         of_all = f" of {self.frames}" if self.frames else ""
         self.message = f"Paused at {kept}{of_all} frames." if kept else message
 
@@ -104,7 +105,8 @@ class Queue:
         InUseError
             Another process has opened the queue.
         """
-        self._path, self._files = path, files or Files()
+        self._path = path
+        self._files = files or Files()
         self._changed = Condition()
         self._lock = _locked(path)
         with undone_by(self._lock.close):
@@ -183,7 +185,8 @@ class Queue:
         with self._changed:
             job = self.job(number)
             if job.state in ("paused", "failed"):
-                job.state, job.message = "waiting", ""
+                job.state = "waiting"
+                job.message = ""
             self._save()
 
     def remove(self, number: int) -> None:
@@ -228,7 +231,9 @@ class Queue:
                 if self._closed:
                     return
                 job = next(job for job in self._jobs.values() if job.state == "waiting")
-                job.state, job.fps, kept = "running", None, job.frame
+                job.state = "running"
+                job.fps = None
+                kept = job.frame
                 with suppress(OutputError):
                     self._save()
             try:  # without holding up the page, since the disk may be slow
@@ -267,12 +272,14 @@ class Queue:
             self._process = None
             is_stopped = self._closed or job.state == "stopping"
             if code == 0:
-                job.state, job.message = "done", ""
+                job.state = "done"
+                job.message = ""
             else:
                 finished = re.search(FINISHED, message)
                 job.pause(int(finished[1]) if finished else kept * is_kept, BEGINS_ANEW)
                 if not is_stopped:
-                    job.state, job.message = "failed", on_page(message)
+                    job.state = "failed"
+                    job.message = on_page(message)
             with suppress(OutputError):  # on a full disk jobs go on; the next change writes all of them
                 self._save()
 

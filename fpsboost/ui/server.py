@@ -103,7 +103,8 @@ class UiSession:
 
     def look(self, data: Json, _: Event) -> Json:
         """Return a frame between two, by a method and by blending; once begun, it is computed to its end."""
-        choices, time = Choices.of(data.get("choices")), data.get("time")
+        choices = Choices.of(data.get("choices"))
+        time = data.get("time")
         if not isinstance(time, int | float) or time is True or not 0 <= time < 1e9:
             raise OptionError("The page has sent no valid time; reload it.")
         job = choices.job(self.files)
@@ -134,7 +135,8 @@ class UiSession:
                 choices = self._named(choices, outputs) if each.get("is_named") is False else choices
                 job = choices.job(self.files)
                 with self._checks:
-                    found, words = choices.check(job), choices.words(job)
+                    found = choices.check(job)
+                    words = choices.words(job)
             except FpsboostError as error:
                 if len(clips) == 1:
                     raise
@@ -144,7 +146,8 @@ class UiSession:
 
     def _named(self, choices: Choices, outputs: Collection[str]) -> Choices:
         """Return the choices with a name that no other output and, unless it is to be replaced, no file has."""
-        folder, name = self.files.inside(choices.folder), choices.name
+        folder = self.files.inside(choices.folder)
+        name = choices.name
         suffix = "/" if name.endswith("/") else Path(name).suffix
         stem = re.sub(r"-\d+$", "", name.removesuffix(suffix))
         numbers = count(2)
@@ -170,7 +173,8 @@ class UiSession:
             "remove": self.queue.remove,
             "show": lambda number: show_in_folder(self.result(str(number), "place")),
         }
-        number, action = data.get("number"), data.get("action")
+        number = data.get("number")
+        action = data.get("action")
         if type(number) is not int or not isinstance(action, str) or action not in actions:
             raise OptionError("The page has sent no valid action; reload it.")
         actions[action](number)
@@ -212,7 +216,8 @@ class Guard:
     """
 
     def __init__(self, app: ASGIApp, token: str, port: int) -> None:
-        self._app, self._token = app, token
+        self._app = app
+        self._token = token
         self._hosts = [f"{name}:{port}" for name in ("127.0.0.1", "localhost")]
         self._refused = templates_of("fpsboost.ui").get_template("refused.html.j2")
 
@@ -237,14 +242,18 @@ class Guard:
 
     def _refusal(self, request: Request) -> str | None:
         """Return the reason for which a request is rejected, as a sentence; None if it is accepted."""
-        headers, reads, path = request.headers, request.method in ("GET", "HEAD"), request.scope["path"]
+        headers = request.headers
+        reads = request.method in ("GET", "HEAD")
+        path = request.scope["path"]
         if headers.get("host") not in self._hosts:
             return "This is not the address of fpsboost; open the one that it has printed."
         if reads and path == "/":
             return None
-        given, right = headers.get("x-fpsboost-token", ""), self._token
+        given = headers.get("x-fpsboost-token", "")
+        right = self._token
         if reads and not given:
-            given, right = f"{path}?{request.url.query}", with_key(path, self._token)
+            given = f"{path}?{request.url.query}"
+            right = with_key(path, self._token)
         if not hmac.compare_digest(given.encode(), right.encode()):
             return "The token is not that of this run; open the address that fpsboost has printed."
         if not reads and headers.get("origin") != f"http://{headers['host']}":
@@ -287,7 +296,8 @@ def make_app(session: UiSession) -> ASGIApp:
         """Return an endpoint for long work, which has a pool of its own and is dropped when its client disconnects."""
 
         async def endpoint(request: Request) -> Response:
-            data, is_dropped = await _data_of(request), Event()
+            data = await _data_of(request)
+            is_dropped = Event()
             work = wrap_future(pool.submit(answer, data, is_dropped))
             leaving = create_task(_left(request))
             try:
@@ -300,7 +310,8 @@ def make_app(session: UiSession) -> ASGIApp:
 
         return endpoint
 
-    lookers, readers = ThreadPoolExecutor(READERS), ThreadPoolExecutor(READERS)
+    lookers = ThreadPoolExecutor(READERS)
+    readers = ThreadPoolExecutor(READERS)
 
     @asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:

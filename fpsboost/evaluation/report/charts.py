@@ -17,8 +17,10 @@ MARKED_FRAMES = 80
 MARKS_OF_A_LINE = 12
 """Number of marks of a longer line, so that lines can be told apart without colours."""
 
-WIDTH, LINE = 0.64, 1.3
-"""Width of a letter and height of a line, in sizes of the text: not less than in any font that a page may find."""
+WIDTH = 0.64
+"""Width of a letter, in sizes of the text: not less than in any font that a page may find."""
+LINE = 1.3
+"""Height of a line, in sizes of the text."""
 
 MAGNITUDE = 8
 """Ratio of the largest to the smallest value above which a logarithmic scale is used."""
@@ -123,7 +125,8 @@ class Chart(NamedTuple):
     @property
     def box(self) -> tuple[float, float, float, float]:
         """Left, top, width and height of the axes, shares of the figure."""
-        width, height = self.form.width, self.form.height
+        width = self.form.width
+        height = self.form.height
         sides = self.x.start / width, self.y.end / height
         return *sides, (self.x.end - self.x.start) / width, (self.y.start - self.y.end) / height
 
@@ -147,7 +150,8 @@ def draw_lines(
     values = [np.where(counted, np.asarray(each, float), np.nan) for each in series]
     finite = [each[np.isfinite(each)] for each in values]
     medians = [float(np.median(each)) for each in finite if each.size]
-    lowest, highest = float(np.concatenate(finite).min()), float(np.concatenate(finite).max())
+    lowest = float(np.concatenate(finite).min())
+    highest = float(np.concatenate(finite).max())
     is_logarithmic = may_be_logarithmic and lowest > 0 and max(medians) > MAGNITUDE * min(medians)
     if is_logarithmic:
         label = f"{label}, logarithmic"
@@ -170,7 +174,8 @@ def draw_lines(
 def _line(method: int, x: np.ndarray, y: np.ndarray) -> Curve:
     """Return the line of a method through points, interrupted where one is not finite."""
     points = [(round(across, 2), round(down, 2)) for across, down in zip(x.tolist(), y.tolist(), strict=True)]
-    path, command = "", "M"
+    path = ""
+    command = "M"
     for across, down in points:
         if math.isfinite(down):
             path += f"{command}{across} {down}"
@@ -182,7 +187,8 @@ def _line(method: int, x: np.ndarray, y: np.ndarray) -> Curve:
 
 def draw_dots(label: str, across: str, dots: Sequence[Dot]) -> list[Chart]:
     """Draw one dot per method, with logarithmic x, in every form; `across` is the label of x."""
-    times, values = [dot.x for dot in dots], [dot.y for dot in dots]
+    times = [dot.x for dot in dots]
+    values = [dot.y for dot in dots]
     x = Axis(min(times) / 1.6, max(times) * 1.6, is_logarithmic=True)
     spare = 0.18 * ((max(values) - min(values)) or 1.0)
     y = Axis(min(values) - spare, max(values) + spare)

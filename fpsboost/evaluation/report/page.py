@@ -205,7 +205,8 @@ def _title(number: int, reasons: Sequence[str], first: str) -> str:
 
 def describe_hidden(comparison: Comparison) -> str:
     """Return a sentence on which frames were hidden."""
-    skip, count = comparison.hold_out.skip, len(comparison.hidden)
+    skip = comparison.hold_out.skip
+    count = len(comparison.hidden)
     each = "one was" if skip == 1 else f"{skip} were"
     frames = "frame" if count == 1 else "frames"
     return f"Between every two frames shown, {each} hidden: {count} {frames} of {comparison.kind}."

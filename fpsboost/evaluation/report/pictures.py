@@ -237,10 +237,12 @@ def draw_wheel(size: int) -> np.ndarray:
 
 def draw_arrows(flow: np.ndarray, spacing: int, stretch: float) -> tuple[str, str]:
     """Return motion of (H, W, 2) as SVG paths, in pixels: shafts from every `spacing` pixels on, and their tips."""
-    shafts, tips = [], []
+    shafts = []
+    tips = []
     for row, vectors in enumerate(flow[np.ix_(*point_places(flow.shape, spacing))]):
         for column, (dx, dy) in enumerate((vectors * stretch).tolist()):
-            x, y = column * spacing + spacing // 2, row * spacing + spacing // 2
+            x = column * spacing + spacing // 2
+            y = row * spacing + spacing // 2
             if np.hypot(dx, dy) >= 1:
                 shafts.append(f"M{x} {y}l{dx:.1f} {dy:.1f}")
                 tips.append(f"M{x + dx:.1f} {y + dy:.1f}h0")

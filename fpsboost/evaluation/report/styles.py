@@ -17,8 +17,11 @@ from fpsboost.evaluation.compared_methods import method_names
 MARKS = 9
 """Number of shapes of marks, which the page defines as ``#mark-0`` and so on."""
 
-SOLID, DASHED, DASH_DOTTED = "none", "8 3.2", "8 2.6 1.6 2.6"
-"""Values of ``stroke-dasharray`` in SVG."""
+SOLID = "none"
+DASHED = "8 3.2"
+"""Value of ``stroke-dasharray`` in SVG."""
+DASH_DOTTED = "8 2.6 1.6 2.6"
+"""Value of ``stroke-dasharray`` in SVG."""
 
 NAMED = {
     "nlm": ("#1e3f97", "#75cdff"),

@@ -40,7 +40,9 @@ from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.media import BT709, BT2020, LINEAR, SRGB, UNSPECIFIED, VideoTraits, primaries, traits_of_png, transfers
 
 INCH = 0.0254  # metres
-MAX_SEGMENT, MAX_FILE = 65533, 2**31  # maximum size of EXIF or XMP, bytes: in a JPEG, elsewhere
+# maximum size of EXIF or XMP, bytes: in a JPEG, elsewhere
+MAX_SEGMENT = 65533
+MAX_FILE = 2**31
 _xmp_mark = b"http://ns.adobe.com/xap/1.0/\0"
 _short_names = {".jpeg": ".jpg", ".tiff": ".tif"}
 _pillow_types: dict[str, tuple[str, dict[str, Any]]] = {
@@ -125,9 +127,11 @@ def _encode_by_openimageio(extension: str, image: Image, metadata: ImageMetadata
     library = image_library()
     height, width, channels = image.shape
     if extension == ".hdr" and channels == 1:
-        image, channels = np.repeat(image, 3, axis=2), 3
+        image = np.repeat(image, 3, axis=2)
+        channels = 3
     spec = library.ImageSpec(width, height, channels, "float" if image.dtype == np.float32 else str(image.dtype))
-    is_tiff, profile = extension in (".tif", ".tiff"), metadata.profile_for(channels)
+    is_tiff = extension in (".tif", ".tiff")
+    profile = metadata.profile_for(channels)
     attributes: dict[str, Any] = {"oiio:UnassociatedAlpha": int(image.dtype != np.float32)}
     if extension == ".dpx" and image.dtype == np.uint16 and metadata.bits:
         attributes["oiio:BitsPerSample"] = metadata.bits
@@ -227,19 +231,23 @@ def colours_of(
     tuple
         Traits, in which all that the image does not declare is unspecified, and a list of sentences.
     """
-    extension, chunks = extension_of(path.name), dict[bytes, bytes]()
+    extension = extension_of(path.name)
+    chunks = dict[bytes, bytes]()
     if extension in (".exr", ".hdr"):
         said = read_exr_header(path).parts[0].attributes if extension == ".exr" else {}
         points, chunks[b"cHRM"] = said.get("chromaticities", _chromaticities[BT709]), b""
-        number, transfer = _number_of(_chromaticities, points, 0.001), SRGB if displayed else LINEAR
+        number = _number_of(_chromaticities, points, 0.001)
+        transfer = SRGB if displayed else LINEAR
         tags = VideoTraits(color_primaries=number, color_transfer=transfer)
     else:
         metadata = metadata or metadata_of(path)
         chunks |= metadata.chunks
         tags = traits_of_png(path) if chunks else VideoTraits()
         if metadata.profile and b"cICP" not in chunks:
-            tags, chunks = _traits_of_profile(metadata.profile), {b"iCCP": metadata.profile}
-    has_primaries, has_transfer = tags.color_primaries in primaries, tags.color_transfer in transfers
+            tags = _traits_of_profile(metadata.profile)
+            chunks = {b"iCCP": metadata.profile}
+    has_primaries = tags.color_primaries in primaries
+    has_transfer = tags.color_transfer in transfers
     untaggable = {
         "ICC profile": b"iCCP" in chunks and not (has_primaries and has_transfer),
         "code points": b"cICP" in chunks and not (has_primaries and has_transfer),
@@ -273,7 +281,8 @@ def _traits_of_profile(profile: bytes) -> VideoTraits:
     if said:
         return VideoTraits(color_primaries=said[1][0], color_transfer=said[1][1])
     with suppress(ImageCms.PyCMSError, OSError):  # profiles of gray or of print, and damaged ones
-        ours, lab = ImageCms.getOpenProfile(BytesIO(profile)), ImageCms.createProfile("LAB")
+        ours = ImageCms.getOpenProfile(BytesIO(profile))
+        lab = ImageCms.createProfile("LAB")
         transform = ImageCms.buildTransform(ours, lab, "RGB", "LAB", ImageCms.Intent.RELATIVE_COLORIMETRIC)
         measured = np.asarray(ImageCms.applyTransform(Image.fromarray(_patches), transform))[0].astype(int)
         return VideoTraits(
@@ -285,7 +294,9 @@ def _traits_of_profile(profile: bytes) -> VideoTraits:
 
 def metadata_of_video(traits: VideoTraits) -> ImageMetadata:
     """Return a video's colours as metadata of PNG: cICP, mDCV and cLLI; an unknown part of mDCV is 0."""
-    display, light, mastering = traits.mastering_display, traits.light_level, b""
+    display = traits.mastering_display
+    light = traits.light_level
+    mastering = b""
     if display is not None:
         points = [point or (0, 0) for point in (display.red, display.green, display.blue, display.white)]
         numbers = [50_000 * part for point in points for part in point]
@@ -320,7 +331,8 @@ class ImageEncoder:
     """
 
     def __init__(self, name: str, images: NumberedImages | None, colours: VideoTraits, *, anew: bool) -> None:
-        self._path, self._anew = name, anew
+        self._path = name
+        self._anew = anew
         self._half = images is None  # float images of other types would lose precision
         self._metadata = metadata_of_video(colours)
         self._exr: ExrHeader | None = None
@@ -332,7 +344,8 @@ class ImageEncoder:
 
     def check(self, path: Path, image: Image) -> None:
         """Raise `OutputError` unless a type of file can hold an image with its depth and alpha; remark on losses."""
-        extension, kind = path.suffix.lower(), type_names[image.dtype]
+        extension = path.suffix.lower()
+        kind = type_names[image.dtype]
         if image.dtype not in types_kept[extension]:
             other = ".tif or .exr" if image.dtype == np.float32 else ".png or .tif"
             raise OutputError(f"{path.name} cannot hold {kind} images; use {other}, as in shot_######{other[-4:]}.")

@@ -232,7 +232,8 @@ def encode_exr_like(header: ExrHeader, planes: Mapping[str, np.ndarray]) -> byte
         attributes = {**part.attributes, "dataWindow": part.attributes["displayWindow"]}
         if "tiles" in attributes:
             attributes["tiles"] = tiles = OpenEXR.TileDescription()
-            tiles.xSize, tiles.ySize = part.attributes["tiles"].xSize, part.attributes["tiles"].ySize
+            tiles.xSize = part.attributes["tiles"].xSize
+            tiles.ySize = part.attributes["tiles"].ySize
         if channels:
             written.append((attributes, channels, part.name))
     if len(header.parts) == 1:
@@ -259,8 +260,10 @@ def _in_display_window(plane: np.ndarray, data: Window, display: Window) -> np.n
     if data == display:
         return plane
     shown = np.zeros(display.size, plane.dtype)
-    down, right = data.top - display.top, data.left - display.left
-    target, part = shown[max(0, down) :, max(0, right) :], plane[max(0, -down) :, max(0, -right) :]
+    down = data.top - display.top
+    right = data.left - display.left
+    target = shown[max(0, down) :, max(0, right) :]
+    part = plane[max(0, -down) :, max(0, -right) :]
     height, width = np.minimum(target.shape, part.shape)
     target[:height, :width] = part[:height, :width]
     return shown

@@ -47,7 +47,9 @@ types_kept: dict[str, tuple[type[np.generic], ...]] = {
 IMAGE_SUFFIXES = tuple(types_kept)
 _types_with_alpha = (".png", ".tif", ".tiff", ".webp", ".exr", ".dpx", ".tga", ".jxl")
 
-WHITE_IS_0, PALETTE = 0, 3  # values of TIFF's PhotometricInterpretation
+# values of TIFF's PhotometricInterpretation
+WHITE_IS_0 = 0
+PALETTE = 3
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 EXIF_MARK = b"Exif\0\0"
 COLOUR_CHUNKS = (b"cICP", b"sRGB", b"gAMA", b"cHRM", b"mDCV", b"cLLI")
@@ -183,7 +185,8 @@ def metadata_of(path: Path) -> ImageMetadata:
     if extension_of(path.name) == ".exr":
         return ImageMetadata(has_exr_attributes=read_exr_header(path).describes_colours)
     with opened(path) as (file, spec):
-        profile, kind = spec.getattribute("ICCProfile"), file.format_name()
+        profile = spec.getattribute("ICCProfile")
+        kind = file.format_name()
         scale = _per_inch.get(spec.get_string_attribute("ResolutionUnit"))
         across, down = (spec.get_float_attribute(name) for name in ("XResolution", "YResolution"))
         orientation = spec.get_int_attribute("Orientation", 1)
@@ -193,7 +196,8 @@ def metadata_of(path: Path) -> ImageMetadata:
         exif, xmp = (said.get(name, b"") for name in ("exif", "xmp"))
         if kind == "tiff":  # of which Pillow opens few with 16 bits or float
             packet = _xmp_packet.search(path.read_bytes())
-            exif, xmp = b"", b"" if packet is None else packet[0]
+            exif = b""
+            xmp = b"" if packet is None else packet[0]
         photometric, turned = tiff_tags(spec)
         return ImageMetadata(
             b"" if profile is None else bytes(profile),

@@ -19,8 +19,10 @@ from fpsboost.io.images.exr import ExrHeader, Precision, encode_exr_like, read_c
 from fpsboost.layered import FrameImage, Layer, LayeredImage, LayerKind
 from fpsboost.memory import MemoryLimit
 
-ALL, BEAUTY = "all", "beauty"
-"""Words for all passes and for none beside the picture."""
+ALL = "all"
+"""Word for all passes."""
+BEAUTY = "beauty"
+"""Word for the picture without passes."""
 
 PICTURES = ("combined", "beauty", "rgba", "rgb", "composite")
 """Last words, in small letters, of the layer that is the picture where several have colours."""

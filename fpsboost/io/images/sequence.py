@@ -48,7 +48,8 @@ class Numbering:
     @classmethod
     def parse(cls, pattern: str) -> Self:
         """Read a pattern, ``shot_%04d.png`` or ``shot_####.png``; `OptionError` without a place for a number."""
-        folder, name = Path(pattern).parent, Path(pattern).name
+        folder = Path(pattern).parent
+        name = Path(pattern).name
         place = find_placeholder(name)
         if place is None:
             raise OptionError(f"{pattern} has no place for a number; write one like shot_%04d.png or shot_####.png.")

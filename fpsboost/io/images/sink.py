@@ -75,8 +75,11 @@ class NumberedSink(StagedSink):
             raise OutputError(
                 f"{output.path} names no type of image that can be written; use one of {', '.join(IMAGE_SUFFIXES)}."
             )
-        self.names, self._output, self._unfinished = names, output, unfinished
-        self._name, self._staged = unfinished.name, unfinished.staged
+        self.names = names
+        self._output = output
+        self._unfinished = unfinished
+        self._name = unfinished.name
+        self._staged = unfinished.staged
         self._encoder = ImageEncoder(
             output.path, output.stream.images, output.stream.traits or output.stream.colours, anew=names.is_anew
         )
@@ -171,7 +174,8 @@ class ImageSink(NumberedSink):
     """
 
     def __init__(self, output: Output) -> None:
-        path, images = output.path, output.stream.images
+        path = output.path
+        images = output.stream.images
         with explained(OutputError, "write to", path, "check the path and the permissions"):
             self._is_folder = _is_folder(path)
             names = _names_in_place(output) if output.in_place else _names_of(output)
@@ -195,7 +199,8 @@ class ImageSink(NumberedSink):
         folder = numbering.folder
         if not folder.is_dir():
             return
-        old, inputs = set(map(os.path.realpath, self._files.find_old())), images.files
+        old = set(map(os.path.realpath, self._files.find_old()))
+        inputs = images.files
         clash = next((file for file in inputs if os.path.realpath(file) in old), None) if old else None
         if folder.samefile(inputs[0].parent):
             if self._is_folder:
@@ -262,7 +267,10 @@ def _is_folder(path: str) -> bool:
 
 def _names_of(output: Output) -> ImageNames:
     """Return the names of an output: the source's numbers with those between, if they have room, else new ones."""
-    path, images, factor, count = output.path, output.stream.images, output.factor, output.expected_frames
+    path = output.path
+    images = output.stream.images
+    factor = output.factor
+    count = output.expected_frames
     kept = None if images is None or factor is None else images.numbers_for(factor)
     first, step = kept or (1 if images is None else images.first_number, 1)
     # as many digits as keep the order of names the order of frames
@@ -287,7 +295,9 @@ def _names_of(output: Output) -> ImageNames:
 
 def _names_in_place(output: Output) -> ImageNames:
     """Return the source's own names for an output in place; raise an error if its numbers have no room."""
-    path, images, factor = output.path, output.stream.images, output.factor
+    path = output.path
+    images = output.stream.images
+    factor = output.factor
     if images is None or images.numbering is None or factor is None:
         raise OptionError(f"`in_place` needs images with numbers in their names, and {path} has none.")
     if images.step == 1 and images.numbers[-1] - images.numbers[0] < len(images.numbers):

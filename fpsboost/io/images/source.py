@@ -98,7 +98,8 @@ class ImageSource(ClosesOnExit):
     def __init__(
         self, path: str, rate: Fraction, reading: ImageReading = ImageReading(), *, limit: MemoryLimit | None = None
     ) -> None:
-        self._reading, self._limit = reading, limit or MemoryLimit()
+        self._reading = reading
+        self._limit = limit or MemoryLimit()
         with explained(InputError, "read", path, "check that it exists and that you may read it"):
             sequence = _without_moved(find_images(path)) if self._reading.in_place else find_images(path)
         fills_gaps = self._reading.fill_gaps
@@ -108,12 +109,14 @@ class ImageSource(ClosesOnExit):
             sequence.check_complete(
                 sequence.step, "add it, or convert with `fill_gaps`, which makes just those that are missing"
             )
-        numbers, first = sequence.numbers, sequence.files[0]
+        numbers = sequence.numbers
+        first = sequence.files[0]
         self._places = [number - numbers[0] for number in numbers] if fills_gaps else range(len(sequence.files))
         self._first = 0
         if extension_of(first.name) not in IMAGE_SUFFIXES:
             raise InputError(f"{path} is no type of image that can be read; use one of {', '.join(IMAGE_SUFFIXES)}.")
-        is_exr, passes = extension_of(first.name) == ".exr", self._reading.passes
+        is_exr = extension_of(first.name) == ".exr"
+        passes = self._reading.passes
         self._is_linear = extension_of(first.name) in SCENE_LINEAR
         refuse(
             {
@@ -139,7 +142,8 @@ class ImageSource(ClosesOnExit):
             if self._reading.upright
             else (VideoTraits(), list[str]())
         )
-        self._kind, self._described = (image.shape, image.dtype), f"{first} ({view(image).describe()})"
+        self._kind = (image.shape, image.dtype)
+        self._described = f"{first} ({view(image).describe()})"
         height, width = image.shape[:2]
         # floats, and what is computed from them, take more; measured: 160 bytes a pixel with `nearest`, 390 with `nlm`
         self._limit.check(
@@ -164,8 +168,11 @@ class ImageSource(ClosesOnExit):
     @property
     def remarks(self) -> list[str]:
         """Sentences about assumptions, and about pictures and channels that are not read."""
-        name, step, first = self.info.name, self.images.step, self.images.files[0].name
-        pictures, names = self._passes.pictures, self._passes.left_out
+        name = self.info.name
+        step = self.images.step
+        first = self.images.files[0].name
+        pictures = self._passes.pictures
+        names = self._passes.left_out
         listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
         is_dark = self._is_linear and self._reading.upright and self._reading.view == "none"
         said = {
@@ -232,7 +239,8 @@ class ImageSource(ClosesOnExit):
             raise InputError(f"{self.info.name} has {len(self.images.files)} images and {reason}; name an earlier one.")
         part = slice(kept[0], kept[-1] + 1)
         self._places = self._places[part]
-        files, numbers = self.images.files[part], self.images.numbers[part]
+        files = self.images.files[part]
+        numbers = self.images.numbers[part]
         self.images = replace(self.images, files=files, numbers=numbers, skipped=kept[0])
         self.info = replace(self.info, frame_count=len(files), duration=self._duration(self.info.rate))
 

@@ -14,8 +14,10 @@ import numpy as np
 from fpsboost.errors import InputError
 from fpsboost.io.images.files import content_of
 
-BACKWARD, FORWARD = "_backward.flo", "_forward.flo"
-"""Ends of the names of a frame's two files: to the frame before and to the next."""
+BACKWARD = "_backward.flo"
+"""End of the name of a frame's file of motion to the frame before."""
+FORWARD = "_forward.flo"
+"""End of the name of a frame's file of motion to the next frame."""
 
 MAGIC = struct.pack("<f", 202021.25)
 UNKNOWN = 1e10

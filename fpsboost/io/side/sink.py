@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -27,7 +27,9 @@ from fpsboost.io.side.flow import BACKWARD, FORWARD, encode_flow, flow_picture
 from fpsboost.io.side.options import SideOutputs
 from fpsboost.media import write_safely
 
-PICTURE, EXR, FLO = ".png", ".exr", ".flo"
+PICTURE = ".png"
+EXR = ".exr"
+FLO = ".flo"
 FLOW_PICTURES = ("_backward.png", "_forward.png")
 """Ends of the names of the pictures beside the files of a frame's motion."""
 
@@ -56,7 +58,9 @@ class SideSink:
         motion: MotionWriter | None,
         watcher: FrameWatcher | None = None,
     ) -> None:
-        self._sink, self.holds_last_frame, self._watcher = sink, sink.holds_last_frame, watcher
+        self._sink = sink
+        self.holds_last_frame = sink.holds_last_frame
+        self._watcher = watcher
         self.needs_confidence = confidence is not None or (watcher is not None and watcher.needs_confidence)
         self.needs_motion = motion is not None
         self._writers = [writer for writer in (confidence, motion) if writer is not None]
@@ -133,9 +137,11 @@ def with_side_outputs(
         return sink
     taken = [images.files[0].parent] if images else []
     confidence = motion = None
-    naming, numbers = None, range(1, sys.maxsize)
+    naming = None
+    numbers = range(1, sys.maxsize)
     if isinstance(sink, ImageSink):
-        naming, numbers = sink.names.numbering, range(sink.names.first, sys.maxsize, sink.names.step)
+        naming = sink.names.numbering
+        numbers = range(sink.names.first, sys.maxsize, sink.names.step)
         taken.append(naming.folder)
     if side.confidence is not None:
         confidence = ConfidenceWriter(str(side.confidence), naming, numbers, taken, overwrite=overwrite)
@@ -181,13 +187,14 @@ class SideWriter:
 
     option: str
     """Option that asks for the files, in messages."""
-    endings: Mapping[str, Sequence[str]]
+    endings: ClassVar[Mapping[str, Sequence[str]]]
     """Ends of the names that are written, by the type of file; all files with any of them are replaced."""
 
     def __init__(
         self, path: str, naming: Numbering | None, numbers: Sequence[int], taken: Iterable[Path], *, overwrite: bool
     ) -> None:
-        self.path, self._numbers = path, numbers
+        self.path = path
+        self._numbers = numbers
         self._suffix, naming = self._parse(path, naming)
         self.folder = naming.folder
         if os.path.realpath(self.folder) in map(os.path.realpath, taken):
@@ -201,7 +208,8 @@ class SideWriter:
 
     def _parse(self, path: str, naming: Numbering | None) -> tuple[str, Numbering]:
         """Return the type of file and the naming for a path; raise `OptionError` if it is no folder or pattern."""
-        suffixes, extension = list(self.endings), extension_of(path)
+        suffixes = list(self.endings)
+        extension = extension_of(path)
         if is_pattern(path):
             if extension not in suffixes:
                 raise OptionError(
@@ -249,12 +257,14 @@ class ConfidenceWriter(SideWriter):
     Maps are PNG, with 255 for certain, or half OpenEXR, with 1.
     """
 
-    option, endings = "`confidence`", {PICTURE: [PICTURE], EXR: [EXR]}
+    option = "`confidence`"
+    endings: ClassVar = {PICTURE: [PICTURE], EXR: [EXR]}
     _place = 0
 
     def write(self, frame: Frame) -> None:
         """Write the map of the next frame; a frame without one is only counted."""
-        place, self._place = self._place, self._place + 1
+        place = self._place
+        self._place = self._place + 1
         if frame.confidence is None:
             return
         values: np.ndarray = frame.confidence[..., np.newaxis]
@@ -272,7 +282,8 @@ class MotionWriter(SideWriter):
     extrapolated to the other side, because readers ask for both.
     """
 
-    option, endings = "`save_motion`", {FLO: [BACKWARD, FORWARD, *FLOW_PICTURES], EXR: [EXR, *FLOW_PICTURES]}
+    option = "`save_motion`"
+    endings: ClassVar = {FLO: [BACKWARD, FORWARD, *FLOW_PICTURES], EXR: [EXR, *FLOW_PICTURES]}
     _last: PairMotion | None = None
     _first: PairMotion | None = None
     _is_still: bool | None = None
@@ -292,7 +303,8 @@ class MotionWriter(SideWriter):
         else:
             self.finish()
             self._write_vectors(motion.number0, -motion.flow01, motion.flow01)
-        self._first, self._last = self._first or motion, motion
+        self._first = self._first or motion
+        self._last = motion
         self._is_still = self._is_still is not False and not motion.flow01.any() and not motion.flow10.any()
 
     def finish(self) -> None:

@@ -45,7 +45,8 @@ from fpsboost.memory import MemoryLimit
 
 T = TypeVar("T")
 
-INPUT_NAME, OUTPUT_NAME = "standard input", "standard output"
+INPUT_NAME = "standard input"
+OUTPUT_NAME = "standard output"
 
 POLL_INTERVAL = 0.1
 """Interval, seconds, at which a thread that waits for the program at the other end checks for cancellation."""
@@ -141,7 +142,8 @@ class PipeSource(ClosesOnExit):
 
     def __iter__(self) -> Iterator[Frame]:
         """Return an iterator over the frames; a second call raises `InputError`."""
-        first, self._first = self._first, None
+        first = self._first
+        self._first = None
         if first is None:
             raise InputError(f"{INPUT_NAME} can be read only once; pipe it in again.")
         return self._frames(first)
@@ -166,7 +168,8 @@ class PipeSource(ClosesOnExit):
         """Yield the frames, numbered from 0 at the rate of the header; remark on a last frame that is cut off."""
         number = 0
         while picture is not None:
-            picture.pts, picture.time_base = number, self.info.time_base
+            picture.pts = number
+            picture.time_base = self.info.time_base
             image = to_bgr(picture, self._reformatter) if self._coding is None else in_planes(picture, self._coding)
             yield Frame(image, number / self.info.rate, 1 / self.info.rate, None if self._for_images else picture)
             number += 1
@@ -195,7 +198,9 @@ class CountingReader:
     """
 
     def __init__(self, stream: Any) -> None:
-        self._stream, self.count, self.start = stream, 0, b""
+        self._stream = stream
+        self.count = 0
+        self.start = b""
         self._error: BaseException | None = None
 
     def read(self, size: int) -> bytes:
@@ -203,7 +208,8 @@ class CountingReader:
         try:
             data: bytes = b"" if self._error else self._stream.read(size)
         except BaseException as error:
-            self._error, data = error, b""
+            self._error = error
+            data = b""
         self.count += len(data)
         if b"\n" not in self.start:
             self.start += data
@@ -250,8 +256,11 @@ class PipeSink:
                 f"{', '.join(pixel_formats)}.": encoding.pixel_format not in (None, *pixel_formats),
             }
         )
-        self._timing, self._encoding, self._info = output.timing, encoding, output.info
-        self._traits, self._colours = output.stream.traits, output.stream.colours
+        self._timing = output.timing
+        self._encoding = encoding
+        self._info = output.info
+        self._traits = output.stream.traits
+        self._colours = output.stream.colours
         self._waiting = None if stream else _descriptor(sys.__stdout__, OutputError, OUTPUT_NAME)
         self._stream: Any = stream or self._waiting
         self._header = ""
@@ -308,16 +317,20 @@ class PipeSink:
         4:4:4 or gray.
         """
         traits = self._traits
-        gray, deep = image.shape[2] < 3, image.dtype != np.uint8
+        gray = image.shape[2] < 3
+        deep = image.dtype != np.uint8
         aspect = None
         full_range: bool | None = gray  # as FFmpeg takes gray to be
-        color_space, location = assumed_color_space(self._info.height), ""
+        color_space = assumed_color_space(self._info.height)
+        location = ""
         wanted = ("gray" if gray else "yuv444p") + "16le" * deep
         if traits is not None:
-            wanted, aspect = traits.pixel_format, traits.sample_aspect_ratio
+            wanted = traits.pixel_format
+            aspect = traits.sample_aspect_ratio
             is_rgb = av.VideoFormat(wanted).is_rgb
             full_range = False if is_rgb else traits.full_range or (None if traits.color_range == 0 else False)
-            color_space, location = traits.color_space, traits.chroma_location
+            color_space = traits.color_space
+            location = traits.chroma_location
         pixel_format = self._encoding.pixel_format or self._nearest(wanted)
         if traits is None:  # as the name of 8-bit 4:2:0 usually says
             location = "center" if pixel_format == "yuv420p" else "left"

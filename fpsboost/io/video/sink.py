@@ -56,7 +56,9 @@ class VideoSink:
     holds_last_frame = True
 
     def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:
-        self._output, self._remarks, self._reformatter = output, list[str](), VideoReformatter()
+        self._output = output
+        self._remarks = list[str]()
+        self._reformatter = VideoReformatter()
         self._writer = (FileWriter if output.part is None else PartWriter)(output, chunk_frames=chunk_frames)
 
     @property
@@ -89,7 +91,8 @@ class VideoSink:
         Times are rounded to ticks of the output's time base and must increase by at least one. Raises `OutputError` if
         they do not, if the frame has another size, or if encoding or writing fails.
         """
-        output, writer = self._output, self._writer
+        output = self._output
+        writer = self._writer
         check_frame_size(frame, output.info, output.path)
         encoder = writer.encoder or writer.start(traits_of_image(frame.pixels, output.stream.colours))
         self._remark_on(frame, encoder)
@@ -100,7 +103,8 @@ class VideoSink:
 
     def _picture(self, frame: Frame, encoder: VideoEncoder) -> av.VideoFrame:
         """Return the picture of a frame in the coding of the encoder."""
-        traits, pixel_format = encoder.traits, encoder.pixel_format
+        traits = encoder.traits
+        pixel_format = encoder.pixel_format
         coding = Coding(
             depth_of(pixel_format), traits.color_space, encoder.full_range, traits.chroma_location, pixel_format
         )
@@ -114,7 +118,8 @@ class VideoSink:
 
     def _remark_on(self, frame: Frame, encoder: VideoEncoder) -> None:
         """Add a remark, once each, on alpha, depth, light and closed captions of a frame that the output lacks."""
-        name, is_float = self._output.path, frame.image.dtype == np.float32
+        name = self._output.path
+        is_float = frame.image.dtype == np.float32
         is_beyond = is_float and bool(np.logical_or(frame.array[..., :3] < 0, frame.array[..., :3] > 1).any())
         has_more = frame.image.shape[2] == 4 and not has_alpha(encoder.pixel_format)
         lost = {

@@ -71,7 +71,8 @@ class VideoSource(Clip):
         decoding: DecodeOptions = DecodeOptions(),
         limit: MemoryLimit | None = None,
     ) -> None:
-        self._for_images, self._keeps_planes = for_images, keeps_planes and not for_images
+        self._for_images = for_images
+        self._keeps_planes = keeps_planes and not for_images
         reading = Reading(
             decoding.stream,
             None if decoding.input_fps is None else Fraction(decoding.input_fps),

@@ -47,7 +47,8 @@ def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None, 
     not supported.
     """
     scaler = reformatter or VideoReformatter()
-    bits, full = bits_of(picture), is_full_range(picture)
+    bits = bits_of(picture)
+    full = is_full_range(picture)
     dtype = sample_type(bits)
     top = np.iinfo(dtype).max
     if picture.format.is_rgb:
@@ -69,7 +70,8 @@ def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None, 
     if not keeps_alpha:
         return image
     planar = reformatted(picture, scaler, full_chroma(bits).replace("yuv", "yuva"), full)
-    alpha, most = plane_arrays(planar)[3], 2 ** bits_of(planar) - 1
+    alpha = plane_arrays(planar)[3]
+    most = 2 ** bits_of(planar) - 1
     return np.dstack([image, alpha if top == most else np.rint(alpha * np.float32(top / most)).astype(dtype)])
 
 
@@ -105,7 +107,8 @@ def from_bgr(
     tables from one frame to the next.
     """
     scaler = reformatter or VideoReformatter()
-    target, keeps_alpha = av.VideoFormat(pixel_format), has_alpha(pixel_format)
+    target = av.VideoFormat(pixel_format)
+    keeps_alpha = has_alpha(pixel_format)
     if image.dtype == np.float32:
         image = straight_16_bit(image if keeps_alpha else image[..., :3])
     white = np.iinfo(image.dtype).max
@@ -186,8 +189,10 @@ def as_picture(frame: Frame, coding: Coding, reformatter: VideoReformatter, *, k
     av.VideoFrame
         Picture: the frame's decoded one itself where nothing has to be converted.
     """
-    image, original = frame.pixels, frame.original
-    pixel_format, full_range = coding.pixel_format, coding.full_range
+    image = frame.pixels
+    original = frame.original
+    pixel_format = coding.pixel_format
+    full_range = coding.full_range
     if original is None and isinstance(image, YCbCrImage):  # else it is converted from BGR below
         original = picture_of(image)
         if image.coding.pixel_format != pixel_format:
@@ -240,9 +245,11 @@ def turned_upright(image: Image, matrix: tuple[int, ...] | None) -> Image:
         return image
     if is_on_its_side(matrix):
         image = image.transpose(1, 0, 2)
-        left, down = matrix[3], matrix[1]
+        left = matrix[3]
+        down = matrix[1]
     elif _is_small(matrix[1], matrix[0]) and _is_small(matrix[3], matrix[4]):
-        left, down = matrix[0], matrix[4]
+        left = matrix[0]
+        down = matrix[4]
     else:
         return image
     return np.ascontiguousarray(image[:: -1 if down < 0 else 1, :: -1 if left < 0 else 1])
