@@ -28,8 +28,8 @@ struct Any {};  // one of several types: that of the array's kind
 
 template <typename T, int AXES> struct ArrayOf : Array {};
 
-// Everything below is compiled at each level by itself: nothing may be shared between them, or the linker would keep the
-// code of one level for all.
+// Everything below is compiled at each level by itself: nothing may be shared between them, or the linker would keep
+// the code of one level for all.
 namespace {
 
 template <typename T, typename Described> constexpr bool may_view = false;

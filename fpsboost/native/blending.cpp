@@ -28,7 +28,7 @@ struct WindowPart {  // rows and columns of the samples of a window that lie wit
 
 // Adds a weighted window to a plane of the band of its layer.
 INLINE void overlap_add(const LayerSamples &layer, const WindowPart &part, const float *weight, const float *values,
-                       const View<float, 2> &band) {
+                        const View<float, 2> &band) {
   for (Int j = part.first_row; j < part.last_row; j++) {
     const float *weights = weight + j * layer.wide, *row = values + j * layer.wide;
     float *sums = band.at(j);

@@ -15,7 +15,8 @@ struct Motion {  // of a candidate
   float gradients[4];
 };
 
-static_assert(sizeof(VoteSums) == SUMS_PER_CANDIDATE * sizeof(float) && sizeof(Motion) == VALUES_PER_MOTION * sizeof(float),
+static_assert(sizeof(VoteSums) == SUMS_PER_CANDIDATE * sizeof(float) &&
+                  sizeof(Motion) == VALUES_PER_MOTION * sizeof(float),
               "as in the arrays of kernels/candidates.py");
 
 // What is listed of a node so far, and the sums of all nodes in the order in which they were found.

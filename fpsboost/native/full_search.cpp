@@ -12,7 +12,7 @@ namespace {
 typedef uint32_t U32 __attribute__((vector_size(64)));
 typedef uint32_t U32Unaligned __attribute__((vector_size(64), aligned(4), may_alias));
 
-constexpr Int STRIP_WIDTH = 640;  // columns per pass: little overhead of patch margins, and small enough for caches
+constexpr Int STRIP_WIDTH = 640;     // columns per pass: little overhead of patch margins, and small enough for caches
 constexpr Int OFFSETS_PER_PASS = 8;  // neighbouring offsets that are processed together
 constexpr Int OFFSETS_AT_ONCE = 4;   // of which so many are compared with the best ones at a time
 constexpr Int BLOCK = 2 * LANES;     // pixels whose weighted sums are computed together
@@ -66,9 +66,12 @@ struct PixelRow {
   template <typename Function> inline __attribute__((always_inline)) void compare(const Function &use) const {
     Int x = 0;
     for (; x + 3 * LANES < count; x += 4 * LANES) compare_vectors<4>(x, use);
-    if (x + 2 * LANES < count) compare_vectors<3>(x, use);
-    else if (x + LANES < count) compare_vectors<2>(x, use);
-    else if (x < count) compare_vectors<1>(x, use);
+    if (x + 2 * LANES < count)
+      compare_vectors<3>(x, use);
+    else if (x + LANES < count)
+      compare_vectors<2>(x, use);
+    else if (x < count)
+      compare_vectors<1>(x, use);
   }
 
 private:
@@ -138,9 +141,8 @@ template <Int SIZE> struct BoxScores {
         add(sums.template sum_last<SIZE>(), x);
       });
     } else {
-      pixels.compare([=](I16 similarity, Int x) __attribute__((always_inline)) {
-        store_words(values + x, (U32)similarity);
-      });
+      pixels.compare([=](I16 similarity, Int x)
+                         __attribute__((always_inline)) { store_words(values + x, (U32)similarity); });
       for (Int x = 0; x < pixels.count; x += LANES) {
         U32 across{};
         for (Int k = x + 1 - size; k <= x; k++) across += load_words(values + k);
@@ -169,9 +171,8 @@ template <Int SIZE> struct WindowScores {
 
   void add_row(const PixelRow &pixels, Int row, float *) {
     float *const values = latest;
-    pixels.compare([=](I16 similarity, Int x) __attribute__((always_inline)) {
-      store(values + x, __builtin_convertvector(similarity, F16));
-    });
+    pixels.compare([=](I16 similarity, Int x)
+                       __attribute__((always_inline)) { store(values + x, __builtin_convertvector(similarity, F16)); });
     float *const across = ring + row % slots * row_size;
     for (Int x = 0; x < pixels.count - size + 1; x += BLOCK)
       sum_symmetric(x, 0, across, [=](Int k) __attribute__((always_inline)) { return values + k; });
@@ -189,8 +190,7 @@ template <Int SIZE> struct WindowScores {
 
   // Writes weighted sums of a block of values, of which the k-th begin at value(k), and a first value.
   template <typename Value>
-  inline __attribute__((always_inline)) void sum_symmetric(Int x, float first, float *sums,
-                                                           const Value &value) {
+  inline __attribute__((always_inline)) void sum_symmetric(Int x, float first, float *sums, const Value &value) {
     const Int half = (SIZE ? SIZE : size) / 2;
     F16 sum[BLOCK / LANES];
     for (Int n = 0; n < BLOCK / LANES; n++)

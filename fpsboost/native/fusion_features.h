@@ -18,8 +18,8 @@ enum { CONSTANT, VOTES, ACCELERATION, GRADIENT, SUPPORT, SCALAR_FEATURES };  // 
 static_assert(FEATURES == SQUARE_FEATURES + CELL_FEATURES + SCALAR_FEATURES, "as in the table of weights");
 
 constexpr float FINE = 100, COARSE = 9;  // factors on squared differences for bandwidths of 0.03 and 0.1 instead of 0.3
-constexpr float FINE_LUMA = 25;         // the same for luma, for a bandwidth of 0.06
-constexpr float LEAST_SUPPORT = 0.02f;  // so that the logarithm of the support has a limit
+constexpr float FINE_LUMA = 25;          // the same for luma, for a bandwidth of 0.06
+constexpr float LEAST_SUPPORT = 0.02f;   // so that the logarithm of the support has a limit
 
 struct Features {  // of a candidate
   alignas(64) float squares[SQUARE_FEATURES][SQUARES_PER_WINDOW], cells[CELL_FEATURES][CELLS];

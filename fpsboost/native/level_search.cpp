@@ -44,8 +44,7 @@ KERNEL(Int, search_level, SearchLevel) {
   const View<float, 4> flow(a.points.flow);
   const View<float, 3> similarity(a.points.similarity);
   const Int down = proposed.shape[1], across = proposed.shape[2], rows = flow.shape[1], columns = flow.shape[2];
-  const Int nodes = rows * columns, labels = a.settings.labels, spacing = a.settings.spacing,
-            step = a.settings.step;
+  const Int nodes = rows * columns, labels = a.settings.labels, spacing = a.settings.spacing, step = a.settings.step;
   const TileSettings tiles = {step, a.settings.refine_radius, a.settings.max_offset, a.settings.patch_radius,
                               a.settings.row_step};
   Workspace scratch(a.scratch);

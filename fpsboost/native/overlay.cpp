@@ -71,7 +71,8 @@ template <typename T> void mark_static(const Pictures<T> &pictures, Int y, T sam
 // Writes STATIC_CONTRAST in place of STATIC where a pixel would be different if it had moved.
 template <typename T>
 void mark_changes(const T *smallest, T different, Int left, Int right, uint8_t *__restrict row) {
-  for (Int x = left; x < right; x++) row[x] = smallest[x] > different && row[x] == STATIC ? uint8_t(STATIC_CONTRAST) : row[x];
+  for (Int x = left; x < right; x++)
+    row[x] = smallest[x] > different && row[x] == STATIC ? uint8_t(STATIC_CONTRAST) : row[x];
 }
 
 template <typename T> Int mark(const MarkOverlay &a) {

@@ -179,7 +179,7 @@ inline void sum_features(const Weighting &weighting, const Features &features, L
 
 // Computes the learnt weights of a candidate from its features.
 inline void find_learnt_weights(float prior, const Motion &motion, float t, const Weighting &weighting,
-                           CandidateWeights &candidate, NodeSums &sums) {
+                                CandidateWeights &candidate, NodeSums &sums) {
   Logits logits;
   find_foreground(float(weighting.scale), motion, t, candidate, sums);
   sum_features(weighting, candidate.features, logits);

@@ -77,8 +77,7 @@ template <typename T> void fetch(const FetchBoth &a) {
     const T *colour0 = image0.data + source0.data[pixel] * channels;
     const T *colour1 = image1.data + source1.data[pixel] * channels;
     T *out = (T *)a.out.data + pixel * channels;
-    for (Int c = 0; c < channels; c++)
-      out[c] = T((1 - weight) * float(colour0[c]) + weight * float(colour1[c]) + half);
+    for (Int c = 0; c < channels; c++) out[c] = T((1 - weight) * float(colour0[c]) + weight * float(colour1[c]) + half);
   }
 }
 

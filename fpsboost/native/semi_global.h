@@ -93,7 +93,7 @@ INLINE void choose_labels(const LabelLists &lists, float smoothness, float slope
             aggregate_path_costs(lattice, node, node - step, tie * slope, tie * smoothness);
           } else {
             aggregate_path_costs(lattice, node, nodes, 0,
-                         0);  // no change has a cost at the first node, which has no predecessor
+                                 0);  // no change has a cost at the first node, which has no predecessor
           }
         }
   }

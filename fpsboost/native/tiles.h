@@ -10,7 +10,7 @@
 
 namespace {
 
-constexpr Int PROPOSAL_MARGIN = 8;  // distance beyond the tile within which proposals are collected, pixels
+constexpr Int PROPOSAL_MARGIN = 8;             // distance beyond the tile within which proposals are collected, pixels
 constexpr float NOTHING = -2, NOWHERE = 1e6f;  // similarity and offset of an empty entry
 
 struct Offset {
@@ -68,7 +68,7 @@ struct EntryRow {
 // Inserts an offset into the lists of eight points, which are in order of falling similarity; of neighbouring offsets,
 // only the more similar one is kept.
 INLINE void insert_top_eight(float dx, float dy, const float *similarities, Int at, float *entries, Int points,
-                         Int capacity) {
+                             Int capacity) {
   const F8 similarity = load<F8>(similarities + at);
   if (!any(similarity > load<F8>(EntryRow(entries, capacity - 1, points).similarity + at))) return;
   F8 inserted[3] = {similarity, broadcast<F8>(dx), broadcast<F8>(dy)};

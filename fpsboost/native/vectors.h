@@ -40,8 +40,9 @@ INLINE float fma(float a, float b, float c) { return __builtin_fmaf(a, b, c); }
 template <typename V> INLINE V fma(V a, V b, V c) { return __builtin_elementwise_fma(a, b, c); }
 #endif
 #else
-// Without the instruction. The product is exact in double precision; the sum is rounded to odd there, after which rounding
-// to single precision gives what rounding once does (Boldo and Melquiond 2008, doi:10.1109/TC.2007.70819, theorem 1).
+// Without the instruction. The product is exact in double precision; the sum is rounded to odd there, after which
+// rounding to single precision gives what rounding once does (Boldo and Melquiond 2008, doi:10.1109/TC.2007.70819,
+// theorem 1).
 INLINE float fma(float a, float b, float c) {
   const double product = double(a) * double(b), sum = product + double(c), part = sum - product;
   const double error = (product - (sum - part)) + (double(c) - part);

@@ -75,17 +75,10 @@ struct LayerSamples {
   // Takes the work arrays of one window, and a band of so many planes and columns, which is zero at first.
   LayerSamples(const PlaneGroup &layer, Int band_planes, Int columns, Workspace &workspace)
       : coefficients{View<const float, 3>(layer.frame0.coefficients), View<const float, 3>(layer.frame1.coefficients)},
-        planes{layer.frame0.planes, layer.frame1.planes},
-        unit{float(layer.frame0.unit), float(layer.frame1.unit)},
-        channels(layer.frame0.planes.shape[0]),
-        down(layer.down),
-        across(layer.across),
-        wide(WINDOW / across),
-        tall(WINDOW / down),
-        size(wide * tall),
-        mixed(workspace.take<float>(channels * size)),
-        change(workspace.take<float>(channels * size)),
-        total(workspace.take<float>(channels * size)) {
+        planes{layer.frame0.planes, layer.frame1.planes}, unit{float(layer.frame0.unit), float(layer.frame1.unit)},
+        channels(layer.frame0.planes.shape[0]), down(layer.down), across(layer.across), wide(WINDOW / across),
+        tall(WINDOW / down), size(wide * tall), mixed(workspace.take<float>(channels * size)),
+        change(workspace.take<float>(channels * size)), total(workspace.take<float>(channels * size)) {
     band.data = workspace.take<float>(band_planes * tall * columns);
     band.shape[0] = band_planes, band.shape[1] = tall, band.shape[2] = columns;
     if (!workspace.is_counting()) __builtin_memset(band.data, 0, band_planes * tall * columns * sizeof(float));
@@ -249,7 +242,8 @@ inline void filter_rigid(const float *coefficients, Int stride, Position window,
 
 // Copies a window that begins at a pixel, which may lie outside of the frame: its edges are repeated.
 template <typename T>
-inline void copy_window(const ArrayOf<Any, 3> &planes, float unit, Int c, Int top, Int left, Int wide, Int tall, float *out) {
+inline void copy_window(const ArrayOf<Any, 3> &planes, float unit, Int c, Int top, Int left, Int wide, Int tall,
+                        float *out) {
   const View<const T, 3> values(planes);
   const Int height = values.shape[1], width = values.shape[2];
   for (Int j = 0; j < tall; j++) {
