@@ -13,15 +13,15 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from command_line import COLOUR_VARIABLES, Command, Result
-from exr_truth import write_exr
 from hypothesis import settings
 from numpy.typing import NDArray
-from video_truth import scene
 
 from fpsboost.cli import app, stop_signals
+from support.command_line import COLOUR_VARIABLES, Command, Result
+from support.exr_truth import write_exr
+from support.video_truth import scene
 
-collect_ignore = ["blender_round_trip.py"]  # runs in Blender
+collect_ignore = ["integrations/blender_round_trip.py"]  # runs in Blender
 
 
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # the threads of FLIP would spin while they wait
@@ -107,7 +107,7 @@ def save_images() -> SaveImages:
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[Any]:
     """A browser; tests that need one are skipped where there is none."""
-    from browser import BROWSER, launched  # noqa: PLC0415 (tests without a browser need no Playwright)
+    from support.browser import BROWSER, launched  # noqa: PLC0415 (tests without a browser need no Playwright)
 
     if BROWSER is None:
         pytest.skip("there is no Chromium on the PATH")

@@ -10,14 +10,14 @@ import av
 import cv2
 import numpy as np
 import pytest
-from animation_truth import plays_of, read_animation, write_animation
-from conversion_options import double, keeping_duplicates
 from numpy.typing import NDArray
 from PIL import Image
-from video_truth import scene, turntable, write_clip
 
 from fpsboost import InputError, OptionError, Part, convert, find_method, interpolate_clip, stream
 from fpsboost.evaluation.steadiness import StepMeter
+from support.animation_truth import plays_of, read_animation, write_animation
+from support.conversion_options import double, keeping_duplicates
+from support.video_truth import scene, turntable, write_clip
 
 
 class Tensor:

@@ -8,19 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from truth import (
-    CutsWhere,
-    accelerating,
-    affine,
-    as_type,
-    eroded,
-    layers,
-    moved_waves,
-    noise,
-    prepared,
-    translation,
-    waves,
-)
 
 from fpsboost import (
     CutDetector,
@@ -34,6 +21,19 @@ from fpsboost import (
 )
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.synthesis.reproject import Reproject
+from support.truth import (
+    CutsWhere,
+    accelerating,
+    affine,
+    as_type,
+    eroded,
+    layers,
+    moved_waves,
+    noise,
+    prepared,
+    translation,
+    waves,
+)
 
 every_method = pytest.mark.parametrize("method", methods)
 moving_methods = pytest.mark.parametrize("method", [name for name in methods if name not in ("blend", "nearest")])

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from video_truth import QUARTER_TURN, pictures_of, samples_of, scene, turntable, write_clip
 
 import fpsboost
 from fpsboost.io.images.files import read_image
+from support.video_truth import QUARTER_TURN, pictures_of, samples_of, scene, turntable, write_clip
 
 SHARES = np.repeat([1, 128 / 255, 0], [20, 20, 24])
 """Share of the source in each column: white, gray and black."""

@@ -9,9 +9,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from animation_truth import write_animation
-from command_line import assert_refused
-from video_truth import scene, write_clip
 
 from fpsboost import InputError, OptionError, RunOptions, convert, memory, stream
 from fpsboost.io.animation import AnimationSource
@@ -28,6 +25,9 @@ from fpsboost.memory import (
     available_memory,
     parse_memory,
 )
+from support.animation_truth import write_animation
+from support.command_line import assert_refused
+from support.video_truth import scene, write_clip
 
 HUGE = 60000
 SMALL = MemoryLimit(AT_LEAST + BYTES_PER_PIXEL * 64 * 48)  # just enough for 64x48

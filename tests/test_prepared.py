@@ -12,10 +12,10 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from truth import noise
 
 from fpsboost import RunOptions, convert, methods
 from fpsboost.frame_cache import FrameCache, Results
+from support.truth import noise
 
 PER_FRAME = (
     "fpsboost.motion.components.small_copy",

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from animation_truth import disc, write_animation
-from held_frames import CADENCES, encode, held, pan
-from video_truth import QUARTER_TURN, png, spoil_packets, turntable, write_clip
 
 from fpsboost import InputError, OptionError, convert
 from fpsboost.cli.probe import facts
 from fpsboost.probing import Probe, probe
+from support.animation_truth import disc, write_animation
+from support.held_frames import CADENCES, encode, held, pan
+from support.video_truth import QUARTER_TURN, png, spoil_packets, turntable, write_clip
 
 
 def test_a_plain_clip(tmp_path):

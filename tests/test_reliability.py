@@ -12,13 +12,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from command_line import assert_refused, environment
-from video_truth import pictures_of, write_clip
 
 import fpsboost
 from fpsboost import FpsboostError, InputError, OutputError, RunOptions
 from fpsboost.contracts import SilentObserver, Summary
 from fpsboost.io.opening import open_source
+from support.command_line import assert_refused, environment
+from support.video_truth import pictures_of, write_clip
 
 CHEAP = ("--method", "nearest", "--no-cuts")
 on_unix = pytest.mark.skipif(os.name == "nt", reason="Windows has no such signals, pipes and limits")

@@ -10,10 +10,6 @@ from itertools import pairwise
 import cv2
 import numpy as np
 import pytest
-from conversion_options import grouped
-from test_pipeline import BLEND, FAST, FakeSink, FakeSource
-from truth import frozen
-from video_truth import bytes_of, pictures_of, write_clip
 
 from fpsboost import (
     ByFactor,
@@ -33,6 +29,10 @@ from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.parts.plan import REPLACED_BEFORE, find_entry
 from fpsboost.probing import probe
 from fpsboost.repair import find_damaged
+from support.conversion_options import grouped
+from support.memory_frames import BLEND, FAST, FakeSink, FakeSource
+from support.truth import frozen
+from support.video_truth import bytes_of, pictures_of, write_clip
 
 RATE = Fraction(25)
 SAME = ByFactor(Fraction(1))

@@ -4,10 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exr_truth import write_exr
 from hypothesis import given
 from hypothesis import strategies as st
-from truth import moved_waves
 
 from fpsboost import DecodeOptions, Encoding, OptionError, convert, methods, stream
 from fpsboost.colour import compared_colours
@@ -16,6 +14,8 @@ from fpsboost.evaluation.hidden_frames import HoldOut
 from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.exr import read_exr
 from fpsboost.io.video.source import VideoSource
+from support.exr_truth import write_exr
+from support.truth import moved_waves
 
 SIZE = 48, 80
 

@@ -12,10 +12,10 @@ import av
 import cv2
 import numpy as np
 import pytest
-from conversion_options import keeping_duplicates
-from video_truth import write_clip
 
 from fpsboost import InputError, OptionError, convert, stream
+from support.conversion_options import keeping_duplicates
+from support.video_truth import write_clip
 
 
 def gray_frames(*levels: int) -> list[np.ndarray]:

@@ -6,27 +6,20 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from truth import affine
-from video_truth import pictures_of, samples_of, write_clip
 
 from fpsboost import Coding, Encoding, Frame, FrameCache, InputError, convert, methods, with_neighbours
 from fpsboost.analysis.duplicates import DuplicateDetector
 from fpsboost.image import YCbCrImage, check_pair, view
 from fpsboost.io.video.source import VideoSource
-from fpsboost.io.video.ycc import PLANAR_FORMATS, bgr_of, from_bgr, in_planes, picture_of
+from fpsboost.io.video.ycc import PLANAR_FORMATS, bgr_of, in_planes, picture_of
 from fpsboost.motion.components import contrast_components, contrast_planes, gray, small_copy
 from fpsboost.motion.nlm import pyramid
+from support.truth import affine
+from support.video_truth import pictures_of, planar, samples_of, write_clip
 
 METHODS = sorted(name for name, method in methods.items() if method.takes_planes)
 FORMATS = ["yuv420p", "yuv422p", "yuv444p", "yuv420p10le", "yuvj420p"]
 LOSSLESS = Encoding(lossless=True, preset="ultrafast")
-
-
-def planar(image: np.ndarray, pixel_format: str = "yuv420p", location: str = "left") -> YCbCrImage:
-    """An image of BGR in planes, by BT.709."""
-    full_range, deep = pixel_format.startswith("yuvj"), pixel_format.endswith("10le")
-    coding = Coding(10 if deep else 8, 1, full_range, location, pixel_format)
-    return in_planes(from_bgr(image, pixel_format, 1, full_range, chroma_location=location), coding)
 
 
 def smooth(size: tuple[int, int] = (72, 96), **motion: float) -> list[np.ndarray]:

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conversion_options import FAST
-from held_frames import HEIGHT, WIDTH, pan
-from video_truth import packets_of, pictures_of, write_clip
 
 from fpsboost import DuplicateDetector, Frame, FrameCache, OptionError, convert
 from fpsboost.analysis.cadence import Repeats
 from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.analysis.gaps import find_gaps
+from support.conversion_options import FAST
+from support.held_frames import HEIGHT, WIDTH, pan
+from support.video_truth import packets_of, pictures_of, write_clip
 
 CADENCES = {
     **{"3:2": ([3, 2], 60), "one of five repeated": ([1, 1, 1, 2], 30), "one of 25 repeated": ([1] * 23 + [2], 25)},

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from video_truth import write_clip
 
 from fpsboost import (
     DecodeOptions,
@@ -24,6 +23,7 @@ from fpsboost.analysis.scene_cuts import CutList, read_cuts
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.position import Position, Trim, parse_position
+from support.video_truth import write_clip
 
 SCENES = """Timecode List:,00:00:00.417
 Scene Number,Start Frame,Start Timecode,Start Time (seconds),End Frame,End Timecode,End Time (seconds)

@@ -11,13 +11,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from conversion_options import keeping_duplicates
-from held_frames import CADENCES, HEIGHT, RATE, SPEED, WIDTH, encode, held, pan
 from hypothesis import given
 from hypothesis import strategies as st
-from test_pipeline import FakeSink, FakeSource
-from test_ycbcr import planar
-from truth import affine, as_type, equal_luma, frozen, noise, prepared
 
 from fpsboost import ByFactor, ByRate, Frame, Schedule, Summary, methods, run_conversion
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_pictures, group_duplicates
@@ -25,6 +20,11 @@ from fpsboost.io.opening import open_source
 from fpsboost.motion.rendered import RenderedMotion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.scene_assisted import SceneAssisted
+from support.conversion_options import keeping_duplicates
+from support.held_frames import CADENCES, HEIGHT, RATE, SPEED, WIDTH, encode, held, pan
+from support.memory_frames import FakeSink, FakeSource
+from support.truth import affine, as_type, equal_luma, frozen, noise, prepared
+from support.video_truth import planar
 
 DOUBLE = ByFactor(Fraction(2))
 

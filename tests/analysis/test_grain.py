@@ -7,8 +7,6 @@ from itertools import pairwise
 import cv2
 import numpy as np
 import pytest
-from test_pipeline import FakeSink, FakeSource
-from truth import as_type, moved_waves, waves, white_of
 
 from fpsboost import (
     ByFactor,
@@ -26,6 +24,8 @@ from fpsboost.analysis.grain import match_grain, measure_grain
 from fpsboost.cli.options import MethodOptions, TuningOptions
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.synthesis.blend import Blend
+from support.memory_frames import FakeSink, FakeSource
+from support.truth import as_type, moved_waves, waves, white_of
 
 SIZE = 128, 256
 SMOOTH = Interpolator(ZeroMotion(), Blend(), cuts=None, compensate_illumination=False)

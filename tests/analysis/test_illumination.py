@@ -6,10 +6,10 @@ from itertools import pairwise, product
 import cv2
 import numpy as np
 import pytest
-from truth import affine, as_type, layers, moved_waves, noise, prepared, translation, white_of
 
 from fpsboost import CutDetector, methods
 from fpsboost.analysis.illumination import estimate_illumination
+from support.truth import affine, as_type, layers, moved_waves, noise, prepared, translation, white_of
 
 NLM = methods["nlm"]
 UNLIT = replace(NLM, compensate_illumination=False, cuts=None)

@@ -5,11 +5,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from truth import CutsWhere, as_type, equal_luma, moved_waves, noise, prepared, waves, white_of
 
 from fpsboost import Coding, methods
 from fpsboost.analysis.overlay import DILATION_RADIUS, find_overlay
 from fpsboost.io.video.ycc import bgr_of, from_bgr, in_planes
+from support.truth import CutsWhere, as_type, equal_luma, moved_waves, noise, prepared, waves, white_of
 
 KEEPING = replace(methods["nlm"], cuts=None)
 MOVING = replace(KEEPING, overlays=False)

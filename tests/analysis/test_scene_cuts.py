@@ -7,8 +7,11 @@ from itertools import pairwise
 import cv2
 import numpy as np
 import pytest
-from scenes_of_cuts import make_clips
-from truth import (
+
+from fpsboost import CutDetector, Frame, FrameCache, methods, with_neighbours
+from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, group_duplicates
+from support.scenes_of_cuts import make_clips
+from support.truth import (
     SCENES,
     affine,
     as_type,
@@ -20,9 +23,6 @@ from truth import (
     prepared,
     translation,
 )
-
-from fpsboost import CutDetector, Frame, FrameCache, methods, with_neighbours
-from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, group_duplicates
 
 
 def scene(seed: int, height: int = 90, width: int = 120, channels: int = 3, dtype: type = np.uint8) -> np.ndarray:

@@ -11,9 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from command_line import SUMMARY, assert_refused, environment
 from PIL import Image
-from video_truth import packets_of, pictures_of, write_clip
 
 from fpsboost import InputError, OptionError, OutputRate
 from fpsboost.cli.app import execute
@@ -21,6 +19,8 @@ from fpsboost.cli.batch import is_pair, plan_outputs
 from fpsboost.io.opening import open_source
 from fpsboost.media import staging
 from fpsboost.preparation import output_beside
+from support.command_line import SUMMARY, assert_refused, environment
+from support.video_truth import packets_of, pictures_of, write_clip
 
 CHEAP = ("--method", "nearest", "--no-cuts", "--preset", "ultrafast")
 

@@ -11,8 +11,6 @@ from pathlib import Path
 
 import cv2
 import pytest
-from command_line import SUMMARY, Result, assert_refused, environment
-from video_truth import packets_of, pictures_of, png, spoil_packets, write_clip
 
 import fpsboost
 from fpsboost.cli import app
@@ -21,6 +19,8 @@ from fpsboost.cli.options import MAIN_OPTIONS
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import methods, vector_methods
 from fpsboost.timing.schedule import parse_number, parse_rate
+from support.command_line import SUMMARY, Result, assert_refused, environment
+from support.video_truth import packets_of, pictures_of, png, spoil_packets, write_clip
 
 ROOT = Path(__file__).parents[2]
 ORBIT = ROOT / "samples" / "orbit.mp4"

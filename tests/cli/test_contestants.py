@@ -1,11 +1,11 @@
 """Who takes part in a comparison: methods with options, by text."""
 
 import pytest
-from truth import SCENES, needs_scenes
 
 from fpsboost import OptionError, VectorFolder, find_method, methods
 from fpsboost.cli.compare import choose, name_others, split_methods
 from fpsboost.evaluation.compared_methods import Minterpolate, method_names
+from support.truth import SCENES, needs_scenes
 
 
 @pytest.mark.parametrize(

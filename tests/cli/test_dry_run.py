@@ -3,8 +3,9 @@
 import re
 
 import pytest
-from command_line import assert_refused
-from video_truth import write_clip
+
+from support.command_line import assert_refused
+from support.video_truth import write_clip
 
 CHEAP = ("--method", "nearest", "--no-cuts", "--preset", "ultrafast")
 LAST = "5 frames give 9 images and not 10"

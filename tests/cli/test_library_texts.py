@@ -8,10 +8,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from exr_truth import write_exr
 
 from fpsboost.cli.messages import library_texts
 from fpsboost.io.images import source
+from support.exr_truth import write_exr
 
 NOISE = np.random.default_rng(0).integers(0, 256, (48, 64, 3), np.uint8)
 

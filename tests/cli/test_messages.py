@@ -5,9 +5,9 @@ import re
 import shlex
 
 import pytest
-from video_truth import write_clip
 
 from fpsboost.cli.messages import literal
+from support.video_truth import write_clip
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows has no such names")
 

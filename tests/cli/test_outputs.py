@@ -3,11 +3,11 @@
 import sys
 
 import pytest
-from command_line import assert_refused
-from video_truth import write_clip
 
 from fpsboost.io.images.source import ImageSource
 from fpsboost.io.video.source import VideoSource
+from support.command_line import assert_refused
+from support.video_truth import write_clip
 
 COMMANDS = {
     "video": "in.mp4 PLACE.mp4",

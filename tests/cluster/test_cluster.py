@@ -14,8 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from command_line import assert_refused
-from video_truth import packets_of, write_clip
 
 from fpsboost import ConversionJob, Encoding, OutputRate, Part, RunOptions, convert_job, find_method, join
 from fpsboost.cluster import convert
@@ -30,6 +28,8 @@ from fpsboost.errors import (
     notes_of,
 )
 from fpsboost.parts.plan import PlannedPart
+from support.command_line import assert_refused
+from support.video_truth import packets_of, write_clip
 
 distributed = pytest.importorskip("distributed")
 

@@ -1,8 +1,6 @@
 """A comparison of a tiny clip, and its page."""
 
 import pytest
-from comparison_truth import HEIGHT, NAMES, WIDTH, Nobody, save_clip
-from video_truth import scene
 
 from fpsboost.evaluation.compare import compare
 from fpsboost.evaluation.compared_methods import ComparedInterpolator
@@ -10,6 +8,8 @@ from fpsboost.evaluation.hidden_frames import HoldOut
 from fpsboost.evaluation.report.page import write_report
 from fpsboost.evaluation.results import ComparedClip
 from fpsboost.method_table import methods
+from support.comparison_truth import HEIGHT, NAMES, WIDTH, Nobody, save_clip
+from support.video_truth import scene
 
 
 @pytest.fixture(scope="session")

@@ -10,11 +10,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from command_line import assert_refused
-from comparison_truth import HEIGHT, WIDTH, Nobody, pan, save_clip
-from truth import noise
-from vector_truth import save_object
-from video_truth import write_clip
 
 from fpsboost import CutDetector, FrameCache, OptionError, VectorFolder, convert, find_method
 from fpsboost.evaluation.compare import compare
@@ -28,6 +23,11 @@ from fpsboost.evaluation.further_metrics import metrics
 from fpsboost.evaluation.hidden_frames import HoldOut
 from fpsboost.evaluation.regions import AREAS, find_regions
 from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult, Scores
+from support.command_line import assert_refused
+from support.comparison_truth import HEIGHT, WIDTH, Nobody, pan, save_clip
+from support.truth import noise
+from support.vector_truth import save_object
+from support.video_truth import write_clip
 
 STEP = 2  # pixels that everything moves from frame to frame
 

@@ -9,12 +9,12 @@ import av.filter
 import cv2
 import numpy as np
 import pytest
-from comparison_truth import pan, save_clip
-from truth import moved_waves, noise
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation import further_metrics
 from fpsboost.evaluation.further_metrics import STANDARD, Meters, XpsnrMeter, choose_metrics, flip, metrics, read_vmaf
+from support.comparison_truth import pan, save_clip
+from support.truth import moved_waves, noise
 
 HERE = tuple(name for name, metric in metrics.items() if metric.missing() is None)  # what can be measured here
 

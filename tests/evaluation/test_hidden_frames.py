@@ -5,15 +5,15 @@ from fractions import Fraction
 import cv2
 import numpy as np
 import pytest
-from comparison_truth import save_clip
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from truth import moved_waves
-from video_truth import write_clip
 
 from fpsboost import DecodeOptions, InputError, OptionError
 from fpsboost.evaluation.hidden_frames import HoldOut, parse_range
 from fpsboost.timing.position import Trim, parse_position
+from support.comparison_truth import save_clip
+from support.truth import moved_waves
+from support.video_truth import write_clip
 
 
 @pytest.fixture

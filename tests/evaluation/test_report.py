@@ -15,9 +15,6 @@ from typing import ClassVar
 import cv2
 import numpy as np
 import pytest
-from command_line import assert_refused
-from comparison_truth import HEIGHT, NAMES, WIDTH, Nobody, scored
-from vector_truth import save_translation
 
 from fpsboost import DecodeOptions, OutputError
 from fpsboost.cli.options import ComparedMethodOptions
@@ -39,6 +36,9 @@ from fpsboost.evaluation.report.styles import (
 )
 from fpsboost.evaluation.results import ComparedClip, MethodResult
 from fpsboost.evaluation.verdict import judge_all
+from support.command_line import assert_refused
+from support.comparison_truth import HEIGHT, NAMES, WIDTH, Nobody, scored
+from support.vector_truth import save_translation
 
 
 @pytest.fixture(scope="module")

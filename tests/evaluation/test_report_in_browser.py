@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import violations
-from comparison_truth import HEIGHT, NAMES, WIDTH
 from playwright.sync_api import expect
 
 from fpsboost.colour import as_shown
 from fpsboost.evaluation.hidden_frames import read_samples
 from fpsboost.evaluation.report.page import DIFFERENT, choose_frames
+from support.browser import violations
+from support.comparison_truth import HEIGHT, NAMES, WIDTH
 
 
 @pytest.fixture

@@ -3,8 +3,6 @@
 import cv2
 import numpy as np
 import pytest
-from comparison_truth import pan
-from truth import noise
 
 from fpsboost.evaluation.steadiness import (
     DivergenceMeter,
@@ -14,6 +12,8 @@ from fpsboost.evaluation.steadiness import (
     spurious_edges,
     wrong_area,
 )
+from support.comparison_truth import pan
+from support.truth import noise
 
 
 def measured(meter, truths, images):

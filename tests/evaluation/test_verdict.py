@@ -6,12 +6,12 @@ import re
 
 import numpy as np
 import pytest
-from comparison_truth import save_clip, scored
-from video_truth import scene
 
 from fpsboost.evaluation.hidden_frames import HoldOut
 from fpsboost.evaluation.results import Comparison, MethodResult
 from fpsboost.evaluation.verdict import difference, judge
+from support.comparison_truth import save_clip, scored
+from support.video_truth import scene
 
 
 def comparison(cpu_seconds=None, skip=1, **psnr):

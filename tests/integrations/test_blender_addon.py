@@ -20,16 +20,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from exr_truth import write_exr
-from fake_bpy import forget, make_bpy, make_context, make_scene
 from hypothesis import given
 from hypothesis import strategies as st
-from video_truth import scene
 
 from fpsboost import __version__
+from support.exr_truth import write_exr
+from support.fake_bpy import forget, make_bpy, make_context, make_scene
+from support.video_truth import scene
 
-TESTS = Path(__file__).parents[1]
-INTEGRATIONS = TESTS.parent / "integrations"
+INTEGRATIONS = Path(__file__).parents[2] / "integrations"
 EXTENSION = INTEGRATIONS / "blender"
 MANIFEST = tomllib.loads((EXTENSION / "blender_manifest.toml").read_text())
 
@@ -490,7 +489,13 @@ def python_with_bpy() -> str | None:
 @pytest.mark.skipif(python_with_bpy() is None, reason="there is no module bpy; see PYTHON_WITH_BPY")
 def test_the_round_trip_in_blender(program, tmp_path):
     """A small scene goes all the way without a window, and all its settings are as before."""
-    command = [str(python_with_bpy()), TESTS / "blender_round_trip.py", EXTENSION, program, tmp_path / "trip"]
+    command = [
+        str(python_with_bpy()),
+        Path(__file__).with_name("blender_round_trip.py"),
+        EXTENSION,
+        program,
+        tmp_path / "trip",
+    ]
     told = subprocess.run(command, capture_output=True, text=True, check=False)
     found = re.search(r"^RESULT (.*)$", told.stdout, re.MULTILINE)
     assert found, told.stdout + told.stderr

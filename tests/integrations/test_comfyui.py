@@ -8,15 +8,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import comfyui_host as host
 import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from video_truth import scene
 
 import fpsboost
 from fpsboost import __version__
+from support import comfyui_host as host
+from support.video_truth import scene
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "integrations" / "comfyui"

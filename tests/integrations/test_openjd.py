@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from video_truth import bytes_of, packets_of, pictures_of, write_clip
+
+from support.video_truth import bytes_of, packets_of, pictures_of, write_clip
 
 yaml = pytest.importorskip("yaml", reason="comes with openjd-cli")
 pytest.importorskip("openjd.cli", reason="the extra dev has openjd-cli, which runs such templates")

@@ -17,13 +17,13 @@ import av
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from video_truth import scene
 
 from fpsboost import Encoding, Interpolator, OutputRate, Pair, convert, methods, stream
 from fpsboost.io.video.ycc import from_bgr
 from fpsboost.media import plane_arrays
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.synthesis.blend import Blend
+from support.video_truth import scene
 
 vs = pytest.importorskip("vapoursynth", reason="VapourSynth needs Python 3.12 or newer, and fpsboost[vapoursynth]")
 

@@ -6,13 +6,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from exr_truth import save_exr
 from PIL import Image, ImageCms
-from video_truth import pictures_of, samples_of, scene
 
 from fpsboost import DecodeOptions, Encoding, convert
 from fpsboost.io.images.encoder import into_png
 from fpsboost.io.images.files import ImageMetadata, metadata_of, read_image
+from support.exr_truth import save_exr
+from support.video_truth import pictures_of, samples_of, scene
 
 GAMMA22, BT601, BT2020, P3, PQ, HLG, SRGB, LINEAR = 4, 6, 9, 12, 16, 18, 13, 8
 LINE, POWER = ({"rTRC": b"para" + bytes(8) + struct.pack(">i", round(power * 65536))} for power in (1, 2.2))

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from animation_truth import write_animation
-from conversion_options import open_output
-from video_truth import packets_of, scene, write_clip, write_stream
 
 from fpsboost import DecodeOptions, Encoding, FpsboostError, Frame, FrameSink, FrameSource, OutputError
 from fpsboost.io import new_output
 from fpsboost.io.opening import open_source
 from fpsboost.io.video.pipe import INPUT_NAME, PipeSource
 from fpsboost.media import OutputTiming, staging
+from support.animation_truth import write_animation
+from support.conversion_options import open_output
+from support.video_truth import packets_of, scene, write_clip, write_stream
 
 RATE = Fraction(24)
 COUNT = 6

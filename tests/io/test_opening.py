@@ -3,9 +3,6 @@
 from fractions import Fraction
 
 import pytest
-from animation_truth import write_animation
-from conversion_options import open_output
-from video_truth import scene, write_clip
 
 from fpsboost import DecodeOptions, InputError, OptionError
 from fpsboost.io.animation import ANIMATION_SUFFIXES, AnimationSink, AnimationSource
@@ -16,6 +13,9 @@ from fpsboost.io.opening import ASSUMED_IMAGE_RATE, Target, TargetRequirements, 
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media import VIDEO_SUFFIXES, OutputTiming
+from support.animation_truth import write_animation
+from support.conversion_options import open_output
+from support.video_truth import scene, write_clip
 
 
 @pytest.mark.parametrize(

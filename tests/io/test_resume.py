@@ -14,8 +14,6 @@ from typing import Any
 import av
 import numpy as np
 import pytest
-from conversion_options import output_of
-from video_truth import packets_of, pictures_of, samples_of, scene, write_clip
 
 import fpsboost
 from fpsboost import (
@@ -46,6 +44,8 @@ from fpsboost.media.staging import lock_file
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.parts.manifest import fingerprint_options
 from fpsboost.synthesis.blend import Blend
+from support.conversion_options import output_of
+from support.video_truth import packets_of, pictures_of, samples_of, scene, write_clip
 
 FRAMES = 25
 CHUNK = 10
@@ -611,7 +611,7 @@ def test_every_option_belongs_to_the_job(tmp_path, monkeypatch):
 )
 def test_pipes_cannot_go_on(fpsboost_, tmp_path, monkeypatch, names, sentence):
     """What was piped is gone, and the sentence says so."""
-    from video_truth import stream_of  # noqa: PLC0415
+    from support.video_truth import stream_of  # noqa: PLC0415
 
     (tmp_path / "in.y4m").write_bytes(stream_of(4))
     write_clip(tmp_path / "in.mp4")

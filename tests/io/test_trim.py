@@ -9,8 +9,6 @@ import av
 import cv2
 import numpy as np
 import pytest
-from test_pipeline import BLEND, FAST
-from video_truth import packets_of, pictures_of, samples_of, spoil_packets, stream_of, write_clip
 
 from fpsboost import DecodeOptions, InputError, OptionError, Summary, convert
 from fpsboost.analysis.scene_cuts import read_cuts
@@ -19,6 +17,8 @@ from fpsboost.io.opening import open_source
 from fpsboost.io.video.source import VideoSource
 from fpsboost.timing.position import Gaps, Position, Replacement, Trim, parse_position
 from fpsboost.timing.retime import parse_curve, parse_speeds
+from support.memory_frames import BLEND, FAST
+from support.video_truth import packets_of, pictures_of, samples_of, spoil_packets, stream_of, write_clip
 
 GROUPS = {"preset": "ultrafast", "crf": "0", "g": "6", "bf": "2", "sc_threshold": "0"}
 

@@ -6,9 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from planes import plane_pair
 from recorded_calls import KERNELS
-from truth import noise
 
 from fpsboost.kernels import binding
 from fpsboost.kernels.block import SearchPlan, match_blocks
@@ -17,6 +15,8 @@ from fpsboost.kernels.pair_context import count_landings
 from fpsboost.kernels.planes import CodeLevels, split_planes
 from fpsboost.kernels.reproject import fetch_both, splat
 from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals, search_tiles
+from support.planes import plane_pair
+from support.truth import noise
 
 ROOT = binding.LIBRARY.parents[2]
 

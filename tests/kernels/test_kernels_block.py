@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from truth import noise, translation
-from twins import matched_blocks
 
 from fpsboost.kernels.block import match_blocks
 from fpsboost.motion.block import search_plan
+from support.truth import noise, translation
+from support.twins import matched_blocks
 
 every_pattern = pytest.mark.parametrize("pattern", ["full", "three-step", "diamond"])
 

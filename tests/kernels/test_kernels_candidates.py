@@ -3,8 +3,6 @@
 import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from planes import points
-from twins import collected, listed_by_votes
 
 from fpsboost.kernels.candidates import (
     Candidates,
@@ -14,6 +12,8 @@ from fpsboost.kernels.candidates import (
     no_votes,
 )
 from fpsboost.kernels.constants import SUMS_PER_CANDIDATE, UNKNOWN, VALUES_PER_MOTION
+from support.planes import points
+from support.twins import collected, listed_by_votes
 
 
 def collect(votes, times, size, *, step=16, support=16.0, tolerance=0.5, capacity=12, spacing=16):

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from planes import plane_pair, points
-from truth import noise
 
 from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, choose_labels, search_level
 from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals, search_tiles
 from fpsboost.motion.field import resample_points
+from support.planes import plane_pair, points
+from support.truth import noise
 
 RADIUS, LABELS, MAX_OFFSET, MOST = 2, 3, 6, np.uint8(200)
 

@@ -1,7 +1,6 @@
 """What the motion fields say around the nodes: landings, and agreement between neighbours."""
 
 import numpy as np
-from truth import moved_waves
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.candidates import Candidates
@@ -10,6 +9,7 @@ from fpsboost.kernels.pair_context import count_landings
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.surroundings import at_time, find_surroundings
+from support.truth import moved_waves
 
 
 def landings_of(points, t):

@@ -3,11 +3,11 @@
 import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from planes import points
-from twins import marked
 
 from fpsboost.kernels.constants import STATIC_CONTRAST
 from fpsboost.kernels.overlay import FourFrames, mark_overlay
+from support.planes import points
+from support.twins import marked
 
 
 def mark(images, motion, spacing, shortest=1.0, same=8, different=25):

@@ -3,12 +3,12 @@
 import cv2
 import numpy as np
 import pytest
-from truth import noise
-from twins import split_codes, split_levels
 
 from fpsboost.kernels.constants import HIGH_PASS_SIZE, WHITE
 from fpsboost.kernels.planes import CodeLevels, level_scale, shrink, split_colours, split_planes, truncation
 from fpsboost.motion.components import contrast_components, contrast_planes
+from support.truth import noise
+from support.twins import split_codes, split_levels
 
 PADDING = 3
 MIDDLE = np.float32(128)

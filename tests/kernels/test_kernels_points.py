@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from truth import frozen
-from twins import smaller_change, way_there_and_back
 
 from fpsboost.kernels.points import (
     FieldLayout,
@@ -13,6 +11,8 @@ from fpsboost.kernels.points import (
     measure_forward_backward_errors,
 )
 from fpsboost.motion.field import MotionField, forward_backward_error
+from support.truth import frozen
+from support.twins import smaller_change, way_there_and_back
 
 HEIGHT, WIDTH = 20, 27
 Y, X = frozen(np.array([2, 7, 12, 19])), frozen(np.array([0, 5, 13, 26]))  # as `point_places` has them

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from planes import plane_pair, points
-from truth import moved_waves, noise
-from twins import refined
 
 from fpsboost.kernels.residual_search import refine_bidirectional
+from support.planes import plane_pair, points
+from support.truth import moved_waves, noise
+from support.twins import refined
 
 PADDING = 40
 

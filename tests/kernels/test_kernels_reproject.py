@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from truth import affine, frozen, noise, prepared
-from twins import brute_force_search, fetched, iterative_search, landed, miss
 
 from fpsboost.kernels.reproject import bin_landings, fetch_both, search_iteratively, search_nearest_landing, splat
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.reproject import Reproject
+from support.truth import affine, frozen, noise, prepared
+from support.twins import brute_force_search, fetched, iterative_search, landed, miss
 
 
 @st.composite

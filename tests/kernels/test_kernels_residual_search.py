@@ -4,12 +4,12 @@ import cv2
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planes import plane_pair
-from truth import noise
-from twins import level_similarity
 
 from fpsboost.kernels.points import measure_forward_backward_errors
 from fpsboost.kernels.residual_search import loosen_ties, search_residuals_bidirectional
+from support.planes import plane_pair
+from support.truth import noise
+from support.twins import level_similarity
 
 PADDING, RADIUS, MOST = 12, 1, np.uint8(255)
 

@@ -2,22 +2,15 @@
 
 import numpy as np
 import pytest
-from planes import plane_pair
-from truth import noise
-from twins import (
-    best_offset,
-    box_weights,
-    gaussian_weights,
-    level_similarity,
-    patch_scores,
-    pixel_similarity,
-)
 
 from fpsboost.kernels import tiles
 from fpsboost.kernels.constants import TILE
 from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_by_passes, search_fused
+from support.planes import plane_pair
+from support.truth import noise
+from support.twins import best_offset, box_weights, gaussian_weights, level_similarity, patch_scores, pixel_similarity
 
 TOLERANCE = 1e-5
 STRIP_WIDTH = 640

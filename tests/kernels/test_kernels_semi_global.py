@@ -3,9 +3,9 @@
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from twins import smoothed
 
 from fpsboost.kernels.level_search import choose_labels
+from support.twins import smoothed
 
 
 def smooth(motions, energies, smoothness, slope, room=0, ties=None):

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from truth import noise
-from twins import spline_coefficients, spline_window
 
 from fpsboost.kernels.constants import MARGIN
 from fpsboost.kernels.spline import Source, filter_weights, find_coefficients, mix_along
+from support.truth import noise
+from support.twins import spline_coefficients, spline_window
 
 BEYOND = 40
 

@@ -4,9 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from planes import points
-from truth import moved_waves, noise, waves
-from twins import blended, finished, heaviest, spline_coefficients
 
 from fpsboost.kernels.candidates import Candidates
 from fpsboost.kernels.constants import MARGIN, SPARE, VALUES_PER_MOTION, WINDOW, WINDOW_BLOCK
@@ -20,6 +17,9 @@ from fpsboost.kernels.multi_hypothesis import (
 )
 from fpsboost.kernels.window_samples import PlaneGroup, Samples
 from fpsboost.synthesis.fusion_table import fusion_coefficients
+from support.planes import points
+from support.truth import moved_waves, noise, waves
+from support.twins import blended, finished, heaviest, spline_coefficients
 
 
 def samples(image):

@@ -9,18 +9,8 @@ from typing import Any
 
 import av
 import pytest
-from conversion_options import keeping_duplicates
 from hypothesis import example, given
 from hypothesis import strategies as st
-from video_truth import (
-    bytes_of,
-    copy_packets,
-    packets_of,
-    pictures_of,
-    read,
-    sound_to_picture,
-    write_clip,
-)
 
 from fpsboost import DecodeOptions, Encoding, convert
 from fpsboost.cli.options import in_flags
@@ -29,6 +19,8 @@ from fpsboost.media.clock import in_rising_order, measured_cadence, nominal_rate
 from fpsboost.media.pictures import ReorderBuffer
 from fpsboost.media.remarks import Damage
 from fpsboost.probing import probe
+from support.conversion_options import keeping_duplicates
+from support.video_truth import bytes_of, copy_packets, packets_of, pictures_of, read, sound_to_picture, write_clip
 
 MILLISECOND = Fraction(1, 1000)
 WRAP = Fraction(2**33, 90_000)  # seconds after which the clock of a transport stream begins anew

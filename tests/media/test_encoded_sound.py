@@ -7,15 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import av
-import conversion_options
 import numpy as np
 import pytest
-from conversion_options import FAST
 from numpy.typing import NDArray
-from test_stretched_sound import CLICK, CLICKS, assert_clicks, heard, slow, write_sounds
-from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, sound_packets, tone, write_clip
 
 from fpsboost import Encoding, OptionError, OutputError, RunOptions, convert
+from support import conversion_options
+from support.conversion_options import FAST
+from support.sounds import CLICK, CLICKS, assert_clicks, heard, slow, write_sounds
+from support.video_truth import add_pictures, copy_packets, mux_in_order, packets_of, sound_packets, tone, write_clip
 
 RATE = 48000
 SAMPLES = RATE + 1234  # of a sound that no encoder's frames divide

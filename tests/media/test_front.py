@@ -8,9 +8,9 @@ from pathlib import Path
 
 import av
 import pytest
-from video_truth import write_clip
 
 from fpsboost import InputError, OutputError, media
+from support.video_truth import write_clip
 
 ROOT = Path(__file__).parents[2]
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import av
 import pytest
-from conversion_options import FAST, double
-from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, sound_to_picture, tone, write_clip
 
 from fpsboost import DecodeOptions, OutputError, RunOptions, convert
 from fpsboost.media.tags import timecode_at
 from fpsboost.probing import probe
 from fpsboost.timing.position import Trim, parse_position
+from support.conversion_options import FAST, double
+from support.video_truth import add_pictures, copy_packets, mux_in_order, packets_of, sound_to_picture, tone, write_clip
 
 LINES = [(0, 100, b"one <b>bold</b> word"), (120, 80, "zwei\nZäune".encode()), (300, 90, b"three")]
 WORDS = ["one bold word", "zwei\nZäune", "three"]

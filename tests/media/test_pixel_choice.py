@@ -6,14 +6,14 @@ from typing import Any
 import av
 import numpy as np
 import pytest
-from comparison_truth import save_clip
 from numpy.typing import NDArray
-from video_truth import QUARTER_TURN, scene, write_clip
 
 from fpsboost import DecodeOptions, Encoding, convert
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media.encoding import default_codec
 from fpsboost.media.pixels import LIMITED_RANGE, SMPTE170M
+from support.comparison_truth import save_clip
+from support.video_truth import QUARTER_TURN, scene, write_clip
 
 DISPLAY = "G(13250,34500)B(7500,3000)R(34000,16000)WP(15635,16450)L(10000000,50)"
 

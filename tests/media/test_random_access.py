@@ -8,7 +8,6 @@ from typing import Any
 import av
 import numpy as np
 import pytest
-from video_truth import bytes_of, copy_packets, spoil_packets, write_clip
 
 from fpsboost import DecodeOptions, Frame, FrameSource, InputError
 from fpsboost.derived_sources import TrimmedSource
@@ -16,6 +15,7 @@ from fpsboost.io.images.source import ImageReading, ImageSource
 from fpsboost.io.video.source import VideoSource
 from fpsboost.streaming import beginning
 from fpsboost.timing.position import Trim, parse_position
+from support.video_truth import bytes_of, copy_packets, spoil_packets, write_clip
 
 FAST = {"preset": "ultrafast"}
 B_FRAMES = {**FAST, "bf": "2", "g": "6", "sc_threshold": "0"}

@@ -10,13 +10,13 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
-from fuzzing import KINDS
-from video_truth import add_pictures, copy_packets, pictures_of, read, write_clip
 
 from fpsboost import DecodeOptions, Encoding, InputError, Position, Trim, convert
 from fpsboost.io.opening import open_source
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media import clock, demuxer
+from support.fuzzing import KINDS
+from support.video_truth import add_pictures, copy_packets, pictures_of, read, write_clip
 
 KEYS = {
     "encryption_scheme": "cenc-aes-ctr",
@@ -160,7 +160,7 @@ def test_damaged_copies(tmp_path, part):
     """In a process of its own: every copy ends in an output that can be read or in a sentence that names a file."""
     kinds = KINDS[part::2]
     done = subprocess.run(
-        [sys.executable, str(TESTS / "fuzzing.py"), str(tmp_path), str(SEED), str(COPIES), *kinds],
+        [sys.executable, str(TESTS / "support" / "fuzzing.py"), str(tmp_path), str(SEED), str(COPIES), *kinds],
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(TESTS), str(TESTS.parent)])},
         capture_output=True,
         timeout=110,

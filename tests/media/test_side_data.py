@@ -12,13 +12,13 @@ import av
 import numpy as np
 import pytest
 from PIL import Image, ImageCms
-from video_truth import copy_packets, pictures_of, scene, write_clip
 
 from fpsboost import DecodeOptions, Encoding, InputError, convert, media
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media import captions_of, plane_arrays
 from fpsboost.media.side_data import described, is_ordinary, side_data_of
 from fpsboost.probing import probe
+from support.video_truth import copy_packets, pictures_of, scene, write_clip
 
 CAPTIONS = bytes.fromhex("b500314741393403c1fffc942cff")
 CAMERA = bytes(range(16)) + b"of a camera"

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from truth import as_type, noise, prepared, translation
 
 from fpsboost.motion.block import BlockMatching, colour_values, white_of
+from support.truth import as_type, noise, prepared, translation
 
 every_pattern = pytest.mark.parametrize("pattern", ["full", "three-step", "diamond"])
 

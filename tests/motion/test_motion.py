@@ -12,7 +12,20 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from truth import (
+
+from fpsboost import CutDetector, FrameCache, MotionEstimator, OptionError, VectorFolder, find_method, methods
+from fpsboost.colour import colour_components
+from fpsboost.kernels.constants import LANES
+from fpsboost.kernels.planes import UNIT, PlanePair, colour_scale
+from fpsboost.kernels.search import ShortestMotion, find_shortest
+from fpsboost.motion.block import BlockMatching
+from fpsboost.motion.components import contrast_components, padded_planes
+from fpsboost.motion.exhaustive import ExhaustiveSearch, choose_search_radius
+from fpsboost.motion.field import ZeroMotion
+from fpsboost.motion.nlm import CoarseToFine, pyramid
+from fpsboost.motion.opencv import Dis, Farneback, TvL1
+from fpsboost.motion.rendered import RenderedMotion
+from support.truth import (
     SCENES,
     Clip,
     affine,
@@ -27,21 +40,8 @@ from truth import (
     translation,
     waves,
 )
-from twins import shortest_motions
-from vector_truth import save_translation
-
-from fpsboost import CutDetector, FrameCache, MotionEstimator, OptionError, VectorFolder, find_method, methods
-from fpsboost.colour import colour_components
-from fpsboost.kernels.constants import LANES
-from fpsboost.kernels.planes import UNIT, PlanePair, colour_scale
-from fpsboost.kernels.search import ShortestMotion, find_shortest
-from fpsboost.motion.block import BlockMatching
-from fpsboost.motion.components import contrast_components, padded_planes
-from fpsboost.motion.exhaustive import ExhaustiveSearch, choose_search_radius
-from fpsboost.motion.field import ZeroMotion
-from fpsboost.motion.nlm import CoarseToFine, pyramid
-from fpsboost.motion.opencv import Dis, Farneback, TvL1
-from fpsboost.motion.rendered import RenderedMotion
+from support.twins import shortest_motions
+from support.vector_truth import save_translation
 
 estimators: dict[str, MotionEstimator] = {
     "nlm": CoarseToFine(),

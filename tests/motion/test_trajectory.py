@@ -3,11 +3,11 @@
 import cv2
 import numpy as np
 import pytest
-from truth import accelerating, as_type, moved_waves, prepared
 
 from fpsboost import find_method
 from fpsboost.motion.field import TWO_SIDED_WEIGHT, MotionField, accelerations_at_points
 from fpsboost.motion.nlm import CoarseToFine
+from support.truth import accelerating, as_type, moved_waves, prepared
 
 SIZE = (96, 128)
 SPACING = 8

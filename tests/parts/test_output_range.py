@@ -12,13 +12,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from test_pipeline import FakeSink, FakeSource
-from truth import frozen
 
 from fpsboost import CutDetector, Frame, FrameCache, Interpolator, OutputRange, Summary, methods, run_conversion
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_synchronised
 from fpsboost.parts.plan import find_entry
 from fpsboost.timing.schedule import ByFactor, ByRate, ExposureSchedule, Schedule, Shutter
+from support.memory_frames import FakeSink, FakeSource
+from support.truth import frozen
 
 RATE = Fraction(25)
 SIZE = (32, 48)

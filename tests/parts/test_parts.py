@@ -12,11 +12,7 @@ from typing import Any
 import av
 import numpy as np
 import pytest
-from comparison_truth import save_clip
-from exr_truth import write_exr
 from numpy.typing import NDArray
-from vector_truth import save_vectors
-from video_truth import packets_of, scene, write_clip
 
 from fpsboost import DecodeOptions, Encoding, OutputRate, Position, Trim, VectorFolder, convert, find_method, join
 from fpsboost.contracts import SilentObserver, Summary
@@ -24,6 +20,10 @@ from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, Opt
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest
 from fpsboost.run_options import Part, RunOptions, parse_part
+from support.comparison_truth import save_clip
+from support.exr_truth import write_exr
+from support.vector_truth import save_vectors
+from support.video_truth import packets_of, scene, write_clip
 
 FAST = Encoding(preset="ultrafast")
 CHUNK_FRAMES = 60  # instead of 240, for speed

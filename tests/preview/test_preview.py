@@ -10,10 +10,7 @@ import av
 import cv2
 import numpy as np
 import pytest
-from browser import violations
-from command_line import assert_refused
 from numpy.typing import NDArray
-from video_truth import scene, write_clip
 
 from fpsboost import ConversionJob, OutputRate, Position, RunOptions, convert, methods
 from fpsboost.preview.page import (
@@ -24,6 +21,9 @@ from fpsboost.preview.page import (
     write_video,
 )
 from fpsboost.preview.places import find_passages
+from support.browser import violations
+from support.command_line import assert_refused
+from support.video_truth import scene, write_clip
 
 RATE, HEIGHT, WIDTH = 12, 48, 64
 BLEND = {"blend": methods["blend"]}

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from video_truth import pictures_of, write_clip
 
 import fpsboost
+from support.video_truth import pictures_of, write_clip
 
 PAGE = Path(__file__).parents[2] / "docs" / "own_methods.md"
 

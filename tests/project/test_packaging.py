@@ -9,10 +9,10 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from video_truth import write_clip
 
 from fpsboost import __version__
 from fpsboost.kernels import binding
+from support.video_truth import write_clip
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "fpsboost"

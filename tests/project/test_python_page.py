@@ -4,9 +4,9 @@ import re
 from pathlib import Path
 
 import pytest
-from video_truth import write_clip
 
 import fpsboost
+from support.video_truth import write_clip
 
 PAGE = Path(__file__).parents[2] / "docs" / "python.md"
 

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exr_truth import write_exr
-from truth import waves
-from vector_truth import constant, save_flows, save_translation
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.io.images.encoder import encode_image
 from fpsboost.render import StoredVectors, VectorConvention, conventions
 from fpsboost.render.folder import RenderedPair, VectorFolder, find_vector_channels, fit_convention, fit_vectors
+from support.exr_truth import write_exr
+from support.truth import waves
+from support.vector_truth import constant, save_flows, save_translation
 
 SIZE = 48, 64
 MEANINGS = [StoredVectors(*each) for each in product(("forward", "backward"), (1, -1), (1, -1))]

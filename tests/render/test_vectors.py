@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exr_truth import write_exr
-from truth import noise
-from vector_truth import constant, save_depth, save_flows, save_translation, save_vectors
 
 from fpsboost import FrameCache, InputError, OptionError, VectorFolder
 from fpsboost.io.side.flow import encode_flow, read_flow
 from fpsboost.motion.rendered import RenderedMotion
+from support.exr_truth import write_exr
+from support.truth import noise
+from support.vector_truth import constant, save_depth, save_flows, save_translation, save_vectors
 
 SIZE = HEIGHT, WIDTH = 12, 18
 

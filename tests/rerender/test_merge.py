@@ -5,7 +5,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from exr_truth import write_exr
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
@@ -16,6 +15,7 @@ from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.exr import read_exr
 from fpsboost.io.images.files import ImageMetadata, metadata_of, read_image
 from fpsboost.rerender.merging import merge_regions, mix, seam_weights
+from support.exr_truth import write_exr
 
 HEIGHT, WIDTH = 24, 32
 REGIONS = (Rectangle(0, 0, 8, 8), Rectangle(16, 8, 8, 16))

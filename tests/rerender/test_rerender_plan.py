@@ -5,7 +5,6 @@ import json
 import cv2
 import numpy as np
 import pytest
-from exr_truth import write_exr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
@@ -15,6 +14,7 @@ from fpsboost.io.images.files import read_image
 from fpsboost.rerender import PlanOptions, parse_budget
 from fpsboost.rerender.regions import Rectangle, TileGrid, choose_regions, partition
 from fpsboost.rerender.score import comparable, squared_error
+from support.exr_truth import write_exr
 
 HEIGHT, WIDTH, TILE = 64, 96, 16
 UNPREDICTABLE = Rectangle(48, 16, 32, 32)  # where every frame of `unpredictable_clip` shows something else

@@ -16,12 +16,12 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from comparison_truth import save_clip
 from numpy.typing import NDArray
-from truth import SCENES, inside, needs_scenes
 
 from fpsboost.cli.app import app
 from fpsboost.method_table import find_method
+from support.comparison_truth import save_clip
+from support.truth import SCENES, inside, needs_scenes
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 

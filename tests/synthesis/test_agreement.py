@@ -5,12 +5,12 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from truth import noise
 
 from fpsboost import Coding, FrameCache, YCbCrImage
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.agreement import find_motion, measure_agreement
+from support.truth import noise
 
 SIZE = 64, 80
 

@@ -6,14 +6,14 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from test_pipeline import FakeSink, FakeSource
-from test_ycbcr import planar
-from truth import as_type, frozen
 
 from fpsboost import ByFactor, Frame, FrameCache, Interpolator, OptionError, run_conversion
 from fpsboost.image import view
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.synthesis import FramePair, InterpolatedImage
+from support.memory_frames import FakeSink, FakeSource
+from support.truth import as_type, frozen
+from support.video_truth import planar
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,10 @@ from itertools import pairwise
 import cv2
 import numpy as np
 import pytest
-from test_synthesis import true_transition
-from truth import moving_object, prepared
 
 from fpsboost.method_table import methods
 from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
+from support.truth import moving_object, prepared, true_transition
 
 LEARNT = MultiHypothesis(fusion="learnt")
 

@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from comparison_truth import save_clip
-from truth import moved_waves, noise
 
 from fpsboost import (
     ByFactor,
@@ -27,6 +25,8 @@ from fpsboost.analysis.scene_cuts import CutList
 from fpsboost.io.video.capture import ArraySource
 from fpsboost.streaming import interpolate_frames
 from fpsboost.timing.position import Position, format_time, parse_position
+from support.comparison_truth import save_clip
+from support.truth import moved_waves, noise
 
 BLEND = find_method("blend")
 HEIGHT, WIDTH = 72, 128

@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from truth import moved_waves, moving_object, noise, translation, white_of
-from vector_truth import constant, save_object, save_translation, save_vectors
 
 from fpsboost import FrameCache, InputError, OptionError, VectorFolder, find_method
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.motion.rendered import UsesVectors
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.multi_hypothesis import Fusion, MultiHypothesis
+from support.truth import moved_waves, moving_object, noise, translation, white_of
+from support.vector_truth import constant, save_object, save_translation, save_vectors
 
 SIZE = 48, 64
 EDGE = 12

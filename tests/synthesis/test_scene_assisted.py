@@ -7,10 +7,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from command_line import assert_refused
-from exr_truth import write_exr
-from truth import Clip, as_type, frozen, moved_waves, moving_object, noise, translation
-from vector_truth import constant, save_object, save_translation, save_vectors
 
 from fpsboost import FrameCache, InputError, Interpolator, OptionError, VectorFolder, convert
 from fpsboost.io.images.files import read_image
@@ -18,6 +14,10 @@ from fpsboost.method_table import find_method, interpolate, vector_methods
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.scene_assisted import SceneAssisted
+from support.command_line import assert_refused
+from support.exr_truth import write_exr
+from support.truth import Clip, as_type, frozen, moved_waves, moving_object, noise, translation
+from support.vector_truth import constant, save_object, save_translation, save_vectors
 
 
 def made(

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pytest
-from truth import Clip, affine, eroded, layers, moving_object, translation
 
 from fpsboost.errors import OptionError
 from fpsboost.motion.field import MotionField
@@ -13,6 +12,7 @@ from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
 from fpsboost.synthesis.reproject import Reproject
 from fpsboost.synthesis.warp import Splat, Warp
+from support.truth import Clip, affine, eroded, layers, moving_object, translation, true_fields, true_transition
 
 synthesizers: dict[str, Synthesizer] = {
     "fuse": MultiHypothesis(),
@@ -29,19 +29,6 @@ every_synthesizer = pytest.mark.parametrize("synthesizer", synthesizers.values()
 moving = "fuse", "fuse-learnt", "fuse-apart", "iterative", "brute-force", "paint"
 along_motion = pytest.mark.parametrize("synthesizer", [synthesizers[name] for name in moving], ids=moving)
 TIMES = (0.25, 0.5, 0.75)
-
-
-def true_fields(clip: Clip) -> tuple[MotionField, MotionField]:
-    """The exact motion; what is hidden in the other frame is similar to nothing."""
-    return tuple(
-        MotionField(np.array(flow, np.float32, order="C"), seen.astype(np.float32))
-        for flow, seen in ((clip.flow01, clip.seen0), (clip.flow10, clip.seen1))
-    )
-
-
-def true_transition(clip: Clip) -> FramePair:
-    """Both frames and the exact motion between them."""
-    return FramePair(*clip.prepared, *true_fields(clip))
 
 
 def made(synthesizer: Synthesizer, clip: Clip, times: Sequence[float] = TIMES) -> list[np.ndarray]:

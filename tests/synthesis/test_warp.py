@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from truth import affine, as_type, eroded, noise, prepared, translation
 
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.warp import Splat, Warp
+from support.truth import affine, as_type, eroded, noise, prepared, translation
 
 
 def warped(image0, image1, flow01, flow10, t):

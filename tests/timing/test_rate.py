@@ -9,14 +9,14 @@ from typing import Any
 
 import av
 import pytest
-from conversion_options import grouped
 from hypothesis import given
 from hypothesis import strategies as st
-from test_pipeline import BLEND, LOSSLESS, FakeSink, FakeSource, make_frames, times_of
-from video_truth import copy_packets, read, write_clip
 
 from fpsboost import ClipInfo, Frame, OptionError, OutputRate, Summary, convert, run_conversion
 from fpsboost.timing.schedule import MAX_FILLED, ByFactor, ByRate, Step, count_frames
+from support.conversion_options import grouped
+from support.memory_frames import BLEND, LOSSLESS, FakeSink, FakeSource, make_frames
+from support.video_truth import copy_packets, read, times_of, write_clip
 
 MILLISECOND = Fraction(1, 1000)
 FILM, NTSC = Fraction(24000, 1001), Fraction(60000, 1001)

@@ -8,9 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_pipeline import BLEND, FAST, FakeSink, FakeSource
-from truth import SCENES, as_type, needs_scenes, waves
-from video_truth import packets_of, pictures_of, write_clip
 
 from fpsboost import (
     Frame,
@@ -26,6 +23,9 @@ from fpsboost import (
 )
 from fpsboost.synthesis.exposure import Exposure
 from fpsboost.timing.schedule import ByFactor, ByRate, ExposureSchedule, Shutter
+from support.memory_frames import BLEND, FAST, FakeSink, FakeSource
+from support.truth import SCENES, as_type, needs_scenes, waves
+from support.video_truth import packets_of, pictures_of, write_clip
 
 SIZE = 48, 96
 STEADY = replace(BLEND, duplicates=None)

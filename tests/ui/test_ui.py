@@ -21,10 +21,8 @@ import cv2
 import numpy as np
 import pytest
 import uvicorn
-from browser import violations
 from playwright.sync_api import expect
 from starlette.testclient import TestClient
-from video_truth import add_pictures, mux_in_order, scene, tone, write_clip
 
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.media.staging import MANIFEST, hidden_place
@@ -33,6 +31,8 @@ from fpsboost.ui.choices import LABELS, first_choices, on_page
 from fpsboost.ui.files import MAX_ENTRIES, Files
 from fpsboost.ui.jobs import MAX_JOBS, Queue
 from fpsboost.ui.server import MAX_BODY, READERS, UiSession, make_app, with_key
+from support.browser import violations
+from support.video_truth import add_pictures, mux_in_order, scene, tone, write_clip
 
 TOKEN, PORT = "the-token-of-this-run", 8517
 ADDRESS = f"http://127.0.0.1:{PORT}"

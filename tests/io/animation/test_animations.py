@@ -7,8 +7,6 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
-from animation_truth import disc, plays_of, read_animation, write_animation
-from video_truth import pictures_of, scene, write_clip
 
 import fpsboost
 from fpsboost import ClipInfo, Frame, InputError, MemoryLimit, OutputError, OutputRate
@@ -17,6 +15,8 @@ from fpsboost.io.animation import AnimationSink, AnimationSource
 from fpsboost.io.opening import open_source
 from fpsboost.io.output import Output, StreamInfo
 from fpsboost.media import OutputTiming
+from support.animation_truth import disc, plays_of, read_animation, write_animation
+from support.video_truth import pictures_of, scene, write_clip
 
 RATE = Fraction(10)
 SUFFIXES = (".gif", ".apng", ".webp")

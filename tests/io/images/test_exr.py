@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
-from conversion_options import output_of
-from exr_truth import save_exr, window, write_exr
 
 from fpsboost import Frame, InputError
 from fpsboost.io.images.exr import encode_exr, read_exr, read_exr_header
@@ -16,6 +14,8 @@ from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.images.source import ImageSource
 from fpsboost.media import OutputTiming
+from support.conversion_options import output_of
+from support.exr_truth import save_exr, window, write_exr
 
 HEIGHT, WIDTH = 40, 60
 RATE = Fraction(24)

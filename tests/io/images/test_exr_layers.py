@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
-from exr_truth import content, save_exr, tiles, window
 
 from fpsboost.errors import InputError
 from fpsboost.io.images.exr import encode_exr_like, read_exr_header
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.layers import Passes, contents_of, kind_of
+from support.exr_truth import content, save_exr, tiles, window
 
 HEIGHT, WIDTH = 40, 60
 HERE = Path("a.exr")

@@ -10,15 +10,15 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from exr_truth import save_exr
 from PIL import Image, ImageCms, ImageOps
-from video_truth import pictures_of, scene
 
 import fpsboost
 from fpsboost import DecodeOptions, InputError, RunOptions
 from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.exr import read_exr_header
 from fpsboost.io.images.files import ImageMetadata, metadata_of, png_chunks
+from support.exr_truth import save_exr
+from support.video_truth import pictures_of, scene
 
 PROFILE = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 XMP = b"<x:xmpmeta xmlns:x='adobe:ns:meta/'>\nwords</x:xmpmeta>"

@@ -8,8 +8,6 @@ import cv2
 import numpy as np
 import OpenEXR
 import pytest
-from conversion_options import grouped
-from exr_truth import content, save_exr, window
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -18,6 +16,8 @@ from fpsboost import FrameCache, InputError, Interpolator, OptionError, methods
 from fpsboost.io.images.exr import read_exr, read_exr_header
 from fpsboost.layered import Layer, LayeredImage, LayerKind
 from fpsboost.synthesis.layers import Sources
+from support.conversion_options import grouped
+from support.exr_truth import content, save_exr, window
 
 HEIGHT, WIDTH = 64, 96
 

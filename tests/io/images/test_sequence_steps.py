@@ -11,10 +11,8 @@ from tempfile import TemporaryDirectory
 import cv2
 import numpy as np
 import pytest
-from conversion_options import grouped
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from vector_truth import constant, save_flows, save_vectors
 
 from fpsboost import CutDetector, VectorFolder, convert, find_method, methods
 from fpsboost.analysis.scene_cuts import CutList
@@ -27,6 +25,8 @@ from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.images.source import find_numbers
 from fpsboost.probing import probe
 from fpsboost.timing.position import Trim, parse_position
+from support.conversion_options import grouped
+from support.vector_truth import constant, save_flows, save_vectors
 
 HEIGHT, WIDTH = 12, 16
 BLEND = replace(methods["blend"], cuts=None)

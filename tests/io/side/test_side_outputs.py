@@ -9,9 +9,6 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from test_pipeline import FakeSink, FakeSource, make_frames
-from vector_truth import constant, save_flows
-from video_truth import write_clip
 
 from fpsboost import (
     ByFactor,
@@ -40,6 +37,9 @@ from fpsboost.io.images.files import read_image
 from fpsboost.io.side.flow import flow_picture
 from fpsboost.motion.field import ZeroMotion
 from fpsboost.synthesis.blend import Blend
+from support.memory_frames import FakeSink, FakeSource, make_frames
+from support.vector_truth import constant, save_flows
+from support.video_truth import write_clip
 
 BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None, duplicates=None, compensate_illumination=False)
 SHIFT = 8, 4  # pixels to the right and down from each frame of `pan` to the next

@@ -7,9 +7,6 @@ import av
 import cv2
 import numpy as np
 import pytest
-from animation_truth import disc, write_animation
-from conversion_options import grouped
-from video_truth import bytes_of
 
 import fpsboost
 from fpsboost import DecodeOptions, Encoding
@@ -19,6 +16,9 @@ from fpsboost.io.video.ycc import from_bgr, to_bgr
 from fpsboost.media.pixels import SMPTE170M
 from fpsboost.probing import probe
 from fpsboost.timing.position import Trim, parse_position
+from support.animation_truth import disc, write_animation
+from support.conversion_options import grouped
+from support.video_truth import bytes_of
 
 VP9 = {"auto-alt-ref": "0", "lossless": "1", "cpu-used": "8", "deadline": "realtime"}
 VP8 = {"auto-alt-ref": "0", "crf": "4", "b": "2000000", "deadline": "realtime", "cpu-used": "8"}

@@ -16,9 +16,6 @@ from typing import BinaryIO
 import av
 import numpy as np
 import pytest
-from command_line import environment
-from conversion_options import output_of
-from video_truth import QUARTER_TURN, bytes_of, pictures_of, scene, stream_of, write_clip, write_stream
 
 from fpsboost import ClipInfo, Encoding, Frame, InputError, OptionError, OutputError
 from fpsboost.cli import app
@@ -26,6 +23,9 @@ from fpsboost.io.output import Output
 from fpsboost.io.video.pipe import PipeSink, PipeSource, formats
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media import OutputTiming
+from support.command_line import environment
+from support.conversion_options import output_of
+from support.video_truth import QUARTER_TURN, bytes_of, pictures_of, scene, stream_of, write_clip, write_stream
 
 NAMES = tuple(formats)
 ODD = (47, 63)

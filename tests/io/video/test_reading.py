@@ -12,12 +12,12 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from video_truth import add_pictures, mux_in_order, pictures_of, png, read, scene, write_clip
 
 from fpsboost import DecodeOptions, Encoding, Frame, InputError, OptionError, convert
 from fpsboost.io.opening import open_source
 from fpsboost.io.video.source import VideoSource
 from fpsboost.probing import probe
+from support.video_truth import add_pictures, mux_in_order, pictures_of, png, read, scene, write_clip
 
 pytestmark = [pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")]
 

@@ -12,14 +12,14 @@ import cv2
 import numpy as np
 import pytest
 from av.video.reformatter import VideoReformatter
-from conversion_options import keeping_duplicates
-from video_truth import copy_packets, pictures_of, samples_of, write_clip
 
 from fpsboost import DecodeOptions, Encoding, Summary, convert
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media.encoder import with_hdr
 from fpsboost.media.pixels import SCALER_FLAGS, chroma_location_of, plane_arrays
 from fpsboost.media.traits import LightLevel, MasteringDisplay, VideoTraits, parse_mastering_display
+from support.conversion_options import keeping_duplicates
+from support.video_truth import copy_packets, pictures_of, samples_of, write_clip
 
 SIZE = 48, 64
 BT709, BT601, BT2020, PQ, HLG = 1, 6, 9, 16, 18

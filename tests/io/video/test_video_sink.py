@@ -8,8 +8,6 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
-from conversion_options import FAST, double
-from video_truth import QUARTER_TURN, bytes_of, packets_of, pictures_of, png, scene, write_clip
 
 from fpsboost import ClipInfo, Frame, OptionError, OutputError, OutputRate, convert
 from fpsboost.io.output import Output
@@ -17,6 +15,8 @@ from fpsboost.io.video.encode_options import Encoding, parse_bitrate, parse_enco
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.media import OutputTiming
+from support.conversion_options import FAST, double
+from support.video_truth import QUARTER_TURN, bytes_of, packets_of, pictures_of, png, scene, write_clip
 
 LOSSLESS = Encoding(crf=0, preset="ultrafast")
 B_FRAMES = Encoding(preset="veryfast")

@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 from av.video.reformatter import VideoReformatter
 from PIL import ExifTags, Image
-from video_truth import (
+
+from fpsboost import InputError
+from fpsboost.io.video.source import VideoSource
+from fpsboost.io.video.ycc import from_bgr, to_bgr, turned_upright
+from fpsboost.media.pixels import chroma_location_of
+from support.video_truth import (
     QUARTER_TURN,
     bytes_of,
     copy_packets,
@@ -21,11 +26,6 @@ from video_truth import (
     tone,
     write_clip,
 )
-
-from fpsboost import InputError
-from fpsboost.io.video.source import VideoSource
-from fpsboost.io.video.ycc import from_bgr, to_bgr, turned_upright
-from fpsboost.media.pixels import chroma_location_of
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".mov"])

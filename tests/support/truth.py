@@ -10,6 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
+from fpsboost.motion.field import MotionField
+from fpsboost.synthesis import FramePair
 
 Array = NDArray[Any]
 
@@ -269,3 +271,16 @@ def whole(value: float) -> int:
     """A value that must be a whole number already."""
     assert value == int(value), f"{value} is no whole number of pixels"
     return int(value)
+
+
+def true_fields(clip: Clip) -> tuple[MotionField, MotionField]:
+    """The exact motion; what is hidden in the other frame is similar to nothing."""
+    return tuple(
+        MotionField(np.array(flow, np.float32, order="C"), seen.astype(np.float32))
+        for flow, seen in ((clip.flow01, clip.seen0), (clip.flow10, clip.seen1))
+    )
+
+
+def true_transition(clip: Clip) -> FramePair:
+    """Both frames and the exact motion between them."""
+    return FramePair(*clip.prepared, *true_fields(clip))

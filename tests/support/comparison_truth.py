@@ -7,9 +7,9 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from truth import as_type, moved_waves
 
 from fpsboost.evaluation.results import FrameResult, Scores
+from support.truth import as_type, moved_waves
 
 HEIGHT, WIDTH = 48, 64
 NAMES = ("dis", "blend", "nearest")  # methods of the page of a comparison that several tests look at

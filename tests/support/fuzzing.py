@@ -14,14 +14,14 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from exr_truth import write_exr
-from video_truth import scene, stream_of, write_clip
 
 from fpsboost import DecodeOptions, OutputRate, VectorFolder, conversion, find_method, threads
 from fpsboost.errors import FpsboostError, notes_of
 from fpsboost.io.images.exr import read_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.io.side.flow import encode_flow
+from support.exr_truth import write_exr
+from support.video_truth import scene, stream_of, write_clip
 
 SECONDS_PER_COPY = 30
 SIZE = (32, 48)
@@ -144,7 +144,7 @@ def hidden(folder: Path) -> list[str]:
 def check(output: Path) -> None:
     """Everything in an output can be read again."""
     if output.is_file():
-        from video_truth import pictures_of  # noqa: PLC0415
+        from support.video_truth import pictures_of  # noqa: PLC0415
 
         assert len(pictures_of(output)) >= 2
         return

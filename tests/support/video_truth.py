@@ -10,10 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost import DecodeOptions, Frame
+from fpsboost import Coding, DecodeOptions, Frame
+from fpsboost.image import YCbCrImage
 from fpsboost.io.video.pipe import chroma_locations, formats
 from fpsboost.io.video.source import VideoSource
-from fpsboost.io.video.ycc import from_bgr
+from fpsboost.io.video.ycc import from_bgr, in_planes
 from fpsboost.media.encoder import undisturbed
 from fpsboost.media.pixels import SMPTE170M, plane_arrays
 
@@ -268,3 +269,14 @@ def spoil_packets(path: Path, numbers: Sequence[int], kind: str = "video") -> No
         assert position is not None
         data[position : position + length] = b"\xff" * length
     path.write_bytes(bytes(data))
+
+
+def times_of(path: Path) -> list[Fraction]:
+    return sorted(time for time, _ in packets_of(path, "video"))
+
+
+def planar(image: np.ndarray, pixel_format: str = "yuv420p", location: str = "left") -> YCbCrImage:
+    """An image of BGR in planes, by BT.709."""
+    full_range, deep = pixel_format.startswith("yuvj"), pixel_format.endswith("10le")
+    coding = Coding(10 if deep else 8, 1, full_range, location, pixel_format)
+    return in_planes(from_bgr(image, pixel_format, 1, full_range, chroma_location=location), coding)

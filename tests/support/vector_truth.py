@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from exr_truth import write_exr
 from numpy.typing import NDArray
 
 from fpsboost.io.side.flow import encode_flow
+from support.exr_truth import write_exr
 
 Array = NDArray[Any]
 

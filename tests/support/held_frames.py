@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from truth import as_type, frozen, moved_waves
-from video_truth import write_clip
 
 from fpsboost.frame import Frame
+from support.truth import as_type, frozen, moved_waves
+from support.video_truth import write_clip
 
 HEIGHT, WIDTH = 64, 96
 RATE = Fraction(24)
