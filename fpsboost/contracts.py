@@ -40,12 +40,14 @@ class FrameSource(AbstractContextManager["FrameSource"], Protocol):
 
 
 @runtime_checkable
-class HasBeginning(Protocol):
-    """Contract: source of a part of a clip."""
+class HasPositions(Protocol):
+    """Contract: source of a part of a clip, or of a loop."""
 
-    @property
-    def beginning(self) -> SourcePosition:
-        """Position of the part's first frame in its clip; valid when that has been read."""
+    def position_of(self, number: int, seconds: Fraction) -> SourcePosition:
+        """Return the position in the clip of a frame, by its number and its time after the first frame, seconds.
+
+        Known when the first frame has been read.
+        """
 
 
 @runtime_checkable
@@ -173,10 +175,8 @@ class OutputRange:
     counted and passed on in order, but instead of an interpolated image they carry one of the source."""
     entry: Entry | None = None
     """Where reading begins, early enough for the first frame; None for the start of the clip."""
-    round_frames: int | None = None
-    """Number of frames of the source in one round of a loop: it goes on with its first frame; None if it ends."""
-    round_end: Fraction | None = None
-    """Time at which the source of a loop shows its first frame again, seconds; the output ends there."""
+    end: Fraction | None = None
+    """Time at which the output ends though the source goes on, as that of a loop does, seconds; None if it does not."""
 
     def __contains__(self, number: int) -> bool:
         return self.first <= number and not self.is_past(number)

@@ -25,6 +25,7 @@ from fpsboost.contracts import (
 )
 from fpsboost.derived_sources import FoldedSource
 from fpsboost.errors import InputError, OptionError, choose_one, explained, refuse
+from fpsboost.frame_cache import SourcePosition
 from fpsboost.image import Image, check_image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import DescribedSource
@@ -50,7 +51,7 @@ from fpsboost.preparation import (
     read_again,
 )
 from fpsboost.run_options import RunObserver, RunOptions
-from fpsboost.streaming import beginning, interpolate_frames, run_conversion
+from fpsboost.streaming import interpolate_frames, positions_of, run_conversion
 from fpsboost.threads import available_cores
 from fpsboost.timing.rate import OutputRate, exposed
 from fpsboost.timing.schedule import MAX_FACTOR, MAX_FILLED, MAX_RATE, count_frames, parse_rate
@@ -254,9 +255,13 @@ def looped(ready: Preparation) -> tuple[FoldedSource, OutputRange]:
         )
     if len(seam) > 1 and not any(seam):
         remarks.append(f"{info.name} holds its last frame, and so does its loop; no frames lead from it to the first.")
+
+    def position_of(number: int, seconds: Fraction) -> SourcePosition:
+        return positions_of(source)(number % count, seconds % (end - start))
+
     return (
-        FoldedSource(info, remarks, [number % count for number in order], shown, read_from, beginning(source)),
-        OutputRange(stop=total, entry=Entry(order[0], start, math.ceil(before)), round_frames=count, round_end=end),
+        FoldedSource(info, remarks, [number % count for number in order], shown, read_from, position_of),
+        OutputRange(stop=total, entry=Entry(order[0], start, math.ceil(before)), end=end),
     )
 
 

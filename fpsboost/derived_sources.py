@@ -4,7 +4,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import accumulate, islice, pairwise
 from typing import Protocol, runtime_checkable
@@ -86,14 +86,14 @@ class TrimmedSource(ClosesOnExit):
     def remarks(self) -> list[str]:
         return [*self._own_remarks, *self._source.remarks]
 
-    @property
-    def beginning(self) -> SourcePosition:
-        """Position of the part's first frame in its clip; valid when that has been read.
+    def position_of(self, number: int, seconds: Fraction) -> SourcePosition:
+        """Return the position of a frame of the part in the clip; see `fpsboost.contracts.HasPositions`.
 
-        If frames before it were skipped without reading them, its number is that of the nominal rate.
+        If frames before the part were skipped without reading them, they are counted by the nominal rate.
         """
-        number = self.window.frames_before(self._source.info.rate) if self._may_skip else self.window.skipped
-        return SourcePosition(number, self.window.begin - self.window.origin)
+        window = self.window
+        before = window.frames_before(self._source.info.rate) if self._may_skip else window.skipped
+        return SourcePosition(before + number, window.begin - window.origin + seconds)
 
     def close(self) -> None:
         self._source.close()
@@ -187,9 +187,8 @@ class TrimmedSource(ClosesOnExit):
 class FoldedSource(ClosesOnExit):
     """Source of the frames of another one in any order of runs, at times of its own; it opens the other one for each.
 
-    `order` are numbers of its frames, `read_from` opens it at a frame, and `beginning` is the position of the frame at
-    the time of its first one. A run rises, with or without steps, and is read at once; what runs backwards is read in
-    short blocks.
+    `order` are numbers of its frames, and `read_from` opens it at a frame. A run rises, with or without steps, and is
+    read at once; what runs backwards is read in short blocks.
     """
 
     info: ClipInfo
@@ -197,7 +196,8 @@ class FoldedSource(ClosesOnExit):
     order: Sequence[int]
     times: Sequence[Fraction]
     read_from: Callable[[int], AbstractContextManager[FrameSource]]
-    beginning: SourcePosition = field(default=SourcePosition(0, Fraction(0)))
+    position_of: Callable[[int, Fraction], SourcePosition] = SourcePosition
+    """See `fpsboost.contracts.HasPositions`."""
     first: int = 0
     missing: Sequence[int] = ()
     """Numbers of frames that are missing behind each one, if any."""

@@ -34,7 +34,7 @@ from fpsboost.method_table import BYTES_PER_PIXEL_OF
 from fpsboost.options import Checked, PathName
 from fpsboost.render.folder import VectorFolder, fit_vectors
 from fpsboost.run_options import RunOptions
-from fpsboost.streaming import beginning
+from fpsboost.streaming import positions_of
 from fpsboost.timing.position import Gaps, Trim, format_time
 from fpsboost.timing.rate import FrameIntervals, OutputRate, readable
 from fpsboost.timing.schedule import Schedule, count_frames
@@ -97,7 +97,7 @@ class OpenedClip:
         """
         if isinstance(self.whole, Sliceable):
             self.whole.keep(int(seconds * self.whole.info.rate), None)
-            return -beginning(self.whole).seconds
+            return -positions_of(self.whole)(0, Fraction(0)).seconds
         if isinstance(self.whole, SeekableSource):
             origin = self.whole.first_time()
             self.whole.skip_to(origin + seconds)

@@ -28,7 +28,7 @@ from fpsboost.method_table import methods
 from fpsboost.pair import Pair
 from fpsboost.preparation import Preparation
 from fpsboost.repair import find_damaged
-from fpsboost.streaming import beginning
+from fpsboost.streaming import positions_of
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import count_frames
 
@@ -160,8 +160,9 @@ class Findings:
             self.end = frame.time + (frame.duration or 1 / frames.info.rate)
             self.interlaced += bool(getattr(frame.original, "interlaced_frame", False))
             self.seen(frame, frame.time - self.times[0])
-            self.origin = beginning(frames)
-            place = SourcePosition(self.origin.number + len(self.times) - 1, self.in_clip(frame.time))
+            position_of = positions_of(frames)
+            self.origin = position_of(0, Fraction(0))
+            place = position_of(len(self.times) - 1, frame.time - self.times[0])
             yield SourceFrame(frame, source_position=place)
 
     def pairs(self, frames: FrameSource, interpolator: Interpolator) -> Iterator[Pair]:

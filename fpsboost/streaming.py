@@ -23,8 +23,8 @@ from fpsboost.contracts import (
     Entry,
     FrameSink,
     FrameSource,
-    HasBeginning,
     HasDetails,
+    HasPositions,
     LowestMatch,
     NeedsConfidence,
     NeedsMotion,
@@ -150,7 +150,7 @@ def interpolate_frames(
         first = list(islice(arriving, 1))
         frames = chain(first, arriving)
         clip = _LoopState(
-            *(source.info, schedule, interpolator, summary, beginning(source)),
+            *(source.info, schedule, interpolator, summary, positions_of(source)),
             needs_confidence=isinstance(sink, NeedsConfidence) and sink.needs_confidence,
             needs_motion=isinstance(sink, NeedsMotion) and sink.needs_motion,
             outputs=outputs,
@@ -171,9 +171,9 @@ def interpolate_frames(
         yield timed if stretch == 1 else stretched(timed, stretch, start)
 
 
-def beginning(source: FrameSource) -> SourcePosition:
-    """Return the position of a source's first frame in its clip; valid when that has been read."""
-    return source.beginning if isinstance(source, HasBeginning) else SourcePosition(0, Fraction(0))
+def positions_of(source: FrameSource) -> Callable[[int, Fraction], SourcePosition]:
+    """Return the function that tells the position of a source's frame in its clip; see `HasPositions`."""
+    return source.position_of if isinstance(source, HasPositions) else SourcePosition
 
 
 def _cancel_of(end: FrameSource | FrameSink) -> Callable[[], None]:
@@ -271,7 +271,7 @@ class _LoopState:
     schedule: Schedule
     interpolator: Interpolator
     summary: Summary
-    beginning: SourcePosition
+    position_of: Callable[[int, Fraction], SourcePosition]
     needs_confidence: bool
     needs_motion: bool
     outputs: OutputRange
@@ -305,12 +305,7 @@ class _LoopState:
                 self.start = frame.time
             number = self.number
             self.number += 1
-            place = number
-            seconds = frame.time - self.start
-            if self.outputs.round_frames and self.outputs.round_end:
-                place = place % self.outputs.round_frames
-                seconds = seconds % (self.outputs.round_end - self.start)
-            if place == number:  # of a loop, one round counts
+            if self.outputs.end is None or self.start <= frame.time < self.outputs.end:  # of a loop, one round counts
                 self.summary.frame_intervals.note(frame.time, self.start)
                 self.summary.frames_in += 1
             time = rising_time(self.schedule, self.start, frame.time, last)
@@ -318,7 +313,7 @@ class _LoopState:
             if time is None:
                 continue
             last = time
-            position = SourcePosition(self.beginning.number + place, self.beginning.seconds + seconds)
+            position = self.position_of(number, frame.time - self.start)
             output_position = self.schedule.output_position(number, self.start, time)
             yield SourceFrame(replace(frame, time=time), output_position, position)
 
@@ -343,7 +338,7 @@ class _LoopState:
         if not self.counts(interval):
             return
         if self.interpolator.replacement is not None:
-            self.summary.replaced += [self.beginning.number + self.place(each) for each in interval.group[1:]]
+            self.summary.replaced += [each.position.number for each in interval.group[1:]]
         elif not interval.is_still:
             self.summary.duplicates += len(interval.group) - 1
         self.summary.scene_cuts += interval.scene_cut
@@ -421,7 +416,7 @@ class _LoopState:
 
     def place(self, source: SourceFrame) -> int:
         """Return the place of a frame in the clip, from 0."""
-        return source.position.number - self.beginning.number
+        return source.position.number - self.position_of(0, Fraction(0)).number
 
 
 Made = tuple[_Interval, list[_Output]]
@@ -545,7 +540,7 @@ def _completed(frames: Iterator[Frame], clip: _LoopState) -> Iterator[Frame]:
     """
     for frame, following in pairwise(chain(frames, [None])):
         assert frame is not None, "only the last one is"
-        end = clip.end if following is None else min(following.time, clip.outputs.round_end or following.time)
+        end = clip.end if following is None else min(following.time, clip.outputs.end or following.time)
         latest = clip.end if following is None else frame.time
         captions = [each for time, each in clip.captions if time <= latest]
         del clip.captions[: len(captions)]

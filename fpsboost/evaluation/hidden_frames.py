@@ -24,7 +24,7 @@ from fpsboost.io.opening import PIPES, TargetRequirements, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.layered import FrameImage
 from fpsboost.options import Checked, Duplicates, Range, words_of, words_of_options
-from fpsboost.streaming import beginning
+from fpsboost.streaming import positions_of
 from fpsboost.timing.schedule import ByRate, rising_time
 
 WHOLE = "0:"
@@ -198,16 +198,14 @@ class HoldOut(Checked):
 
     def _shown(self, source: FrameSource, clock: ByRate, path: str) -> Iterator[SourceFrame]:
         """Yield the frames of the range, at the times that a conversion gives them."""
-        begin = SourcePosition(0, Fraction(0))
         start = Fraction(0)
         last: Fraction | None = None
         for number, frame in islice(enumerate(source), self.last):
             if number == 0:
-                begin = beginning(source)
                 start = frame.time
             if number < self.first:
                 continue
-            position = SourcePosition(begin.number + number, begin.seconds + frame.time - start)
+            position = positions_of(source)(number, frame.time - start)
             if frame.array.dtype == np.float32 and not np.isfinite(frame.array).all():
                 raise InputError(
                     f"Frame {position.number} of {path} contains NaN or infinity, so that nothing can "

@@ -115,12 +115,8 @@ class FrameInterpolation:
             return sink.images, sink.confidence
         numbers, start = range(-context, count + context), context / ANY_RATE
         source = ArraySource(frames_of(images, (number % count for number in numbers)), ANY_RATE, "`images`")
-        outputs = OutputRange(
-            stop=total,
-            entry=Entry(-context, start, -context * multiplier),
-            round_frames=count,
-            round_end=start + count / ANY_RATE,
-        )
+        entry = Entry(-context, start, -context * multiplier)
+        outputs = OutputRange(stop=total, entry=entry, end=start + count / ANY_RATE)
         summary = run_conversion(
             source,
             _interpolator(method, scene_cuts, duplicates),

@@ -13,7 +13,7 @@ from fpsboost import DecodeOptions, Frame, FrameSource, InputError
 from fpsboost.derived_sources import TrimmedSource
 from fpsboost.io.images.source import ImageReading, ImageSource
 from fpsboost.io.video.source import VideoSource
-from fpsboost.streaming import beginning
+from fpsboost.streaming import positions_of
 from fpsboost.timing.position import Trim, parse_position
 from support.video_truth import bytes_of, copy_packets, spoil_packets, write_clip
 
@@ -172,7 +172,7 @@ def test_ranges(tmp_path, name, start, end, may_skip):
         read(part)
         skipped = part.window.skipped if may_skip else whole.window.skipped
         assert replace(whole.window, skipped=skipped) == part.window
-        assert beginning(whole) == beginning(part)
+        assert positions_of(whole)(2, Fraction(1)) == positions_of(part)(2, Fraction(1))
 
 
 @pytest.mark.parametrize("fill_gaps", [False, True])
@@ -190,7 +190,7 @@ def test_images(tmp_path, save_images, fill_gaps):
     check(opened, [0, 1, 3, -1])
     with opened() as source:
         source.begin_at(3)
-        assert source.beginning == opened().beginning
+        assert source.position_of(2, Fraction(1)) == opened().position_of(2, Fraction(1))
     with opened() as source, pytest.raises(InputError, match="none has the number 7"):
         source.begin_at(7)
 

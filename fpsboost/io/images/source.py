@@ -160,10 +160,9 @@ class ImageSource(ClosesOnExit):
         """Files, metadata and colour tags that a sink may carry over."""
         return StreamInfo(images=self.images, files=self.images.files, colours=self._colours)
 
-    @property
-    def beginning(self) -> SourcePosition:
-        """Position, in the whole sequence, of the first image that is read."""
-        return SourcePosition(self.images.skipped, self._places[0] / self.info.rate)
+    def position_of(self, number: int, seconds: Fraction) -> SourcePosition:
+        """Return the position, in the whole sequence, of an image that is read, by its number and its time."""
+        return SourcePosition(self.images.skipped + number, self._places[0] / self.info.rate + seconds)
 
     @property
     def remarks(self) -> list[str]:
