@@ -134,13 +134,11 @@ class NextPairOnly(Interpolator):
         self,
         pair: Pair,
         times: Sequence[float | Fraction],
-        before: Pair | None = None,
-        after: Pair | None = None,
         *,
         with_confidence: bool = False,
     ) -> Iterator[InterpolatedImage]:
         """See `fpsboost.interpolator.Interpolator.images`."""
-        return super().images(pair, times, None, after, with_confidence=with_confidence)
+        return super().images(pair.between(None, pair.after), times, with_confidence=with_confidence)
 
 
 MOTION: dict[str, dict[str, Any]] = {

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 
 from fpsboost import methods
 from fpsboost.frame_cache import FrameCache, SourcePosition
-from fpsboost.interpolator import Interpolator, with_neighbours
+from fpsboost.interpolator import Interpolator
+from fpsboost.pair import with_neighbours
 
 Array = NDArray[Any]
 SCENES = Path(__file__).parents[1] / "samples" / "scenes"
@@ -56,11 +57,7 @@ def hidden(interpolator: Interpolator, frames: list[Array]) -> list[Array]:
     """Make every second frame again."""
     caches = [FrameCache(frame, None, SourcePosition(k, Fraction(k))) for k, frame in enumerate(frames[::2])]
     pairs = [interpolator.pair(*each) for each in pairwise(caches)]
-    return [
-        np.asarray(image)
-        for before, pair, after in with_neighbours(pairs)
-        for image, _ in interpolator.images(pair, [0.5], before, after)
-    ]
+    return [np.asarray(image) for pair in with_neighbours(pairs) for image, _ in interpolator.images(pair, [0.5])]
 
 
 def blocks(values: Array) -> Array:

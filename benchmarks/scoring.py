@@ -22,9 +22,10 @@ from fpsboost.evaluation.hidden_frames import HoldOut, Interval
 from fpsboost.evaluation.results import low_percentile, mean, means, score
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image
-from fpsboost.interpolator import Interpolator, with_neighbours
+from fpsboost.interpolator import Interpolator
 from fpsboost.io.images.files import IMAGE_SUFFIXES
 from fpsboost.io.opening import open_source
+from fpsboost.pair import with_neighbours
 
 Figures = dict[str, float]
 
@@ -128,8 +129,8 @@ def _in_three_colours(interval: Interval) -> Interval:
 def make_between(interpolator: Interpolator, frames: Sequence[Image]) -> Iterator[Image]:
     """Yield the frame in the middle of every two."""
     prepared = pairwise(map(FrameCache, frames))  # one of each frame, for both of its pairs
-    for before, pair, after in with_neighbours(starmap(interpolator.pair, prepared)):
-        yield next(interpolator.images(pair, [0.5], before, after)).image
+    for pair in with_neighbours(starmap(interpolator.pair, prepared)):
+        yield next(interpolator.images(pair, [0.5])).image
         pair.release_caches()
 
 

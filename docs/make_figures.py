@@ -103,7 +103,7 @@ def made_between(frames: Sequence[Picture]) -> Picture:
     """Return the frame that the default method makes half-way between the second and the third of four frames."""
     method = methods["nlm"]
     before, pair, after = middle_pair(method, frames)
-    ((image, _),) = method.images(pair, [0.5], before, after)
+    ((image, _),) = method.images(pair.between(before, after), [0.5])
     return np.asarray(image)
 
 
@@ -358,7 +358,7 @@ def draw_repair() -> Path:
     assert [each for each, (_, is_damaged) in enumerate(found) if is_damaged] == [number]
     method = methods["nlm"]
     before, pair, after = (method.pair(*two) for two in pairwise([*caches[1:3], *caches[4:6]]))
-    ((repaired, _),) = method.images(pair, [0.5], before, after)
+    ((repaired, _),) = method.images(pair.between(before, after), [0.5])
     panels = {"damaged, detected": damaged, "replaced": repaired, "as it was": true}
     return save("repair", [[Panel(title, smaller(picture, 320)) for title, picture in panels.items()]])
 

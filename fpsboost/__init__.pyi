@@ -31,7 +31,6 @@ from .frame_cache import SourcePosition as SourcePosition
 from .image import YCbCrImage as YCbCrImage
 from .interpolator import FrameMask as FrameMask
 from .interpolator import Interpolator as Interpolator
-from .interpolator import with_neighbours as with_neighbours
 from .io.opening import Target as Target
 from .io.opening import open_sink as open_sink
 from .io.side.options import SideOutputs as SideOutputs
@@ -49,6 +48,7 @@ from .motion import MotionEstimator as MotionEstimator
 from .motion.field import MotionField as MotionField
 from .motion.rendered import RenderedVectors as RenderedVectors
 from .pair import Pair as Pair
+from .pair import with_neighbours as with_neighbours
 from .parts.join import join as join
 from .preparation import ConversionJob as ConversionJob
 from .render.folder import VectorFolder as VectorFolder

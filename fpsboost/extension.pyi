@@ -73,6 +73,7 @@ from .options import checked as checked
 from .options import option as option
 from .options import options_from as options_from
 from .options import words_of_options as words_of_options
+from .pair import triplewise as triplewise
 from .parts.manifest import first_difference as first_difference
 from .parts.manifest import job_facts as job_facts
 from .parts.manifest import program_facts as program_facts

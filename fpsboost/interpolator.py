@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import chain
 from types import MappingProxyType
-from typing import Annotated, Any, Protocol, Self, TypeVar, runtime_checkable
+from typing import Annotated, Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 
@@ -33,8 +32,6 @@ from fpsboost.synthesis.generation import generate
 from fpsboost.synthesis.layers import MixesLayers
 from fpsboost.synthesis.warp import Extrapolate
 from fpsboost.timing.position import Replacement
-
-Item = TypeVar("Item")
 
 CUT_SYNTHESIZERS: Mapping[AtCuts, Synthesizer] = MappingProxyType(
     {"repeat": Nearest(), "blend": Blend(), "extrapolate": Extrapolate()}
@@ -226,7 +223,7 @@ class Interpolator(Checked):
         interpolator = replace(self, cuts=cuts)
         pair = interpolator.pair(FrameCache(image0), FrameCache(image1))
         arrays = [view(image).array() for image, _ in interpolator.images(pair, times)]
-        if any(0 < t < 1 for t in times) and pair.is_cut():
+        if any(0 < t < 1 for t in times) and pair.is_cut:
             warnings.warn(CUT_WARNINGS[self.at_cuts], SceneCutWarning, stacklevel=3)
         return arrays
 
@@ -260,22 +257,19 @@ class Interpolator(Checked):
         self,
         pair: Pair,
         times: Sequence[float | Fraction],
-        before: Pair | None = None,
-        after: Pair | None = None,
         *,
         with_confidence: bool = False,
     ) -> Iterator[InterpolatedImage]:
         """Interpolate like `interpolate`, but one image at a time, along curved trajectories, and with confidence.
 
-        Whether a scene ends between the two frames is what ``pair.is_cut(before, after)`` returns.
+        Whether a scene ends between the two frames is what `Pair.is_cut` says.
 
         Parameters
         ----------
         pair : Pair
+            Trajectories are curved where its neighbours are known; see `Pair.between`.
         times : sequence of float or Fraction
             Each in [0, 1].
-        before, after : Pair, optional
-            The pairs that share its first and its last frame; those farther away have no influence.
         with_confidence : bool
             Compute the confidence of every pixel, too. It is the synthesizer's own if it has one, see
             `fpsboost.synthesis.FusesHypotheses`, or else the agreement of the two frames, see
@@ -295,19 +289,13 @@ class Interpolator(Checked):
         for t in times:
             if not 0 <= t <= 1:
                 raise OptionError(f"A time between two frames must lie in [0, 1], not at {t}.")
-        return self._images(pair, times, before, after, with_confidence=with_confidence)
+        return self._images(pair, times, with_confidence=with_confidence)
 
     def _images(
-        self,
-        pair: Pair,
-        times: Sequence[float | Fraction],
-        before: Pair | None,
-        after: Pair | None,
-        *,
-        with_confidence: bool,
+        self, pair: Pair, times: Sequence[float | Fraction], *, with_confidence: bool
     ) -> Iterator[InterpolatedImage]:
         inner = [float(t) for t in times if 0 < t < 1]
-        made = self._synthesize(pair, inner, before, after, with_confidence=with_confidence) if inner else iter(())
+        made = self._synthesize(pair, inner, with_confidence=with_confidence) if inner else iter(())
         for t in times:
             if 0 < t < 1:
                 image, confidence = next(made)
@@ -318,89 +306,62 @@ class Interpolator(Checked):
                 confidence = np.full(image.shape[:2], t in {0, 1}, np.float32)
             yield InterpolatedImage(image, confidence if with_confidence else None)
 
-    def _synthesize(
-        self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None, *, with_confidence: bool
-    ) -> Iterator[InterpolatedImage]:
-        is_discontinuous = pair.is_discontinuous(before, after)
-        # the pairs beyond these two are not known here
-        before = None if before is None or before.is_discontinuous(after=pair) else before
-        after = None if after is None or after.is_discontinuous(before=pair) else after
-        if is_discontinuous:
+    def _synthesize(self, pair: Pair, times: list[float], *, with_confidence: bool) -> Iterator[InterpolatedImage]:
+        scene = pair.within_scene
+        if pair.is_discontinuous:
             onward = self.at_cuts == "extrapolate"
-            fields = _extrapolate(pair, before, after) if onward else ZeroMotion().estimate(pair.image0, pair.image1)
+            fields = _extrapolate(scene) if onward else ZeroMotion().estimate(pair.image0, pair.image1)
             image0, image1 = (as_bgr(pair.image0), as_bgr(pair.image1)) if onward else (pair.image0, pair.image1)
             return generate(CUT_SYNTHESIZERS[self.at_cuts], FramePair(image0, image1, *fields), pair.layered, times)
+        if self.uncertain == "keep":
+            return self._follow(scene, times, with_confidence=with_confidence)
+        return self._fall_back(scene, times)
 
-        def make(times: list[float]) -> Iterator[InterpolatedImage]:
-            needs_confidence = with_confidence or self.uncertain != "keep"
-            if self.mask is not None and self.mask.parts:
-                return self._in_layers(self.mask, pair, times, before, after, with_confidence=needs_confidence)
-            images = generate(
-                self.synthesizer,
-                self.frame_pair(pair, before, after),
-                pair.layered,
-                times,
-                with_confidence=needs_confidence,
-            )
-            # layers are mixed as the frames are, so that sums of layers stay sums
-            return images if pair.layered is not None else self._finish(images, times, pair, before, after)
-
-        return make(times) if self.uncertain == "keep" else self._fall_back(make, times, pair)
+    def _follow(self, pair: Pair, times: list[float], *, with_confidence: bool) -> Iterator[InterpolatedImage]:
+        """Interpolate along the motion of a pair, whose neighbours belong to its scene."""
+        if self.mask is not None and self.mask.parts:
+            return self._in_layers(self.mask, pair, times, with_confidence=with_confidence)
+        frame_pair = self.frame_pair(pair)
+        images = generate(self.synthesizer, frame_pair, pair.layered, times, with_confidence=with_confidence)
+        # layers are mixed as the frames are, so that sums of layers stay sums
+        return images if pair.layered is not None else self._finish(images, times, pair)
 
     def _in_layers(
-        self,
-        mask: FrameMask,
-        pair: Pair,
-        times: list[float],
-        before: Pair | None,
-        after: Pair | None,
-        *,
-        with_confidence: bool,
+        self, mask: FrameMask, pair: Pair, times: list[float], *, with_confidence: bool
     ) -> Iterator[InterpolatedImage]:
         """Interpolate what is behind a mask, and what it shows, each by itself, and put the one over the other."""
         background = replace(self, mask=None, uncertain="keep", below=LEAST_CONFIDENCE)
         layer = replace(background, match_grain=False)  # flat areas have none to measure
-        earlier, later = ((None, None) if each is None else each.parts(*mask.parts) for each in (before, after))
-        parts = pair.parts(*mask.parts)
-        behind, shown = (
-            method.images(part, times, *around, with_confidence=with_confidence)
-            for method, part, *around in zip((background, layer), parts, earlier, later, strict=True)
-        )
+        hidden, layers = pair.parts(*mask.parts)
+        behind = background.images(hidden, times, with_confidence=with_confidence)
+        shown = layer.images(layers, times, with_confidence=with_confidence)
         if not counts_frames(mask):  # what changes where it stands, such as digits, is not to be mixed
-            layers = parts[1]
             still = layers.uncertainty_map(lambda: find_still_parts(layers.image0, layers.image1, layers.fields[0]))
             shown = _replace_uncertain(shown, times, layers, still, mix=False)
         return map(mask.composite, behind, shown)
 
-    def _fall_back(
-        self, make: Callable[[list[float]], Iterator[InterpolatedImage]], times: list[float], pair: Pair
-    ) -> Iterator[InterpolatedImage]:
-        """Make images, and replace them where the image halfway between the two is unsure."""
-        made = list(make(times)) if times == [0.5] else []
+    def _fall_back(self, pair: Pair, times: list[float]) -> Iterator[InterpolatedImage]:
+        """Interpolate along the motion, but not where the image halfway between the two is unsure."""
+        made = list(self._follow(pair, times, with_confidence=True)) if times == [0.5] else []
 
         def measure() -> np.ndarray:
-            ((_, confidence),) = made or make([0.5])
+            ((_, confidence),) = made or self._follow(pair, [0.5], with_confidence=True)
             return measure_uncertainty(confidence, self.below, self.uncertain)
 
         uncertainty = pair.uncertainty_map(measure)
-        images = made or make(times)
+        images = made or self._follow(pair, times, with_confidence=True)
         return _replace_uncertain(iter(images), times, pair, uncertainty, mix=self.uncertain == "blend")
 
-    def frame_pair(self, pair: Pair, before: Pair | None, after: Pair | None) -> FramePair:
+    def frame_pair(self, pair: Pair) -> FramePair:
         """Return what the synthesizer takes of two frames that motion connects, and of the pairs before and after."""
         # the next pair's motion first: the thread that makes its frames waits for it
-        following = _neighbour(after, pair) if self.curved and after is not None else None
+        after = _neighbour(pair.after, pair) if self.curved and pair.after is not None else None
         fields = pair.fields
-        preceding = _neighbour(before, pair) if self.curved and before is not None else None
-        return FramePair(*pair.compensated, *fields, preceding, following)
+        before = _neighbour(pair.before, pair) if self.curved and pair.before is not None else None
+        return FramePair(*pair.compensated, *fields, before, after)
 
     def _finish(
-        self,
-        images: Iterator[InterpolatedImage],
-        times: list[float],
-        pair: Pair,
-        before: Pair | None,
-        after: Pair | None,
+        self, images: Iterator[InterpolatedImage], times: list[float], pair: Pair
     ) -> Iterator[InterpolatedImage]:
         """Give images the illumination of their time, grain, and overlays as they are in the frames."""
         overlay = None
@@ -408,8 +369,9 @@ class Interpolator(Checked):
         image1 = pair.image1
         illumination = pair.illumination
         # a change of all light changes overlays, too
-        if self.overlays and (before or after) and (illumination is None or illumination.is_local):
-            overlay = find_overlay(image0, image1, (before or pair).image0, (after or pair).image1, pair.fields[0])
+        if self.overlays and (pair.before or pair.after) and (illumination is None or illumination.is_local):
+            first = (pair.before or pair).image0
+            overlay = find_overlay(image0, image1, first, (pair.after or pair).image1, pair.fields[0])
         if overlay is not None and illumination is not None:  # which is applied to BGR
             image0 = as_bgr(image0)
             image1 = as_bgr(image1)
@@ -444,24 +406,6 @@ class Interpolator(Checked):
         return replace(self, **bare)
 
 
-def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, Item | None]]:
-    """Yield each item, such as a `Pair`, between the previous and the next one, None at the ends; lags one item behind.
-
-    Examples
-    --------
-    >>> list(with_neighbours("ab"))
-    [(None, 'a', 'b'), ('a', 'b', None)]
-    """
-    padded = chain([None], items, [None])
-    before = next(padded)
-    item = next(padded)
-    for after in padded:
-        assert item is not None, "only the first and the last are"
-        yield before, item, after
-        before = item
-        item = after
-
-
 def _replace_uncertain(
     images: Iterator[InterpolatedImage], times: Sequence[float], pair: Pair, weights: np.ndarray, *, mix: bool
 ) -> Iterator[InterpolatedImage]:
@@ -475,7 +419,7 @@ def _replace_uncertain(
         yield InterpolatedImage(blend_fallback(pixels, image0, image1, t, weights, mix=mix), confidence)
 
 
-def _extrapolate(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[MotionField, MotionField]:
+def _extrapolate(pair: Pair) -> tuple[MotionField, MotionField]:
     """Extrapolate the motion of each frame of a pair from its own scene; zero motion where that is not known."""
 
     def extend(away: MotionField, neighbour: Pair) -> MotionField:
@@ -485,8 +429,8 @@ def _extrapolate(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[M
 
     onward, back = ZeroMotion().estimate(pair.image0, pair.image1)
     return (
-        onward if before is None else extend(before.fields[1], before),
-        back if after is None else extend(after.fields[0], after),
+        onward if pair.before is None else extend(pair.before.fields[1], pair.before),
+        back if pair.after is None else extend(pair.after.fields[0], pair.after),
     )
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from copy import copy
 from fractions import Fraction
 from functools import partial
-from typing import Any
+from itertools import chain
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -24,6 +26,8 @@ from fpsboost.motion.field import MotionField
 MAX_LENGTH = 1e6
 """No vector is as long, pixels."""
 
+Item = TypeVar("Item")
+
 Layered = tuple[LayeredImage, LayeredImage]
 """Two frames with their further layers."""
 
@@ -31,7 +35,7 @@ Layered = tuple[LayeredImage, LayeredImage]
 class Pair:
     """Two consecutive frames, and the results of an interpolator for them, computed once when first asked for.
 
-    `Interpolator.pair` makes one.
+    `Interpolator.pair` makes one, of which no neighbours are known. `between` and `with_neighbours` tell them.
 
     Parameters
     ----------
@@ -44,6 +48,11 @@ class Pair:
     cuts : CutPolicy or None
     compensate_illumination : bool
         As the interpolator has them.
+
+    Attributes
+    ----------
+    before, after : Pair or None
+        The pairs that share its first and its last frame, if they are known. Those farther away have no influence.
 
     Raises
     ------
@@ -71,7 +80,28 @@ class Pair:
         self._cuts = cuts
         self._compensate_illumination = compensate_illumination
         self._pair = partial(Pair, estimator=estimator, cuts=cuts, compensate_illumination=compensate_illumination)
+        self.before: Pair | None = None
+        self.after: Pair | None = None
         self._results = Results()
+        self._decisions = Results()  # those that depend on the pairs before and after
+
+    def between(self, before: Pair | None, after: Pair | None) -> Pair:
+        """Return the same pair, of which these neighbours are known; both have the same results."""
+        known = copy(self)
+        known.before = before
+        known.after = after
+        known._decisions = Results()
+        return known
+
+    @property
+    def within_scene(self) -> Pair:
+        """The same pair with the neighbours that motion connects; of these, the pairs beyond are not known."""
+        before = self.before
+        after = self.after
+        return self.between(
+            None if before is None or before.between(None, self).is_discontinuous else before,
+            None if after is None or after.between(self, None).is_discontinuous else after,
+        )
 
     @property
     def layered(self) -> Layered | None:
@@ -129,41 +159,49 @@ class Pair:
 
         return self._results.cached(("match_score", cuts), measure)
 
-    def is_discontinuous(self, before: Pair | None = None, after: Pair | None = None) -> bool:
-        """Return whether no motion connects the frames, given the pairs before and after if they are known."""
+    @property
+    def is_discontinuous(self) -> bool:
+        """Whether no motion connects the frames."""
+        return self._decisions.cached("is_discontinuous", self._find_discontinuity)
+
+    def _find_discontinuity(self) -> bool:
         cuts = self._cuts
-        if cuts is None or not cuts.is_cut(self.match_score, *self._expected_scores(before, after)):
+        if cuts is None or not cuts.is_cut(self.match_score, *self._expected_scores()):
             return False
-        across = (each.match_score for each in self._spanning_pairs(before, after))
-        return not cuts.is_gradual(self.match_score, *across)
+        return not cuts.is_gradual(self.match_score, *(each.match_score for each in self._spanning_pairs))
 
-    def is_cut(self, before: Pair | None = None, after: Pair | None = None) -> bool:
-        """Return whether a scene ends between the frames: no motion connects them, and it is no flash of one frame."""
-        return self.is_discontinuous(before, after) and not self._is_flash(before, after)
+    @property
+    def is_cut(self) -> bool:
+        """Whether a scene ends between the frames: no motion connects them, and it is no flash of one frame."""
+        return self.is_discontinuous and not self._is_flash()
 
-    def _is_flash(self, before: Pair | None, after: Pair | None) -> bool:
+    def _is_flash(self) -> bool:
         """Return whether the frames on both sides of the pair's first or last frame show one scene."""
         cuts = self._cuts
-        usual = max(self._expected_scores(before, after), default=1.0)
-        across = self._spanning_pairs(before, after)
-        return cuts is not None and any(cuts.is_flash(self.match_score, each.match_score, usual) for each in across)
+        usual = max(self._expected_scores(), default=1.0)
+        scores = [each.match_score for each in self._spanning_pairs]
+        return cuts is not None and any(cuts.is_flash(self.match_score, score, usual) for score in scores)
 
-    def _expected_scores(self, *neighbours: Pair | None) -> list[float]:
+    def _expected_scores(self) -> list[float]:
         """Return the match scores of the pairs before and after, if known, as of frames that are as far apart in time.
 
         In one scene, scores fall with the distance; see `MOST_DECAY`.
         """
-        known = [each for each in neighbours if each is not None and each._cuts is not None]
+        known = [each for each in (self.before, self.after) if each is not None and each._cuts is not None]
         decays = [float(min(max(self.apart / each.apart, 1), MOST_DECAY)) for each in known]
         # a score may be a little below 0
         return [
             each.match_score * abs(each.match_score) ** (decay - 1) for each, decay in zip(known, decays, strict=True)
         ]
 
-    def _spanning_pairs(self, before: Pair | None, after: Pair | None) -> list[Pair]:
-        """Return the known pairs of each frame of the two and the frame beyond the other."""
-        pairs = [self._pair(before.image0, self.image1, 1)] if before else []
-        return [*pairs, self._pair(self.image0, after.image1, 1)] if after else pairs
+    @property
+    def _spanning_pairs(self) -> list[Pair]:
+        """The known pairs of each frame of the two and the frame beyond the other."""
+        return self._decisions.cached("spanning_pairs", self._span)
+
+    def _span(self) -> list[Pair]:
+        pairs = [] if self.before is None else [self._pair(self.before.image0, self.image1, 1)]
+        return pairs if self.after is None else [*pairs, self._pair(self.image0, self.after.image1, 1)]
 
     @property
     def fields(self) -> tuple[MotionField, MotionField]:
@@ -193,15 +231,19 @@ class Pair:
     def parts(self, *functions: Callable[[FrameCache], FrameCache]) -> list[Pair]:
         """Return a pair for each function, of the parts of the two frames that it gives, without scene cuts.
 
-        The functions must be the same at every call.
+        They are between those of the pairs before and after. The functions must be the same at every call.
         """
-        return self._results.cached(
-            "parts",
-            lambda: [
+
+        def divide() -> list[Pair]:
+            return [
                 self._pair(self.image0.derived(part), self.image1.derived(part), self.duration, cuts=None)
                 for part in functions
-            ],
-        )
+            ]
+
+        parts = self._results.cached("parts", divide)
+        before = [None] * len(parts) if self.before is None else self.before.parts(*functions)
+        after = [None] * len(parts) if self.after is None else self.after.parts(*functions)
+        return [part.between(*around) for part, *around in zip(parts, before, after, strict=True)]
 
     def uncertainty_map(self, measure: Callable[[], np.ndarray]) -> np.ndarray:
         """Return the uncertainty of the image halfway, (H, W) float32, 0 to 1, which is measured once for the pair."""
@@ -225,6 +267,29 @@ class Pair:
             part.release_caches()
         self.image0.clear(gray, half_chroma)  # overlays are static in the frame before a pair, too
         self._results.discard({"compensated", "grain"}.__contains__)
+
+
+def with_neighbours(pairs: Iterable[Pair]) -> Iterator[Pair]:
+    """Yield each pair `Pair.between` the previous and the next one; lags one pair behind."""
+    return (pair.between(before, after) for before, pair, after in triplewise(pairs))
+
+
+def triplewise(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, Item | None]]:
+    """Yield each item between the previous and the next one, None at the ends; lags one item behind.
+
+    Examples
+    --------
+    >>> list(triplewise("ab"))
+    [(None, 'a', 'b'), ('a', 'b', None)]
+    """
+    padded = chain([None], items, [None])
+    before = next(padded)
+    item = next(padded)
+    for after in padded:
+        assert item is not None, "only the first and the last are"
+        yield before, item, after
+        before = item
+        item = after
 
 
 def check_fields(estimator: MotionEstimator, fields: Any, size: tuple[int, ...]) -> None:

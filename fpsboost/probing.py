@@ -17,7 +17,7 @@ from fpsboost.contracts import FrameSource, HasDetails
 from fpsboost.errors import FpsboostError, OutputError
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import SourcePosition
-from fpsboost.interpolator import Interpolator, with_neighbours
+from fpsboost.interpolator import Interpolator
 from fpsboost.io import SeekableSource
 from fpsboost.io.animation import is_animation
 from fpsboost.io.opening import Target, TargetRequirements, open_source
@@ -25,7 +25,7 @@ from fpsboost.io.output import Output
 from fpsboost.io.video.decode_options import DecodeOptions, SizeChange
 from fpsboost.media import Look, OutputTiming, StreamFacts, list_streams, look_of
 from fpsboost.method_table import methods
-from fpsboost.pair import Pair
+from fpsboost.pair import Pair, with_neighbours
 from fpsboost.preparation import Preparation
 from fpsboost.repair import find_damaged
 from fpsboost.streaming import positions_of
@@ -138,11 +138,11 @@ class Findings:
         cuts = list[Fraction]()
         first = None
         # `pictures` runs ahead of the current pair: the pair's index tells which of them it is made of
-        for place, (before, pair, after) in enumerate(with_neighbours(self.pairs(frames, interpolator))):
+        for place, pair in enumerate(with_neighbours(self.pairs(frames, interpolator))):
             first = first or pair
-            if not pair.is_discontinuous(before, after):  # what is held until a cut stays as it is
+            if not pair.is_discontinuous:  # what is held until a cut stays as it is
                 self.duplicates += self.pictures[place][1:]
-            elif pair.is_cut(before, after):
+            elif pair.is_cut:
                 cuts.append(self.pictures[place + 1][0])
         if first is not None and first is not pair:  # two frames lead back and forth
             seam = interpolator.pair(pair.image1, first.image0)

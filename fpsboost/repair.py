@@ -7,7 +7,7 @@ import numpy as np
 from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import InputError
-from fpsboost.interpolator import with_neighbours
+from fpsboost.pair import triplewise
 from fpsboost.timing.position import MAX_RUN, TOO_LONG, Replacement, as_ranges
 
 SHARE = 0.78
@@ -30,13 +30,13 @@ def find_damaged(frames: Iterable[SourceFrame]) -> Iterator[Marked]:
     match scores are compared in bands of them. Where frames that stand out follow each other or alternate with others,
     as in a strobe, none is taken for damaged: the two frames before and the two after it decide.
     """
-    for before, (frame, is_out), after in with_neighbours(_standing_out(frames)):
+    for before, (frame, is_out), after in triplewise(_standing_out(frames)):
         yield frame, is_out and not any(each[1] for each in (before, after) if each)
 
 
 def _standing_out(frames: Iterable[SourceFrame]) -> Iterator[Marked]:
     matched_before = nothing_known = np.ones((1, 1), np.float32)
-    for before, frame, after in with_neighbours(frames):
+    for before, frame, after in triplewise(frames):
         matched = nothing_known if after is None else _match(frame, after)
         own = _bands(np.maximum(matched_before, matched))
         is_out = False
@@ -70,7 +70,7 @@ def group_replaced(
     number = 0
     end = None
     marked = find_damaged(frames) if replacement.detect else ((frame, False) for frame in frames)
-    for _, (frame, is_damaged), after in with_neighbours(marked):
+    for _, (frame, is_damaged), after in triplewise(marked):
         place = frame.position
         number = place.number
         end = after[0].position.seconds if after else place.seconds + frame.frame.duration

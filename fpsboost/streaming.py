@@ -37,9 +37,9 @@ from fpsboost.contracts import (
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, PairMotion
 from fpsboost.frame_cache import SourcePosition
-from fpsboost.interpolator import FrameMask, Interpolator, with_neighbours
+from fpsboost.interpolator import FrameMask, Interpolator
 from fpsboost.options import Range, checked
-from fpsboost.pair import Pair
+from fpsboost.pair import Pair, triplewise
 from fpsboost.repair import group_replaced
 from fpsboost.synthesis import InterpolatedImage
 from fpsboost.synthesis.exposure import Exposure
@@ -216,10 +216,6 @@ class _Output(NamedTuple):
         return self._replace(frame=replace(frame, time=time, confidence=values))
 
 
-Neighbours = tuple[Pair | None, Pair | None]
-"""Pairs before and after an interval."""
-
-
 @dataclass
 class _Interval:
     """Interval from a picture, nearly always of one frame, to the next."""
@@ -241,17 +237,18 @@ class _Interval:
     done: int = 0
     """Number of outputs that have been made and passed on."""
 
-    def resolve(self, neighbours: Neighbours, *, may_be_still: bool) -> None:
+    def resolve(self, pair: Pair, *, may_be_still: bool) -> None:
         """Find out which frames are interpolated and between what; the same whichever task does it.
 
-        The group may be a still unless its frames are damaged ones that are replaced.
+        `pair` is that of the interval, with its neighbours. The group may be a still unless its frames are damaged ones
+        that are replaced.
         """
         if self.is_still is not None:
             return
         first = self.group[0]
         last = self.group[-1]
         outputs = self.outputs
-        is_still = may_be_still and len(self.group) > 1 and self.pair.is_discontinuous(*neighbours)
+        is_still = may_be_still and len(self.group) > 1 and pair.is_discontinuous
         if len(self.group) > 1 and not is_still:
             begin = first.frame.time
             end = self.following.frame.time
@@ -403,16 +400,16 @@ class _LoopState:
         time = shown if self.curve is None else middle.number / self.schedule.rate(self.info.rate)
         return LowestMatch(interval.pair.detected_match_score, middle.number, time)
 
-    def motion(self, interval: _Interval, neighbours: Neighbours, output: _Output) -> PairMotion | None:
+    def motion(self, interval: _Interval, pair: Pair, output: _Output) -> PairMotion | None:
         """Return the motion of an interval if an output frame is the first interpolated one, else None.
 
         It is also None if no motion connects the two frames.
         """
         first = next(each for each in interval.outputs if each.is_interpolated)
-        if output.step != first.step or interval.pair.is_discontinuous(*neighbours):
+        if output.step != first.step or pair.is_discontinuous:
             return None
         places = self.place(interval.group[0]), self.place(interval.following)
-        return PairMotion(*places, *(field.flow for field in interval.pair.fields))
+        return PairMotion(*places, *(field.flow for field in pair.fields))
 
     def place(self, source: SourceFrame) -> int:
         """Return the place of a frame in the clip, from 0."""
@@ -496,28 +493,27 @@ def _masked(frame: Frame, nearest: SourceFrame | None, mask: FrameMask | None) -
 
 def _tasks(clip: _LoopState, groups: Iterable[tuple[SourceFrame, ...]]) -> Iterator[Callable[[], Made]]:
     """Yield the tasks in order, one per part of an interval, so that many frames between two take no extra memory."""
-    for before, interval, after in with_neighbours(clip.intervals(groups)):
+    for before, interval, after in triplewise(clip.intervals(groups)):
         if clip.outputs.is_past(interval.first_output - 2):  # two frames tell when the last one and its exposure end
             return
         if clip.curve is not None and before is not None and before.group[0].frame.time - clip.start > clip.curve.top:
             return
-        neighbours = None if before is None else before.pair, None if after is None else after.pair
+        pair = interval.pair.between(None if before is None else before.pair, None if after is None else after.pair)
         for begin in range(0, max(len(interval.outputs), 1), FRAMES_PER_TASK):
-            yield partial(_make, clip, interval, neighbours, begin)
+            yield partial(_make, clip, interval, pair, begin)
 
 
-def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: int) -> Made:
+def _make(clip: _LoopState, interval: _Interval, pair: Pair, begin: int) -> Made:
     """Make the output frames of a part of an interval; those that are not needed carry any image."""
-    interval.resolve(neighbours, may_be_still=clip.interpolator.replacement is None)
+    interval.resolve(pair, may_be_still=clip.interpolator.replacement is None)
     outputs = interval.outputs[begin : begin + FRAMES_PER_TASK]
-    pair = interval.pair
     mask = None if clip.has_exposures else clip.interpolator.mask
     times = [each.step.t for each in outputs if clip.makes(each)]
     images: Iterator[InterpolatedImage] = iter(())
     # an interval of which nothing is made is needed all the same to count its cut, unless another run counts it
     if times or (clip.counts(interval) and any(each.is_interpolated for each in interval.outputs)):
-        images = clip.interpolator.images(pair, times, *neighbours, with_confidence=clip.needs_confidence)
-        interval.scene_cut = pair.is_cut(*neighbours)
+        images = clip.interpolator.images(pair, times, with_confidence=clip.needs_confidence)
+        interval.scene_cut = pair.is_cut
     finished = list[_Output]()
     for output in outputs:
         if not output.is_interpolated:  # between frames that show the same, a repeated one is certain
@@ -525,7 +521,7 @@ def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: 
             continue
         source = output.source.frame
         image, confidence = next(images) if clip.makes(output) else (source.image, None)
-        motion = clip.motion(interval, neighbours, output) if clip.needs_motion else None
+        motion = clip.motion(interval, pair, output) if clip.needs_motion else None
         frame = Frame(image, output.step.time, preceding=source.original, confidence=confidence, motion=motion)
         finished.append(output._replace(frame=_masked(frame, output.nearest, mask) if clip.makes(output) else frame))
     if begin == 0 and clip.counts(interval) and not interval.scene_cut:

@@ -157,7 +157,7 @@ def draw_clip(folder: Path, method: Interpolator, count: int, seed: int) -> list
     drawn = []
     for n, pair in enumerate(pairs):
         before, after = pairs[n - 1] if n else None, pairs[n + 1] if n + 1 < len(pairs) else None
-        framed = method.frame_pair(pair, before, after)
+        framed = method.frame_pair(pair.between(before, after))
         drawn.append(draw_patches(framed, method.synthesizer, frames[2 * n + 1], count, seed + n))
     return drawn
 

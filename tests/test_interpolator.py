@@ -18,6 +18,7 @@ from fpsboost import (
     interpolate,
     interpolate_with_confidence,
     methods,
+    with_neighbours,
 )
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.synthesis.reproject import Reproject
@@ -242,8 +243,8 @@ def test_neighbouring_pairs_bend_the_path(motion):
     (before, pair, after), truth = three_pairs(nlm, velocity=motion[0], acceleration=motion[1])
     inner = slice(14, -14)
     straight, *bent = (
-        off_by(next(nlm.images(pair, [0.5], *neighbours)).image, truth)[inner, inner].mean()
-        for neighbours in ((), (before, None), (None, after), (before, after))
+        off_by(next(nlm.images(pair.between(*neighbours), [0.5])).image, truth)[inner, inner].mean()
+        for neighbours in ((None, None), (before, None), (None, after), (before, after))
     )
     assert max(bent[:2]) < straight * 0.5
     assert bent[2] < straight * 0.9
@@ -253,7 +254,7 @@ def test_neighbouring_pairs_bend_the_path(motion):
 def test_methods_that_go_straight_ignore_their_neighbours(method):
     """The report's method, what others do, and those without motion make the same image with neighbours and without."""
     (before, pair, after), _ = three_pairs(methods[method], velocity=(4, -2), acceleration=(2, 1))
-    alone, among = (methods[method].images(pair, [0.5], *each) for each in ((), (before, after)))
+    alone, among = (methods[method].images(each, [0.5]) for each in (pair, pair.between(before, after)))
     np.testing.assert_array_equal(next(alone).image, next(among).image)
 
 
@@ -265,7 +266,7 @@ def test_a_cut_is_no_neighbour():
     cut_before, cut_after = nlm.pair(other, pair.image0), nlm.pair(pair.image1, other)
     neighbours = [(None, None), (cut_before, cut_after), (before, None), (before, cut_after)]
     neighbours += [(None, after), (cut_before, after)]
-    images = [next(nlm.images(pair, [0.5], *each)).image for each in neighbours]
+    images = [next(nlm.images(pair.between(*each), [0.5])).image for each in neighbours]
     assert (images[0] != images[2]).any()
     for one, with_cut in zip(images[::2], images[1::2], strict=True):
         np.testing.assert_array_equal(one, with_cut)
@@ -295,9 +296,9 @@ def test_originals_and_the_order_of_times_survive_light_and_overlays(method, sce
     """Frames at t = 0 and 1 come out to the bit, as copies; every image is where its time was, and as it is alone."""
     interpolator = replace(methods[method], cuts=None)
     frames = eventful(scene, dtype)
-    before, pair, after = (interpolator.pair(*each) for each in pairwise(prepared(*frames)))
+    _, pair, _ = with_neighbours(interpolator.pair(*each) for each in pairwise(prepared(*frames)))
     times = [1, 0.75, 0, Fraction(1, 4), 0.75, Fraction(1)]
-    images = [image for image, _ in interpolator.images(pair, times, before, after)]
+    images = [image for image, _ in interpolator.images(pair, times)]
     assert len(images) == len(times)
     for t, image in zip(times, images, strict=True):
         assert image.dtype == dtype
@@ -306,7 +307,7 @@ def test_originals_and_the_order_of_times_survive_light_and_overlays(method, sce
             np.testing.assert_array_equal(image, frames[1 + int(t)])
             assert not np.shares_memory(image, frames[1 + int(t)])
         else:
-            np.testing.assert_array_equal(image, next(interpolator.images(pair, [t], before, after)).image)
+            np.testing.assert_array_equal(image, next(interpolator.images(pair, [t])).image)
     np.testing.assert_array_equal(images[1], images[4])
     assert (images[1] != images[3]).any()
 
@@ -328,7 +329,7 @@ def test_cuts_repeat_the_nearer_frame_or_mix():
     times = [0.25, Fraction(1, 2), 0.75, 1]
     nlm = methods["nlm"]
     pair = nlm.pair(*prepared(image0, image1))
-    assert pair.is_cut()
+    assert pair.is_cut
     np.testing.assert_array_equal([image for image, _ in nlm.images(pair, times)], [image0, image0, image1, image1])
     with pytest.warns(SceneCutWarning, match="mixed"):
         mixed = replace(nlm, at_cuts="blend").interpolate(image0, image1, [0.5], cuts=CutDetector())
@@ -344,8 +345,9 @@ def test_at_cuts_each_scene_can_go_on_by_itself(dtype):
     nlm = replace(methods["nlm"], at_cuts="extrapolate")
     images = prepared(first.image0, first.image1, second.image0, second.image1)
     before, pair, after = (nlm.pair(*each) for each in pairwise(images))
-    made = nlm.images(pair, [0.5, 0.75], before, after)
-    assert pair.is_cut(before, after)
+    among = pair.between(before, after)
+    made = nlm.images(among, [0.5, 0.75])
+    assert among.is_cut
     inner = slice(12, -12)
     white = 1 if dtype is np.float32 else 255
     for (image, _), truth, repeated in zip(
@@ -365,7 +367,7 @@ def test_at_cuts_no_scene_goes_on_for_longer_than_is_known():
     nlm = replace(methods["nlm"], at_cuts="extrapolate")
     images = prepared(first.image0, first.image1, second.image0)
     before, pair = (nlm.pair(*each, duration) for each, duration in zip(pairwise(images), (1, 26), strict=True))
-    ((image, _),) = nlm.images(pair, [0.5], before)
+    ((image, _),) = nlm.images(pair.between(before, None), [0.5])
     assert np.abs(image.astype(float) - first.at(2))[12:-12, 12:-12].mean() < 2.55
 
 
@@ -376,12 +378,9 @@ def test_a_flash_is_no_cut_and_nothing_moves_across_it():
     nlm = methods["nlm"]
     for last, expected in ((clip.image1, False), (other, True)):
         first, second = (nlm.pair(*prepared(*each)) for each in pairwise((clip.image0, burnt, last)))
-        for pair, *neighbours, pictures in (
-            (first, None, second, (clip.image0, burnt)),
-            (second, first, None, (burnt, last)),
-        ):
-            assert pair.is_cut(*neighbours) == expected
-            made = nlm.images(pair, [0.25, 0.75], *neighbours)
+        for pair, pictures in zip(with_neighbours([first, second]), [(clip.image0, burnt), (burnt, last)], strict=True):
+            assert pair.is_cut == expected
+            made = nlm.images(pair, [0.25, 0.75])
             np.testing.assert_array_equal([image for image, _ in made], pictures)
 
 

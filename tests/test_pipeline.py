@@ -202,7 +202,7 @@ def test_the_loop_follows_curved_paths():
     pairs = [interpolator.pair(*prepared(a.image, b.image), b.time - a.time) for a, b in pairwise(source)]
     frames, _ = run(source, ByFactor(Fraction(2)), holds=False, interpolator=interpolator)
     for pair, before, after, frame in zip(pairs, [None, *pairs], [*pairs[1:], None], frames[1::2], strict=False):
-        ((expected, _),) = interpolator.images(pair, [0.5], before, after)
+        ((expected, _),) = interpolator.images(pair.between(before, after), [0.5])
         np.testing.assert_array_equal(frame.image, expected)
     straight, _ = run(source, ByFactor(Fraction(2)), holds=False, interpolator=replace(interpolator, curved=False))
     assert all((a.image != b.image).any() for a, b in zip(straight[1::2], frames[1::2], strict=True))

@@ -84,10 +84,10 @@ def test_a_settled_pair_serves_its_neighbours_as_before():
     for settles in (False, True):
         frames = [FrameCache(image) for image in images]
         pairs = [interpolator.pair(*both) for both in pairwise(frames)]
-        list(interpolator.images(pairs[0], [0.5], None, pairs[1]))
+        list(interpolator.images(pairs[0].between(None, pairs[1]), [0.5]))
         if settles:
             pairs[0].release_caches()
-        made.append(next(interpolator.images(pairs[1], [0.5], pairs[0], pairs[2])).image)
+        made.append(next(interpolator.images(pairs[1].between(pairs[0], pairs[2]), [0.5])).image)
     np.testing.assert_array_equal(*made)
 
 

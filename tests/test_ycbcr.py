@@ -153,8 +153,8 @@ def test_cuts_are_treated_in_planes(at_cuts):
     nlm = replace(methods["nlm"], at_cuts=at_cuts)
     frames = [FrameCache(image) for image in (*same, other, other.copy())]
     pairs = [nlm.pair(first, second) for first, second in pairwise(frames)]
-    assert [pair.is_cut(before, after) for before, pair, after in with_neighbours(pairs)] == [False, True, False]
-    ((made, _),) = nlm.images(pairs[1], [0.25], pairs[0], pairs[2])
+    assert [pair.is_cut for pair in with_neighbours(pairs)] == [False, True, False]
+    ((made, _),) = nlm.images(pairs[1].between(pairs[0], pairs[2]), [0.25])
     assert isinstance(made, YCbCrImage) == (at_cuts != "extrapolate")
     if at_cuts == "repeat":
         np.testing.assert_array_equal(made.planes[0], same[1].planes[0])
@@ -192,8 +192,8 @@ def test_conversions_stay_in_planes(tmp_path, pixel_format):
     nlm = methods["nlm"]
     pairs = [nlm.pair(first, second) for first, second in pairwise(frames)]
     expected = []
-    for frame, (before, pair, after) in zip(frames, with_neighbours(pairs), strict=False):
-        expected += [frame.pixels, *(image for image, _ in nlm.images(pair, [0.5], before, after))]
+    for frame, pair in zip(frames, with_neighbours(pairs), strict=False):
+        expected += [frame.pixels, *(image for image, _ in nlm.images(pair, [0.5]))]
     written = pictures_of(tmp_path / "out.mkv")
     assert written[0].format.name == pixel_format
     for picture, image in zip(written, expected, strict=False):

@@ -28,10 +28,9 @@ from fpsboost.evaluation.regions import AREAS, find_regions
 from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult, absolute_error, score
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import view
-from fpsboost.interpolator import with_neighbours
 from fpsboost.kernels.binding import processor_level
 from fpsboost.method_table import methods
-from fpsboost.pair import Pair
+from fpsboost.pair import Pair, triplewise
 from fpsboost.render.folder import VectorFolder
 
 
@@ -156,8 +155,8 @@ def _not_counted(path: str, facts: _Facts, pairs: Iterator[tuple[list[int], Pair
     """
     across_cuts = {
         number
-        for before, (numbers, pair), after in with_neighbours(pairs)
-        if pair.is_discontinuous(*(each and each[1] for each in (before, after)))
+        for before, (numbers, pair), after in triplewise(pairs)
+        if pair.between(before and before[1], after and after[1]).is_discontinuous
         for number in numbers
     }
     cuts = [number for number in facts.hidden if number in across_cuts]

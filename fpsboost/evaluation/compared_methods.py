@@ -21,10 +21,10 @@ from fpsboost.errors import OptionError
 from fpsboost.evaluation.hidden_frames import HeldOutFrame, Interval
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, view
-from fpsboost.interpolator import Interpolator, with_neighbours
+from fpsboost.interpolator import Interpolator
 from fpsboost.media import graph_of, pulled
 from fpsboost.method_table import methods, vector_methods
-from fpsboost.pair import Pair
+from fpsboost.pair import Pair, triplewise
 
 MINTERPOLATE = "minterpolate"
 """Name of FFmpeg's filter among the methods."""
@@ -80,17 +80,15 @@ class ComparedInterpolator:
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
         """Yield the hidden frames; see `ComparedMethod.interpolate`."""
-        for before, (interval, pair), after in with_neighbours(self._pairs(intervals)):
+        for before, (interval, pair), after in triplewise(self._pairs(intervals)):
             chosen = [hidden for hidden in interval.hidden if wanted is None or hidden.number in wanted]
             if chosen:
-                yield from self._timed(pair, chosen, *(each and each[1] for each in (before, after)))
+                yield from self._timed(pair.between(before and before[1], after and after[1]), chosen)
             pair.release_caches()
 
-    def _timed(
-        self, pair: Pair, chosen: Sequence[HeldOutFrame], before: Pair | None, after: Pair | None
-    ) -> Iterator[InterpolatedFrame]:
+    def _timed(self, pair: Pair, chosen: Sequence[HeldOutFrame]) -> Iterator[InterpolatedFrame]:
         """Yield the chosen frames of an interval with the time that each took."""
-        images = self.interpolator.images(pair, [hidden.t for hidden in chosen], before, after)
+        images = self.interpolator.images(pair, [hidden.t for hidden in chosen])
         for hidden in chosen:
             begin = time.perf_counter()
             begin_cpu = time.process_time()

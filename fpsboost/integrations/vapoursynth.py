@@ -270,8 +270,8 @@ class _OutputFrames:
         output_frame = frames[index].copy()
         with _host_errors():
             if self._is_between(number):
-                pair, before, after = self._surroundings(index, frames)
-                ((image, _),) = self._interpolator.images(pair, [t], before, after)
+                pair = self._pair(index, frames)  # in use, so that it is kept
+                ((image, _),) = self._interpolator.images(pair.between(*self._neighbours(index, frames)), [t])
                 for plane, values in enumerate(self._layout.planes(image, output_frame)):
                     np.asarray(output_frame[plane])[:] = values
             self._set_scene_changes(number, output_frame, frames)
@@ -296,13 +296,10 @@ class _OutputFrames:
         last = max([index, *(pair + 2 for pair in pairs), *([] if self._clip.fps else self._shares(number))])
         return range(max(first, 0), min(last, self._last) + 1)
 
-    def _surroundings(self, index: int, frames: Frames) -> tuple[Pair, Pair | None, Pair | None]:
-        """Return a pair and the ones before and after, where there are any."""
-        before, pair, after = (
-            self._pair(each, frames) if 0 <= each < self._last else None for each in (index - 1, index, index + 1)
-        )
-        assert pair is not None, "asked for between two frames"
-        return pair, before, after
+    def _neighbours(self, index: int, frames: Frames) -> tuple[Pair | None, Pair | None]:
+        """Return the pairs before and after another one, where there are any."""
+        before = self._pair(index - 1, frames) if index > 0 else None
+        return before, self._pair(index + 1, frames) if index + 1 < self._last else None
 
     def _pair(self, number: int, frames: Frames) -> Pair:
         """Return a pair by the number of its first frame, made of two of the frames unless it exists."""
@@ -344,8 +341,8 @@ class _OutputFrames:
         """Say whether a scene ends between an output frame and the one before, and the next."""
         for name, pairs in zip(("_SceneChangePrev", "_SceneChangeNext"), self._pairs_beside(number), strict=True):
             if self._finds_cuts:
-                surroundings = [self._surroundings(each, frames) for each in pairs]
-                output_frame.props[name] = int(any(pair.is_cut(before, after) for pair, before, after in surroundings))
+                known = (self._pair(each, frames).between(*self._neighbours(each, frames)) for each in pairs)
+                output_frame.props[name] = int(any(pair.is_cut for pair in known))
             elif name in output_frame.props:
                 del output_frame.props[name]
 

@@ -297,7 +297,7 @@ def self_test(interpolator: Interpolator, image: FrameImage) -> str:
     bare = interpolator.without_vectors()
     frames = [FrameCache(view(image).filled(samples)) for samples in _moving_samples()]
     before, pair, after = (bare.pair(*two) for two in pairwise(frames))
-    return digest_of(*(image for image, _ in bare.images(pair, TIMES, before, after)))
+    return digest_of(*(image for image, _ in bare.images(pair.between(before, after), TIMES)))
 
 
 def digest_of(*images: FrameImage) -> str:

@@ -17,8 +17,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from fpsboost import Frame, FrameCache, Interpolator, Pair, SourcePosition, with_neighbours
-from fpsboost.extension import Image, compared_colours, composite_on_black, view
+from fpsboost import Frame, FrameCache, Interpolator, Pair, SourcePosition
+from fpsboost.extension import Image, compared_colours, composite_on_black, triplewise, view
 from fpsboost.rerender.regions import TileGrid
 
 MIN_ERROR = 1e-7
@@ -119,7 +119,7 @@ def expect_errors(
     def trials(distance: int, first: int) -> list[Trial]:
         trios = _trios(frames, interpolator, factor, distance, first)
         times = [Fraction(1, 2)] if distance > 1 else [Fraction(step, factor) for step in range(1, factor)]
-        return list(in_order(partial(_try, interpolator, each, times, grid) for each in with_neighbours(trios)))
+        return list(in_order(partial(_try, interpolator, each, times, grid) for each in triplewise(trios)))
 
     between = trials(1, 0)
     hidden: list[Trial | None] = [None] * (len(between) + 1)
@@ -185,14 +185,14 @@ def _try(
     grid: TileGrid,
 ) -> Trial:
     """Interpolate between two images, and measure the uncertainty and, where the truth is known, the error."""
-    before, (pair, truth), after = neighbourhood
-    neighbours = before and before[0], after and after[0]
-    if pair.is_discontinuous(*neighbours):  # the nearer frame is repeated, and the other one is right as often
+    before, (plain, truth), after = neighbourhood
+    pair = plain.between(before and before[0], after and after[0])
+    if pair.is_discontinuous:  # the nearer frame is repeated, and the other one is right as often
         apart = grid.means(squared_error(pair.image0.array, pair.image1.array)) / 2
         return Trial(scene_cut=True, doubts=[apart] * len(times), error=None)
-    interpolated = list(interpolator.images(pair, times, *neighbours, with_confidence=True))
+    interpolated = list(interpolator.images(pair, times, with_confidence=True))
     error = None if truth is None else grid.means(squared_error(view(interpolated[0].image).array(), truth))
-    return Trial(pair.is_cut(*neighbours), [grid.means(1 - image.confidence) for image in interpolated], error)
+    return Trial(pair.is_cut, [grid.means(1 - image.confidence) for image in interpolated], error)
 
 
 def _tiles_of(trials: Sequence[Trial]) -> tuple[np.ndarray, np.ndarray]:

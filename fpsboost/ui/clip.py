@@ -151,18 +151,17 @@ def preview_between(job: ConversionJob, time: Fraction) -> dict[str, Any]:
         refuse({f"{info.name} has no two frames at {float(time):g} s; choose an earlier place.": not pairs})
         moments = [findings.in_clip(times[0]) for times in findings.pictures[: len(pairs) + 1]]
         nearest = max((number for number in range(len(pairs)) if moments[number] <= time), default=0)
-        before, pair, after = list(with_neighbours(pairs))[nearest]
+        pair = list(with_neighbours(pairs))[nearest]
         view = View(traits)
         for method in (replace(methods["blend"], at_cuts="blend"), job.method):
-            ((image, _),) = method.images(pair, [0.5], before, after)
+            ((image, _),) = method.images(pair, [0.5])
             view.add(Frame(image, Fraction(0)), Fraction(0))
-        is_cut = pair.is_cut(before, after)
         ends = moments[nearest : nearest + 2]
     names = [format_time(end) if images is None else images.files[round(end * info.rate)].name for end in ends]
     return {
         "images": [data_uri(each, "jpeg") for each in view.pictures],
         "between": f"between {' and '.join(names)}",
-        "is_cut": is_cut,
+        "is_cut": pair.is_cut,
     }
 
 

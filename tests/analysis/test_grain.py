@@ -229,7 +229,7 @@ def test_overlays_have_no_grain():
         images.append(FrameCache(as_type(colours, np.uint8), None, SourcePosition(k, Fraction(k))))
     method = replace(methods["nlm"], cuts=None, match_grain=True)
     before, pair, after = (method.pair(*each) for each in pairwise(images))
-    ((made, _),) = method.images(pair, [0.5], before, after)
+    ((made, _),) = method.images(pair.between(before, after), [0.5])
     assert (made[title] >= 254).mean() > 0.98
 
 

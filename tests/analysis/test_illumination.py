@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from fpsboost import CutDetector, methods
+from fpsboost import CutDetector, methods, with_neighbours
 from fpsboost.analysis.illumination import estimate_illumination
 from support.truth import affine, as_type, layers, moved_waves, noise, prepared, translation, white_of
 
@@ -170,9 +170,9 @@ def test_a_fade_over_several_frames_is_one_scene():
     at = lit_clip(0.5, 0, (4, -2))
     images = prepared(*(at(t) for t in (0, 0.5, 1, 1.5)))  # to a quarter of the light
     pairs = [NLM.pair(*each) for each in pairwise(images)]
-    for k, (before, pair, after) in enumerate(zip([None, *pairs], pairs, [*pairs[1:], None], strict=False)):
-        assert not pair.is_cut(before, after)
-        assert error(next(NLM.images(pair, [0.5], before, after)).image, at(k / 2 + 0.25)) < 0.5
+    for k, pair in enumerate(with_neighbours(pairs)):
+        assert not pair.is_cut
+        assert error(next(NLM.images(pair, [0.5])).image, at(k / 2 + 0.25)) < 0.5
 
 
 # ----------------------------------------------------------------------------------------------------------- one place
@@ -249,8 +249,8 @@ def test_a_flash_in_one_place_is_followed_into_and_out_of():
     for name, light in lights.items():
         clip = [as_type(0.6 * at(n) * (1 + each), np.uint8) for n, each in enumerate(light)]
         pairs = [NLM.pair(*each) for each in pairwise(prepared(*clip))]
-        for n, (before, pair, after) in enumerate(zip([None, *pairs], pairs, [*pairs[1:], None], strict=False)):
+        for n, pair in enumerate(with_neighbours(pairs)):
             truth = as_type(0.6 * at(n + 0.5) * (1 + (light[n] + light[n + 1]) / 2), np.uint8)
-            assert not pair.is_cut(before, after), name
-            ((image, _),) = NLM.images(pair, [0.5], before, after)
+            assert not pair.is_cut, name
+            ((image, _),) = NLM.images(pair, [0.5])
             assert error(image, truth) < error(made(PLAIN, *clip[n : n + 2]), truth) / 2, name

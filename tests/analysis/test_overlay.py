@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from fpsboost import Coding, methods
+from fpsboost import Coding, methods, with_neighbours
 from fpsboost.analysis.overlay import DILATION_RADIUS, find_overlay
 from fpsboost.io.video.ycc import bgr_of, from_bgr, in_planes
 from support.truth import CutsWhere, as_type, equal_luma, moved_waves, noise, prepared, waves, white_of
@@ -44,8 +44,8 @@ def three_pairs(at):
 
 def kept_and_moved(at, t=0.5):
     """The image at t with overlays kept, and without; with word of both neighbours."""
-    before, pair, after = three_pairs(at)
-    return [next(each.images(pair, [t], before, after)).image for each in (KEEPING, MOVING)]
+    _, pair, _ = with_neighbours(three_pairs(at))
+    return [next(each.images(pair, [t])).image for each in (KEEPING, MOVING)]
 
 
 def found(at):
@@ -169,8 +169,8 @@ def test_neighbours_in_another_scene_tell_nothing():
     images = prepared(*(panning((12, 0), letters())(t) for t in (-1, 0, 1, 2)))
     interpolator = replace(KEEPING, cuts=CutsWhere(lambda *two: list(two) != images[1:3]))
     before, pair, after = (interpolator.pair(*each) for each in pairwise(images))
-    assert [each.is_cut() for each in (before, pair, after)] == [True, False, True]
-    among, alone = (next(interpolator.images(pair, [0.5], *each)) for each in ((before, after), (None, None)))
+    assert [each.is_cut for each in (before, pair, after)] == [True, False, True]
+    among, alone = (next(interpolator.images(each, [0.5])) for each in (pair.between(before, after), pair))
     np.testing.assert_array_equal(among.image, alone.image)
 
 

@@ -144,9 +144,9 @@ def test_the_rendered_scenes_hold_no_cut(scene_name):
     images = [FrameCache(cv2.imread(str(path))) for path in paths]
     pairs = [methods["nlm"].pair(*pair) for pair in zip(images[:-2], images[2:], strict=True)]
     assert len(pairs) == 23
-    assert not any(pair.is_cut() for pair in pairs)
+    assert not any(pair.is_cut for pair in pairs)
     for pairs_of_a_sequence in (pairs[::2], pairs[1::2]):
-        assert not any(pair.is_cut(before, after) for before, pair, after in with_neighbours(pairs_of_a_sequence))
+        assert not any(pair.is_cut for pair in with_neighbours(pairs_of_a_sequence))
 
 
 def pairs_of(images, durations):
@@ -161,8 +161,8 @@ def test_frames_farther_apart_in_time_match_less_and_are_no_cut(scene_name):
     paths = [SCENES / scene_name / f"{number:04}.png" for number in (6, 7, 12, 13)]
     images = [FrameCache(cv2.imread(str(path))) for path in paths]
     before, pair, after = pairs_of(images, (1, 5, 1))
-    assert not pair.is_cut(before, after)
-    assert methods["nlm"].pair(*images[1:3]).is_cut(before, after) == (scene_name == "reflective")
+    assert not pair.between(before, after).is_cut
+    assert methods["nlm"].pair(*images[1:3]).between(before, after).is_cut == (scene_name == "reflective")
 
 
 @pytest.mark.parametrize("duration", [1, 5, 30])
@@ -171,7 +171,7 @@ def test_cuts_after_a_pause_are_found(duration):
     one, same, other, moved = (as_type(moved_waves((90, 120), dx, 0, 3, seed), np.uint8) for dx, seed in MOVES)
     images = prepared(one, same, other, moved)
     before, pair, after = pairs_of(images, (1, duration, 1))
-    assert pair.is_cut(before, after)
+    assert pair.between(before, after).is_cut
 
 
 def found_cuts(frames):
@@ -180,8 +180,7 @@ def found_cuts(frames):
     held = list(group_duplicates(shown, DuplicateDetector()))
     pairs = [methods["nlm"].pair(first[0], second[0]) for first, second in pairwise(held)]
     ends = np.cumsum([len(each) for each in held]) - 1
-    triples = with_neighbours(pairs)
-    return {int(end) for end, (before, pair, after) in zip(ends, triples, strict=False) if pair.is_cut(before, after)}
+    return {int(end) for end, pair in zip(ends, with_neighbours(pairs), strict=False) if pair.is_cut}
 
 
 def test_cuts_are_told_from_all_that_only_looks_like_one():

@@ -95,7 +95,7 @@ def converted(method: str, kind: str, size: Size) -> list[InterpolatedImage]:
     interpolator = find_method(method, vectors if kind == "vectors" else None)
     frames = [FrameCache(KINDS[kind](k, size), output_position=Fraction(2 * k)) for k in range(4)]
     pairs = [interpolator.pair(*frames[k : k + 2]) for k in range(3)]
-    return list(interpolator.images(pairs[1], [0.5], pairs[0], pairs[2], with_confidence=True))
+    return list(interpolator.images(pairs[1].between(pairs[0], pairs[2]), [0.5], with_confidence=True))
 
 
 def digests(made: InterpolatedImage) -> list[str]:

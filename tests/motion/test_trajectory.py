@@ -96,7 +96,7 @@ def test_a_disc_creeps_evenly_while_the_times_of_frames_pause(pause, method):
     images = prepared(*(cv2.circle(ground.copy(), (48 + 4 * k, 48), 15, (80, 80, 240), -1) for k in range(4)))
     before, pair, after = (interpolator.pair(*images[k : k + 2], times[k + 1] - times[k]) for k in range(3))
     moments = np.linspace(0, 1, 9)[1:-1]
-    shown = interpolator.images(pair, list(moments), before, after)
+    shown = interpolator.images(pair.between(before, after), list(moments))
     places = [np.nonzero(image[..., 2] > 150)[1].mean() for image, _ in shown]
     np.testing.assert_allclose(places, 52 + 4 * moments, atol=0.75)
 

@@ -81,7 +81,7 @@ def test_a_thin_rod_is_whole_near_either_frame(width, quarters):
     for seed in range(4):
         at = rod_over_lines(width, seed)
         before, pair, after = (nlm.pair(*each) for each in pairwise(prepared(*(at(t)[0] for t in (-1, 0, 1, 2)))))
-        for t, made in zip(times, nlm.images(pair, times, before, after), strict=True):
+        for t, made in zip(times, nlm.images(pair.between(before, after), times), strict=True):
             truth, columns = at(t)
             around = [made.image[rows, columns[rows] + across, 0].astype(int) for across in range(-2, 3)]
             lacking.append(np.min(around, 0) - truth[rows, columns[rows], 0] > 60)
