@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -48,6 +49,20 @@ def pytest_collection_finish() -> None:
 def pytest_unconfigure() -> None:
     """Let OpenImageIO be torn down, which would print what is left of it."""
     gc.unfreeze()
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """With ``--durations``, print how many seconds the tests of each folder took, in all processes together."""
+    if config.getoption("durations") is None:
+        return
+    seconds: Counter[str] = Counter()
+    for report in (each for reports in terminalreporter.stats.values() for each in reports):
+        if isinstance(report, pytest.TestReport):
+            folder = "/".join(Path(report.location[0]).parent.parts[:2])
+            seconds.update({folder: report.duration, "total": report.duration})
+    terminalreporter.section("seconds by folder")
+    for folder, duration in seconds.most_common():
+        terminalreporter.write_line(f"{duration:7.1f}  {folder}")
 
 
 @pytest.fixture
