@@ -49,14 +49,16 @@ Convert = Callable[[Any, list[Hashable]], bytes]
 whole numbers, and the types and shapes of arrays."""
 
 
-class Scratch(NamedTuple):
-    """Work memory of a kernel, which allocates none itself. None asks for the number of bytes that the kernel needs.
-
-    A description ends with it as a parameter that is None by default; each call of the kernel makes the memory.
-    """
+class WorkMemory(NamedTuple):
+    """Work memory of a kernel, which allocates none itself."""
 
     address: int
     size: int
+
+
+Scratch = WorkMemory | None
+"""Last parameter of a kernel that needs work memory. None asks for the number of bytes that the kernel needs; each call
+makes the memory."""
 
 
 class Compared(NamedTuple):

@@ -78,7 +78,7 @@ def blend_hypotheses(
     context: PairContext | None,
     value_range: ValueRange,
     blended: Blended,
-    scratch: Scratch | None = None,
+    scratch: Scratch = None,
 ) -> None:
     """Write the in-between frame, one row of nodes at a time; without `context`, by plain weights.
 
@@ -97,7 +97,7 @@ def find_dominant_motion(
     weighting: Weighting,
     weights: Annotated[Array, "float32 (height, width)"],
     places: Annotated[Array, "float32 (4, height, width)"],
-    scratch: Scratch | None = None,
+    scratch: Scratch = None,
 ) -> None:
     """Write where each pixel lies in both frames along the candidate with the largest weight.
 
@@ -137,7 +137,7 @@ def describe_node(
     mixed: Annotated[Array, "float32 (room, planes, samples == WINDOW * WINDOW)"],
     change: Annotated[Array, "float32 (room, planes, samples)"],
     count: Annotated[Array, "int64 (1,)"],
-    scratch: Scratch | None = None,
+    scratch: Scratch = None,
 ) -> None:
     """Write the inputs of the learnt weights for the compared candidates of a node.
 

@@ -25,7 +25,7 @@ def mark_overlay(
     same: int,
     different: int,
     marks: Annotated[Array, "uint8 (height, width)"],
-    scratch: Scratch | None = None,
+    scratch: Scratch = None,
 ) -> None:
     """Find the pixels that stay the same although their surroundings move.
 

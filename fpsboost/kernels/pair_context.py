@@ -63,7 +63,7 @@ def measure_support(
     context: PairContext,
     t: np.float32,
     support: Annotated[Array, "float32 (rows, columns, room)"],
-    scratch: Scratch | None = None,
+    scratch: Scratch = None,
 ) -> None:
     """Write how far the neighbours of each node agree with each of its candidates, the support of `PairContext`.
 

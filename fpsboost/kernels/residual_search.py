@@ -1,4 +1,4 @@
-"""Improvement of the motion of one level: the residual search for small objects, and fractions of a pixel.
+"""Residual search for small objects that the motion of their surroundings does not explain.
 
 A patch that is much larger than an object follows the background, and the object is lost on the coarsest level already.
 But then neither the object nor, in the other frame, its new position has a match along the motion of the surroundings.
@@ -57,32 +57,4 @@ def loosen_ties(
     - `tolerance`: maximum forward-backward error of new motion, pixels
     - `weak`: share of the smoothness that applies to points with such motion; 1 applies to all others
     - `ties`: out
-    """
-
-
-@compiled
-def refine_bidirectional(
-    pair: PlanePair,
-    step: int,
-    tail: np.float32,
-    damping: np.float32,
-    largest: np.float32,
-    steps: int,
-    refined: Annotated[Array, "float32 (2, down, across, 2) or empty"],
-    flow: Annotated[Array, "float32 (2, down == -(-height // step), across == -(-width // step), 2)"],
-) -> None:
-    """Refine the vector of every point of both frames by least-squares steps on its window.
-
-    A vector is moved to minimise the difference of the two frames in the window (Lucas and Kanade 1981). Each pixel of
-    the window is weighted by its similarity, as in the search, so that another object in it has no influence.
-
-    - `pair`: in levels, with at least 8 columns more on the right
-    - `step`: distance between points, pixels
-    - `tail`: rate at which the weight of a pixel falls with its squared difference in levels
-    - `damping`: added to the squared gradients; prevents steps in flat areas
-    - `largest`: maximum step along x and y, pixels
-    - `steps`: maximum number of steps: a vector whose rounded value changes is rounded and refined again
-    - `refined`: vectors that were refined before, or none of any frame; a vector that rounds to the same whole pixels
-      takes that value
-    - `flow`: motion in both directions, rounded to whole pixels at first; updated in place
     """

@@ -22,7 +22,7 @@ def find_coefficients(
     unit: np.float32,
     weights: Annotated[Array, "float32 (stages <= 5,)"],
     coefficients: Annotated[Array, "float32 (channels, rows == height + 2 * MARGIN, columns >= width + 2 * MARGIN)"],
-    scratch: Scratch | None = None,
+    scratch: Scratch = None,
 ) -> None:
     """Compute the B-spline coefficients of planes, whose edges are repeated.
 

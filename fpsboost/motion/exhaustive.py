@@ -32,7 +32,7 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.image import check_pair
 from fpsboost.kernels.constants import LANES, MAX_PATCH_RADIUS
 from fpsboost.kernels.planes import UNIT, PlanePair, colour_scale
-from fpsboost.kernels.search import ShortestMotion, find_shortest
+from fpsboost.kernels.shortest import ShortestMotion, find_shortest
 from fpsboost.motion.components import contrast_components, padded_planes, small_copy
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import PatchWindow, search_by_passes, search_fused

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 
 from fpsboost.kernels.constants import LANES
+from fpsboost.kernels.full_search import BestOffsets, rank_offsets, search
 from fpsboost.kernels.planes import UNIT, colour_scale
-from fpsboost.kernels.search import BestOffsets, rank_offsets, search
 from fpsboost.motion.components import Components, padded_planes
 from fpsboost.motion.field import MotionField
 

@@ -26,10 +26,10 @@ from fpsboost.colour import normalised
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels, check_pair, view
 from fpsboost.kernels.constants import MAX_TILE_PATCH_RADIUS
-from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, search_level
+from fpsboost.kernels.level_search import PADDING, CoarseMotion, LevelSettings, Points, search_level
 from fpsboost.kernels.planes import PlanePair, colour_scale, level_scale, truncation
-from fpsboost.kernels.residual_search import loosen_ties, refine_bidirectional, search_residuals_bidirectional
-from fpsboost.kernels.tiles import PADDING
+from fpsboost.kernels.refine import refine_bidirectional
+from fpsboost.kernels.residual_search import loosen_ties, search_residuals_bidirectional
 from fpsboost.motion.components import contrast_components, contrast_planes
 from fpsboost.motion.field import MotionField, spread_points
 from fpsboost.motion.full_search import search_fused

@@ -11,7 +11,7 @@ class Workspace {
   uintptr_t begin, end, next;
 
 public:
-  explicit Workspace(const Scratch &block)
+  explicit Workspace(const WorkMemory &block)
       : begin((uintptr_t(block.address) + LINE - 1) / LINE * LINE), end(uintptr_t(block.address + block.size)),
         next(block.address ? begin : LINE) {}
   bool is_counting() const { return !begin; }

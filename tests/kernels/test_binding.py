@@ -11,10 +11,10 @@ from recorded_calls import KERNELS
 from fpsboost.kernels import binding
 from fpsboost.kernels.block import SearchPlan, match_blocks
 from fpsboost.kernels.candidates import Candidates, list_candidates, no_votes
+from fpsboost.kernels.level_search import PADDING, OffsetLists, Proposals, search_tiles
 from fpsboost.kernels.pair_context import count_landings
 from fpsboost.kernels.planes import CodeLevels, split_planes
 from fpsboost.kernels.reproject import fetch_both, splat
-from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals, search_tiles
 from support.planes import plane_pair
 from support.truth import noise
 
@@ -22,6 +22,13 @@ ROOT = binding.LIBRARY.parents[2]
 
 ENDS = ((), np.int32), ((2,), np.float32), ((2, 2), np.float32)
 """Of the shapes of lists of two offsets, and their types."""
+
+
+@pytest.mark.parametrize("name", KERNELS)
+def test_a_kernel_stands_in_files_of_one_name(name):
+    """Its description in Python, and its definition in C++."""
+    module = KERNELS[name].__module__.rpartition(".")[2]
+    assert f", {name}, " in binding.LIBRARY.with_name(f"{module}.cpp").read_text("utf-8")
 
 
 @pytest.mark.parametrize("name", KERNELS)

@@ -3,8 +3,17 @@
 import numpy as np
 import pytest
 
-from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, choose_labels, search_level
-from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals, search_tiles
+from fpsboost.kernels.level_search import (
+    PADDING,
+    CoarseMotion,
+    LevelSettings,
+    OffsetLists,
+    Points,
+    Proposals,
+    choose_labels,
+    search_level,
+    search_tiles,
+)
 from fpsboost.motion.field import resample_points
 from support.planes import plane_pair, points
 from support.truth import noise

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from fpsboost.kernels.residual_search import refine_bidirectional
+from fpsboost.kernels.refine import refine_bidirectional
 from support.planes import plane_pair, points
 from support.truth import moved_waves, noise
 from support.twins import refined

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from fpsboost.kernels import tiles
+from fpsboost.kernels import level_search
 from fpsboost.kernels.constants import TILE
-from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals
+from fpsboost.kernels.level_search import PADDING, OffsetLists, Proposals
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_by_passes, search_fused
 from support.planes import plane_pair
@@ -130,7 +130,7 @@ def list_tiles(
     around = 2 * radius if proposals is None else 0
     proposals = proposals or Proposals(still, np.full_like(still, expected), 1)
     lists = OffsetLists(count, best, flows)
-    tiles.search_tiles(pair, proposals, step, around, radius, patch_radius, every, lists)
+    level_search.search_tiles(pair, proposals, step, around, radius, patch_radius, every, lists)
     return count, best, flows
 
 

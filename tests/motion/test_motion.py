@@ -17,7 +17,7 @@ from fpsboost import CutDetector, FrameCache, MotionEstimator, OptionError, Vect
 from fpsboost.colour import colour_components
 from fpsboost.kernels.constants import LANES
 from fpsboost.kernels.planes import UNIT, PlanePair, colour_scale
-from fpsboost.kernels.search import ShortestMotion, find_shortest
+from fpsboost.kernels.shortest import ShortestMotion, find_shortest
 from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.components import contrast_components, padded_planes
 from fpsboost.motion.exhaustive import ExhaustiveSearch, choose_search_radius

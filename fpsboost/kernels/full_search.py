@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.kernels.binding import Array, Scratch, compiled
-from fpsboost.kernels.planes import PlanePair
 
 
 class BestOffsets(NamedTuple):
@@ -53,7 +52,7 @@ def search(
     found01: BestOffsets,
     found10: BestOffsets,
     weights: Annotated[Array, "float32 (taps <= 2 * MAX_PATCH_RADIUS + 1,)"],
-    scratch: Scratch | None = None,
+    scratch: Scratch = None,
 ) -> None:
     """Compare every pixel with those to which any offset leads, in both directions.
 
@@ -66,41 +65,4 @@ def search(
     - `found10`: column L is the first of the image
     - `weights`: those of one axis of a separable window, symmetric, (2r + 1,); not used if the similarity is int32,
       which is the sum over a box
-    """
-
-
-class ShortestMotion(NamedTuple):
-    """Motion that explains each point."""
-
-    own: Annotated[Array, "float32 (down, across and patch_radius < padding)"]
-    """Similarity of the point's own motion, 0 to 1; negative where it leads out of the frame."""
-    best: Annotated[Array, "float32 (down, across)"]
-    """Largest similarity of all motions compared."""
-    shortest: Annotated[Array, "float32 (down, across)"]
-    """Larger component of the shortest motion whose similarity is sufficient, pixels."""
-
-
-@compiled
-def find_shortest(
-    pair: PlanePair,
-    step: int,
-    patch_radius: int,
-    support_radius: int,
-    tolerance: np.float32,
-    flow: Annotated[Array, "float32 (down == -(-height // step), across == -(-width // step), 2)"],
-    motion: ShortestMotion,
-) -> None:
-    """Compare each point's motion with the motions of the points around it, and with zero motion.
-
-    In a repeated pattern, many motions are equally similar, and a search for the most similar patch returns any of
-    them. Comparison with the shorter motions of the surroundings shows which length is necessary.
-
-    - `pair`: float32, scaled by `colour_scale`; the padding is larger than the radius, and there are LANES columns more
-      on the right
-    - `step`: distance between points, pixels
-    - `patch_radius`: radius r of the compared patch, at most 7 pixels
-    - `support_radius`: points in each direction whose motion is compared
-    - `tolerance`: amount by which the similarity of a shorter motion may be lower
-    - `flow`: rounded to whole pixels for the comparison
-    - `motion`: out
     """

@@ -1,6 +1,7 @@
-// How far neighbouring nodes agree on a motion, which a node alone cannot tell where texture is weak.
+// Context of a pair for the learnt weights: how many points land where, and how far neighbouring nodes agree.
 //
-// Each candidate is compared with those that its neighbours believe in, by their votes and by the luma around them.
+// A node alone cannot tell which motion is right where texture is weak. Each candidate is therefore compared with those
+// that its neighbours believe in, by their votes and by the luma around them.
 #include "fusion_features.h"
 
 namespace {
@@ -61,6 +62,25 @@ float agreement(Int row, Int column, const Motion &motion, const Candidates &can
 }
 
 }  // namespace
+
+// Counts how many points of a frame land around each point of the in-between frame.
+KERNEL(void, count_landings, CountLandings) {
+  const View<const float, 3> points(a.points);
+  const View<float, 2> landings(a.landings);
+  const Int rows = landings.shape[0], columns = landings.shape[1];
+  const float t = float(a.t), step = float(a.step), limit = 2;
+  for (Int i = 0; i < rows * columns; i++) landings.data[i] = 0;
+  for (Int i = 0; i < rows; i++)
+    for (Int j = 0; j < columns; j++) {
+      const float x = float(j) + t * points(i, j, 0) / step, y = float(i) + t * points(i, j, 1) / step;
+      const Int left = Int(__builtin_floorf(x)), top = Int(__builtin_floorf(y));
+      for (Int row = most(top, Int(0)); row < least(top + 2, rows); row++)
+        for (Int column = most(left, Int(0)); column < least(left + 2, columns); column++) {
+          const float share = (1 - absolute(x - float(column))) * (1 - absolute(y - float(row)));
+          landings(row, column) = least(landings(row, column) + share, limit);
+        }
+    }
+}
 
 KERNEL(Int, measure_support, MeasureSupport) {
   const View<float, 3> support(a.support);
