@@ -17,7 +17,7 @@ from fpsboost.analysis.overlay import find_overlay, keep_overlay
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy, counts_frames
 from fpsboost.analysis.still_parts import find_still_parts
 from fpsboost.errors import OptionError, SceneCutWarning, refuse
-from fpsboost.frame import ClipInfo, Frame
+from fpsboost.frame import ClipInfo
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, TakesPlanes, check_pair, check_values, view
 from fpsboost.motion import MotionEstimator
@@ -55,8 +55,8 @@ class FrameMask(Protocol):
     def parts(self) -> tuple[Callable[[FrameCache], FrameCache], ...]:
         """What is behind the areas of a frame, and what they show, to be interpolated apart; none if they are kept."""
 
-    def keep(self, frame: Frame, nearest: FrameCache) -> Frame:
-        """Return an interpolated frame with these areas of the frame of the source that is nearest in time."""
+    def keep(self, made: InterpolatedImage, nearest: FrameCache) -> InterpolatedImage:
+        """Return an interpolated image with these areas of the frame of the source that is nearest in time."""
 
     def fitted(self, info: ClipInfo, matrix: tuple[int, ...] | None, times: Sequence[Fraction] | None) -> Self:
         """Return the mask for a clip, or raise `InputError` if it is of another size or number of frames.

@@ -17,7 +17,7 @@ import numpy as np
 
 from fpsboost.colour import has_alpha, normalised
 from fpsboost.errors import InputError, explained, refuse
-from fpsboost.frame import ClipInfo, Frame
+from fpsboost.frame import ClipInfo
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Pixels, rounding_offset, view
 from fpsboost.io.images.files import read_image
@@ -117,15 +117,13 @@ class Mask:
             )
         return levels[..., 0] / np.float32(255)
 
-    def keep(self, frame: Frame, nearest: FrameCache) -> Frame:
-        """Return a frame with the areas of another one of the source that are kept, which are certain."""
+    def keep(self, made: InterpolatedImage, nearest: FrameCache) -> InterpolatedImage:
+        """Return an image with the areas of a frame of the source that are kept, which are certain."""
         weights = self.weight(nearest)
-        return replace(
-            frame,
-            # where the light changes, frames of planes are made in BGR
-            image=_with_picture(frame.image, _put_over(frame.pixels, view(nearest.image).picture, weights)),
-            confidence=None if frame.confidence is None else np.maximum(frame.confidence, weights),
-        )
+        # where the light changes, frames of planes are made in BGR
+        kept = _put_over(view(made.image).picture, view(nearest.image).picture, weights)
+        confidence = None if made.confidence is None else np.maximum(made.confidence, weights)
+        return InterpolatedImage(_with_picture(made.image, kept), confidence)
 
     def background(self, frame: FrameCache) -> FrameCache:
         """Return what is behind the mask: where it hides that, the nearest pixels around it."""

@@ -172,7 +172,7 @@ class Findings:
         shown = self.shown(frames)
         self.repeats = None if detector is None else Repeats(detector)
         for group in zip(shown) if self.repeats is None else self.repeats.groups(shown):
-            self.pictures.append([each.frame.time for each in group])
+            self.pictures.append([each.time for each in group])
             if last is not None:
                 yield interpolator.pair(last, group[0])
             last = group[0]

@@ -79,7 +79,7 @@ class Repeats:
     def _measured(self, frames: Iterable[SourceFrame]) -> Iterator[SourceFrame]:
         before: SourceFrame | None = None
         for frame in frames:
-            self.times.append(frame.frame.time)
+            self.times.append(frame.time)
             self.differences.append(math.inf if before is None else self.detector.difference(before, frame))
             yield frame
             before = frame

@@ -153,7 +153,9 @@ class SourceFrame(FrameCache):
     Parameters
     ----------
     frame : Frame
-        The frame, at its presentation time.
+        The frame, as the source gives it.
+    time : Fraction, optional
+        Its presentation time, seconds; its own by default.
     output_position, source_position : optional
         See `FrameCache`.
     """
@@ -161,11 +163,13 @@ class SourceFrame(FrameCache):
     def __init__(
         self,
         frame: Frame,
+        time: Fraction | None = None,
         output_position: Fraction | None = None,
         source_position: SourcePosition | None = None,
     ) -> None:
         super().__init__(frame.image, output_position, source_position)
         self.frame = frame
+        self.time = frame.time if time is None else time
 
     @property
     def position(self) -> SourcePosition:
@@ -271,7 +275,7 @@ def _find_run(
         if not _read_ahead(count, waiting, arriving):  # the clip ends, and no motion follows
             return count, True, detector.repeats_still(noise, step), 0.0
         following = waiting[count - 1]
-        lasts = following.frame.time - first.frame.time
+        lasts = following.time - first.time
         difference = detector.difference(first, following)
         if differences and detector.is_held(noise, step, difference):
             return count, lasts > detector.longest, True, difference

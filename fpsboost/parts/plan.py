@@ -190,7 +190,7 @@ def _presented(
         time = rising_time(schedule, times[0], frame.time, before)
         if time is not None:
             before = time
-            yield SourceFrame(replace(frame, time=time), source_position=SourcePosition(number, frame.time))
+            yield SourceFrame(frame, time, source_position=SourcePosition(number, frame.time))
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from fpsboost import (
     Frame,
     FrameCache,
     FrameMask,
+    InterpolatedImage,
     Interpolator,
     LowestMatch,
     OptionError,
@@ -45,6 +46,7 @@ from fpsboost.extension import (
     prepared,
     rounded,
     templates_of,
+    view,
     write_whole,
 )
 from fpsboost.preview.places import Passage, Selection, View, find_passages, find_retimed, first_packet_size
@@ -175,7 +177,8 @@ def _tinted(passage: Passage, mask: FrameMask, info: ClipInfo) -> str:
     """Return the data URI of the first frame of a passage, with what a mask keeps tinted."""
     black = np.zeros((info.height, info.width, 1), np.uint8)
     white = FrameCache(~black, source_position=SourcePosition(passage.number, passage.start))
-    weights = passage.before.displayed(mask.keep(Frame(black, Fraction(0)), white).array) * np.float32(OPACITY / 255)
+    kept = view(mask.keep(InterpolatedImage(black), white).image).array()
+    weights = passage.before.displayed(kept) * np.float32(OPACITY / 255)
     picture = passage.before.image_at(Fraction(0))
     return encode(np.rint(picture + weights * (TINT - picture)).astype(np.uint8))
 

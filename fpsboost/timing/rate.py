@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -31,7 +30,7 @@ from fpsboost.timing.schedule import (
 from fpsboost.timing.time_map import ALL_SPEEDS, TimeMap
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
-    from fpsboost.frame import ClipInfo, Frame
+    from fpsboost.frame import ClipInfo
 
 DEFAULT_FACTOR = Fraction(2)
 """Output frames per source frame if no rate is given."""
@@ -336,16 +335,6 @@ def exposed(schedule: Schedule, rate: OutputRate) -> Schedule:
     if rate.exposure is not None and isinstance(schedule, RetimeSchedule):
         return replace(schedule, shutter=rate.exposure)
     return schedule if rate.exposure is None else ExposureSchedule(schedule, rate.exposure)
-
-
-def stretched(frames: Iterable[Frame], stretch: Fraction, start: Fraction | None = None) -> Iterator[Frame]:
-    """Yield the frames with times and durations multiplied by `stretch`, for slow motion.
-
-    They are counted from `start`, seconds, or else from the first frame, which keeps its time.
-    """
-    for frame in frames:
-        start = frame.time if start is None else start
-        yield replace(frame, time=start + (frame.time - start) * stretch, duration=frame.duration * stretch)
 
 
 @dataclass

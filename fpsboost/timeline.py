@@ -1,0 +1,271 @@
+"""Timeline of a conversion: source frames at their presentation times, and the output frames in the intervals between.
+
+Nothing is interpolated here: this is the plan of the loop in `fpsboost.streaming`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple
+
+from fpsboost.analysis.duplicates import SourceFrame, group_duplicates
+from fpsboost.contracts import Entry, OutputRange, SourceMoment, Summary
+from fpsboost.errors import InputError
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.frame_cache import SourcePosition
+from fpsboost.interpolator import Interpolator
+from fpsboost.pair import Pair, triplewise
+from fpsboost.repair import group_replaced
+from fpsboost.timing.schedule import RetimeSchedule, Schedule, Step, rising_time
+
+
+class ScheduledFrame(NamedTuple):
+    """Frame of the output, or a sample of its exposure, before it is made."""
+
+    number: int
+    """Number of the output frame, counted from 0."""
+    step: Step
+    """Its time on the source's clock; where its t is 0, the frame of the source is repeated."""
+    source: SourceFrame
+    """The frame of the source at or before it."""
+    nearest: SourceFrame
+    """The frame of the source that is nearest in time, of which a mask keeps areas."""
+    is_missing: bool
+    """Whether this run writes it, and no earlier run has."""
+
+    @property
+    def is_new(self) -> bool:
+        """Whether it is an output frame that is not from the source."""
+        step = self.step
+        return not step.is_sample and (step.frame_number is not None or step.time != self.source.time)
+
+    @property
+    def is_interpolated(self) -> bool:
+        """Whether it lies between two pictures, and is none of them."""
+        return self.step.t > 0
+
+    @property
+    def is_past_middle(self) -> bool:
+        """Whether it is nearer to the second picture, which begins another scene across a cut."""
+        return self.step.t > Fraction(1, 2)
+
+    def at(self, t: Fraction) -> ScheduledFrame:
+        """Return it with another position between the pictures."""
+        return self._replace(step=self.step._replace(t=t))
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Interval from a picture, nearly always of one frame, to the next."""
+
+    group: tuple[SourceFrame, ...]
+    """Frames of the source that show the picture, or a good frame and those after it that are replaced."""
+    following: SourceFrame
+    """The next picture."""
+    pair: Pair
+    """The two pictures."""
+    first_output: int
+    """Number of the first output frame that falls into it, or of the next one if there is none."""
+    scheduled: list[ScheduledFrame]
+    """Output frames that fall into it, with t relative to the next frame of the source."""
+    is_repair: bool
+    """Whether frames of the group are replaced because they are damaged."""
+    is_counted: bool
+    """Whether it belongs to this run, of all that write a part of the output."""
+
+    def between(self, before: Interval | None, after: Interval | None) -> Interval:
+        """Return the same interval, whose pair knows those of the intervals before and after."""
+        pair = self.pair.between(None if before is None else before.pair, None if after is None else after.pair)
+        return replace(self, pair=pair)
+
+    @cached_property
+    def is_still(self) -> bool:
+        """Whether duplicates are repeated because no motion follows them."""
+        return len(self.group) > 1 and not self.is_repair and self.pair.is_discontinuous
+
+    @cached_property
+    def outputs(self) -> list[ScheduledFrame]:
+        """Output frames that fall into it, with t relative to the next picture."""
+        first = self.group[0]
+        last = self.group[-1]
+        if first is last:
+            return self.scheduled
+        if self.is_still:  # it is shown until the cut at the end of its last frame
+            return [each if each.source is last else each.at(Fraction(0)) for each in self.scheduled]
+        begin = first.time
+        duration = self.following.time - begin
+        return [each._replace(source=first).at((each.step.time - begin) / duration) for each in self.scheduled]
+
+    @cached_property
+    def interpolated(self) -> list[ScheduledFrame]:
+        """Output frames that lie between the two pictures."""
+        return [each for each in self.outputs if each.is_interpolated]
+
+    @cached_property
+    def scene_cut(self) -> bool:
+        """Whether a scene ends in it; False if nothing is interpolated, or if this run needs nothing of it."""
+        is_needed = self.is_counted or any(each.is_missing for each in self.interpolated)
+        return bool(self.interpolated) and is_needed and self.pair.is_cut
+
+
+@dataclass
+class Timeline:
+    """Frames of a source at the times at which they are presented, and the intervals that they form."""
+
+    info: ClipInfo
+    schedule: Schedule
+    interpolator: Interpolator
+    summary: Summary
+    position_of: Callable[[int, Fraction], SourcePosition]
+    outputs: OutputRange
+    stretch: Fraction
+    exposed: int | None = None
+    """`Step.frame_number` of the last output frame so far."""
+    last: tuple[SourceFrame, ...] | None = None
+    """Previous group of frames."""
+    end: Fraction = Fraction(0)
+    """Time at which the clip ends, when all frames are read."""
+    captions: list[tuple[Fraction, bytes]] = field(default_factory=list)
+    """Closed captions of the frames read, with their times, that no output frame has yet."""
+
+    def __post_init__(self) -> None:
+        self.curve = self.schedule.curve if isinstance(self.schedule, RetimeSchedule) else None
+        entry = self.outputs.entry or Entry(number=0, start=Fraction(0), outputs_before=0)
+        # the number of output frames so far, and those of the source frames to be read, and to become part of an
+        # interval, next
+        self.outputs_before = entry.outputs_before
+        self.number = entry.number
+        self.index = entry.number
+        self.start = entry.start
+        self.step = entry.step
+
+    def intervals(self, frames: Iterator[Frame]) -> Iterator[Interval]:
+        """Yield the interval from each picture to the next, between those beside it, while frames are needed.
+
+        The frames of the source are read, counted and grouped meanwhile, one interval ahead.
+        """
+        for before, interval, after in triplewise(self._apart(self._groups(self._presented(frames)))):
+            if self.outputs.is_past(interval.first_output - 2):  # two tell when the last one and its exposure end
+                return
+            if self.curve is not None and before is not None and before.group[0].time - self.start > self.curve.top:
+                return
+            yield interval.between(before, after)
+
+    def _presented(self, frames: Iterator[Frame]) -> Iterator[SourceFrame]:
+        """Yield the source's frames with their positions, at the schedule's presentation times, and count them."""
+        last: Fraction | None = None
+        for frame in frames:
+            if self.number == 0:
+                self.start = frame.time
+            number = self.number
+            self.number += 1
+            if self.outputs.end is None or self.start <= frame.time < self.outputs.end:  # of a loop, one round counts
+                self.summary.frame_intervals.note(frame.time, self.start)
+                self.summary.frames_in += 1
+            time = rising_time(self.schedule, self.start, frame.time, last)
+            self.captions.append((time or frame.time, frame.captions))
+            if time is None:
+                continue
+            last = time
+            position = self.position_of(number, frame.time - self.start)
+            yield SourceFrame(frame, time, self.schedule.output_position(number, self.start, time), position)
+
+    def _groups(self, frames: Iterator[SourceFrame]) -> Iterable[tuple[SourceFrame, ...]]:
+        """Return the frames in groups of which one picture is left: of damaged frames, or else of duplicates."""
+        detector = None if self.interpolator.needs_every_frame else self.interpolator.duplicates
+        replacement = self.interpolator.replacement
+        if replacement is not None:
+            return group_replaced(frames, replacement, self.summary.remarks, begins_clip=self.outputs.entry is None)
+        return zip(frames) if detector is None else group_duplicates(frames, detector, self.step)
+
+    def _apart(self, groups: Iterable[tuple[SourceFrame, ...]]) -> Iterator[Interval]:
+        """Yield the intervals by themselves, without those beside them."""
+        for group in groups:
+            if self.last is not None:
+                yield self._interval(self.last, group[0])
+            self.last = group
+
+    def _interval(self, group: tuple[SourceFrame, ...], following: SourceFrame) -> Interval:
+        """Return the interval from one picture to the next; must be called in order."""
+        is_repair = self.interpolator.replacement is not None
+        shown = *(group[:1] if is_repair else group), following  # not what is damaged
+        first_output = self.outputs_before
+        scheduled = list[ScheduledFrame]()
+        for source, after in pairwise([*group, following]):
+            for step in self.schedule.steps(self.index, self.start, source.time, after.time):
+                nearest = min(shown, key=lambda each, time=step.time: abs(each.time - time))  # type: ignore[misc]
+                scheduled.append(self._scheduled(step, source, nearest))
+            self.index += 1
+        pair = self.interpolator.pair(
+            group[0],
+            following,
+            following.time - group[0].time,
+            apart=following.time - shown[-2].time,
+            is_gap=following.frame.ends_gap,
+        )
+        is_counted = first_output in self.outputs
+        return Interval(group, following, pair, first_output, scheduled, is_repair, is_counted)
+
+    def _scheduled(self, step: Step, source: SourceFrame, nearest: SourceFrame) -> ScheduledFrame:
+        """Return the output frame of a step; must be called in order."""
+        number = self.outputs_before
+        if step.is_sample:  # of the exposure of the frame before or of the next one
+            number -= step.frame_number == self.exposed
+        else:
+            self.exposed = step.frame_number
+            self.outputs_before += 1
+            if number in (self.outputs.first, self.outputs.stop):
+                self.summary.boundaries[number] = SourceMoment(self.place(source), source.time)
+        is_missing = number in self.outputs and number >= self.outputs.first + self.outputs.skip
+        return ScheduledFrame(number, step, source, nearest, is_missing)
+
+    def last_outputs(self, *, holds_last_frame: bool) -> Iterator[ScheduledFrame]:
+        """Yield the output frames from the last frame of the source on; one, or all while it is shown if it is held.
+
+        Must be called when all intervals were taken. Raises `InputError` if there were less than two frames.
+        """
+        info = self.info
+        if self.last is None or self.number < 2:
+            count = "one frame" if self.number else "no frame"
+            raise InputError(f"{info.name} holds {count} that can be read, and two are needed to make one in between.")
+        last = self.last[-1]
+        end = last.time + (last.frame.duration or 1 / info.rate)
+        nominal = self.schedule.presentation_time(self.start, end)
+        self.end = nominal if nominal > last.time else end
+        if self.curve is not None and not self.curve.is_open:
+            if self.start + self.curve.top > self.end:
+                self.summary.remarks.append(f"{info.name} ended before the retime curve, which held its last frame.")
+            self.end = max(self.end, self.start + self.curve.top + 1)
+            holds_last_frame = True
+        for step in self.schedule.steps(self.index, self.start, last.time, self.end):
+            if step.t == 0 or holds_last_frame:
+                yield self._scheduled(step, last, last).at(Fraction(0))
+
+    def place(self, source: SourceFrame) -> int:
+        """Return the place of a frame in the clip, from 0."""
+        return source.position.number - self.position_of(0, Fraction(0)).number
+
+    def seconds(self, output: ScheduledFrame) -> Fraction:
+        """Return when an output frame is shown, seconds after the first one."""
+        if self.curve is not None:  # its time is that of the source
+            return output.number / self.schedule.rate(self.info.rate)
+        return (output.step.time - self.start) * self.stretch
+
+    def duration(self, output: ScheduledFrame, following: ScheduledFrame | None) -> Fraction:
+        """Return how long an output frame is shown: until the next one, or the last one until the clip ends."""
+        if self.curve is not None:
+            return 1 / self.schedule.rate(self.info.rate)
+        end = self.end if following is None else following.step.time
+        if following is not None and self.outputs.end is not None:
+            end = min(end, self.outputs.end)
+        return (end - output.step.time) * self.stretch
+
+    def take_captions(self, time: Fraction) -> bytes:
+        """Return the closed captions of the source up to a time that were not taken before."""
+        captions = [each for shown, each in self.captions if shown <= time]
+        del self.captions[: len(captions)]
+        return b"".join(captions)
