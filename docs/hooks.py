@@ -2,8 +2,8 @@
 
 A line ``<!-- include FILE -->`` in a page stands for a file of the repository, ``<!-- include FILE NAME -->`` for the
 part of it between ``<!-- NAME -->`` and ``<!-- /NAME -->``, ``<!-- options -->`` for the options of the command line,
-and ``<!-- gallery -->`` for the comparison pages that are there. Formulas become MathML, which browsers show without a
-program. What does not fit together stops the build.
+``<!-- conflicts -->`` for those that exclude each other, and ``<!-- gallery -->`` for the comparison pages that are
+there. Formulas become MathML, which browsers show without a program. What does not fit together stops the build.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from mkdocs.exceptions import PluginError
 
 import fpsboost
 from fpsboost.cli.app import app
+from fpsboost.cli.options import in_flags
+from fpsboost.conflicts import CONFLICTS, LEAVE_ONE, NEEDS, in_sentence, names_in
 
 ROOT = Path(__file__).parents[1]
 
@@ -31,7 +33,8 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
         check_command(line, page.file.src_path)
     if page.file.src_path == "python.md":
         check_names(markdown)
-    return markdown.replace("<!-- options -->", options()).replace("<!-- gallery -->", gallery())
+    made = {"options": options, "conflicts": conflicts, "gallery": gallery}
+    return re.sub(rf"<!-- ({'|'.join(made)}) -->", lambda found: made[found[1]](), markdown)
 
 
 def on_page_content(content: str, page: Any, config: Any, files: Any) -> str:
@@ -85,6 +88,27 @@ def options() -> str:
     _, text = text.split("**Arguments**", 1)  # its own title and contents
     text = re.sub(r"\*\*Commands\*\*:\n\n(?:\* .*\n)+", "", text)
     return f"## fpsboost\n\n**Arguments**{text}".replace("docs/comparison.md", "[this page](comparison.md)")
+
+
+def conflicts() -> str:
+    """Return the tables of options that cannot be combined, and of those that need another."""
+    lines = ["| options | not with | because |", "|---|---|---|"]
+    for options, others, reason, advice, unless in CONFLICTS:
+        way = "" if advice == LEAVE_ONE else f"; {advice}"
+        exception = f", unless with {listed(unless)}" if unless else ""
+        lines.append(f"| {listed(options)} | {listed(others)}{exception} | {with_flags(reason)}{way} |")
+    lines += ["", "| option | only with |", "|---|---|"]
+    return "\n".join(lines + [f"| {listed(need.option)} | {listed(need.others)} |" for need in NEEDS])
+
+
+def listed(names: str) -> str:
+    """Return the names in an entry of these tables as flags."""
+    return with_flags(", ".join(map(in_sentence, names_in(names))))
+
+
+def with_flags(text: str) -> str:
+    """Return a text with flags between backquotes in place of fields."""
+    return re.sub("`[^`]+`", lambda found: f"`{in_flags(found[0]).strip('`')}`", text)
 
 
 def check_command(line: str, page: str) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from fpsboost import __version__
 from fpsboost.colour import with_red_and_blue_swapped
+from fpsboost.conflicts import check_together
 from fpsboost.contracts import (
     Entry,
     FrameSource,
@@ -24,7 +25,7 @@ from fpsboost.contracts import (
     Summary,
 )
 from fpsboost.derived_sources import FoldedSource
-from fpsboost.errors import InputError, OptionError, choose_one, explained, refuse
+from fpsboost.errors import InputError, OptionError, choose_one, explained
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.image import Image, check_image
 from fpsboost.interpolator import Interpolator
@@ -229,13 +230,8 @@ def looped(ready: Preparation) -> tuple[FoldedSource, OutputRange]:
     with read_from(count - 1) as again:
         last = list(again)[-1]
     end = schedule.presentation_time(start, last.time + (last.duration or 1 / source.info.rate))
-    refuse(
-        {
-            f"`loop` shows no frame for minutes, as {whole.info.name} does; leave it out.": any(
-                after - time > MAX_FILLED for time, after in pairwise([*times, end])
-            )
-        }
-    )
+    if any(after - time > MAX_FILLED for time, after in pairwise([*times, end])):
+        raise OptionError(f"`loop` shows no frame for minutes, as {whole.info.name} does; leave it out.")
     window = ready.clip.window
     of_clip = whole.frame_times() if isinstance(whole, RandomAccess) else None
     if window is not None and of_clip is not None and window.skipped + count < len(of_clip):
@@ -486,18 +482,17 @@ def interpolate_clip(
     """
     rate = parse_rate(str(fps), "`fps`")
     target = rate * OutputRate(factor).multiple if to_fps is None else parse_rate(str(to_fps), "`to_fps`")
-    refuse(
-        {
-            "`to_fps` and `factor` both set the output rate; give one of them.": None not in (to_fps, factor),
-            "`fps` and `to_fps` must be above 0.": min(rate, target) <= 0,
-        }
-    )
+    if None not in (to_fps, factor):
+        check_together({"to_fps", "factor"})
+    if min(rate, target) <= 0:
+        raise OptionError("`fps` and `to_fps` must be above 0.")
     pixels = _Pixels(order, layout)
     clip = frames if isinstance(frames, Iterator | list | tuple) else np.atleast_1d(_as_array(frames))
     before = list[Image]()
     total = None
     if not isinstance(clip, Iterator):
-        refuse({"`frames` gives no frame; give at least two.": len(clip) == 0}, InputError)
+        if len(clip) == 0:
+            raise InputError("`frames` gives no frame; give at least two.")
         total = math.ceil(len(clip) * target / rate)
         if loop:
             before = [pixels.read(clip[number % len(clip)]) for number in range(-LOOP_CONTEXT, 0)]

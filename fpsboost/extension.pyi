@@ -5,6 +5,7 @@ from .colour import compared_colours as compared_colours
 from .colour import composite_on_black as composite_on_black
 from .colour import has_alpha as has_alpha
 from .colour import luma_weights as luma_weights
+from .conflicts import check_together as check_together
 from .contracts import SilentObserver as SilentObserver
 from .derived_sources import trim_source as trim_source
 from .errors import MAX_REASON as MAX_REASON

@@ -14,9 +14,9 @@ import numpy as np
 from fpsboost.analysis.duplicates import DuplicateDetector
 from fpsboost.analysis.grain import match_grain
 from fpsboost.analysis.overlay import find_overlay, keep_overlay
-from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy, counts_frames
+from fpsboost.analysis.scene_cuts import CutDetector, CutList, CutPolicy, counts_frames
 from fpsboost.analysis.still_parts import find_still_parts
-from fpsboost.errors import OptionError, SceneCutWarning, refuse
+from fpsboost.errors import OptionError, SceneCutWarning
 from fpsboost.frame import ClipInfo
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, TakesPlanes, check_pair, check_values, view
@@ -136,18 +136,21 @@ class Interpolator(Checked):
     below: Annotated[float, Range(0, 1)] = LEAST_CONFIDENCE
     mask: FrameMask | None = None
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        refuse(
-            {
-                "`below` goes with `uncertain`; give that too, or leave it out.": (
-                    self.uncertain == "keep" and self.below != LEAST_CONFIDENCE
-                ),
-                "`mask_as='layer'` needs motion of either layer, which `vectors` lacks; leave one of them out.": (
-                    self.mask is not None and bool(self.mask.parts) and self.uses_vectors
-                ),
-            }
-        )
+    def names_given(self) -> set[str]:
+        """Return the names of the options that differ from their defaults; see `fpsboost.conflicts`."""
+        given = {
+            "at_cuts='extrapolate'": self.at_cuts == "extrapolate",
+            "below": self.below != LEAST_CONFIDENCE,
+            "cuts": isinstance(self.cuts, CutList),
+            "`cuts` by frames": counts_frames(self.cuts),
+            "mask": self.mask is not None,
+            "`mask` by frames": counts_frames(self.mask),
+            "mask_as='layer'": self.mask is not None and len(self.mask.parts) > 0,
+            "match_grain": self.match_grain,
+            "uncertain": self.uncertain != "keep",
+            "vectors": self.uses_vectors,
+        }
+        return {name for name, is_given in given.items() if is_given}
 
     @property
     def _parts(self) -> dict[str, MotionEstimator | Synthesizer]:

@@ -21,6 +21,7 @@ from textwrap import shorten
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from fpsboost.conflicts import check_together
 from fpsboost.errors import OptionError
 
 Parameters = ParamSpec("Parameters")
@@ -188,7 +189,8 @@ class Checked:
     """Base of dataclasses whose values are checked against the types of their fields, with `Range` where they have one.
 
     Rates become fractions, paths texts, and lists, sets and arrays tuples. Texts are read as on the command line, and
-    so are numbers for fields of another type: ``start=90`` is a position. `OptionError` names the field that is wrong.
+    so are numbers for fields of another type: ``start=90`` is a position. `OptionError` names the field that is wrong,
+    or two that cannot be combined.
     """
 
     def __post_init__(self) -> None:
@@ -206,6 +208,21 @@ class Checked:
                 value = tuple(value)
             check_type(each.name, value, hint)
             object.__setattr__(self, each.name, value)
+        check_together(self.names_given())
+
+    def names_given(self) -> set[str]:
+        """Return the names of the options that differ from their defaults, and of those nested in this object.
+
+        Texts and switches are named with their values, too: ``audio=False``. See `fpsboost.conflicts`.
+        """
+        names = set[str]()
+        for each in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, each.name)
+            if "option" in each.metadata:
+                names |= {each.name, f"{each.name}={value!r}"} if value != each.default else set()
+            elif isinstance(value, Checked):
+                names |= value.names_given()
+        return names
 
 
 class Range(NamedTuple):

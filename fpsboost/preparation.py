@@ -12,10 +12,11 @@ from fractions import Fraction
 from functools import partial
 from pathlib import Path
 
-from fpsboost.analysis.scene_cuts import CutList, counts_frames
+from fpsboost.analysis.scene_cuts import counts_frames
+from fpsboost.conflicts import check_together
 from fpsboost.contracts import FrameSource, RandomAccess
 from fpsboost.derived_sources import FoldedSource, Sliceable, trim_source, without_gaps, without_repeats
-from fpsboost.errors import OptionError, refuse
+from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo
 from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
@@ -70,7 +71,7 @@ class ConversionJob(Checked):
 
     def target(self, run: RunOptions) -> Target:
         """Return the output's target; raise `OptionError` if there is none, or an option does not apply to it."""
-        _check_rate(self.rate, self.method, self.decoding.trim, run)
+        check_together(self.names_given() | run.names_given())
         target = Target.parse(_resolve_output(self, run))
         target.check_encoding(self.encoding)
         return target
@@ -147,19 +148,14 @@ def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
             whole,
         )
         if curve is not None and curve.reverses:
+            check_together(job.names_given() | {"`retime` that plays backwards"})
             times = source.frame_times() if isinstance(source, RandomAccess) and whole.stream_info.files else None
-            plays = f"`retime` plays {whole.info.name} backwards, which needs"
-            refuse(
-                {
-                    f"{plays} a file that says when each frame is shown; let no time fall, or convert it with "
-                    "`factor=1` first.": times is None,
-                    f"{plays} no `cuts`, `replace` and `loop`, and no `mask` of each frame; leave them out.": (
-                        (isinstance(interpolator.cuts, CutList) or counts_frames(interpolator.mask))
-                        or (rate.replace is not None or rate.loop)
-                    ),
-                }
-            )
-            order, shown, curve = curve.unfolded(times or ())
+            if times is None:
+                raise OptionError(
+                    f"`retime` plays {whole.info.name} backwards, which needs a file that says when each frame is "
+                    "shown; let no time fall, or convert it with `factor=1` first."
+                )
+            order, shown, curve = curve.unfolded(times)
             info = replace(info, frame_count=len(order), duration=shown[-1] + 1 / info.rate)
             source = FoldedSource(info, list(whole.remarks), order, shown, read_from)
         if rate.duplicates == "drop":
@@ -283,52 +279,16 @@ def _check_layers(images: NumberedImages | None, interpolator: Interpolator, rat
         return
     first = images.files[0].name
     names = ", ".join(layer.name for layer in images.layers[:3]) + (", ..." if len(images.layers) > 3 else "")
-    given = {
-        "`at_cuts='extrapolate'`": interpolator.at_cuts == "extrapolate",
-        "`match_grain`": interpolator.match_grain,
-        "`mask`": interpolator.mask is not None,
-        "`shutter`": rate.shutter is not None,
-        "`uncertain`": interpolator.uncertain != "keep",
-    }
-    alone = f"changes the picture alone, and {first} has layers ({names}); leave it out, or give `passes='beauty'`."
-    refuse({f"{option} {alone}": is_given for option, is_given in given.items()})
+    given = interpolator.names_given() | rate.names_given()
+    for option in ("at_cuts='extrapolate'", "match_grain", "mask", "shutter", "uncertain"):
+        if option in given:
+            raise OptionError(
+                f"`{option}` changes the picture alone, and {first} has layers ({names}); leave it out, or give "
+                "`passes='beauty'`."
+            )
     raise OptionError(
         f"The method makes no layers, and {first} has some ({names}); choose nlm, nlm-fast, dis, farneback, tvl1, "
         "blend or nearest, or give `passes='beauty'` for the picture alone."
-    )
-
-
-def _check_rate(rate: OutputRate, interpolator: Interpolator, trim: Trim, run: RunOptions) -> None:
-    """Raise `OptionError` if the times of the output's frames exclude another option."""
-    blurs = rate.shutter is not None
-    has_vectors = interpolator.uses_vectors
-    maps = " or ".join(run.side.given)
-    any_time = "`retime` and `speed` show the source at any time, and"
-    refuse(
-        {
-            "`shutter` blurs every frame, and `in_place` keeps the originals; write to another folder.": (
-                blurs and run.in_place
-            ),
-            "`shutter` needs frames at times that `vectors` says nothing of; leave one of them out.": (
-                blurs and has_vectors
-            ),
-            "`loop` needs motion from the last frame to the first, which `vectors` lacks; leave one of them out.": (
-                rate.loop and has_vectors
-            ),
-            f"`shutter` averages frames, which have no one map of {maps}; leave one of them out.": blurs and maps,
-            f"{any_time} `in_place` only some; leave one of them out.": rate.retimes and run.in_place,
-            f"{any_time} `vectors` only some; leave one of them out.": rate.retimes and has_vectors,
-            "`duplicates='drop'` changes the number of frames, which `vectors`, `in_place`, and `cuts` and `mask` by "
-            "frames count; use it by itself, and convert its output.": (
-                rate.duplicates == "drop"
-                and (has_vectors or run.in_place or counts_frames(interpolator.cuts, interpolator.mask))
-            ),
-            "`gaps` changes the times of frames, which `vectors`, `in_place`, `cuts`, `start` and `end` go by; use it "
-            "by itself, and convert its output.": (
-                rate.gaps is not None
-                and (has_vectors or run.in_place or isinstance(interpolator.cuts, CutList) or not trim.is_whole)
-            ),
-        }
     )
 
 
@@ -336,14 +296,8 @@ def _resolve_output(job: ConversionJob, run: RunOptions) -> str:
     """Return the name of a job's output; in place, that of its input."""
     if not run.in_place:
         return output_beside(job.input, job.rate) if job.output is None else os.fspath(job.output)
-    refuse(
-        {
-            f"`in_place` writes beside the images of {job.input}; leave the output {job.output} out.": (
-                job.output is not None
-            ),
-            "`in_place` replaces nothing; leave `overwrite` out.": run.overwrite,
-        }
-    )
+    if job.output is not None:
+        raise OptionError(f"`in_place` writes beside the images of {job.input}; leave the output {job.output} out.")
     check_images(os.fspath(job.input), "`in_place`")
     return os.fspath(job.input)
 
@@ -431,8 +385,6 @@ def _adapt_audio(
     encoding: Encoding, stream: StreamInfo, output_rate: OutputRate, curve: TimeMap | None, path: str
 ) -> tuple[Encoding, list[str]]:
     """Drop the audio of slow motion unless it is to be stretched; return a remark if audio is lost."""
-    if output_rate.slow_motion_sound == "stretch" and not encoding.audio:
-        raise OptionError("`slow_motion_sound='stretch'` and `audio=False` contradict each other; give one of them.")
     video = stream.video
     name = video.name if video is not None and encoding.audio and "sound" in video.companions else None
     if curve is not None and curve.sounding and output_rate.slow_motion_sound != "drop":

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from fpsboost.contracts import FrameWatcher, Observer, SilentObserver, Summary
-from fpsboost.errors import CancelledError, OptionError, refuse
+from fpsboost.errors import CancelledError, OptionError
 from fpsboost.io.side.options import SideOutputs
 from fpsboost.media import ClipInfo
 from fpsboost.memory import MemoryLimit, parse_memory
@@ -104,21 +104,6 @@ class RunOptions(Checked):
     cancel: Callable[[], object] | None = None
     watcher: FrameWatcher | None = None
     side: SideOutputs = SideOutputs()
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        is_part = self.chunk is not None
-        given = self.side.given
-        refuse(
-            {
-                "`chunk` writes its part into a folder, which does not work with `in_place`; leave one of them out.": (
-                    is_part and self.in_place
-                ),
-                f"`chunk` does not work with {' or '.join(given)}; leave one of them out.": is_part and given,
-                f"`resume` does not compute finished frames again, which {' and '.join(given)} would need; leave one "
-                "of them out.": self.resume and given,
-            }
-        )
 
 
 class RunObserver:

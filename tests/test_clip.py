@@ -161,11 +161,19 @@ def test_sound_of_a_loop_stays_and_is_said(tmp_path, end, count, seconds):
         (
             "in.mkv",
             {"retime": "0=1s 1s=0"},
-            r"`retime` plays .* backwards, which needs no `cuts`, `replace` and `loop`",
+            r"`retime` that plays backwards and `loop` cannot be combined",
         ),
         ("in.mkv", {"start": "3"}, r".*in\.mkv has ended where `start=3 s` would be; name an earlier one"),
-        ("in.mkv", {"replace": "2"}, "`loop` goes on beyond the frames that `replace` counts"),
-        ("in.mkv", {"chunk": Part(1, 2)}, "`loop` goes from the last frame to the first; convert it in one run"),
+        (
+            "in.mkv",
+            {"replace": "2"},
+            "`loop` and `replace` cannot be combined: a loop goes on beyond the frames that `replace` counts",
+        ),
+        (
+            "in.mkv",
+            {"chunk": Part(1, 2)},
+            "`chunk` and `loop` cannot be combined",
+        ),
     ],
 )
 def test_what_cannot_loop_is_refused(tmp_path, name, options, sentence):
@@ -179,7 +187,7 @@ def test_what_cannot_loop_is_refused(tmp_path, name, options, sentence):
 @pytest.mark.parametrize(
     ("frames", "options", "error", "sentence"),
     [
-        (turntable(4), {"factor": 2, "to_fps": 60}, OptionError, "`to_fps` and `factor` both"),
+        (turntable(4), {"factor": 2, "to_fps": 60}, OptionError, "`factor` and `to_fps` cannot be combined"),
         (turntable(4), {"fps": "0"}, OptionError, "`fps` and `to_fps` must be above 0"),
         (turntable(4), {"to_fps": "soon"}, OptionError, "`to_fps` 'soon' is not a number"),
         (turntable(4), {"order": "grb"}, OptionError, "`order` must be one of rgb, bgr"),

@@ -211,5 +211,5 @@ def test_good_images_are_passed_on(tmp_path, save_images):
     Replacement(detect=True).check(replace(FakeSource(frames_at([0])).info, frame_count=1))  # it names none
     with pytest.raises(OptionError, match=r"`replace` has frame 6, and .* ends with frame 6"):
         convert(str(tmp_path / "in"), str(tmp_path / "late"), **options(replace="6"))
-    with pytest.raises(OptionError, match=r"`fill_gaps` .* `replace` .*; give one"):
+    with pytest.raises(OptionError, match="`fill_gaps` and `replace` cannot be combined"):
         OutputRate(fill_gaps=True, replace="3")

@@ -56,6 +56,7 @@ from fpsboost.cli.options import (
     with_flags,
 )
 from fpsboost.cluster import ClusterOptions, convert_where
+from fpsboost.conflicts import check_together
 from fpsboost.errors import (
     MAX_REASON,
     STANDARD_OUTPUT,
@@ -234,10 +235,7 @@ def convert(
     if len(inputs) <= 1:
         run(input, None if run_options.in_place else output or output_beside(input, rate))
         return
-    of_one_clip = ["--vectors"] * (motion.rendered.vectors is not None) + ["--chunk"] * (run_options.chunk is not None)
-    of_one_clip += run_options.side.given
-    if of_one_clip:
-        raise OptionError(f"{' and '.join(of_one_clip)} cannot be used with several inputs; convert them one by one.")
+    check_together(interpolator.names_given() | run_options.names_given() | {"several inputs"})
     if dry_run:
         messages = replace(messages, quiet=True, progress="bar")
     if run_options.in_place:

@@ -36,6 +36,7 @@ from fpsboost.cli.options import (
     check_named_once,
     with_flags,
 )
+from fpsboost.conflicts import check_together
 from fpsboost.errors import OptionError, choose_one, refuse
 from fpsboost.io.new_output import check_new_folder
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -185,14 +186,11 @@ def check_several(inputs: Sequence[str], method_options: ComparedMethodOptions) 
     if len(inputs) == 1:
         return
     rendered = filter(None, (method_options.rendered.vectors, method_options.rendered.depth))
-    refuse(
-        {
-            "--frames belongs to one clip; compare several clips one by one.": method_options.frames_of,
-            "--vectors and --depth belong to one clip; with several, write {in} for it, as in {in}/vectors.": (
-                any("{in}" not in path for path in rendered)
-            ),
-        }
-    )
+    check_together({"several inputs", "frames_of" if method_options.frames_of else "methods"})
+    if any("{in}" not in path for path in rendered):
+        raise OptionError(
+            "--vectors and --depth belong to one clip; with several, write {in} for it, as in {in}/vectors."
+        )
     check_named_once(inputs)
 
 

@@ -11,7 +11,8 @@ from rich.console import Console
 
 from fpsboost.cli.batch import last_image_remarks
 from fpsboost.cli.messages import fact_table, literal, sentence
-from fpsboost.errors import refuse
+from fpsboost.conflicts import check_together
+from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo
 from fpsboost.io.opening import PIPES
 from fpsboost.media import counted, list_streams
@@ -46,14 +47,9 @@ NAMES = {"audio": "sound", "subtitle": "subtitles", "cover": "cover picture", "d
 
 def say_dry_run(job: ConversionJob, run: RunOptions) -> None:
     """Print what a conversion would make, keep, lose and take; write nothing."""
-    refuse(
-        {
-            "A pipe can be read only once, and --dry-run tries passages of the clip; name files.": (
-                {job.input, job.output} & {*PIPES}
-            ),
-            "--dry-run estimates the whole conversion; leave --chunk out.": run.chunk is not None,
-        }
-    )
+    check_together(run.names_given() | {"a dry run"})
+    if {job.input, job.output} & {*PIPES}:
+        raise OptionError("A pipe can be read only once, and --dry-run tries passages of the clip; name files.")
     reading = Console(stderr=True)
     with reading.status("reading"), prepared(job, replace(run, resume=False)) as ready:
         details, remarks = expected_losses(ready)

@@ -17,7 +17,7 @@ from cyclopts import Group, Parameter
 
 import fpsboost
 from fpsboost.cluster import ClusterOptions
-from fpsboost.errors import OptionError, refuse
+from fpsboost.errors import OptionError
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.memory import MemoryLimit, parse_memory
@@ -72,28 +72,12 @@ METHOD_HELP = (
 
 
 @dataclass(frozen=True)
-class RenderedOptions:
-    """Files that a renderer has written beside its images.
-
-    Raises `OptionError` for options about vectors that are not given.
-    """
+class RenderedOptions(Checked):
+    """Files that a renderer has written beside its images."""
 
     vectors: str | None = option(None, "Motion vectors of a renderer, one file per frame.", metavar="DIR")
     depth: str | None = option(None, "Depth of a renderer, for reproject-scene.", metavar="DIR")
     vector_convention: ConventionName = option("auto", "Vector convention: blender, nuke...", flag="vectors-as")
-
-    def __post_init__(self) -> None:
-        if self.vectors is None:
-            refuse(
-                {
-                    "--depth needs the motion vectors of --vectors; give both, or leave --depth out.": (
-                        self.depth is not None
-                    ),
-                    "--vectors-as describes the files of --vectors; give both, or leave --vectors-as out.": (
-                        self.vector_convention != "auto"
-                    ),
-                }
-            )
 
     @property
     def folder(self) -> fpsboost.VectorFolder | None:
@@ -130,17 +114,11 @@ class TuningOptions:
 
 
 @dataclass(frozen=True)
-class MaskOptions:
-    """Areas that stay as they are.
-
-    Raises `OptionError` for a use of a mask that is not given.
-    """
+class MaskOptions(Checked):
+    """Areas that stay as they are, or are interpolated as a layer."""
 
     mask: str | None = option(None, "Image, or one per frame: white stays (HUD, titles).", metavar="FILE")
-    mask_as: MaskAs = option("keep", f"What is white: {one_of(MaskAs)}.")
-
-    def __post_init__(self) -> None:
-        refuse({"`mask_as` goes with `mask`; give that too.": self.mask is None and self.mask_as != "keep"})
+    mask_as: MaskAs = option("keep", "Masked areas: keep them, or interpolate as a layer.")
 
     def object(self) -> fpsboost.Mask | None:
         """Return the mask; None if none is given."""
@@ -158,7 +136,7 @@ class MethodOptions:
         choices=METHODS,
     )
     match_grain: bool = option(False, "Add their neighbours' grain to interpolated frames.")
-    uncertain: Uncertain = option("keep", f"Fallback: {one_of(Uncertain)}.")
+    uncertain: Uncertain = option("keep", f"If uncertain: {one_of(Uncertain)}.")
     below: float = option(LEAST_CONFIDENCE, "Confidence limit of uncertain pixels.")
     masking: MaskOptions = MaskOptions()
     rendered: RenderedOptions = RenderedOptions()
@@ -191,14 +169,10 @@ class CutOptions(Checked):
     def applied_to(self, interpolator: fpsboost.Interpolator) -> fpsboost.Interpolator:
         """Return an interpolator with these options for cuts.
 
-        Reads the file of `cuts`. Raises `OptionError` if more than one of the threshold, the file and `no_cuts` is
-        given.
+        Reads the file of `cuts`.
         """
         from fpsboost.analysis.scene_cuts import read_cuts  # noqa: PLC0415
 
-        names = [name for name, _ in given_in(self) if name != "--at-cuts"]
-        if len(names) > 1:
-            raise OptionError(f"{' and '.join(names)} contradict each other; give one of them.")
         policy = interpolator.cuts
         if self.no_cuts:
             policy = None
@@ -218,16 +192,12 @@ class JoinOptions:
 
 
 @dataclass(frozen=True)
-class MessageOptions:
+class MessageOptions(Checked):
     """Options for messages and progress."""
 
     verbose: bool = option(False, "Print details, and a traceback on errors.")
     quiet: bool = option(False, "Print errors only.", short="q")
     progress: Literal["bar", "json"] = option("bar", "Progress as a bar, or as json lines.")
-
-    def __post_init__(self) -> None:
-        if self.quiet and self.progress == "json":
-            raise OptionError("--quiet and --progress json contradict each other; leave one of them out.")
 
     @property
     def prints_text(self) -> bool:

@@ -13,7 +13,8 @@ from rich.console import Console
 from fpsboost.cli.compare import split_methods
 from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import GROUPS, CutOptions, MethodOptions, PathName, PreviewOptions, in_flags, with_flags
-from fpsboost.errors import refuse
+from fpsboost.conflicts import check_together
+from fpsboost.errors import OptionError
 from fpsboost.io.opening import PIPES, Target
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.media import check_writable
@@ -47,20 +48,11 @@ def preview(
     from fpsboost.preview.page import preview as run  # noqa: PLC0415
 
     place = Path(page or f"{clip_name(input) or 'clip'}-preview.html")
-    refuse(
-        {
-            "Standard input can be read only once, and a preview reads several places; name a file.": input in PIPES,
-            "`duplicates='drop'` reads the whole clip, and a preview only passages; convert it, and preview that.": (
-                rate.duplicates == "drop"
-            ),
-            "`gaps` moves all frames behind a gap, and a preview has only passages; convert it, and preview that.": (
-                rate.gaps is not None
-            ),
-            f"{place} is not the name of an HTML page; write {place}.html.": (
-                place.suffix.lower() not in (".html", ".htm")
-            ),
-        }
-    )
+    if input in PIPES:
+        raise OptionError("Standard input can be read only once, and a preview reads several places; name a file.")
+    check_together(rate.names_given() | {"a preview"})
+    if place.suffix.lower() not in (".html", ".htm"):
+        raise OptionError(f"{place} is not the name of an HTML page; write {place}.html.")
     check_writable(place, str(place), [Path(input)], options.overwrite)
     if options.side_by_side is not None:
         check_video(Target.parse(options.side_by_side), [Path(input)], overwrite=options.overwrite)

@@ -54,6 +54,7 @@ from fpsboost.extension import (
     InUseError,
     PlannedPart,
     RunObserver,
+    check_together,
     checked,
     explained,
     job_facts,
@@ -102,11 +103,7 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
     output = os.path.abspath(output_beside(job.input, job.rate) if job.output is None else job.output)
     # the job as workers get it, so that its facts are the same on both sides
     job = pickle.loads(pickle.dumps(replace(job, input=os.path.abspath(job.input), output=output)))
-    given = [*["`in_place`"] * run.in_place, *["`chunk`"] * (run.chunk is not None), *run.side.given]
-    if given:
-        raise OptionError(
-            f"`cluster` converts in parts, which does not work with {' or '.join(given)}; leave one of them out."
-        )
+    check_together(job.names_given() | run.names_given() | {"cluster"})
     observer = RunObserver(run)
     progress = Summary()
     with planned_job(job, run, max(GROWN_CLUSTER, len(client.nthreads())) * PARTS_PER_WORKER) as (info, planned):

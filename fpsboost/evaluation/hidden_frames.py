@@ -16,7 +16,7 @@ import numpy as np
 from fpsboost.analysis.duplicates import DuplicateDetector, PictureRun, SourceFrame, find_pictures
 from fpsboost.contracts import FrameSource
 from fpsboost.derived_sources import trim_source
-from fpsboost.errors import InputError, OptionError, refuse
+from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.image import Image
@@ -126,15 +126,15 @@ class HoldOut(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        refuse(
-            {
+        if self.first < 0 or (self.last is not None and self.last - self.first < self.skip + 2):
+            raise OptionError(
                 f"`range={self._range}` leaves nothing to hide; with `skip={self.skip}` give at least {self.skip + 2} "
-                "frames.": self.first < 0 or (self.last is not None and self.last - self.first < self.skip + 2),
-                "`range` and `start` or `end` both select frames; give one or the other.": (
-                    self._range != WHOLE and not self.decoding.trim.is_whole
-                ),
-            }
-        )
+                "frames."
+            )
+
+    def names_given(self) -> set[str]:
+        """Return the names of the options that are given; see `fpsboost.options.Checked`."""
+        return super().names_given() | ({"range"} if self._range != WHOLE else set())
 
     @property
     def _range(self) -> str:

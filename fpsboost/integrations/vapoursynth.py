@@ -50,6 +50,7 @@ from fpsboost.extension import (
     Range,
     assumed_color_space,
     bgr_of,
+    check_together,
     check_type,
     in_coding,
     luma_weights,
@@ -69,7 +70,7 @@ Frames = Mapping[int, vs.VideoFrame]
 def interpolate(
     clip: vs.VideoNode,
     factor_num: int | None = None,
-    factor_den: int = 1,
+    factor_den: int | None = None,
     fps_num: int | None = None,
     fps_den: int | None = None,
     method: str | Interpolator = "nlm",
@@ -86,8 +87,8 @@ def interpolate(
         YUV 4:2:0, 4:2:2 or 4:4:4 of 8, 9, 10, 12, 14 or 16 bits, RGB of 8 to 16 bits, or RGBS; of constant size and
         format. Colour is read from ``_Matrix``, ``_Range`` (or ``_ColorRange``) and ``_ChromaLocation``;
         without them it is that of untagged video: limited range, BT.709 from 720 rows on and BT.601 below, left.
-    factor_num, factor_den : int
-        Output frames per source frame, as a fraction; 2 by default.
+    factor_num, factor_den : int, optional
+        Output frames per source frame, as a fraction; 2 by default, and `factor_den` is 1 by default.
     fps_num, fps_den : int, optional
         Output frames per second, as a fraction, instead of the factor; `fps_den` is 1 by default.
     method : str or Interpolator
@@ -141,14 +142,13 @@ def _check_clip(clip: vs.VideoNode) -> None:
 
 
 def _factor_of(
-    clip: vs.VideoNode, factor_num: int | None, factor_den: int, fps_num: int | None, fps_den: int | None
+    clip: vs.VideoNode, factor_num: int | None, factor_den: int | None, fps_num: int | None, fps_den: int | None
 ) -> Fraction:
+    numbers = {"factor_num": factor_num, "factor_den": factor_den, "fps_num": fps_num, "fps_den": fps_den}
+    check_together({name for name, number in numbers.items() if number is not None})
     if fps_num is None:
-        if fps_den is not None:
-            raise OptionError("`fps_den` needs `fps_num`; give both, or leave `fps_den` out.")
-        factor = ByFactor(_fraction("factor", 2 if factor_num is None else factor_num, factor_den)).factor
-    elif factor_num is not None or factor_den != 1:
-        raise OptionError("`factor_num` and `fps_num` both set the output rate; give one of them.")
+        denominator = 1 if factor_den is None else factor_den
+        factor = ByFactor(_fraction("factor", 2 if factor_num is None else factor_num, denominator)).factor
     else:
         rate = ByRate(_fraction("fps", fps_num, 1 if fps_den is None else fps_den)).frames_per_second
         if not clip.fps:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 from fractions import Fraction
 
-from fpsboost.media.errors import refuse
+from fpsboost.media.errors import OptionError
 
 MAX_DISPLAY_RATE = 300
 """Frame rate above which no display shows frames, and no camera films without keeping its rate; frames per second."""
@@ -97,7 +97,7 @@ class EncodeSettings:
     Raises
     ------
     OptionError
-        Two options contradict each other.
+        One of `encoder_options` is given twice.
     """
 
     codec: str | None = None
@@ -113,20 +113,10 @@ class EncodeSettings:
     streams: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
-        other = "`crf`" if self.bitrate is None else "`bitrate`"
         names = [name for name, _ in self.encoder_options]
-        refuse(
-            {
-                "`crf` and `bitrate` contradict each other; give one of them.": None not in (self.crf, self.bitrate),
-                f"`lossless` and {other} contradict each other; give one of them.": (
-                    self.lossless and (self.crf, self.bitrate) != (None, None)
-                ),
-                "`audio_codec` and `audio=False` contradict each other; give one of them.": (
-                    self.audio_codec is not None and not self.audio
-                ),
-                **{f"`encoder_options={name}` is given twice; give it once.": names.count(name) > 1 for name in names},
-            }
-        )
+        for name in names:
+            if names.count(name) > 1:
+                raise OptionError(f"`encoder_options={name}` is given twice; give it once.")
 
     @property
     def given(self) -> list[str]:

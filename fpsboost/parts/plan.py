@@ -22,8 +22,9 @@ import numpy as np
 
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_synchronised
 from fpsboost.analysis.scene_cuts import counts_frames
+from fpsboost.conflicts import check_together
 from fpsboost.contracts import Entry, OutputRange, RandomAccess, Summary
-from fpsboost.errors import OptionError, OutputError, explained, refuse
+from fpsboost.errors import OptionError, OutputError, explained
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.io import SeekableSource
@@ -263,7 +264,7 @@ def _measured(ready: Preparation) -> tuple[int, int]:
     if times:
         info = replace(info, frame_count=len(times), duration=times[-1] - times[0] + 1 / info.rate)
     total = count_frames(ready.base_schedule, info, ready.target.has_clock)
-    refuse({"`loop` goes from the last frame to the first; convert it in one run.": ready.job.rate.loop})
+    check_together(ready.job.rate.names_given() | {"chunk"})
     if total is None or not clip.whole.stream_info.files:
         raise OptionError(f"{info.name} does not declare its number of frames; convert it in one run.")
     return total, CHUNK_FRAMES if ready.target.kind == "video" else 1

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from fpsboost.errors import InputError, OptionError, refuse, rounded
+from fpsboost.errors import InputError, OptionError, rounded
 from fpsboost.media import FOREVER, OutputTiming, is_implausible
 from fpsboost.options import AnyDuplicates, Checked, PathName, Range, Rate, option
 from fpsboost.timing.position import Gaps, Replacement, format_time
@@ -125,7 +125,7 @@ class OutputRate(Checked):
     )
     gaps: Gaps | PathName | None = option(
         None,
-        "Frames missing behind: 120,340x2, FILE or auto.",
+        "Frames before missing ones: 120,340x2, FILE, auto.",
         metavar="FRAMES",
         group="Input",
         parse=Gaps.parse,
@@ -138,48 +138,6 @@ class OutputRate(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        kinds = ("retime", "speed", "slow_motion", "keep_timing", "fill_gaps")
-        given = [f"`{name}`" for name in kinds if getattr(self, name)]
-        has_fps = self.fps is not None
-        refuse(
-            {
-                "`slow_motion_sound` needs `slow_motion`; give both, or leave it out.": (
-                    self.slow_motion_sound is not None and not self.slow_motion and not self.retimes
-                ),
-                f"{' and '.join(given)} set the timing in different ways; give one of them.": (
-                    self.retimes and len(given) > 1
-                ),
-                "`factor` and `fps` both set the output rate; give one of them.": (
-                    self.factor is not None and has_fps and not self.slow_motion
-                ),
-                "`fps` makes the rate constant and `keep_timing` does not; give one of them.": (
-                    has_fps and self.keep_timing
-                ),
-                "`loop` goes on beyond the frames that `replace` counts; give one of them.": (
-                    self.loop and self.replace is not None
-                ),
-                "`shutter_samples` needs `shutter`; give both, or leave it out.": (
-                    self.shutter_samples is not None and self.shutter is None
-                ),
-                "`fill_gaps` makes missing images at a constant rate, and `keep_timing` keeps a variable rate; give "
-                "one of them.": self.fill_gaps and self.keep_timing,
-                "`fill_gaps` makes missing images at a constant rate, and `replace` those that are damaged; give one "
-                "of them.": self.fill_gaps and self.replace is not None,
-                "`duplicates='drop'` changes the number of frames, which `retime`, `speed`, `loop`, `fill_gaps` and "
-                "`replace` count; use it by itself, and convert its output.": (
-                    self.duplicates == "drop"
-                    and (self.retimes or self.loop or self.fill_gaps or self.replace is not None)
-                ),
-                "`gaps` changes the times of frames, which `retime`, `speed`, `loop`, `fill_gaps`, `replace`, "
-                "`keep_timing` and `duplicates='drop'` go by; use it by itself, and convert its output.": (
-                    self.gaps is not None
-                    and (
-                        (self.retimes or self.loop or self.fill_gaps or self.keep_timing)
-                        or (self.replace is not None or self.duplicates == "drop")
-                    )
-                ),
-            }
-        )
         _ = self.exposure  # raises an error for a wrong number of samples
 
     @property

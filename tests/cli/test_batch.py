@@ -178,7 +178,7 @@ def test_wrong_usage_stops_before_anything(fpsboost_, tmp_path):
     (tmp_path / "vectors" / "v_0001.exr").touch()
     arguments = ("--vectors", "vectors", "--method", "reproject-scene", "--mask", "a.mp4", "--mask-as", "layer")
     assert_refused(fpsboost_("a.mp4", "b.mp4", "out", *arguments[:4]), 2, "--vectors")
-    assert_refused(fpsboost_("a.mp4", "b.mkv", *arguments), 2, "--mask-as layer needs motion of either layer")
+    assert_refused(fpsboost_("a.mp4", "b.mkv", *arguments), 2, "--vectors and --mask-as layer cannot be combined")
     assert_refused(fpsboost_("a.mp4", "b.mp4", "none/out"), 1, "none does not exist")
     assert not (tmp_path / "out").exists()
 

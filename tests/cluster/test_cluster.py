@@ -316,7 +316,7 @@ def test_parts_of_another_job_are_not_joined(client, images, output):
 @pytest.mark.parametrize("run", [RunOptions(chunk=Part(1, 2)), RunOptions(in_place=True)])
 def test_what_has_no_parts_is_refused(client, images, output, run):
     """Parts of parts, and images beside the input."""
-    with pytest.raises(OptionError, match="`cluster` converts in parts, which does not work with"):
+    with pytest.raises(OptionError, match=r"`(cluster|in_place)` and .* cannot be combined"):
         convert(images.to(output), client, run=run)
 
 

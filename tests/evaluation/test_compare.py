@@ -312,7 +312,9 @@ def test_a_clip_is_read_as_a_conversion_reads_it(fpsboost_, tmp_path):
     assert told["cut_options"] == ["--cuts", "cuts.txt"]
     assert_refused(fpsboost_("compare", clip, "--stream", "1", "-m", "blend"), 1, "too few frames")
     assert_refused(
-        fpsboost_("compare", clip, "--range", "2:", "--start", "1", "-m", "blend"), 2, "give one or the other"
+        fpsboost_("compare", clip, "--range", "2:", "--start", "1", "-m", "blend"),
+        2,
+        "--range and --start cannot be combined",
     )
 
 
@@ -338,8 +340,8 @@ def test_cuts_that_a_list_names_are_cuts_for_the_methods(fpsboost_, folder, tmp_
         (("--start", "0.1"), 2, "say it with --input-fps"),
         (("--deinterlace",), 2, "--deinterlace is for video files"),
         (("--duplicates", "drop"), 2, "duplicates"),
-        (("--no-cuts", "--cut-threshold", "0.5"), 2, "contradict each other"),
-        (("--depth", "pan"), 2, "--depth needs the motion vectors of --vectors"),
+        (("--no-cuts", "--cut-threshold", "0.5"), 2, "cannot be combined"),
+        (("--depth", "pan"), 2, "--depth needs --vectors"),
         (("--vectors", "nowhere"), 1, "nowhere"),
         (("--skip", "0"), 2, "--skip must be at least 1"),
         (("--skip", "6"), 1, "too few frames"),

@@ -158,5 +158,5 @@ def test_options_say_what_they_were_made_of():
     assert hold_out.as_options() == words.split()
     assert HoldOut().as_options() == []
     assert HoldOut(first=3).as_options() == ["--range", "3:"]
-    with pytest.raises(OptionError, match="give one or the other"):
+    with pytest.raises(OptionError, match="`range` and `start` cannot be combined"):
         HoldOut(first=3, decoding=DecodeOptions(trim=trim))

@@ -242,7 +242,10 @@ def test_several_clips_are_checked_before_any_work(comparison, fpsboost_, tmp_pa
     """The one that is wrong is named, at once; options about one clip are refused, and a clip that is named twice."""
     missing = fpsboost_("compare", comparison.clip, "missing", "-m", "blend")
     assert_refused(missing, 1, "fpsboost: missing ")
-    for option, said in (("--vectors", "write {in} for it, as in {in}/vectors"), ("--frames", "one by one")):
+    for option, said in (
+        ("--vectors", "write {in} for it, as in {in}/vectors"),
+        ("--frames", "take the clips one by one"),
+    ):
         refused = fpsboost_("compare", comparison.clip, "other", option, "x=y")
         assert (refused.code, refused.err.endswith(f"{said}.\n")) == (2, True)
     twice = fpsboost_("compare", comparison.clip, comparison.clip)

@@ -283,11 +283,17 @@ def test_scene_changes_are_found_and_set():
         ({"method": "best"}, "There is no method 'best'; choose one of nlm, "),
         ({"factor_num": 0}, "`factor` must be above 0 and at most 1000, not 0."),
         ({"factor_den": 0}, "`factor_den` must be at least 1, not 0."),
-        ({"factor_num": 2, "fps_num": 60}, "`factor_num` and `fps_num` both set the output rate; give one of them."),
-        ({"factor_den": 2, "fps_num": 60}, "`factor_num` and `fps_num` both set the output rate; give one of them."),
+        (
+            {"factor_num": 2, "fps_num": 60},
+            "`fps_num` and `factor_num` cannot be combined: both set the output rate; leave one of them out.",
+        ),
+        (
+            {"factor_den": 2, "fps_num": 60},
+            "`fps_num` and `factor_den` cannot be combined: both set the output rate; leave one of them out.",
+        ),
         ({"sc": "no"}, "`sc` must be True or False, not 'no'."),
         ({"factor_num": 2.5}, "`factor_num` must be a whole number, not 2.5."),
-        ({"fps_den": 1001}, "`fps_den` needs `fps_num`; give both, or leave `fps_den` out."),
+        ({"fps_den": 1001}, "`fps_den` needs `fps_num`; give that too, or leave it out."),
         ({"fps_num": 0}, "`fps` must be above 0 and at most 100000, not 0."),
     ],
 )

@@ -356,15 +356,19 @@ def test_options_of_sound_that_cannot_work(tmp_path, fpsboost_):
             "--audio-codec",
             "aac",
             "--no-audio",
-        ): "--audio-codec and --no-audio contradict each other; give one",
+        ): "--no-audio and --audio-codec cannot be combined",
         ("frames/", "--audio-codec", "aac"): "frames/ will be images, which take no --audio-codec; leave that out.",
         (
             *("out.mp4", "--audio-codec", "copy", "--slow-motion", "--slow-motion-sound", "stretch"),
         ): "--slow-motion-sound stretch and --audio-codec copy contradict each other; give one of them.",
         (
             *("out.mp4", "--slow-motion", "--slow-motion-sound", "stretch", "--no-audio"),
-        ): "--slow-motion-sound stretch and --no-audio contradict each other; give one of them.",
-        ("out.mp4", "--slow-motion-sound", "stretch"): "--slow-motion-sound needs --slow-motion; give both, or",
+        ): "--no-audio and --slow-motion-sound stretch cannot be combined: one leaves the sound out;",
+        (
+            "out.mp4",
+            "--slow-motion-sound",
+            "stretch",
+        ): "--slow-motion-sound needs --slow-motion or --retime or --speed; give",
     }
     for options, sentence in wrong.items():
         result = fpsboost_("in.mp4", *options)

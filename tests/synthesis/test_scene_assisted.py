@@ -211,7 +211,7 @@ def test_the_command_line(renders, fpsboost_):
     [
         ("--method reproject-scene", 2, "'reproject-scene' needs the renderer's motion vectors; give --vectors DIR"),
         ("--method blend --vectors vectors", 2, "--vectors does not apply to the method 'blend'"),
-        ("--depth vectors", 2, "--depth needs the motion vectors"),
+        ("--depth vectors", 2, "--depth needs --vectors"),
         ("--method reproject-image --vectors none", 1, "none is not a folder with motion vectors"),
         ("--method reproject-image --vectors vectors --factor 5/2", 2, "need a whole factor"),
         ("--method reproject-scene --vectors vectors --factor 3", 1, "vectors has no vectors for output frame 9"),

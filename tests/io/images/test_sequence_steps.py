@@ -256,12 +256,12 @@ def test_repeated_images_are_not_missing(tmp_path):
         ({"in_place": True, "factor": 3}, OptionError, "`in_place` keeps; give `factor=2`, or `fill_gaps`"),
         ({"in_place": True, "factor": 1}, OptionError, "`in_place` keeps"),
         ({"in_place": True, "overwrite": True}, OptionError, "replaces nothing"),
-        ({"in_place": True, "duplicates": "drop"}, OptionError, "`duplicates='drop'` changes the number of frames"),
         (
-            {"in_place": True, "gaps": "1"},
+            {"in_place": True, "duplicates": "drop"},
             OptionError,
-            "`gaps` changes the times of frames, which `vectors`, `in_place`",
+            "`duplicates='drop'` and `in_place` cannot be combined",
         ),
+        ({"in_place": True, "gaps": "1"}, OptionError, "`gaps` and `in_place` cannot be combined"),
         ({"in_place": True, "output": "out"}, OptionError, "leave the output out out"),
     ],
 )

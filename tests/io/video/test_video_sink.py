@@ -254,9 +254,9 @@ def test_values_as_people_write_them():
 def test_contradictions_are_told():
     """Two aims at once, a rate out of range and one option twice are mistakes."""
     for fields, sentence in (
-        ({"crf": 20, "bitrate": 10**6}, "`crf` and `bitrate` contradict"),
-        ({"crf": 20, "lossless": True}, "`lossless` and `crf` contradict"),
-        ({"bitrate": 10**6, "lossless": True}, "`lossless` and `bitrate` contradict"),
+        ({"crf": 20, "bitrate": 10**6}, "`crf` and `bitrate` cannot be combined"),
+        ({"crf": 20, "lossless": True}, "`crf` and `lossless` cannot be combined"),
+        ({"bitrate": 10**6, "lossless": True}, "`lossless` and `bitrate` cannot be combined"),
         ({"bitrate": 10}, "`bitrate` must be 1000 to 2000000000 bits per second"),
         ({"encoder_options": (("g", "1"), ("g", "2"))}, "`encoder_options=g` is given twice"),
     ):

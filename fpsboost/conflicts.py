@@ -1,0 +1,143 @@
+"""Which options cannot be given together, and which ones need another: two tables, from which all refusals of that kind
+and a section of the documentation come.
+
+An option is named by its field, with a value where only that one counts: ``audio=False``. Uses that are no option of
+their own are described: "several inputs".
+"""
+
+import re
+from itertools import product
+from typing import NamedTuple
+
+from fpsboost.errors import OptionError
+
+LEAVE_ONE = "leave one of them out"
+BY_ITSELF = "use it by itself, and convert its output"
+ONE_BY_ONE = "take the clips one by one"
+IN_ONE_RUN = "convert it in one run"
+
+
+class Conflict(NamedTuple):
+    """Options, others with which each of them cannot be combined, and the reason."""
+
+    options: str
+    """Names with commas between."""
+    others: str
+    reason: str
+    advice: str = LEAVE_ONE
+    unless: str = ""
+    """Option with which they can be combined after all."""
+
+
+class Need(NamedTuple):
+    """An option, and others of which it needs one."""
+
+    option: str
+    others: str
+    """Names with commas between."""
+
+
+CONFLICTS = (
+    Conflict("factor", "fps, to_fps", "both set the output rate", unless="slow_motion"),
+    Conflict("fps_num", "factor_num, factor_den", "both set the output rate"),
+    Conflict("fps", "keep_timing", "one makes the rate constant, and the other keeps it variable"),
+    Conflict("retime", "speed", "both set the speed"),
+    Conflict("retime, speed", "slow_motion, keep_timing, fill_gaps", "both set the timing"),
+    Conflict("fill_gaps", "keep_timing, replace", "the first makes missing images alone, at a constant rate"),
+    Conflict("loop", "replace", "a loop goes on beyond the frames that `replace` counts"),
+    Conflict(
+        "duplicates='drop'",
+        "retime, speed, loop, fill_gaps, replace, vectors, in_place, `cuts` by frames, `mask` by frames",
+        "the first changes the number of frames, and the second goes by it",
+        BY_ITSELF,
+    ),
+    Conflict(
+        "gaps",
+        "retime, speed, loop, fill_gaps, replace, keep_timing, duplicates='drop', vectors, in_place, cuts, start, end",
+        "the first changes the times of frames, and the second goes by them",
+        BY_ITSELF,
+    ),
+    Conflict(
+        "gaps, duplicates='drop'",
+        "a preview",
+        "a preview reads passages alone, and this needs the whole clip",
+        "convert the clip, and preview that",
+    ),
+    Conflict(
+        "`retime` that plays backwards",
+        "cuts, replace, loop, `mask` by frames",
+        "the first changes the order of frames, and the second goes by it",
+    ),
+    Conflict("vectors", "retime, speed, shutter", "rendered vectors exist for frames at the usual times alone"),
+    Conflict("vectors", "loop", "no rendered vectors lead from the last frame to the first"),
+    Conflict("vectors", "mask_as='layer'", "a layer and what is behind it need vectors of their own"),
+    Conflict("in_place", "retime, speed", "the first fills in whole frame numbers, and the second shows any time"),
+    Conflict(
+        "in_place", "shutter", "the first keeps the originals, and the second blurs them", "write to another folder"
+    ),
+    Conflict("in_place", "overwrite", "the first replaces nothing"),
+    Conflict("shutter", "confidence, save_motion", "a mean of several frames has no one map"),
+    Conflict("resume", "confidence, save_motion", "frames that are finished are not computed again"),
+    Conflict("chunk", "in_place, confidence, save_motion", "a part is written into a folder of its own"),
+    Conflict("cluster", "in_place, confidence, save_motion, chunk", "a cluster makes parts, in folders of their own"),
+    Conflict("chunk, cluster", "loop", "a loop leads from the last frame to the first", IN_ONE_RUN),
+    Conflict("chunk", "a dry run", "a dry run estimates the whole conversion"),
+    Conflict(
+        "vectors, chunk, confidence, save_motion, frames_of",
+        "several inputs",
+        "the first is about one clip",
+        ONE_BY_ONE,
+    ),
+    Conflict("cuts, cut_threshold", "no_cuts", "both say where scenes end"),
+    Conflict("cuts", "cut_threshold", "both say where scenes end"),
+    Conflict("crf, lossless", "bitrate", "both set the quality"),
+    Conflict("crf", "lossless", "both set the quality"),
+    Conflict("audio=False", "audio_codec, slow_motion_sound='stretch'", "one leaves the sound out"),
+    Conflict("range", "start, end", "both select frames"),
+    Conflict("quiet", "progress='json'", "the first prints nothing"),
+)
+"""Options that cannot be combined."""
+
+NEEDS = (
+    Need("slow_motion_sound", "slow_motion, retime, speed"),
+    Need("shutter_samples", "shutter"),
+    Need("below", "uncertain"),
+    Need("mask_as", "mask"),
+    Need("depth", "vectors"),
+    Need("vector_convention", "vectors"),
+    Need("fps_den", "fps_num"),
+)
+"""Options that mean nothing without another."""
+
+
+def check_together(given: set[str]) -> None:
+    """Raise `OptionError` if some of these options, named as in the tables, cannot be combined, or one lacks another.
+
+    Examples
+    --------
+    >>> check_together({"fps", "slow_motion"})
+    >>> check_together({"range", "end"})
+    Traceback (most recent call last):
+    fpsboost.media.errors.OptionError: `range` and `end` cannot be combined: both select frames; leave one of them out.
+    """
+    if not given:
+        return
+    for conflict in CONFLICTS:
+        for pair in product(names_in(conflict.options), names_in(conflict.others)):
+            if given.issuperset(pair) and conflict.unless not in given:
+                both = " and ".join(map(in_sentence, pair))
+                raise OptionError(f"{both} cannot be combined: {conflict.reason}; {conflict.advice}.")
+    for need in NEEDS:
+        if need.option in given and given.isdisjoint(names_in(need.others)):
+            others = " or ".join(map(in_sentence, names_in(need.others)))
+            raise OptionError(f"`{need.option}` needs {others}; give that too, or leave it out.")
+
+
+def names_in(text: str) -> list[str]:
+    """Return the names in an entry of a table."""
+    return text.split(", ")
+
+
+def in_sentence(name: str) -> str:
+    """Return the name of an option, or of a use, as messages have it: options between backquotes."""
+    return f"`{name}`" if re.fullmatch(r"[a-z_]+(=.*)?", name) else name
