@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator
-from fpsboost.kernels.constants import FEATURES, SQUARES_PER_ROW, SQUARES_PER_WINDOW, WINDOW
-from fpsboost.kernels.multi_hypothesis import describe_node, window_shape
+from fpsboost.kernels.constants import BLOCKS_2X2, BLOCKS_2X2_PER_ROW, FEATURES, WINDOW
+from fpsboost.kernels.multi_hypothesis import extract_features, window_shape
 from fpsboost.method_table import find_method
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.fusion_table import OUTPUTS, TABLE, mirrored
@@ -125,16 +125,16 @@ def draw_patches(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[A
         for slot in range(4):
             row, column = (2 * y[i] + 8) // 16 - 1 + slot // 2, (2 * x[i] + 8) // 16 - 1 + slot % 2
             if 0 <= row < nodes[0] and 0 <= column < nodes[1]:
-                square = (y[i] - 8 * row + 4) * SQUARES_PER_ROW + x[i] - 8 * column + 4
+                square = (y[i] - 8 * row + 4) * BLOCKS_2X2_PER_ROW + x[i] - 8 * column + 4
                 out.shape[i, slot] = share[square]
                 wanted.setdefault((row, column), []).append((i, slot, square))
     half = np.float32(0.5)
     room, found = moment.candidates.weights.shape[2], np.empty(1, np.int64)
-    features, gains = (np.zeros((room, *size, SQUARES_PER_WINDOW), np.float32) for size in ((FEATURES,), ()))
+    features, gains = (np.zeros((room, *size, BLOCKS_2X2), np.float32) for size in ((FEATURES,), ()))
     mixed, change = (np.zeros((room, 3, WINDOW * WINDOW), np.float32) for _ in range(2))
     for (row, column), squares in wanted.items():
         node = moment.full, row, column, half, moment.candidates, moment.weighting, moment.surroundings
-        describe_node(*node, features, gains, mixed, change, found)
+        extract_features(*node, features, gains, mixed, change, found)
         priors = moment.candidates.weights[row, column, : moment.candidates.listed[row, column]]
         priors = priors[priors > 0][: found[0]]
         for i, slot, square in squares:
@@ -142,7 +142,7 @@ def draw_patches(pair: FramePair, synthesizer: MultiHypothesis, truth: NDArray[A
             n = order.size
             out.features[i, slot, :n] = features[order, :, square]
             out.priors[i, slot, :n], out.gains[i, slot, :n] = priors[order], gains[order, square]
-            first = square // SQUARES_PER_ROW * 2 * WINDOW + square % SQUARES_PER_ROW * 2
+            first = square // BLOCKS_2X2_PER_ROW * 2 * WINDOW + square % BLOCKS_2X2_PER_ROW * 2
             places = [first, first + 1, first + WINDOW, first + WINDOW + 1]
             out.mixed[i, slot, :n] = (255 * mixed[order][:, :, places]).reshape(n, 12)
             out.change[i, slot, :n] = (255 * change[order][:, :, places]).reshape(n, 12)

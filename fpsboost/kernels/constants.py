@@ -43,27 +43,27 @@ UNKNOWN = 0.1
 MARGIN = 40
 """Width of the repeated edges of spline coefficients beyond the frame, pixels."""
 
-SQUARES_PER_ROW = 16
-"""Number of squares across a window: one for two pixels, as for subsampled chroma. Each square has one weight: weights
-are means over patches, which vary slowly."""
+BLOCKS_2X2_PER_ROW = 16
+"""2x2 blocks of pixels across a window, which has BLOCKS_2X2. Each has one weight: weights are means over patches,
+which vary slowly."""
 
-SQUARES_PER_WINDOW = SQUARES_PER_ROW * SQUARES_PER_ROW
+BLOCKS_2X2 = BLOCKS_2X2_PER_ROW**2
 
-WINDOW = 2 * SQUARES_PER_ROW
+WINDOW = 2 * BLOCKS_2X2_PER_ROW
 """Side of a window, pixels."""
 
 WINDOW_BLOCK = 8
 """Side of the blocks of a zoomed or turned window that move as their centre does, pixels."""
 
 END_WEIGHT = 0.75
-"""Weight of the first and the last of the five squares across a patch: equivalent to sums over patches of nine pixels
-around each pixel."""
+"""Weight of the first and the last of the five 2x2 blocks across a patch: equivalent to sums over patches of nine
+pixels around each pixel."""
 
 SPARE = 16
 """Columns of coefficients that are needed beyond the right margin: rows are read sixteen values at a time."""
 
 FEATURES = 24
-"""Features of a candidate in one square of a window, by which the learnt weights weigh it."""
+"""Features of a candidate in one 2x2 block of a window, by which the learnt weights weigh it."""
 
 FEATURE_SUMS = 10
 """Sums of features: for both frames along a candidate, for either alone, and for each hinge."""

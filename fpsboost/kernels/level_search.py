@@ -59,8 +59,8 @@ class CoarseMotion(NamedTuple):
     """Motion in pixels of that level."""
     expected: Annotated[Array, "float32 (2, down, across, 2)"]
     """Motion that every point there keeps, whatever its similarity, if it is proposed or zero."""
-    ties: Annotated[Array, "float32 (2, down, across)"]
-    """Share of the smoothness that applies to the points there."""
+    smoothness_weight: Annotated[Array, "float32 (2, down, across)"]
+    """Weight of the smoothness at the points there."""
 
 
 class LevelSettings(NamedTuple):
@@ -135,7 +135,7 @@ def choose_labels(
     count: Annotated[Array, "int32 (rows, columns)"],
     motions: Annotated[Array, "float32 (rows, columns, capacity, 2)"],
     similarity: Annotated[Array, "float32 (rows, columns, capacity)"],
-    ties: Annotated[Array, "float32 (rows, columns)"],
+    smoothness_weight: Annotated[Array, "float32 (rows, columns)"],
     smoothness: np.float32,
     slope: np.float32,
     costs: Annotated[Array, "float32 (rows, columns, padded == (capacity + 7) // 8 * 8)"],
@@ -153,7 +153,7 @@ def choose_labels(
     - `count`: labels of each node, at least one
     - `motions`: ``(dx, dy)`` of each label, pixels; undefined beyond `count`
     - `similarity`: of each label; its negative is the cost at the node
-    - `ties`: share of the smoothness that applies to a node, between two the smaller of both
+    - `smoothness_weight`: of each node, between two the smaller of both
     - `smoothness`, `slope`: maximum cost of a change of motion between neighbours, and its cost per pixel
     - `costs`: of the paths to each label, out
     - `flow`, `chosen`: motion and similarity of the chosen label, out

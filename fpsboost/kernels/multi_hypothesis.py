@@ -12,13 +12,13 @@ import numpy as np
 
 from fpsboost.kernels.binding import Array, Scratch, compiled
 from fpsboost.kernels.candidates import Candidates
-from fpsboost.kernels.constants import SQUARES_PER_ROW, WINDOW
+from fpsboost.kernels.constants import BLOCKS_2X2_PER_ROW, WINDOW
 from fpsboost.kernels.pair_context import PairContext
 from fpsboost.kernels.window_samples import PlaneGroup
 
 
 class Weighting(NamedTuple):
-    """Parameters of the weights of a node's candidates at each square of its window; see ``pixel_weights.h``."""
+    """Parameters of the weights of a node's candidates at each 2x2 block of its window; see ``pixel_weights.h``."""
 
     scale: np.float32
     """Factor on squared colour differences."""
@@ -29,13 +29,13 @@ class Weighting(NamedTuple):
     min_vote_share: np.float32
     """Remaining candidates are also skipped once the votes of the next one are below this share of the least
     accumulated weight of any pixel."""
-    window_shape: Annotated[Array, "float32 (SQUARES_PER_WINDOW,)"]
-    """Weight of each square of a window, by `window_shape`."""
+    window_shape: Annotated[Array, "float32 (BLOCKS_2X2,)"]
+    """Weight of each 2x2 block of a window, by `window_shape`."""
     even: Annotated[Array, "float32 (FEATURE_SUMS, FEATURES)"]
-    """Coefficients of the features of sums of them: for both frames along a candidate, for either alone, and for each
-    hinge; plain weights need none."""
+    """Coefficients of the features in weighted sums. Rows: 0 both frames, 1 one frame alone, 2 to 9 hinge units. The
+    part that is the same for both frames; plain weights need none."""
     odd: Annotated[Array, "float32 (FEATURE_SUMS, FEATURES)"]
-    """Offsets that are added to these coefficients for frame 0, and subtracted for frame 1."""
+    """The part that is added to these coefficients for frame 0, and subtracted for frame 1."""
     factors: Annotated[Array, "float32 (FEATURE_SUMS, 2)"]
     """Factors of these sums in the logarithm of the weight of both frames, and of either alone."""
 
@@ -112,19 +112,19 @@ def find_dominant_motion(
 
 @cache
 def window_shape(spacing: int) -> np.ndarray:
-    """Return the weight of each square of a window, (SQUARES_PER_ROW ** 2,) float32, for nodes some pixels apart.
+    """Return the weight of each 2x2 block of a window, (BLOCKS_2X2,) float32, for nodes some pixels apart.
 
     It rises smoothly from 0 at the border to 1 where no other window overlaps, and the weights of overlapping windows
-    add up to 1. Where fewer squares overlap, it rises more slowly at first, so that the first one is no visible step.
+    add up to 1. Where fewer blocks overlap, it rises more slowly at first, so that the first one is no visible step.
     """
-    from_border = SQUARES_PER_ROW / 2 - np.abs(np.arange(SQUARES_PER_ROW) + 0.5 - SQUARES_PER_ROW / 2)
+    from_border = BLOCKS_2X2_PER_ROW / 2 - np.abs(np.arange(BLOCKS_2X2_PER_ROW) + 0.5 - BLOCKS_2X2_PER_ROW / 2)
     way = np.minimum(from_border * 2 / (WINDOW - spacing), 1)
     smooth = way**2 * (3 - 2 * way) if spacing <= WINDOW // 2 else way**3 * (10 - 15 * way + 6 * way**2)
     return np.outer(smooth, smooth).ravel().astype(np.float32)
 
 
 @compiled
-def describe_node(
+def extract_features(
     layer: PlaneGroup,
     row: int,
     column: int,
@@ -132,8 +132,8 @@ def describe_node(
     candidates: Candidates,
     weighting: Weighting,
     context: PairContext,
-    features: Annotated[Array, "float32 (room, FEATURES, SQUARES_PER_WINDOW)"],
-    gains: Annotated[Array, "float32 (room, SQUARES_PER_WINDOW)"],
+    features: Annotated[Array, "float32 (room, FEATURES, BLOCKS_2X2)"],
+    gains: Annotated[Array, "float32 (room, BLOCKS_2X2)"],
     mixed: Annotated[Array, "float32 (room, planes, samples == WINDOW * WINDOW)"],
     change: Annotated[Array, "float32 (room, planes, samples)"],
     count: Annotated[Array, "int64 (1,)"],
@@ -142,7 +142,7 @@ def describe_node(
     """Write the inputs of the learnt weights for the compared candidates of a node.
 
     - `layer`: whose planes have the frame's full size
-    - `features`: of each square of the window; see `fpsboost.synthesis.fusion_table`
+    - `features`: of each 2x2 block of the window; see `fpsboost.synthesis.fusion_table`
     - `gains`: factors on the weights of the foreground of the dominant motion of the window
     - `mixed`, `change`: samples of the candidate, blended by time; and those of frame 1 minus those of frame 0, 0 where
       either lies outside of its frame

@@ -1,6 +1,6 @@
 """Context of a pair besides its samples, for the learnt weights.
 
-A feature is a number of one square of a window and one candidate; ``fusion_features.h`` computes them, and
+A feature is a number of one 2x2 block of a window and one candidate; ``fusion_features.h`` computes them, and
 `fpsboost.synthesis.fusion_table` names them in order.
 
 A node alone cannot tell which of several motions of weak texture is right. Each candidate is therefore compared with

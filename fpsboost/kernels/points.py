@@ -42,8 +42,8 @@ def measure_forward_backward_errors(
 class RoundTrip(NamedTuple):
     """Motion to another frame and back."""
 
-    there: Annotated[Array, "float32 (down == -(-height // spacing), across == -(-width // spacing), 2)"]
-    back: Annotated[Array, "float32 (down, across, 2)"]
+    forward: Annotated[Array, "float32 (down == -(-height // spacing), across == -(-width // spacing), 2)"]
+    backward: Annotated[Array, "float32 (down, across, 2)"]
 
 
 class FieldLayout(NamedTuple):

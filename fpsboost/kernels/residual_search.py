@@ -41,20 +41,20 @@ def search_residuals_bidirectional(
 
 
 @compiled
-def loosen_ties(
+def relax_smoothness(
     flow: Annotated[Array, "float32 (2, down, across, 2)"],
     before: Annotated[Array, "float32 (2, down, across, 2)"],
     step: np.float32,
     tolerance: np.float32,
     weak: np.float32,
-    ties: Annotated[Array, "float32 (2, down, across)"],
+    smoothness_weight: Annotated[Array, "float32 (2, down, across)"],
 ) -> None:
-    """Give points with new motion that the other frame confirms a smaller share of the smoothness.
+    """Give points with new motion that the other frame confirms a smaller weight of the smoothness.
 
     - `flow`, `before`: motion in both directions after and before the residual search; new motion differs by more than
       a pixel along x or y
     - `step`: distance between points, pixels
     - `tolerance`: maximum forward-backward error of new motion, pixels
-    - `weak`: share of the smoothness that applies to points with such motion; 1 applies to all others
-    - `ties`: out
+    - `weak`: weight of the smoothness at points with such motion; it is 1 at all others
+    - `smoothness_weight`: out
     """

@@ -29,7 +29,7 @@ from fpsboost.kernels.constants import MAX_TILE_PATCH_RADIUS
 from fpsboost.kernels.level_search import PADDING, CoarseMotion, LevelSettings, Points, search_level
 from fpsboost.kernels.planes import PlanePair, colour_scale, level_scale, truncation
 from fpsboost.kernels.refine import refine_bidirectional
-from fpsboost.kernels.residual_search import loosen_ties, search_residuals_bidirectional
+from fpsboost.kernels.residual_search import relax_smoothness, search_residuals_bidirectional
 from fpsboost.motion.components import contrast_components, contrast_planes
 from fpsboost.motion.field import MotionField, spread_points
 from fpsboost.motion.full_search import search_fused
@@ -221,14 +221,14 @@ class CoarseToFine(Checked):
         Small objects are those whose motion their surroundings do not predict.
         """
         looked = flow.copy()
-        ties = np.empty(flow.shape[:3], np.float32)
-        similarity = np.empty((2, *ties.shape), np.float32)
+        smoothness_weight = np.empty(flow.shape[:3], np.float32)
+        similarity = np.empty((2, *smoothness_weight.shape), np.float32)
         search_residuals_bidirectional(
             pair, step, self._max_offset(pair), SMALL_RADIUS, min_similarity, MIN_GAIN, looked, similarity
         )
         self._refine(pair, flow, looked, step)
-        loosen_ties(looked, flow, np.float32(step), CONSISTENCY_TOLERANCE, WEAK_SMOOTHNESS, ties)
-        return CoarseMotion(looked, flow, ties)
+        relax_smoothness(looked, flow, np.float32(step), CONSISTENCY_TOLERANCE, WEAK_SMOOTHNESS, smoothness_weight)
+        return CoarseMotion(looked, flow, smoothness_weight)
 
     def _refine(self, pair: PlanePair, known: np.ndarray, flow: np.ndarray, step: int) -> None:
         """Refine the motion in both directions to a fraction of a pixel, in place.

@@ -3,7 +3,8 @@
 #pragma once
 #include "constants.h"
 
-#define INLINE static inline __attribute__((always_inline))
+#define INLINE_LAMBDA __attribute__((always_inline))
+#define FORCE_INLINE inline INLINE_LAMBDA
 #if defined(_WIN32)
 #define EXPORT __declspec(dllexport)
 #else
@@ -16,7 +17,7 @@
 #define AT_LEVEL(name, level) JOINED(name, level)
 // Begins the function that `compiled` of fpsboost/kernels/binding.py calls, once for each level of processors. It is
 // declared in records.h, under a name that ends with a checksum of its description.
-#define KERNEL(type, name, Arguments) extern "C" EXPORT type ENTRY_##name(const Arguments &a)
+#define KERNEL(type, name, parameter) extern "C" EXPORT type ENTRY_##name(parameter)
 
 struct Array {  // as `array_field` of binding.py packs it; steps are in elements
   void *data;
@@ -37,7 +38,7 @@ template <typename T> constexpr bool may_view<T, T> = true;
 template <typename T> constexpr bool may_view<const T, T> = true;
 template <typename T> constexpr bool may_view<T, Any> = true;
 
-// An array of some type that fills its memory in C order; view(i, j) is an element, view.at(i) the address of a row.
+// An array of some type that fills its memory in C order; view(i, j) is an element, view.ptr(i) the address of a row.
 template <typename T, int N> struct View {
   T *data;
   Int shape[N];
@@ -47,7 +48,7 @@ template <typename T, int N> struct View {
     static_assert(may_view<T, Described>, "the type of elements that the array is described with");
     for (int n = 0; n < N; n++) shape[n] = array.shape[n];
   }
-  template <typename... Indices> T *at(Indices... indices) const {
+  template <typename... Indices> T *ptr(Indices... indices) const {
     const Int given[] = {Int(indices)...};
     Int place = 0;
     for (int n = 0; n < N; n++) place = place * shape[n] + (n < int(sizeof...(Indices)) ? given[n] : 0);
@@ -55,19 +56,22 @@ template <typename T, int N> struct View {
   }
   template <typename... Indices> T &operator()(Indices... indices) const {
     static_assert(sizeof...(Indices) == N, "one index for each axis");
-    return *at(indices...);
+    return *ptr(indices...);
   }
   View<T, N - 1> operator[](Int index) const {
     View<T, N - 1> part;
-    part.data = at(index);
+    part.data = ptr(index);
     for (int n = 1; n < N; n++) part.shape[n - 1] = shape[n];
     return part;
   }
 };
 
-template <typename T> INLINE T least(T a, T b) { return a < b ? a : b; }
-template <typename T> INLINE T most(T a, T b) { return a > b ? a : b; }
-template <typename T> INLINE T within(T value, T low, T high) { return least(most(value, low), high); }
-INLINE float absolute(float value) { return __builtin_fabsf(value); }
+template <typename T> FORCE_INLINE T min(T a, T b) { return a < b ? a : b; }
+template <typename T> FORCE_INLINE T max(T a, T b) { return a > b ? a : b; }
+template <typename T> FORCE_INLINE T clamp(T value, T low, T high) { return min(max(value, low), high); }
+// The same bytes as another type: of pointers, and of vectors.
+template <typename To, typename From> FORCE_INLINE To as(From value) { return reinterpret_cast<To>(value); }
+
+FORCE_INLINE float absolute(float value) { return __builtin_fabsf(value); }
 
 }  // namespace

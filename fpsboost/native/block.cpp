@@ -15,14 +15,14 @@ struct Vector {
 };
 
 // Sum of absolute differences of parts of two rows, added to those above. A row of a block has at most 2^16 values.
-template <typename T> INLINE Int add_differences(Int total, const T *here, const T *there, Int count) {
+template <typename T> FORCE_INLINE Int add_differences(Int total, const T *row0, const T *row1, Int count) {
   uint32_t sum = 0;
-  for (Int i = 0; i < count; i++) sum += uint32_t(__builtin_abs(int(here[i]) - int(there[i])));
+  for (Int i = 0; i < count; i++) sum += uint32_t(__builtin_abs(int(row0[i]) - int(row1[i])));
   return total + sum;
 }
 
-INLINE float add_differences(float total, const float *here, const float *there, Int count) {
-  for (Int i = 0; i < count; i++) total += absolute(here[i] - there[i]);  // in this order, as floats are rounded
+FORCE_INLINE float add_differences(float total, const float *row0, const float *row1, Int count) {
+  for (Int i = 0; i < count; i++) total += absolute(row0[i] - row1[i]);  // in this order, as floats are rounded
   return total;
 }
 
@@ -42,21 +42,21 @@ template <typename T> struct BlockSearch {
   Vector best{0, 0};
   Sum lowest = Sum(Int(1) << 62);  // larger than any sum of absolute differences
 
-  BlockSearch(const MatchBlocks &a, const Block &block)
-      : rows0(a.rows0), rows1(a.rows1), channels(a.channels), search_range(a.search_range), block(block) {}
+  BlockSearch(const MatchBlocks &args, const Block &block)
+      : rows0(args.rows0), rows1(args.rows1), channels(args.channels), search_range(args.search_range), block(block) {}
 
   // The sum of absolute differences of the block and its match, or of their first rows once it is too high.
   Sum sum_of_differences(const Vector &vector) const {
     Sum total = 0;
     for (Int y = block.top; y < block.bottom && !(total > lowest); y++) {
-      const T *here = rows0.at(y) + block.left * channels;
-      const T *there = rows1.at(y + vector.dy) + (block.left + vector.dx) * channels;
-      total = add_differences(total, here, there, (block.right - block.left) * channels);
+      const T *row0 = rows0.ptr(y) + block.left * channels;
+      const T *row1 = rows1.ptr(y + vector.dy) + (block.left + vector.dx) * channels;
+      total = add_differences(total, row0, row1, (block.right - block.left) * channels);
     }
     return total;
   }
   bool is_allowed(const Vector &vector) const {
-    const Int longest = most(most(vector.dy, -vector.dy), most(vector.dx, -vector.dx));
+    const Int longest = max(max(vector.dy, -vector.dy), max(vector.dx, -vector.dx));
     return longest <= search_range && block.top + vector.dy >= 0 && block.left + vector.dx >= 0 &&
            block.bottom + vector.dy <= rows0.shape[0] && (block.right + vector.dx) * channels <= rows0.shape[1];
   }
@@ -72,19 +72,19 @@ template <typename T> struct BlockSearch {
   }
 };
 
-template <typename T> void match(const MatchBlocks &a) {
+template <typename T> void match(const MatchBlocks &args) {
   typedef typename SumOf<T>::Type Sum;
-  const View<const int32_t, 2> offsets(a.plan.offsets);
-  const View<const int32_t, 1> turns(a.plan.turns);
-  const View<const bool, 1> repeated(a.plan.repeated);
-  const View<int32_t, 3> motion(a.motion);
-  const View<Sum, 2> difference(a.difference);
-  const Int height = a.rows0.shape[0], width = a.rows0.shape[1] / a.channels;
+  const View<const int32_t, 2> offsets(args.plan.offsets);
+  const View<const int32_t, 1> turns(args.plan.turns);
+  const View<const bool, 1> repeated(args.plan.repeated);
+  const View<int32_t, 3> motion(args.motion);
+  const View<Sum, 2> difference(args.difference);
+  const Int height = args.rows0.shape[0], width = args.rows0.shape[1] / args.channels;
   for (Int row = 0; row < difference.shape[0]; row++)
     for (Int column = 0; column < difference.shape[1]; column++) {
-      const Int top = row * a.block_size, left = column * a.block_size;
-      const Block block{top, left, least(top + a.block_size, height), least(left + a.block_size, width)};
-      BlockSearch<T> search(a, block);
+      const Int top = row * args.block_size, left = column * args.block_size;
+      const Block block{top, left, min(top + args.block_size, height), min(left + args.block_size, width)};
+      BlockSearch<T> search(args, block);
       for (Int turn = 0; turn < repeated.shape[0]; turn++) {
         bool again = true;
         while (again) {
@@ -102,10 +102,10 @@ template <typename T> void match(const MatchBlocks &a) {
 
 }  // namespace
 
-KERNEL(void, match_blocks, MatchBlocks) {
-  switch (a.rows0.kind) {
-    case UINT8: return match<uint8_t>(a);
-    case UINT16: return match<uint16_t>(a);
-    default: return match<float>(a);
+KERNEL(void, match_blocks, const MatchBlocks &args) {
+  switch (args.rows0.kind) {
+    case UINT8: return match<uint8_t>(args);
+    case UINT16: return match<uint16_t>(args);
+    default: return match<float>(args);
   }
 }

@@ -1,4 +1,5 @@
 // Candidate motions of the nodes: the motion of points is projected to time t and votes at the nodes where it lands.
+#include "candidates.h"
 #include "rounding.h"
 
 namespace {
@@ -6,18 +7,11 @@ namespace {
 // Sums over the votes for a candidate.
 struct VoteSums {
   float dx, dy;
-  float sure, ax, ay, squared_acceleration;  // of votes whose acceleration is known
-  float gradients[4];                        // of dx and dy along x, then along y
+  float sure, acceleration_x, acceleration_y, squared_acceleration;  // of votes whose acceleration is known
+  float dx_along_x, dy_along_x, dx_along_y, dy_along_y;
 };
 
-struct Motion {  // of a candidate
-  float dx, dy, ax, ay;
-  float gradients[4];
-};
-
-static_assert(sizeof(VoteSums) == SUMS_PER_CANDIDATE * sizeof(float) &&
-                  sizeof(Motion) == VALUES_PER_MOTION * sizeof(float),
-              "as in the arrays of kernels/candidates.py");
+static_assert(sizeof(VoteSums) == SUMS_PER_CANDIDATE * sizeof(float));
 
 // What is listed of a node so far, and the sums of all nodes in the order in which they were found.
 struct NodeVotes {
@@ -41,10 +35,10 @@ struct Span {
 };
 
 // From where to where, along an axis, what moves like this is within both frames; `t` is the distance from this one.
-INLINE Span overlap_span(float motion, float t, Int size) {
-  const float first = most(0.0f, most((t - 1) * motion, t * motion));
-  const float last = float(size) - most(0.0f, most((1 - t) * motion, -t * motion));
-  return {first, most(last, first)};
+FORCE_INLINE Span overlap_span(float motion, float t, Int size) {
+  const float first = max(0.0f, max((t - 1) * motion, t * motion));
+  const float last = float(size) - max(0.0f, max((1 - t) * motion, -t * motion));
+  return {first, max(last, first)};
 }
 
 struct Nodes {
@@ -53,27 +47,26 @@ struct Nodes {
 
 // The nodes in whose support a motion lands; beyond what both frames see, all are as the outermost.
 //
-// What moves in from outside, or out, is seen by one frame alone, and no motion is found for it: it is likely to move
-// as what is next to it.
-INLINE Nodes nodes_within(float landing, float support, const Span &seen, Int spacing, Int count) {
+// Content that enters or leaves the frame has no match; it is assumed to move as its neighbours do.
+FORCE_INLINE Nodes nodes_within(float landing, float support, const Span &seen, Int spacing, Int count) {
   const float middle = 0.5f * float(spacing), per_cell = 1 / float(spacing);
   Nodes nodes{0, count - 1};
   if (landing - support > seen.first)
-    nodes.first = most(whole(__builtin_ceilf((landing - middle - support) * per_cell)), Int(0));
+    nodes.first = max(truncate(__builtin_ceilf((landing - middle - support) * per_cell)), Int(0));
   if (landing + support < seen.last)
-    nodes.last = least(whole(__builtin_floorf((landing - middle + support) * per_cell)), count - 1);
+    nodes.last = min(truncate(__builtin_floorf((landing - middle + support) * per_cell)), count - 1);
   return nodes;
 }
 
 // Adds a vote to the first candidate of a node whose mean is near, or to a new one as long as there is room.
-INLINE void add_vote(const NodeVotes &node, const CollectedVotes &all, float tolerance, float vote, float sign,
-                     const Motion &motion, float certainty) {
+FORCE_INLINE void add_vote(const NodeVotes &node, const CollectedVotes &all, float tolerance, float vote, float sign,
+                           const Motion &motion, float certainty) {
   const Int listed = *node.listed;
   Int k = 0;
   for (; k < listed; k++) {
     const float share = node.votes[k];
-    const VoteSums &its = node.of(k);
-    if (most(absolute(its.dy - motion.dy * share), absolute(its.dx - motion.dx * share)) < tolerance * share) break;
+    const VoteSums &sums = node.of(k);
+    if (max(absolute(sums.dy - motion.dy * share), absolute(sums.dx - motion.dx * share)) < tolerance * share) break;
   }
   if (k == all.votes.shape[2]) return;
   if (k == listed) {
@@ -85,19 +78,23 @@ INLINE void add_vote(const NodeVotes &node, const CollectedVotes &all, float tol
     ++total;
   }
   node.votes[k] += vote;
-  VoteSums &its = node.of(k);
-  its.dx += vote * motion.dx;
-  its.dy += vote * motion.dy;
+  VoteSums &sums = node.of(k);
+  sums.dx += vote * motion.dx;
+  sums.dy += vote * motion.dy;
   const float turned = sign * vote, sure = vote * certainty;
-  for (int n = 0; n < 4; n++) its.gradients[n] += turned * motion.gradients[n];
-  its.sure += sure;
-  its.ax += sure * motion.ax;
-  its.ay += sure * motion.ay;
-  its.squared_acceleration += sure * (motion.ax * motion.ax + motion.ay * motion.ay);
+  sums.dx_along_x += turned * motion.dx_along_x;
+  sums.dy_along_x += turned * motion.dy_along_x;
+  sums.dx_along_y += turned * motion.dx_along_y;
+  sums.dy_along_y += turned * motion.dy_along_y;
+  sums.sure += sure;
+  sums.acceleration_x += sure * motion.acceleration_x;
+  sums.acceleration_y += sure * motion.acceleration_y;
+  sums.squared_acceleration +=
+      sure * (motion.acceleration_x * motion.acceleration_x + motion.acceleration_y * motion.acceleration_y);
 }
 
 // The candidate with the most votes of those that come after `last`, the first of several; -1 stands for the beginning.
-INLINE Int next_by_votes(const float *votes, Int count, Int last) {
+FORCE_INLINE Int next_by_votes(const float *votes, Int count, Int last) {
   Int best = -1;
   for (Int k = 0; k < count; k++) {
     const bool waits = last < 0 || votes[k] < votes[last] || (votes[k] == votes[last] && k > last);
@@ -107,52 +104,55 @@ INLINE Int next_by_votes(const float *votes, Int count, Int last) {
 }
 
 // The mean acceleration of a candidate, as far as its votes agree on it.
-INLINE void set_acceleration(const VoteSums &its, float vote, float tolerance, Motion &motion) {
-  motion.ax = motion.ay = 0;
-  if (!(its.sure > 0)) return;
-  const float sure = its.sure, ax = its.ax / sure, ay = its.ay / sure;
-  const float variance = most(0.0f, its.squared_acceleration / sure - ax * ax - ay * ay);
+FORCE_INLINE void set_acceleration(const VoteSums &sums, float vote, float tolerance, Motion &motion) {
+  motion.acceleration_x = motion.acceleration_y = 0;
+  if (!(sums.sure > 0)) return;
+  const float sure = sums.sure, ax = sums.acceleration_x / sure, ay = sums.acceleration_y / sure;
+  const float variance = max(0.0f, sums.squared_acceleration / sure - ax * ax - ay * ay);
   const float squared = tolerance * tolerance;
   float belief = sure / (sure + UNKNOWN * vote) * tolerance * tolerance / (squared + variance);
   // zero motion has no acceleration: a frozen frame stays unchanged
-  belief *= least(1.0f, 4 * (absolute(motion.dx) + absolute(motion.dy)));
-  motion.ax = belief * ax;
-  motion.ay = belief * ay;
+  belief *= min(1.0f, 4 * (absolute(motion.dx) + absolute(motion.dy)));
+  motion.acceleration_x = belief * ax;
+  motion.acceleration_y = belief * ay;
 }
 
 }  // namespace
 
-KERNEL(void, collect_candidates, CollectCandidates) {
-  const View<const float, 3> vectors(a.points.vectors), accelerations(a.points.accelerations);
-  const View<const float, 4> gradients(a.points.gradients);
-  const View<const float, 2> trust(a.points.trust);
-  const CollectedVotes &all = a.collected;
-  const Int rows = all.listed.shape[0], columns = all.listed.shape[1], spacing = all.spacing, step = a.step;
-  const float sign = float(a.sign), t = float(a.t), support = float(a.support), tolerance = float(a.tolerance);
+KERNEL(void, collect_candidates, const CollectCandidates &args) {
+  const View<const float, 3> vectors(args.points.vectors), accelerations(args.points.accelerations);
+  const View<const float, 4> gradients(args.points.gradients);
+  const View<const float, 2> trust(args.points.trust);
+  const CollectedVotes &all = args.collected;
+  const Int rows = all.listed.shape[0], columns = all.listed.shape[1], spacing = all.spacing, step = args.step;
+  const float sign = float(args.sign), t = float(args.t), support = float(args.support),
+              tolerance = float(args.tolerance);
   const float middle = 0.5f * float(spacing), curve = t * (1 - t) * 0.5f;
   for (Int i = 0; i < vectors.shape[0]; i++) {
-    const float y = float(least(i * step + step / 2, a.height - 1)) + 0.5f;  // relative to the frame corner
+    const float y = float(min(i * step + step / 2, args.height - 1)) + 0.5f;  // relative to the frame corner
     for (Int j = 0; j < vectors.shape[1]; j++) {
-      const float x = float(least(j * step + step / 2, a.width - 1)) + 0.5f;
-      const float *vector = vectors.at(i, j), *change = accelerations.at(i, j), *gradient = gradients.at(i, j);
-      Motion motion{0, 0, change[1], change[2], {gradient[0], gradient[1], gradient[2], gradient[3]}};
-      const float landing_x = x + t * vector[0] - curve * motion.ax, landing_y = y + t * vector[1] - curve * motion.ay;
-      const Span down_seen = overlap_span(vector[1], t, a.height), across_seen = overlap_span(vector[0], t, a.width);
+      const float x = float(min(j * step + step / 2, args.width - 1)) + 0.5f;
+      const float *vector = vectors.ptr(i, j), *change = accelerations.ptr(i, j), *gradient = gradients.ptr(i, j);
+      Motion motion{0, 0, change[1], change[2], gradient[0], gradient[1], gradient[2], gradient[3]};
+      const float landing_x = x + t * vector[0] - curve * motion.acceleration_x,
+                  landing_y = y + t * vector[1] - curve * motion.acceleration_y;
+      const Span down_seen = overlap_span(vector[1], t, args.height),
+                 across_seen = overlap_span(vector[0], t, args.width);
       const Nodes down_nodes = nodes_within(landing_y, support, down_seen, spacing, rows);
       const Nodes across_nodes = nodes_within(landing_x, support, across_seen, spacing, columns);
       for (Int row = down_nodes.first; row <= down_nodes.last; row++) {
         const float node_y = middle + float(row * spacing);
-        const float down = 1 - absolute(landing_y - least(down_seen.last, most(down_seen.first, node_y))) / support;
+        const float down = 1 - absolute(landing_y - min(down_seen.last, max(down_seen.first, node_y))) / support;
         for (Int column = across_nodes.first; column <= across_nodes.last; column++) {
           const float node_x = middle + float(column * spacing);
-          const float nearest_x = least(across_seen.last, most(across_seen.first, node_x));
+          const float nearest_x = min(across_seen.last, max(across_seen.first, node_x));
           const float across = 1 - absolute(landing_x - nearest_x) / support;
           const float vote = trust(i, j) * down * across;
           if (vote <= 0) continue;
           // extrapolate zoom and rotation to the node
-          const float apart_x = node_x - landing_x, apart_y = node_y - landing_y;
-          motion.dx = sign * (vector[0] + apart_x * gradient[0] + apart_y * gradient[2]);
-          motion.dy = sign * (vector[1] + apart_x * gradient[1] + apart_y * gradient[3]);
+          const float offset_x = node_x - landing_x, offset_y = node_y - landing_y;
+          motion.dx = sign * (vector[0] + offset_x * gradient[0] + offset_y * gradient[2]);
+          motion.dy = sign * (vector[1] + offset_x * gradient[1] + offset_y * gradient[3]);
           add_vote(NodeVotes(all, row, column), all, tolerance, vote, sign, motion, change[0]);
         }
       }
@@ -160,39 +160,42 @@ KERNEL(void, collect_candidates, CollectCandidates) {
   }
 }
 
-KERNEL(void, list_candidates, ListCandidates) {
-  const View<int32_t, 2> listed_of(a.candidates.listed);
-  const View<float, 3> weights_of(a.candidates.weights);
+KERNEL(void, list_candidates, const ListCandidates &args) {
+  const View<int32_t, 2> listed_of(args.candidates.listed);
+  const View<float, 3> weights_of(args.candidates.weights);
   const Int rows = listed_of.shape[0], columns = listed_of.shape[1], room = weights_of.shape[2];
-  const float prior = float(a.zero_motion_prior), tolerance = float(a.acceleration_tolerance);
-  const float min_share = float(a.min_share), min_weight = float(a.min_weight);
+  const float prior = float(args.zero_motion_prior), tolerance = float(args.acceleration_tolerance);
+  const float min_share = float(args.min_share), min_weight = float(args.min_weight);
   for (Int row = 0; row < rows; row++)
     for (Int column = 0; column < columns; column++) {
-      const NodeVotes node(a.collected, row, column);
-      Motion *motions = (Motion *)a.candidates.motions.data + (row * columns + column) * room;
-      float *weights = weights_of.at(row, column), all_votes = 0;
-      const Int count = *node.listed, listed = least(count, room - 1);
+      const NodeVotes node(args.collected, row, column);
+      Motion *motions = (Motion *)args.candidates.motions.data + (row * columns + column) * room;
+      float *weights = weights_of.ptr(row, column), all_votes = 0;
+      const Int count = *node.listed, listed = min(count, room - 1);
       for (Int k = 0; k < count; k++) all_votes += node.votes[k];
       all_votes += prior;
       for (Int place = 0; place < room; place++) weights[place] = 0;
       for (Int place = 0, k = -1; place < listed; place++) {
         k = next_by_votes(node.votes, count, k);
-        const VoteSums &its = node.of(k);
+        const VoteSums &sums = node.of(k);
         const float vote = node.votes[k];
         Motion &motion = motions[place];
-        motion.dx = its.dx / vote;
-        motion.dy = its.dy / vote;
-        for (int n = 0; n < 4; n++) motion.gradients[n] = its.gradients[n] / vote;
-        set_acceleration(its, vote, tolerance, motion);
+        motion.dx = sums.dx / vote;
+        motion.dy = sums.dy / vote;
+        motion.dx_along_x = sums.dx_along_x / vote;
+        motion.dy_along_x = sums.dy_along_x / vote;
+        motion.dx_along_y = sums.dx_along_y / vote;
+        motion.dy_along_y = sums.dy_along_y / vote;
+        set_acceleration(sums, vote, tolerance, motion);
         weights[place] = vote / all_votes + min_share;
       }
       motions[listed] = {};
       weights[listed] = prior / all_votes + min_share;
       listed_of(row, column) = int32_t(listed + 1);
       float best = 0, total = 0;
-      for (Int place = 0; place <= listed; place++) best = most(weights[place], best);
+      for (Int place = 0; place <= listed; place++) best = max(weights[place], best);
       for (Int place = 0; place <= listed; place++) {
-        weights[place] = most(0.0f, weights[place] - min_weight * best);
+        weights[place] = max(0.0f, weights[place] - min_weight * best);
         total += weights[place];
       }
       for (Int place = 0; place <= listed; place++) weights[place] /= total;

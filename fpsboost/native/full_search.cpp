@@ -20,14 +20,14 @@ constexpr Int OUTSIDE = 2 * LANES;   // totals on either side of the candidates 
 
 constexpr Int MAX_SIZE = 2 * MAX_PATCH_RADIUS + 1;  // of patches
 
-INLINE U32 load_words(const uint32_t *from) { return *(const U32Unaligned *)from; }
-INLINE void store_words(uint32_t *to, U32 values) { *(U32Unaligned *)to = values; }
+FORCE_INLINE U32 load_words(const uint32_t *from) { return *(const U32Unaligned *)from; }
+FORCE_INLINE void store_words(uint32_t *to, U32 values) { *(U32Unaligned *)to = values; }
 
 // The lanes BY before those of a vector, of which the first are those of the vector before.
-template <int BY> INLINE U32 preceding(U32 before, U32 here) {
+template <int BY> FORCE_INLINE U32 preceding(U32 previous, U32 current) {
 #define LANE(n) 16 + n - BY
-  return __builtin_shufflevector(before, here, LANE(0), LANE(1), LANE(2), LANE(3), LANE(4), LANE(5), LANE(6), LANE(7),
-                                 LANE(8), LANE(9), LANE(10), LANE(11), LANE(12), LANE(13), LANE(14), LANE(15));
+  return __builtin_shufflevector(previous, current, LANE(0), LANE(1), LANE(2), LANE(3), LANE(4), LANE(5), LANE(6),
+                                 LANE(7), LANE(8), LANE(9), LANE(10), LANE(11), LANE(12), LANE(13), LANE(14), LANE(15));
 #undef LANE
 }
 
@@ -41,10 +41,10 @@ template <> struct Vector<int32_t> {
   typedef I16 Unaligned __attribute__((aligned(4), may_alias));
 };
 
-template <typename Score> INLINE typename Vector<Score>::Type load_scores(const Score *from) {
+template <typename Score> FORCE_INLINE typename Vector<Score>::Type load_scores(const Score *from) {
   return *(const typename Vector<Score>::Unaligned *)from;
 }
-template <typename Score> INLINE void store_scores(Score *to, typename Vector<Score>::Type values) {
+template <typename Score> FORCE_INLINE void store_scores(Score *to, typename Vector<Score>::Type values) {
   *(typename Vector<Score>::Unaligned *)to = values;
 }
 
@@ -54,7 +54,7 @@ struct Layout {
 
   Layout(Int size, Int rows_at_once, Int width)
       : size(size), slots(size + rows_at_once - 1),
-        columns((least(width, STRIP_WIDTH) + size + 2 * BLOCK) / BLOCK * BLOCK), line(columns + 2 * OUTSIDE) {}
+        columns((min(width, STRIP_WIDTH) + size + 2 * BLOCK) / BLOCK * BLOCK), line(columns + 2 * OUTSIDE) {}
 };
 
 // Pixels of frame 0 in a row, and those of frame 1 to which an offset leads from them.
@@ -63,7 +63,7 @@ struct PixelRow {
   Int plane0, plane1, count;
 
   // Calls a function with the similarities of each vector of pixels and their place; up to four are computed together.
-  template <typename Function> inline __attribute__((always_inline)) void compare(const Function &use) const {
+  template <typename Function> FORCE_INLINE void compare(const Function &use) const {
     Int x = 0;
     for (; x + 3 * LANES < count; x += 4 * LANES) compare_vectors<4>(x, use);
     if (x + 2 * LANES < count)
@@ -76,7 +76,7 @@ struct PixelRow {
 
 private:
   template <int COUNT, typename Function>
-  inline __attribute__((always_inline)) void compare_vectors(Int x, const Function &use) const {
+  FORCE_INLINE void compare_vectors(Int x, const Function &use) const {
     I16 similarity[COUNT];
     exponential_similarity(first + x, plane0, second + x, plane1, similarity);
     for (Int n = 0; n < COUNT; n++) use(similarity[n], x + LANES * n);
@@ -86,21 +86,21 @@ private:
 // Sums of 1, 2, 4 and 8 values along a row, up to each of a vector, and those of the vector before.
 struct RunningSums {
   static constexpr int LENGTHS = 4;
-  U32 before[LENGTHS], here[LENGTHS];
+  U32 previous[LENGTHS], latest[LENGTHS];
 
-  RunningSums() : before{}, here{} {}
-  inline __attribute__((always_inline)) void add(U32 values) {
-    for (int n = 0; n < LENGTHS; n++) before[n] = here[n];
-    here[0] = values;
-    here[1] = here[0] + preceding<1>(before[0], here[0]);
-    here[2] = here[1] + preceding<2>(before[1], here[1]);
-    here[3] = here[2] + preceding<4>(before[2], here[2]);
+  RunningSums() : previous{}, latest{} {}
+  FORCE_INLINE void add(U32 values) {
+    for (int n = 0; n < LENGTHS; n++) previous[n] = latest[n];
+    latest[0] = values;
+    latest[1] = latest[0] + preceding<1>(previous[0], latest[0]);
+    latest[2] = latest[1] + preceding<2>(previous[1], latest[1]);
+    latest[3] = latest[2] + preceding<4>(previous[2], latest[2]);
   }
   // The sum of the last SIZE values up to each, of which the last LATER are already in `sum`.
-  template <Int SIZE, Int LATER = 0> inline __attribute__((always_inline)) U32 sum_last(U32 sum = U32{}) const {
+  template <Int SIZE, Int LATER = 0> FORCE_INLINE U32 sum_last(U32 sum = U32{}) const {
     if constexpr (SIZE > LATER) {
       constexpr int n = SIZE - LATER >= 8 ? 3 : SIZE - LATER >= 4 ? 2 : SIZE - LATER >= 2 ? 1 : 0;
-      return sum_last<SIZE, LATER + (1 << n)>(sum + preceding<LATER>(before[n], here[n]));
+      return sum_last<SIZE, LATER + (1 << n)>(sum + preceding<LATER>(previous[n], latest[n]));
     }
     return sum;
   }
@@ -121,8 +121,8 @@ template <Int SIZE> struct BoxScores {
 
   // Begins with `count` scores, from which a price is subtracted.
   void begin(Int count, int32_t price, int32_t *scores) {
-    const Int whole = (count + size - 1 + LANES - 1) / LANES * LANES;
-    for (Int row = 0; row < size; row++) __builtin_memset(ring + row * row_size, 0, whole * sizeof(uint32_t));
+    const Int rounded = (count + size - 1 + LANES - 1) / LANES * LANES;
+    for (Int row = 0; row < size; row++) __builtin_memset(ring + row * row_size, 0, rounded * sizeof(uint32_t));
     for (Int x = 1 - size; x < count; x += LANES) store_scores(scores + x, -price - I16{});
   }
 
@@ -130,13 +130,13 @@ template <Int SIZE> struct BoxScores {
   void add_row(const PixelRow &pixels, Int row, int32_t *scores) {
     uint32_t *const slot = ring + row % size * row_size, *const values = latest;
     uint32_t *const totals = (uint32_t *)scores - (size - 1);
-    const auto add = [=](U32 across, Int x) __attribute__((always_inline)) {
+    const auto add = [=](U32 across, Int x) INLINE_LAMBDA {
       store_words(totals + x, load_words(totals + x) + across - load_words(slot + x));
       store_words(slot + x, across);
     };
     if constexpr (SIZE != 0) {
       RunningSums sums;
-      pixels.compare([&](I16 similarity, Int x) __attribute__((always_inline)) {
+      pixels.compare([&](I16 similarity, Int x) INLINE_LAMBDA {
         sums.add((U32)similarity);
         add(sums.template sum_last<SIZE>(), x);
       });
@@ -175,22 +175,21 @@ template <Int SIZE> struct WindowScores {
                        __attribute__((always_inline)) { store(values + x, __builtin_convertvector(similarity, F16)); });
     float *const across = ring + row % slots * row_size;
     for (Int x = 0; x < pixels.count - size + 1; x += BLOCK)
-      sum_symmetric(x, 0, across, [=](Int k) __attribute__((always_inline)) { return values + k; });
+      sum_symmetric(x, 0, across, [=](Int k) INLINE_LAMBDA { return values + k; });
   }
 
   // Writes the scores of `count` pixels, less a price, in several rows, which are `apart`, from a first one on.
-  void finish(Int first, Int rows, Int count, float price, float *scores, Int apart) {
+  void finish(Int first, Int rows, Int count, float price, float *scores, Int stride) {
     const float *slot[MAX_SIZE + ROWS_AT_ONCE - 1];
     for (Int k = 0; k < size + rows - 1; k++) slot[k] = ring + (first + k) % slots * row_size;
     for (Int x = 0; x < count; x += BLOCK)
       for (Int row = 0; row < rows; row++)
-        sum_symmetric(x, -price, scores + row * apart,
-                      [&](Int k) __attribute__((always_inline)) { return slot[row + k]; });
+        sum_symmetric(x, -price, scores + row * stride, [&](Int k) INLINE_LAMBDA { return slot[row + k]; });
   }
 
   // Writes weighted sums of a block of values, of which the k-th begin at value(k), and a first value.
   template <typename Value>
-  inline __attribute__((always_inline)) void sum_symmetric(Int x, float first, float *sums, const Value &value) {
+  FORCE_INLINE void sum_symmetric(Int x, float first, float *sums, const Value &value) {
     const Int half = (SIZE ? SIZE : size) / 2;
     F16 sum[BLOCK / LANES];
     for (Int n = 0; n < BLOCK / LANES; n++)
@@ -207,8 +206,8 @@ template <Int SIZE> struct WindowScores {
 
 // Updates the best scores and their ranks where one of four scores is larger, or equal at a lower rank. Ranks increase.
 template <typename Score>
-INLINE void keep_best(const Score *const (&scores)[OFFSETS_AT_ONCE], const int32_t (&ranks)[OFFSETS_AT_ONCE],
-                      Score *best, int32_t *winners, Int count) {
+FORCE_INLINE void keep_best(const Score *const (&scores)[OFFSETS_AT_ONCE], const int32_t (&ranks)[OFFSETS_AT_ONCE],
+                            Score *best, int32_t *winners, Int count) {
   typedef typename Vector<Score>::Type V;
   for (Int x = 0; x < count; x += LANES) {
     V value[OFFSETS_AT_ONCE];
@@ -220,10 +219,10 @@ INLINE void keep_best(const Score *const (&scores)[OFFSETS_AT_ONCE], const int32
     }
     const I16 is_second = value[2] > value[0];
     const V highest = is_second ? value[2] : value[0], before = load_scores(best + x);
-    const I16 its_rank = is_second ? rank[2] : rank[0], winner = load_scores(winners + x);
-    const I16 is_larger = highest > before, is_better = is_larger | ((highest == before) & (its_rank < winner));
+    const I16 best_rank = is_second ? rank[2] : rank[0], winner = load_scores(winners + x);
+    const I16 is_larger = highest > before, is_better = is_larger | ((highest == before) & (best_rank < winner));
     store_scores(best + x, is_larger ? highest : before);
-    store_scores(winners + x, is_better ? its_rank : winner);
+    store_scores(winners + x, is_better ? best_rank : winner);
   }
 }
 
@@ -232,8 +231,8 @@ struct Columns {
   Int begin, end;
 };
 
-INLINE Columns find_candidates(Int dx, Int left, Int pixels, Int width) {
-  return {most(Int(0), -dx - left), least(pixels, width - dx - left)};
+FORCE_INLINE Columns find_candidates(Int dx, Int left, Int pixels, Int width) {
+  return {max(Int(0), -dx - left), min(pixels, width - dx - left)};
 }
 
 // A neighbouring offset that is processed with others.
@@ -244,29 +243,29 @@ template <typename Score> struct Candidate {
   int32_t rank01, rank10;
 };
 
-template <typename Scores> Int search_all(const Search &a) {
+template <typename Scores> Int search_all(const Search &args) {
   typedef typename Scores::Score Score;
   constexpr Int AT_ONCE = Scores::ROWS_AT_ONCE;
-  const View<const float, 3> planes0(a.planes0), planes1(a.planes1);
-  const View<const int32_t, 2> ranks(a.ranks);
-  const View<const Score, 2> prices(a.prices);
-  const View<Score, 2> best01(a.found01.similarity), best10(a.found10.similarity);
-  const View<int32_t, 2> winners01(a.found01.ranks), winners10(a.found10.ranks);
-  const Int height = a.height, width = a.width, radius = ranks.shape[0] / 2, size = a.weights.shape[0];
+  const View<const float, 3> planes0(args.planes0), planes1(args.planes1);
+  const View<const int32_t, 2> ranks(args.ranks);
+  const View<const Score, 2> prices(args.prices);
+  const View<Score, 2> best01(args.found01.similarity), best10(args.found10.similarity);
+  const View<int32_t, 2> winners01(args.found01.ranks), winners10(args.found10.ranks);
+  const Int height = args.height, width = args.width, radius = ranks.shape[0] / 2, size = args.weights.shape[0];
   const Layout layout(size, AT_ONCE, width);
-  Workspace scratch(a.scratch);
-  const float *weights = (const float *)a.weights.data;
+  Workspace scratch(args.scratch);
+  const float *weights = (const float *)args.weights.data;
   Scores sums[OFFSETS_PER_PASS] = {{layout, weights, scratch}, {layout, weights, scratch}, {layout, weights, scratch},
                                    {layout, weights, scratch}, {layout, weights, scratch}, {layout, weights, scratch},
                                    {layout, weights, scratch}, {layout, weights, scratch}};
-  const Int apart = OFFSETS_PER_PASS * layout.line;
-  Score *const scores = scratch.take<Score>(AT_ONCE * apart) + OUTSIDE;
+  const Int row_stride = OFFSETS_PER_PASS * layout.line;
+  Score *const scores = scratch.take<Score>(AT_ONCE * row_stride) + OUTSIDE;
   if (scratch.is_counting()) return scratch.size();
 
   // Searches some offsets in a strip: from the nearest to zero on, whose rank is lowest, to the left or to the right.
   const auto search_pass = [&](Int dy, Int left, Int nearest, Int sign) {
-    const Int pixels = least(STRIP_WIDTH, width - left), top = most(Int(0), -dy), bottom = least(height, height - dy);
-    const Int count = least(radius + 1 - nearest * sign, OFFSETS_PER_PASS);
+    const Int pixels = min(STRIP_WIDTH, width - left), top = max(Int(0), -dy), bottom = min(height, height - dy);
+    const Int count = min(radius + 1 - nearest * sign, OFFSETS_PER_PASS);
     Candidate<Score> offsets[OFFSETS_PER_PASS];
     for (Int n = 0; n < count; n++) {
       const Int dx = nearest + sign * n;
@@ -277,27 +276,27 @@ template <typename Scores> Int search_all(const Search &a) {
         sums[n].begin(within.end - within.begin, offsets[n].price, scores + n * layout.line + within.begin);
     }
     for (Int y = top; y < bottom; y += AT_ONCE) {
-      const Int rows = least(AT_ONCE, bottom - y);
+      const Int rows = min(AT_ONCE, bottom - y);
       for (Int n = 0; n < count; n++) {
         const Int begin = offsets[n].pixels.begin, end = offsets[n].pixels.end;
         if (begin >= end) continue;
-        const Int here = left + begin, there = LANES + here + offsets[n].dx;
+        const Int column0 = left + begin, column1 = LANES + column0 + offsets[n].dx;
         Score *const line = scores + n * layout.line + begin;
         for (Int row = y == top ? y : y + size - 1; row < y + rows + size - 1; row++)
-          sums[n].add_row({planes0.at(0, row, here), planes1.at(0, row + dy, there),
+          sums[n].add_row({planes0.ptr(0, row, column0), planes1.ptr(0, row + dy, column1),
                            planes0.shape[1] * planes0.shape[2], planes1.shape[1] * planes1.shape[2],
                            end - begin + size - 1},
                           row, line);
-        sums[n].finish(y, rows, end - begin, offsets[n].price, line, apart);
+        sums[n].finish(y, rows, end - begin, offsets[n].price, line, row_stride);
       }
       for (Int row = 0; row < rows; row++)
         for (Int first = 0; first < count; first += OFFSETS_AT_ONCE) {
           const Score *from01[OFFSETS_AT_ONCE], *from10[OFFSETS_AT_ONCE];
           int32_t ranks01[OFFSETS_AT_ONCE], ranks10[OFFSETS_AT_ONCE];
           for (Int k = 0; k < OFFSETS_AT_ONCE; k++) {
-            const Int n = least(first + k, count - 1);  // the last one again does not win
+            const Int n = min(first + k, count - 1);  // the last one again does not win
             const Candidate<Score> &offset = offsets[n];
-            Score *line = scores + row * apart + n * layout.line;
+            Score *line = scores + row * row_stride + n * layout.line;
             for (Int x = 0; x < OUTSIDE; x++)  // what leads out of the other frame never wins
               line[offset.pixels.begin - OUTSIDE + x] = line[offset.pixels.end + x] = -1;
             from01[k] = line, from10[k] = line - offset.dx;
@@ -305,15 +304,16 @@ template <typename Scores> Int search_all(const Search &a) {
           }
           const Columns widest = offsets[first].pixels;
           if (widest.begin >= widest.end) continue;
-          const Int last_dx = offsets[least(first + OFFSETS_AT_ONCE, count) - 1].dx, dx = offsets[first].dx;
+          const Int last_dx = offsets[min(first + OFFSETS_AT_ONCE, count) - 1].dx, dx = offsets[first].dx;
           for (Int k = 0; k < OFFSETS_AT_ONCE; k++) from01[k] += widest.begin;
-          keep_best(from01, ranks01, best01.at(y + row, left + widest.begin),
-                    winners01.at(y + row, left + widest.begin), widest.end - widest.begin);
+          keep_best(from01, ranks01, best01.ptr(y + row, left + widest.begin),
+                    winners01.ptr(y + row, left + widest.begin), widest.end - widest.begin);
           // the scores are moved by their offsets, so that they refer to the same pixel
-          const Int begin = most(least(dx, last_dx), -left), end = least(pixels + most(dx, last_dx), width - left);
+          const Int begin = max(min(dx, last_dx), -left), end = min(pixels + max(dx, last_dx), width - left);
           for (Int k = 0; k < OFFSETS_AT_ONCE; k++) from10[k] += begin;
-          const Int there = LANES + left + begin;
-          keep_best(from10, ranks10, best10.at(y + row + dy, there), winners10.at(y + row + dy, there), end - begin);
+          const Int column1 = LANES + left + begin;
+          keep_best(from10, ranks10, best10.ptr(y + row + dy, column1), winners10.ptr(y + row + dy, column1),
+                    end - begin);
         }
     }
   };
@@ -322,7 +322,7 @@ template <typename Scores> Int search_all(const Search &a) {
     for (Int left = 0; left < width; left += STRIP_WIDTH)
       for (Int sign = 1; sign >= -1; sign -= 2)
         for (Int nearest = sign < 0 ? -1 : 0; nearest * sign <= radius; nearest += sign * OFFSETS_PER_PASS) {
-          const Columns pixels = find_candidates(nearest, left, least(STRIP_WIDTH, width - left), width);
+          const Columns pixels = find_candidates(nearest, left, min(STRIP_WIDTH, width - left), width);
           if (pixels.begin < pixels.end) search_pass(dy, left, nearest, sign);
         }
   return 0;
@@ -330,12 +330,12 @@ template <typename Scores> Int search_all(const Search &a) {
 
 }  // namespace
 
-KERNEL(Int, search, Search) {
-  const bool is_box = a.prices.kind == INT32;
-  switch (a.weights.shape[0]) {
-    case 5: return (is_box ? search_all<BoxScores<5>> : search_all<WindowScores<5>>)(a);
-    case 7: return (is_box ? search_all<BoxScores<7>> : search_all<WindowScores<7>>)(a);
-    case 11: return (is_box ? search_all<BoxScores<11>> : search_all<WindowScores<11>>)(a);
-    default: return (is_box ? search_all<BoxScores<0>> : search_all<WindowScores<0>>)(a);
+KERNEL(Int, search, const Search &args) {
+  const bool is_box = args.prices.kind == INT32;
+  switch (args.weights.shape[0]) {
+    case 5: return (is_box ? search_all<BoxScores<5>> : search_all<WindowScores<5>>)(args);
+    case 7: return (is_box ? search_all<BoxScores<7>> : search_all<WindowScores<7>>)(args);
+    case 11: return (is_box ? search_all<BoxScores<11>> : search_all<WindowScores<11>>)(args);
+    default: return (is_box ? search_all<BoxScores<0>> : search_all<WindowScores<0>>)(args);
   }
 }

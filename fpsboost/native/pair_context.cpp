@@ -14,12 +14,12 @@ float compare_luma(Int top, Int left, const Motion &motion, float t, const PairC
   for (int n = 0; n < 2; n++) {
     const float time = float(n);
     const View<const float, 2> luma(context.luma[1 + n]);
-    const Position at = locate_luma(top, left, time, motion, t, context);
-    filter_blocks(luma.data, luma.shape[0], luma.shape[1], at, time - t, motion, SIDE, SIDE, samples[n]);
+    const Position position = locate_luma(top, left, time, motion, t, context);
+    filter_blocks(luma.data, luma.shape[0], luma.shape[1], position, time - t, motion, SIDE, SIDE, samples[n]);
   }
   for (int i = 0; i < AREA; i += 16) {
-    const F16 apart = absolute(load<F16>(samples[0] + i) - load<F16>(samples[1] + i));
-    store(samples[0] + i, decay(apart * apart, 0, float(context.luma_scale), 1.f / AREA));
+    const F16 difference = absolute(load<F16>(samples[0] + i) - load<F16>(samples[1] + i));
+    store(samples[0] + i, decay(difference * difference, 0, float(context.luma_scale), 1.f / AREA));
   }
   float alike = 0;
   for (int i = 0; i < AREA; i++) alike += samples[0][i];
@@ -36,67 +36,67 @@ void find_beliefs(Int row, Int column, const Candidates &candidates, const PairC
   for (Int k = 0; k < node.count; k++) {
     beliefs[k] = node.priors[k];
     if (beliefs[k] > 0 && node.count > 1) {
-      const float alike = compare_luma(top, left, node.motion(k), t, context);
+      const float alike = compare_luma(top, left, node.motions[k], t, context);
       beliefs[k] *= float(__builtin_exp(double(float(context.sharpness) * (alike - 1))));
     }
     total += beliefs[k];
   }
-  for (Int k = 0; k < node.count; k++) beliefs[k] /= most(total, 1e-20f);
+  for (Int k = 0; k < node.count; k++) beliefs[k] /= max(total, 1e-20f);
 }
 
 // How far the neighbours of a node agree with a motion, 0 to 1: their beliefs, less for a motion that differs.
 float agreement(Int row, Int column, const Motion &motion, const Candidates &candidates,
                 const View<float, 3> &beliefs) {
   float total = 0, nodes = 0;
-  for (Int y = most(row - 1, Int(0)); y < least(row + 2, beliefs.shape[0]); y++)
-    for (Int x = most(column - 1, Int(0)); x < least(column + 2, beliefs.shape[1]); x++) {
+  for (Int y = max(row - 1, Int(0)); y < min(row + 2, beliefs.shape[0]); y++)
+    for (Int x = max(column - 1, Int(0)); x < min(column + 2, beliefs.shape[1]); x++) {
       if (y == row && x == column) continue;
       const NodeCandidates node(candidates, y, x);
       nodes += 1;
       for (Int k = 0; k < node.count; k++) {
-        const Motion other = node.motion(k);
-        total += beliefs(y, x, k) / (1 + most(absolute(other.dx - motion.dx), absolute(other.dy - motion.dy)));
+        const Motion other = node.motions[k];
+        total += beliefs(y, x, k) / (1 + max(absolute(other.dx - motion.dx), absolute(other.dy - motion.dy)));
       }
     }
-  return total / most(nodes, 1.f);
+  return total / max(nodes, 1.f);
 }
 
 }  // namespace
 
 // Counts how many points of a frame land around each point of the in-between frame.
-KERNEL(void, count_landings, CountLandings) {
-  const View<const float, 3> points(a.points);
-  const View<float, 2> landings(a.landings);
+KERNEL(void, count_landings, const CountLandings &args) {
+  const View<const float, 3> points(args.points);
+  const View<float, 2> landings(args.landings);
   const Int rows = landings.shape[0], columns = landings.shape[1];
-  const float t = float(a.t), step = float(a.step), limit = 2;
+  const float t = float(args.t), step = float(args.step), limit = 2;
   for (Int i = 0; i < rows * columns; i++) landings.data[i] = 0;
   for (Int i = 0; i < rows; i++)
     for (Int j = 0; j < columns; j++) {
       const float x = float(j) + t * points(i, j, 0) / step, y = float(i) + t * points(i, j, 1) / step;
       const Int left = Int(__builtin_floorf(x)), top = Int(__builtin_floorf(y));
-      for (Int row = most(top, Int(0)); row < least(top + 2, rows); row++)
-        for (Int column = most(left, Int(0)); column < least(left + 2, columns); column++) {
+      for (Int row = max(top, Int(0)); row < min(top + 2, rows); row++)
+        for (Int column = max(left, Int(0)); column < min(left + 2, columns); column++) {
           const float share = (1 - absolute(x - float(column))) * (1 - absolute(y - float(row)));
-          landings(row, column) = least(landings(row, column) + share, limit);
+          landings(row, column) = min(landings(row, column) + share, limit);
         }
     }
 }
 
-KERNEL(Int, measure_support, MeasureSupport) {
-  const View<float, 3> support(a.support);
+KERNEL(Int, measure_support, const MeasureSupport &args) {
+  const View<float, 3> support(args.support);
   const Int rows = support.shape[0], columns = support.shape[1];
-  Workspace workspace(a.scratch);
+  Workspace workspace(args.scratch);
   View<float, 3> beliefs = support;
   beliefs.data = workspace.take<float>(rows * columns * support.shape[2]);
   if (workspace.is_counting()) return workspace.size();
   for (Int row = 0; row < rows; row++)
     for (Int column = 0; column < columns; column++)
-      find_beliefs(row, column, a.candidates, a.context, float(a.t), beliefs.at(row, column));
+      find_beliefs(row, column, args.candidates, args.context, float(args.t), beliefs.ptr(row, column));
   for (Int row = 0; row < rows; row++)
     for (Int column = 0; column < columns; column++) {
-      const NodeCandidates node(a.candidates, row, column);
+      const NodeCandidates node(args.candidates, row, column);
       for (Int k = 0; k < node.count; k++)
-        support(row, column, k) = agreement(row, column, node.motion(k), a.candidates, beliefs);
+        support(row, column, k) = agreement(row, column, node.motions[k], args.candidates, beliefs);
     }
   return 0;
 }

@@ -15,18 +15,18 @@ constexpr float FOREGROUND_SHARPNESS = 10;  // logarithm of the factor on the we
 constexpr float HIGHEST_GAIN = float(22026.465794806718);  // the factor itself, exp(FOREGROUND_SHARPNESS)
 constexpr float FOREGROUND_AGREEMENT = 3;  // on the agreement with the fields: along an edge motion is ambiguous
 
-struct NodeSums {                                                                   // over the candidates of a node
-  alignas(64) float weights[SQUARES_PER_WINDOW], similarities[SQUARES_PER_WINDOW];  // the latter are weighted
-  alignas(64) float most_similar[SQUARES_PER_WINDOW];  // largest similarity of any candidate
-  alignas(64) float reached[SQUARES_PER_WINDOW];       // plain weights, by which further candidates are skipped
-  float least_weight, least_similar;                   // of any square: plain weight so far, largest similarity
+struct NodeSums {                                                   // over the candidates of a node
+  alignas(64) float weights[BLOCKS_2X2], similarities[BLOCKS_2X2];  // the latter are weighted
+  alignas(64) float most_similar[BLOCKS_2X2];                       // largest similarity of any candidate
+  alignas(64) float reached[BLOCKS_2X2];  // plain weights, by which further candidates are skipped
+  float least_weight, least_similar;      // of any 2x2 block: plain weight so far, largest similarity
   // The dominant motion is that of the candidate which matches most of the window.
-  alignas(64) float mismatch[SQUARES_PER_WINDOW];
+  alignas(64) float mismatch[BLOCKS_2X2];
   float matched;
   Motion dominant;
 
   void clear() {
-    for (int i = 0; i < SQUARES_PER_WINDOW; i++) {
+    for (int i = 0; i < BLOCKS_2X2; i++) {
       weights[i] = MIN_WEIGHT_SUM;
       similarities[i] = most_similar[i] = reached[i] = 0;
     }
@@ -35,28 +35,28 @@ struct NodeSums {                                                               
   }
 };
 
-struct CandidateWeights {                         // of the squares of a window
-  alignas(64) float squared[SQUARES_PER_WINDOW];  // squared differences along the candidate
-  alignas(64) float weight[SQUARES_PER_WINDOW];
+struct CandidateWeights {                 // of the 2x2 blocks of a window
+  alignas(64) float squared[BLOCKS_2X2];  // squared differences along the candidate
+  alignas(64) float weight[BLOCKS_2X2];
   // weight of the difference of frame 1 from frame 0, as one of them alone weighs more than its share by time
-  alignas(64) float antisymmetric[SQUARES_PER_WINDOW];
-  alignas(64) float gain[SQUARES_PER_WINDOW];  // factor on the weights; see find_foreground
+  alignas(64) float antisymmetric[BLOCKS_2X2];
+  alignas(64) float gain[BLOCKS_2X2];  // factor on the weights; see find_foreground
   Features features;
 };
 
-INLINE void count_similarity(const float *weight, const float *similarity, NodeSums &sums) {
-  for (int i = 0; i < SQUARES_PER_WINDOW; i += 16) {
+FORCE_INLINE void count_similarity(const float *weight, const float *similarity, NodeSums &sums) {
+  for (int i = 0; i < BLOCKS_2X2; i += 16) {
     const F16 w = load<F16>(weight + i), similar = load<F16>(similarity + i);
     store(sums.weights + i, load<F16>(sums.weights + i) + w);
     store(sums.similarities + i, fma(w, similar, load<F16>(sums.similarities + i)));
-    store(sums.most_similar + i, larger(load<F16>(sums.most_similar + i), similar));
+    store(sums.most_similar + i, max(load<F16>(sums.most_similar + i), similar));
   }
   sums.least_similar = smallest(sums.most_similar);
 }
 
 // Computes the plain weights of a candidate from its squared differences.
 inline void find_plain_weights(float prior, const Weighting &weighting, CandidateWeights &candidate, NodeSums &sums) {
-  alignas(64) float values[SQUARES_PER_WINDOW], similarity[SQUARES_PER_WINDOW];
+  alignas(64) float values[BLOCKS_2X2], similarity[BLOCKS_2X2];
   const float sharpness = float(weighting.sharpness);
   write_decay(candidate.squared, 0, float(weighting.scale), 1, values);
   average_patches(values, similarity);
@@ -65,17 +65,17 @@ inline void find_plain_weights(float prior, const Weighting &weighting, Candidat
   sums.least_weight = smallest(sums.weights);
 }
 
-// Writes the mismatch, bilinearly, of the place so many squares on from each square; 0 outside of the window.
+// Writes the mismatch, bilinearly, of the place so many 2x2 blocks on from each; 0 outside of the window.
 inline void find_mismatch(const float *mismatch, float down, float across, float *moved) {
   const float whole_y = __builtin_floorf(down), whole_x = __builtin_floorf(across);
   const float below = down - whole_y, right = across - whole_x;
-  const int size = SQUARES_PER_ROW;
-  for (int i = 0; i < SQUARES_PER_WINDOW; i++) moved[i] = 0;
+  const int size = BLOCKS_2X2_PER_ROW;
+  for (int i = 0; i < BLOCKS_2X2; i++) moved[i] = 0;
   for (int corner = 0; corner < 4; corner++) {
     const Int y = Int(whole_y) + corner / 2, x = Int(whole_x) + corner % 2;
     const float share = (corner / 2 ? below : 1 - below) * (corner % 2 ? right : 1 - right);
-    for (Int j = most(Int(0), -y); j < least(Int(size), size - y); j++)
-      for (Int i = most(Int(0), -x); i < least(Int(size), size - x); i++)
+    for (Int j = max(Int(0), -y); j < min(Int(size), size - y); j++)
+      for (Int i = max(Int(0), -x); i < min(Int(size), size - x); i++)
         moved[j * size + i] += share * mismatch[(j + y) * size + i + x];
   }
 }
@@ -84,95 +84,96 @@ inline void find_mismatch(const float *mismatch, float down, float across, float
 //
 // A thin thing that moves by more than its width leaves no gap in what is behind it: there, both frames agree along
 // either motion, and similarity cannot tell which is in front. But what is seen of the thing in both frames disagrees
-// along the dominant motion, so it must have moved by another, and must be shown. The squares where both ends of a
-// candidate are such squares are its foreground; it gains where its own match holds over the foreground around.
+// along the dominant motion, so it must have moved by another, and must be shown. The 2x2 blocks where both ends of a
+// candidate are such blocks are its foreground; it gains where its own match holds over the foreground around.
 inline void find_foreground(float scale, const Motion &motion, float t, CandidateWeights &candidate, NodeSums &sums) {
-  alignas(64) float match[SQUARES_PER_WINDOW], front[SQUARES_PER_WINDOW], other[SQUARES_PER_WINDOW];
+  alignas(64) float match[BLOCKS_2X2], front[BLOCKS_2X2], other[BLOCKS_2X2];
   float *gain = candidate.gain;
   write_decay(candidate.squared, 0, scale * FOREGROUND_SCALE, 1, match);
   float matched = 0;
-  for (int i = 0; i < SQUARES_PER_WINDOW; i++) matched += match[i], gain[i] = 1;
+  for (int i = 0; i < BLOCKS_2X2; i++) matched += match[i], gain[i] = 1;
   if (matched > sums.matched) {
     sums.matched = matched, sums.dominant = motion;
-    for (int i = 0; i < SQUARES_PER_WINDOW; i++) sums.mismatch[i] = 1 - match[i];
+    for (int i = 0; i < BLOCKS_2X2; i++) sums.mismatch[i] = 1 - match[i];
     return;
   }
   const float dx = motion.dx - sums.dominant.dx, dy = motion.dy - sums.dominant.dy, curve = t * (1 - t) * 0.5f;
-  const float apart = least(most(absolute(dx), absolute(dy)) - 1, 1.f);
-  if (apart <= 0) return;
+  const float motion_difference = min(max(absolute(dx), absolute(dy)) - 1, 1.f);
+  if (motion_difference <= 0) return;
   const float bent_x = curve * (motion.acceleration_x - sums.dominant.acceleration_x);
   const float bent_y = curve * (motion.acceleration_y - sums.dominant.acceleration_y);
   find_mismatch(sums.mismatch, (bent_y - t * dy) * 0.5f, (bent_x - t * dx) * 0.5f, front);
   find_mismatch(sums.mismatch, (bent_y + (1 - t) * dy) * 0.5f, (bent_x + (1 - t) * dx) * 0.5f, other);
-  for (int i = 0; i < SQUARES_PER_WINDOW; i++) {
-    const int cell = 2 * (i / SQUARES_PER_ROW) / CELL * CELLS_PER_ROW + 2 * (i % SQUARES_PER_ROW) / CELL;
+  for (int i = 0; i < BLOCKS_2X2; i++) {
+    const int block =
+        2 * (i / BLOCKS_2X2_PER_ROW) / SIDE_8X8 * BLOCKS_8X8_PER_ROW + 2 * (i % BLOCKS_2X2_PER_ROW) / SIDE_8X8;
     const float agreement =
-        least(candidate.features.cells[AGREEMENT][cell], candidate.features.cells[AGREEMENT + 1][cell]);
-    front[i] = least(front[i], other[i]) * apart * least(FOREGROUND_AGREEMENT * agreement, 1.f);
+        min(candidate.features.blocks_8x8[AGREEMENT][block], candidate.features.blocks_8x8[AGREEMENT + 1][block]);
+    front[i] = min(front[i], other[i]) * motion_difference * min(FOREGROUND_AGREEMENT * agreement, 1.f);
     other[i] = front[i] * match[i];
   }
   average_patches(other, gain);
   average_patches(front, match);
-  for (int i = 0; i < SQUARES_PER_WINDOW; i++)  // of hardly any foreground around, the mean is no evidence
+  for (int i = 0; i < BLOCKS_2X2; i++)  // of hardly any foreground around, the mean is no evidence
     gain[i] = front[i] * gain[i] / (match[i] + 0.02f);
   write_decay(gain, FOREGROUND_SHARPNESS, -FOREGROUND_SHARPNESS, HIGHEST_GAIN, gain);
 }
 
 // Parts of a sum of features: the even one is the same for both frames, the odd one has another sign for frame 1.
-struct CellSums {
-  CellRows even, odd;
+struct FeatureSums {
+  InterpolatedRows even, odd;
 };
 
-// Sums those features that differ from cell to cell, or not at all.
-inline void sum_cells(const float *even, const float *odd, const Features &features, CellSums &sums) {
-  even += SQUARE_FEATURES, odd += SQUARE_FEATURES;
+// Sums those features that differ from one 8x8 block to another, or not at all.
+inline void sum_8x8(const float *even, const float *odd, const Features &features, FeatureSums &sums) {
+  even += FEATURES_2X2, odd += FEATURES_2X2;
   float constant = 0;
-  for (int n = 0; n < SCALAR_FEATURES; n++) constant += even[CELL_FEATURES + n] * features.scalars[n];
+  for (int n = 0; n < WINDOW_FEATURES; n++) constant += even[FEATURES_8X8 + n] * features.window[n];
   F16 even_sum = broadcast<F16>(constant), odd_sum{};
-  for (int n = 0; n < CELL_FEATURES; n++) {
-    const F16 cells = load<F16>(features.cells[n]);
-    even_sum = fma(broadcast<F16>(even[n]), cells, even_sum);
-    odd_sum = fma(broadcast<F16>(odd[n]), cells, odd_sum);
+  for (int n = 0; n < FEATURES_8X8; n++) {
+    const F16 blocks = load<F16>(features.blocks_8x8[n]);
+    even_sum = fma(broadcast<F16>(even[n]), blocks, even_sum);
+    odd_sum = fma(broadcast<F16>(odd[n]), blocks, odd_sum);
   }
-  alignas(64) float values[CELLS];
+  alignas(64) float values[BLOCKS_8X8];
   store(values, even_sum);
-  spread_across(values, sums.even);
+  interpolate_across(values, sums.even);
   store(values, odd_sum);
-  spread_across(values, sums.odd);
+  interpolate_across(values, sums.odd);
 }
 
 struct Logits {  // logarithms of the weights of both frames along a candidate, and of either alone
-  alignas(64) float both[SQUARES_PER_WINDOW], frame0[SQUARES_PER_WINDOW], frame1[SQUARES_PER_WINDOW];
+  alignas(64) float both[BLOCKS_2X2], frame0[BLOCKS_2X2], frame1[BLOCKS_2X2];
 };
 
-// Sums the features of every square. Features and logarithms of some squares stay in registers over all sums.
+// Sums the features of every 2x2 block. Features and logarithms of some 2x2 blocks stay in registers over all sums.
 inline void sum_features(const Weighting &weighting, const Features &features, Logits &logits) {
   const View<const float, 2> even(weighting.even), odd(weighting.odd), factors(weighting.factors);
-  CellSums cells[FEATURE_SUMS];
-  for (int n = 0; n < FEATURE_SUMS; n++) sum_cells(even.at(n), odd.at(n), features, cells[n]);
-  for (int j = 0; j < SQUARES_PER_ROW; j++) {
-    const Between between = rows_of_cells(j);
+  FeatureSums sums_8x8[FEATURE_SUMS];
+  for (int n = 0; n < FEATURE_SUMS; n++) sum_8x8(even.ptr(n), odd.ptr(n), features, sums_8x8[n]);
+  for (int j = 0; j < BLOCKS_2X2_PER_ROW; j++) {
+    const RowPair between = row_pair(j);
     const Wide below = broadcast<Wide>(between.below), above = broadcast<Wide>(between.above);
-    for (int i = 0; i < SQUARES_PER_ROW; i += Lanes<Wide>::count) {
-      const int at = j * SQUARES_PER_ROW + i;
-      Wide squares[SQUARE_FEATURES], both{}, frame0{}, frame1{};
-      for (int k = 0; k < SQUARE_FEATURES; k++) squares[k] = load<Wide>(features.squares[k] + at);
-      const Wide antisymmetric = squares[ONWARD0] - squares[ONWARD1];
+    for (int i = 0; i < BLOCKS_2X2_PER_ROW; i += Lanes<Wide>::count) {
+      const int first = j * BLOCKS_2X2_PER_ROW + i;
+      Wide blocks[FEATURES_2X2], both{}, frame0{}, frame1{};
+      for (int k = 0; k < FEATURES_2X2; k++) blocks[k] = load<Wide>(features.blocks_2x2[k] + first);
+      const Wide antisymmetric = blocks[ONWARD0] - blocks[ONWARD1];
       for (int n = 0; n < FEATURE_SUMS; n++) {
-        const auto row = [&](const CellRows &rows) __attribute__((always_inline)) {
+        const auto row = [&](const InterpolatedRows &rows) INLINE_LAMBDA {
           return fma(load<Wide>(rows.values[between.first + 1] + i), above,
                      load<Wide>(rows.values[between.first] + i) * below);
         };
-        Wide even_sum = row(cells[n].even);
-        for (int k = 0; k < SQUARE_FEATURES; k++) even_sum = fma(squares[k], broadcast<Wide>(even(n, k)), even_sum);
-        const Wide odd_sum = fma(antisymmetric, broadcast<Wide>(odd(n, ONWARD0)), row(cells[n].odd));
+        Wide even_sum = row(sums_8x8[n].even);
+        for (int k = 0; k < FEATURES_2X2; k++) even_sum = fma(blocks[k], broadcast<Wide>(even(n, k)), even_sum);
+        const Wide odd_sum = fma(antisymmetric, broadcast<Wide>(odd(n, ONWARD0)), row(sums_8x8[n].odd));
         const Wide floor = broadcast<Wide>(n < 2 ? -1e9f : 0);  // the sums from the third on are hinges
-        const Wide of_frame0 = larger(even_sum + odd_sum, floor), of_frame1 = larger(even_sum - odd_sum, floor);
+        const Wide of_frame0 = max(even_sum + odd_sum, floor), of_frame1 = max(even_sum - odd_sum, floor);
         const Wide alone = broadcast<Wide>(factors(n, 1));
         both = fma(broadcast<Wide>(factors(n, 0)), of_frame0 + of_frame1, both);
         frame0 = fma(alone, of_frame0, frame0), frame1 = fma(alone, of_frame1, frame1);
       }
-      store(logits.both + at, both), store(logits.frame0 + at, frame0), store(logits.frame1 + at, frame1);
+      store(logits.both + first, both), store(logits.frame0 + first, frame0), store(logits.frame1 + first, frame1);
     }
   }
 }
@@ -186,16 +187,16 @@ inline void find_learnt_weights(float prior, const Motion &motion, float t, cons
   // What one frame alone shows at half the time is mostly still, or already, hidden near the other one.
   const float near0 = (1 - t) * (1 - t) * (1 - t), near1 = t * t * t;
   const float share1 = 2 * near1 / (near0 + near1), share0 = 2 - share1, sharpness = float(weighting.sharpness);
-  for (int i = 0; i < SQUARES_PER_WINDOW; i += 16) {
+  for (int i = 0; i < BLOCKS_2X2; i += 16) {
     const F16 both = decay(load<F16>(logits.both + i), HIGHEST_LOGIT, -1, prior) * load<F16>(candidate.gain + i);
     const F16 frame0 = decay(load<F16>(logits.frame0 + i), HIGHEST_LOGIT, -1, share0 * prior);
     const F16 frame1 = decay(load<F16>(logits.frame1 + i), HIGHEST_LOGIT, -1, share1 * prior);
     store(candidate.antisymmetric + i, (1 - t) * frame1 - t * frame0);
     store(candidate.weight + i, both + frame0 + frame1);
-    const F16 plain = decay(load<F16>(candidate.features.squares[SIMILARITY] + i), sharpness, -sharpness, prior);
+    const F16 plain = decay(load<F16>(candidate.features.blocks_2x2[SIMILARITY] + i), sharpness, -sharpness, prior);
     store(sums.reached + i, load<F16>(sums.reached + i) + plain);
   }
-  count_similarity(candidate.weight, candidate.features.squares[SIMILARITY], sums);
+  count_similarity(candidate.weight, candidate.features.blocks_2x2[SIMILARITY], sums);
   sums.least_weight = smallest(sums.reached);
 }
 
@@ -203,9 +204,9 @@ inline void find_learnt_weights(float prior, const Motion &motion, float t, cons
 //
 // The rest is skipped once it has few votes beside what others have reached, or once all pixels are similar enough.
 template <typename Take>
-INLINE void weigh_candidates(Int row, Int column, const Candidates &candidates, float t, const Weighting &weighting,
-                             const PairContext *context, LayerSamples &full, LayerSamples *further,
-                             CandidateWeights &candidate, NodeSums &sums, Take take) {
+FORCE_INLINE void weigh_candidates(Int row, Int column, const Candidates &candidates, float t,
+                                   const Weighting &weighting, const PairContext *context, LayerSamples &full,
+                                   LayerSamples *further, CandidateWeights &candidate, NodeSums &sums, Take take) {
   const Int before = (WINDOW - candidates.spacing) / 2;
   const Int top = row * candidates.spacing - before, left = column * candidates.spacing - before;
   const Int height = full.planes[0].shape[1], width = full.planes[0].shape[2];
@@ -217,20 +218,20 @@ INLINE void weigh_candidates(Int row, Int column, const Candidates &candidates, 
     if (prior < float(weighting.min_vote_share) * sums.least_weight ||
         sums.least_similar >= float(weighting.sufficient_similarity))
       break;
-    const Motion motion = node.motion(k);
+    const Motion motion = node.motions[k];
     InsideMarks marks;
     const WindowPlace place = locate_window(top, left, motion, t, height, width, marks);
     sample_layer(full, place, marks, motion, t);
     pool_pixels(full.distance, candidate.squared);
     if (further) {
-      const WindowPlace there = locate_further(place, further->down, further->across);
-      sample_layer(*further, there, marks, scale_motion(motion, further->down, further->across), t);
+      const WindowPlace further_place = locate_further(place, further->down, further->across);
+      sample_layer(*further, further_place, marks, scale_motion(motion, further->down, further->across), t);
       if (further->across > 1) pool_chroma(further->distance, further->down, candidate.squared);
     }
     if (context) {
       const float support = View<const float, 3>(context->support)(row, column, k);
-      describe_candidate(candidate.squared, float(weighting.scale), top, left, motion, prior, support, t, *context,
-                         candidate.features);
+      extract_candidate_features(candidate.squared, float(weighting.scale), top, left, motion, prior, support, t,
+                                 *context, candidate.features);
       find_learnt_weights(prior, motion, t, weighting, candidate, sums);
     } else {
       find_plain_weights(prior, weighting, candidate, sums);

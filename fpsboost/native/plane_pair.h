@@ -26,6 +26,6 @@ template <typename T> struct Frames {
 };
 
 // Centre of one of the points `step` pixels apart along an axis, which may lie at the edge of the frame.
-INLINE Int point_centre(Int point, Int step, Int size) { return least(point * step + step / 2, size - 1); }
+FORCE_INLINE Int point_centre(Int point, Int step, Int size) { return min(point * step + step / 2, size - 1); }
 
 }  // namespace

@@ -23,7 +23,7 @@ struct Levels {  // that represent a difference of 1, and no difference from the
 };
 
 // A value rounded and clipped to a byte.
-INLINE uint8_t to_byte(float value) { return uint8_t(within(value + 0.5f, 0.0f, float(WHITE))); }
+FORCE_INLINE uint8_t to_byte(float value) { return uint8_t(clamp(value + 0.5f, 0.0f, float(WHITE))); }
 
 // The index that stands for one beyond the ends of an axis, mirrored at the first and last element.
 Int reflected(Int place, Int size) {
@@ -74,14 +74,14 @@ void replicate_border(Int height, Int width, Int padding, const View<uint8_t, 3>
   const Int columns = planes.shape[2];
   for (Int c = 0; c < planes.shape[0]; c++) {
     for (Int y = padding; y < padding + height; y++) {
-      uint8_t *row = planes.at(c, y);
+      uint8_t *row = planes.ptr(c, y);
       const uint8_t first = row[padding], last = row[padding + width - 1];
       for (Int x = 0; x < padding; x++) row[x] = first;
       for (Int x = padding + width; x < columns; x++) row[x] = last;
     }
-    const uint8_t *above = planes.at(c, padding), *below = planes.at(c, padding + height - 1);
+    const uint8_t *above = planes.ptr(c, padding), *below = planes.ptr(c, padding + height - 1);
     for (Int y = 0; y < padding; y++) {
-      uint8_t *__restrict first = planes.at(c, y), *__restrict last = planes.at(c, y + padding + height);
+      uint8_t *__restrict first = planes.ptr(c, y), *__restrict last = planes.ptr(c, y + padding + height);
       for (Int x = 0; x < columns; x++) {
         first[x] = above[x];
         last[x] = below[x];
@@ -92,24 +92,24 @@ void replicate_border(Int height, Int width, Int padding, const View<uint8_t, 3>
 
 // Writes all three planes of `height` rows; `split(y, luma, first, third)` gives a row of luma, half luma and chroma.
 template <typename Split>
-INLINE void write_planes(const WorkArrays &work, Int height, Int width, Int padding, const Levels &levels,
-                         const View<uint8_t, 3> &planes, Split split) {
+FORCE_INLINE void write_planes(const WorkArrays &work, Int height, Int width, Int padding, const Levels &levels,
+                               const View<uint8_t, 3> &planes, Split split) {
   const HighPass high_pass{work, height, width};
   for (Int y = 0; y < height + RADIUS; y++) {
     if (y < height)
-      split(y, high_pass.row(y), planes.at(0, padding + y) + padding, planes.at(2, padding + y) + padding);
-    if (y >= RADIUS) high_pass.write(y - RADIUS, levels, planes.at(1, padding + y - RADIUS) + padding);
+      split(y, high_pass.row(y), planes.ptr(0, padding + y) + padding, planes.ptr(2, padding + y) + padding);
+    if (y >= RADIUS) high_pass.write(y - RADIUS, levels, planes.ptr(1, padding + y - RADIUS) + padding);
   }
   replicate_border(height, high_pass.width, padding, planes);
 }
 
-template <typename T, int CHANNELS> void split_pixels(const SplitColours &a, const WorkArrays &work) {
-  const View<const T, 3> image(a.image);
+template <typename T, int CHANNELS> void split_pixels(const SplitColours &args, const WorkArrays &work) {
+  const View<const T, 3> image(args.image);
   const Int height = image.shape[0], width = image.shape[1];
-  const Levels levels{float(a.scale), float(a.middle)};
-  const float normalise = float(a.normalise), scale = levels.scale, half = 0.5f;
+  const Levels levels{float(args.scale), float(args.middle)};
+  const float normalise = float(args.normalise), scale = levels.scale, half = 0.5f;
   auto split = [=](Int y, float *__restrict luma, uint8_t *__restrict first, uint8_t *__restrict third) {
-    const T *__restrict pixels = image.at(y);
+    const T *__restrict pixels = image.ptr(y);
     for (Int x = 0; x < width; x++) {
       const T *pixel = pixels + x * CHANNELS;
       const float blue = float(pixel[0]) * normalise;
@@ -126,15 +126,15 @@ template <typename T, int CHANNELS> void split_pixels(const SplitColours &a, con
       third[x] = to_byte(chroma * scale);
     }
   };
-  write_planes(work, height, width, a.padding, levels, View<uint8_t, 3>(a.planes), split);
+  write_planes(work, height, width, args.padding, levels, View<uint8_t, 3>(args.planes), split);
 }
 
-template <typename T> void split_image(const SplitColours &a, const WorkArrays &work) {
-  switch (a.image.shape[2]) {
-    case 1: return split_pixels<T, 1>(a, work);
-    case 2: return split_pixels<T, 2>(a, work);
-    case 3: return split_pixels<T, 3>(a, work);
-    default: return split_pixels<T, 4>(a, work);
+template <typename T> void split_image(const SplitColours &args, const WorkArrays &work) {
+  switch (args.image.shape[2]) {
+    case 1: return split_pixels<T, 1>(args, work);
+    case 2: return split_pixels<T, 2>(args, work);
+    case 3: return split_pixels<T, 3>(args, work);
+    default: return split_pixels<T, 4>(args, work);
   }
 }
 
@@ -148,15 +148,15 @@ void mix_chroma(const T *cb, const T *cr, float neutral, float unit, float scale
   }
 }
 
-template <typename T> void split_codes(const SplitPlanes &a, const WorkArrays &work) {
-  const View<const T, 2> luma_codes(a.y_plane), cb(a.cb_plane), cr(a.cr_plane);
+template <typename T> void split_codes(const SplitPlanes &args, const WorkArrays &work) {
+  const View<const T, 2> luma_codes(args.y_plane), cb(args.cb_plane), cr(args.cr_plane);
   const Int height = luma_codes.shape[0], width = luma_codes.shape[1], rows = cb.shape[0], columns = cb.shape[1];
   const Int down = rows == height ? 1 : 2;
-  const Levels levels{float(a.scale), float(a.middle)};
-  const float black = float(a.code_levels.black), luma_unit = float(a.code_levels.luma_unit);
-  const float neutral = float(a.code_levels.neutral), chroma_unit = float(a.code_levels.chroma_unit);
+  const Levels levels{float(args.scale), float(args.middle)};
+  const float black = float(args.code_levels.black), luma_unit = float(args.code_levels.luma_unit);
+  const float neutral = float(args.code_levels.neutral), chroma_unit = float(args.code_levels.chroma_unit);
   auto split = [=](Int y, float *__restrict luma, uint8_t *__restrict first, uint8_t *__restrict third) {
-    const T *__restrict codes = luma_codes.at(y);
+    const T *__restrict codes = luma_codes.ptr(y);
     for (Int x = 0; x < width; x++) {
       const float value = (float(codes[x]) - black) * luma_unit;
       luma[x] = value;
@@ -164,7 +164,7 @@ template <typename T> void split_codes(const SplitPlanes &a, const WorkArrays &w
     }
     const uint8_t *chroma = work.chroma;
     if (y % down == 0)
-      mix_chroma(cb.at(y / down), cr.at(y / down), neutral, chroma_unit, levels.scale, work.chroma, columns);
+      mix_chroma(cb.ptr(y / down), cr.ptr(y / down), neutral, chroma_unit, levels.scale, work.chroma, columns);
     if (columns == width) {
       for (Int x = 0; x < width; x++) third[x] = chroma[x];
       return;
@@ -172,27 +172,27 @@ template <typename T> void split_codes(const SplitPlanes &a, const WorkArrays &w
     for (Int x = 0; x < width / 2; x++) third[2 * x] = third[2 * x + 1] = chroma[x];
     third[width - 1] = chroma[columns - 1];
   };
-  write_planes(work, height, width, a.padding, levels, View<uint8_t, 3>(a.planes), split);
+  write_planes(work, height, width, args.padding, levels, View<uint8_t, 3>(args.planes), split);
 }
 
-template <typename T> void shrink_rows(const Shrink &a, float *__restrict line) {
-  const View<const T, 2> rows(a.rows);
-  const View<float, 3> small(a.small);
+template <typename T> void shrink_rows(const Shrink &args, float *__restrict line) {
+  const View<const T, 2> rows(args.rows);
+  const View<float, 3> small(args.small);
   const Int height = rows.shape[0], down = small.shape[0], across = small.shape[1], channels = small.shape[2];
   const Int values = rows.shape[1], width = values / channels;
   const double area = double(height) / double(down) * (double(width) / double(across));
   for (Int v = 0; v < down; v++) {
     const double top = double(v * height) / double(down), bottom = double((v + 1) * height) / double(down);
     for (Int x = 0; x < values; x++) line[x] = 0;
-    for (Int y = Int(top); y < least(Int(__builtin_ceil(bottom)), height); y++) {
-      const float share = float(least(bottom, double(y + 1)) - most(top, double(y)));
-      const T *row = rows.at(y);
+    for (Int y = Int(top); y < min(Int(__builtin_ceil(bottom)), height); y++) {
+      const float share = float(min(bottom, double(y + 1)) - max(top, double(y)));
+      const T *row = rows.ptr(y);
       for (Int x = 0; x < values; x++) line[x] += share * float(row[x]);
     }
     for (Int u = 0; u < across; u++) {
       const double left = double(u * width) / double(across), right = double((u + 1) * width) / double(across);
-      const Int first = Int(left), last = least(Int(__builtin_ceil(right)), width) - 1;
-      const double first_share = least(right, double(first + 1)) - left, last_share = right - double(last);
+      const Int first = Int(left), last = min(Int(__builtin_ceil(right)), width) - 1;
+      const double first_share = min(right, double(first + 1)) - left, last_share = right - double(last);
       for (Int c = 0; c < channels; c++) {
         double total = 0;
         total += first_share * double(line[first * channels + c]);
@@ -206,34 +206,34 @@ template <typename T> void shrink_rows(const Shrink &a, float *__restrict line) 
 
 }  // namespace
 
-KERNEL(Int, split_colours, SplitColours) {
-  Workspace workspace(a.scratch);
-  const WorkArrays work(a.image.shape[1], workspace);
+KERNEL(Int, split_colours, const SplitColours &args) {
+  Workspace workspace(args.scratch);
+  const WorkArrays work(args.image.shape[1], workspace);
   if (workspace.is_counting()) return workspace.size();
-  switch (a.image.kind) {
-    case UINT8: split_image<uint8_t>(a, work); break;
-    case UINT16: split_image<uint16_t>(a, work); break;
-    default: split_image<float>(a, work);
+  switch (args.image.kind) {
+    case UINT8: split_image<uint8_t>(args, work); break;
+    case UINT16: split_image<uint16_t>(args, work); break;
+    default: split_image<float>(args, work);
   }
   return 0;
 }
 
-KERNEL(Int, split_planes, SplitPlanes) {
-  Workspace workspace(a.scratch);
-  const WorkArrays work(a.y_plane.shape[1], workspace);
+KERNEL(Int, split_planes, const SplitPlanes &args) {
+  Workspace workspace(args.scratch);
+  const WorkArrays work(args.y_plane.shape[1], workspace);
   if (workspace.is_counting()) return workspace.size();
-  a.y_plane.kind == UINT8 ? split_codes<uint8_t>(a, work) : split_codes<uint16_t>(a, work);
+  args.y_plane.kind == UINT8 ? split_codes<uint8_t>(args, work) : split_codes<uint16_t>(args, work);
   return 0;
 }
 
-KERNEL(Int, shrink, Shrink) {
-  Workspace workspace(a.scratch);
-  float *line = workspace.take<float>(a.rows.shape[1]);
+KERNEL(Int, shrink, const Shrink &args) {
+  Workspace workspace(args.scratch);
+  float *line = workspace.take<float>(args.rows.shape[1]);
   if (workspace.is_counting()) return workspace.size();
-  switch (a.rows.kind) {
-    case UINT8: shrink_rows<uint8_t>(a, line); break;
-    case UINT16: shrink_rows<uint16_t>(a, line); break;
-    default: shrink_rows<float>(a, line);
+  switch (args.rows.kind) {
+    case UINT8: shrink_rows<uint8_t>(args, line); break;
+    case UINT16: shrink_rows<uint16_t>(args, line); break;
+    default: shrink_rows<float>(args, line);
   }
   return 0;
 }

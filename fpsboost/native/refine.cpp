@@ -14,19 +14,19 @@ struct Row {
   S16 sum, change;
 };
 
-INLINE Row read_row(const uint8_t *first, const uint8_t *second) {
+FORCE_INLINE Row read_row(const uint8_t *first, const uint8_t *second) {
   const S16 level0 = __builtin_convertvector(load<B16>(first), S16);
   const S16 level1 = __builtin_convertvector(load<B16>(second), S16);
   return {level0 + level1, level1 - level0};
 }
 
 // The columns of the window, moved by -1, 0 or 1 pixel.
-INLINE S8 left_columns(S16 row) { return __builtin_shufflevector(row, row, 0, 1, 2, 3, 4, 5, 6, 7); }
-INLINE S8 columns(S16 row) { return __builtin_shufflevector(row, row, 1, 2, 3, 4, 5, 6, 7, 8); }
-INLINE S8 right_columns(S16 row) { return __builtin_shufflevector(row, row, 2, 3, 4, 5, 6, 7, 8, 9); }
-INLINE F8 as_floats(S8 words) { return __builtin_convertvector(__builtin_convertvector(words, I8), F8); }
+FORCE_INLINE S8 left_columns(S16 row) { return __builtin_shufflevector(row, row, 0, 1, 2, 3, 4, 5, 6, 7); }
+FORCE_INLINE S8 columns(S16 row) { return __builtin_shufflevector(row, row, 1, 2, 3, 4, 5, 6, 7, 8); }
+FORCE_INLINE S8 right_columns(S16 row) { return __builtin_shufflevector(row, row, 2, 3, 4, 5, 6, 7, 8, 9); }
+FORCE_INLINE F8 as_floats(S8 words) { return __builtin_convertvector(__builtin_convertvector(words, I8), F8); }
 
-INLINE float sum_lanes(F8 values) {
+FORCE_INLINE float sum_lanes(F8 values) {
   float four[4];
   for (int i = 0; i < 4; i++) four[i] = values[i] + values[i + 4];
   return (four[0] + four[2]) + (four[1] + four[3]);
@@ -40,11 +40,12 @@ template <typename V> struct Products {
 // Sums the products of a window's pixels, each weighted by its similarity, (1 + tail tt)^-4. `first` and `second` are
 // the pixels above and to the left of the window; gradients are sums of four one-pixel differences: over two pixels, in
 // both frames.
-INLINE Products<float> window_products(const uint8_t *first, const uint8_t *second, Int stride, Int plane, float tail) {
-  Row above[3], here[3];
+FORCE_INLINE Products<float> window_products(const uint8_t *first, const uint8_t *second, Int stride, Int plane,
+                                             float tail) {
+  Row above[3], centre[3];
   for (int c = 0; c < 3; c++) {
     above[c] = read_row(first + c * plane, second + c * plane);
-    here[c] = read_row(first + c * plane + stride, second + c * plane + stride);
+    centre[c] = read_row(first + c * plane + stride, second + c * plane + stride);
   }
   Products<F8> total = {};
 #pragma clang loop unroll(full)
@@ -52,15 +53,15 @@ INLINE Products<float> window_products(const uint8_t *first, const uint8_t *seco
     Products<F8> row;
     for (int c = 0; c < 3; c++) {
       const Row below = read_row(first + c * plane + j * stride, second + c * plane + j * stride);
-      const F8 x = as_floats(right_columns(here[c].sum) - left_columns(here[c].sum));
+      const F8 x = as_floats(right_columns(centre[c].sum) - left_columns(centre[c].sum));
       const F8 y = as_floats(columns(below.sum) - columns(above[c].sum));
-      const F8 t = as_floats(columns(here[c].change));
+      const F8 t = as_floats(columns(centre[c].change));
       if (c == 0)
         row = {x * x, x * y, y * y, x * t, y * t, t * t};
       else
         row = {fma(x, x, row.xx), fma(x, y, row.xy), fma(y, y, row.yy),
                fma(x, t, row.xt), fma(y, t, row.yt), fma(t, t, row.tt)};
-      above[c] = here[c], here[c] = below;
+      above[c] = centre[c], centre[c] = below;
     }
     F8 fall = fma(row.tt, broadcast<F8>(tail), broadcast<F8>(1));
     fall *= fall;
@@ -74,39 +75,39 @@ INLINE Products<float> window_products(const uint8_t *first, const uint8_t *seco
 
 // How much of a step to trust, 0 to 1, given how much of the squared change it explains. Two free parameters explain
 // some of any noise, which is no evidence of motion (positive-part shrinkage of James and Stein 1961).
-INLINE float significance(float explained, float change) {
-  const float rest = most(change - explained, 0.0f) * float(1 / (WINDOW_SIDE * WINDOW_SIDE / 2.0 - 1));
-  return most(explained - rest, 0.0f) / most(explained, 1e-20f);
+FORCE_INLINE float significance(float explained, float change) {
+  const float rest = max(change - explained, 0.0f) * float(1 / (WINDOW_SIDE * WINDOW_SIDE / 2.0 - 1));
+  return max(explained - rest, 0.0f) / max(explained, 1e-20f);
 }
 
 // Fetches a window ahead, as processors do not foresee small windows of many rows.
-INLINE void prefetch_rows(const uint8_t *row, Int stride, Int plane) {
+FORCE_INLINE void prefetch_rows(const uint8_t *row, Int stride, Int plane) {
   for (Int j = 0; j < WINDOW_SIDE; j++, row += stride)
     for (int c = 0; c < 3; c++) __builtin_prefetch(row + c * plane);
 }
 
-void refine_points(const Frames<uint8_t> &frames, const RefineBidirectional &a, const View<const float, 3> &refined,
+void refine_points(const Frames<uint8_t> &frames, const RefineBidirectional &args, const View<const float, 3> &refined,
                    const View<float, 3> &flow) {
-  const Int step = a.step, stride = frames.stride;
-  const float tail = float(a.tail), damping = float(a.damping), largest = float(a.largest);
+  const Int step = args.step, stride = frames.stride;
+  const float tail = float(args.tail), damping = float(args.damping), largest = float(args.largest);
   const bool has_refined = refined.shape[0] * refined.shape[1] > 0;
   for (Int row = 0; row < flow.shape[0]; row++)
     for (Int column = 0; column < flow.shape[1]; column++) {
       const Int y0 = point_centre(row, step, frames.height) - WINDOW_SIDE / 2 + frames.padding;
       const Int x0 = point_centre(column, step, frames.width) - WINDOW_SIDE / 2 + frames.padding;
-      float *vector = flow.at(row, column), dx = __builtin_rintf(vector[0]), dy = __builtin_rintf(vector[1]);
+      float *vector = flow.ptr(row, column), dx = __builtin_rintf(vector[0]), dy = __builtin_rintf(vector[1]);
       if (has_refined) {
-        const float *known = refined.at(row, column);
+        const float *known = refined.ptr(row, column);
         if (dx == __builtin_rintf(known[0]) && dy == __builtin_rintf(known[1])) {
           vector[0] = known[0], vector[1] = known[1];
           continue;
         }
       }
       const uint8_t *first = frames.first + (y0 - 1) * stride + x0 - 1;
-      for (Int n = 0; n < a.steps; n++) {
+      for (Int n = 0; n < args.steps; n++) {
         // limited to the padding, beyond which the repeated edges do not change
-        const Int y1 = within(y0 + Int(dy), Int(1), frames.rows - WINDOW_SIDE - 1);
-        const Int x1 = within(x0 + Int(dx), Int(1), stride - 2 * WINDOW_SIDE);
+        const Int y1 = clamp(y0 + Int(dy), Int(1), frames.rows - WINDOW_SIDE - 1);
+        const Int x1 = clamp(x0 + Int(dx), Int(1), stride - 2 * WINDOW_SIDE);
         const uint8_t *second = frames.second + (y1 - 1) * stride + x1 - 1;
         // the point after the next one usually has a similar motion
         prefetch_rows(first + 2 * step + WINDOW_SIDE, stride, frames.plane);
@@ -114,13 +115,13 @@ void refine_points(const Frames<uint8_t> &frames, const RefineBidirectional &a, 
         const Products<float> sums = window_products(first, second, stride, frames.plane, tail);
         const float xx = sums.xx + damping, xy = sums.xy, yy = sums.yy + damping;
         // along a straight edge, rounding could make the determinant zero or negative
-        const float determinant = most(xx * yy - xy * xy, damping * (xx + yy) * 0.5f);
+        const float determinant = max(xx * yy - xy * xy, damping * (xx + yy) * 0.5f);
         const float along_x = (yy * sums.xt - xy * sums.yt) / determinant;
         const float along_y = (xx * sums.yt - xy * sums.xt) / determinant;
         // gradients were summed over four pixels
         const float factor = -4 * significance(along_x * sums.xt + along_y * sums.yt, sums.tt);
-        vector[0] = dx + within(factor * along_x, -largest, largest);
-        vector[1] = dy + within(factor * along_y, -largest, largest);
+        vector[0] = dx + clamp(factor * along_x, -largest, largest);
+        vector[1] = dy + clamp(factor * along_y, -largest, largest);
         const float x = __builtin_rintf(vector[0]), y = __builtin_rintf(vector[1]);
         if (x == dx && y == dy) break;
         dx = x, dy = y;
@@ -130,10 +131,10 @@ void refine_points(const Frames<uint8_t> &frames, const RefineBidirectional &a, 
 
 }  // namespace
 
-KERNEL(void, refine_bidirectional, RefineBidirectional) {
-  const View<const float, 4> refined(a.refined);
-  const View<float, 4> flow(a.flow);
-  const Frames<uint8_t> frames(a.pair);
-  refine_points(frames, a, refined[0], flow[0]);
-  refine_points(frames.opposite(), a, refined[1], flow[1]);
+KERNEL(void, refine_bidirectional, const RefineBidirectional &args) {
+  const View<const float, 4> refined(args.refined);
+  const View<float, 4> flow(args.flow);
+  const Frames<uint8_t> frames(args.pair);
+  refine_points(frames, args, refined[0], flow[0]);
+  refine_points(frames.opposite(), args, refined[1], flow[1]);
 }

@@ -26,14 +26,14 @@ struct LandingError {
 //
 // A motion and its opposite therefore have the same length, and frame 0 and frame 1 the same influence. Indices of axes
 // are exact in float32.
-INLINE Int step_back(Int target, float motion, Int size) {
-  const float steps = __builtin_ceilf(least(float(size), absolute(motion)) - 0.5f);
-  return Int(within(float(target) + (motion > 0 ? -steps : steps), 0.0f, float(size - 1)));  // NaN leads to the first
+FORCE_INLINE Int step_back(Int target, float motion, Int size) {
+  const float steps = __builtin_ceilf(min(float(size), absolute(motion)) - 0.5f);
+  return Int(clamp(float(target) + (motion > 0 ? -steps : steps), 0.0f, float(size - 1)));  // NaN leads to the first
 }
 
 // The cell of a landing position; those outside of the frame are assigned to the nearest cell inside.
-INLINE int32_t find_cell(const Flow &flow, float t, Int y, Int x) {
-  const float *motion = flow.at(y, x);
+FORCE_INLINE int32_t find_cell(const Flow &flow, float t, Int y, Int x) {
+  const float *motion = flow.ptr(y, x);
   const int32_t cell_x = nearest_index(float(x) + t * motion[0], flow.shape[1]);
   return nearest_index(float(y) + t * motion[1], flow.shape[0]) * int32_t(flow.shape[1]) + cell_x;
 }
@@ -53,7 +53,7 @@ struct NearestLanding {
   void consider(Int pixel) {
     const Place source{pixel / flow.shape[1], pixel % flow.shape[1]};
     const Int away_y = source.y - target.y, away_x = source.x - target.x;
-    if (most(away_y, -away_y) > search_radius || most(away_x, -away_x) > search_radius) return;
+    if (max(away_y, -away_y) > search_radius || max(away_x, -away_x) > search_radius) return;
     const LandingError error(flow, t, source, target);
     const float new_distance = error.dx * error.dx + error.dy * error.dy;
     const Int new_length = away_y * away_y + away_x * away_x;
@@ -65,37 +65,37 @@ struct NearestLanding {
   }
 };
 
-template <typename T> void fetch(const FetchBoth &a) {
-  const View<const T, 3> image0(a.image0), image1(a.image1);
-  const View<const int32_t, 2> source0(a.source0), source1(a.source1);
-  const View<const bool, 2> lands0(a.lands0), lands1(a.lands1);
+template <typename T> void fetch(const FetchBoth &args) {
+  const View<const T, 3> image0(args.image0), image1(args.image1);
+  const View<const int32_t, 2> source0(args.source0), source1(args.source1);
+  const View<const bool, 2> lands0(args.lands0), lands1(args.lands1);
   const Int pixels = image0.shape[0] * image0.shape[1], channels = image0.shape[2];
-  const float t = float(a.t), half = float(a.half);
+  const float t = float(args.t), half = float(args.half);
   for (Int pixel = 0; pixel < pixels; pixel++) {
     const bool in0 = lands0.data[pixel], in1 = lands1.data[pixel];
     const float weight = in0 == in1 ? t : float(in1);
     const T *colour0 = image0.data + source0.data[pixel] * channels;
     const T *colour1 = image1.data + source1.data[pixel] * channels;
-    T *out = (T *)a.out.data + pixel * channels;
+    T *out = (T *)args.out.data + pixel * channels;
     for (Int c = 0; c < channels; c++) out[c] = T((1 - weight) * float(colour0[c]) + weight * float(colour1[c]) + half);
   }
 }
 
 }  // namespace
 
-KERNEL(void, search_iteratively, SearchIteratively) {
-  const Flow flow(a.flow);
-  const View<int32_t, 2> source(a.source);
-  const View<bool, 2> lands(a.lands);
+KERNEL(void, search_iteratively, const SearchIteratively &args) {
+  const Flow flow(args.flow);
+  const View<int32_t, 2> source(args.source);
+  const View<bool, 2> lands(args.lands);
   const Int height = flow.shape[0], width = flow.shape[1];
-  const float t = float(a.t);
+  const float t = float(args.t);
   for (Int y = 0; y < height; y++)
     for (Int x = 0; x < width; x++) {
       Place found{y, x};
       Int first = 0;
       bool success = false;
-      for (Int iteration = 0; iteration < a.iterations && !success; iteration++) {
-        const float *motion = flow.at(found.y, found.x);
+      for (Int iteration = 0; iteration < args.iterations && !success; iteration++) {
+        const float *motion = flow.ptr(found.y, found.x);
         found = {step_back(y, t * motion[1], height), step_back(x, t * motion[0], width)};
         if (iteration == 0) first = found.y * width + found.x;
         success = LandingError(flow, t, found, {y, x}).lands();
@@ -106,11 +106,11 @@ KERNEL(void, search_iteratively, SearchIteratively) {
 }
 
 // A counting sort, in raster order within a cell.
-KERNEL(void, bin_landings, BinLandings) {
-  const Flow flow(a.flow);
-  int32_t *starts = (int32_t *)a.starts.data, *members = (int32_t *)a.members.data;
+KERNEL(void, bin_landings, const BinLandings &args) {
+  const Flow flow(args.flow);
+  int32_t *starts = (int32_t *)args.starts.data, *members = (int32_t *)args.members.data;
   const Int height = flow.shape[0], width = flow.shape[1], pixels = height * width;
-  const float t = float(a.t);
+  const float t = float(args.t);
   for (Int cell = 0; cell <= pixels; cell++) starts[cell] = 0;
   for (Int y = 0; y < height; y++)
     for (Int x = 0; x < width; x++) starts[find_cell(flow, t, y, x)]++;
@@ -120,21 +120,21 @@ KERNEL(void, bin_landings, BinLandings) {
     for (Int x = width - 1; x >= 0; x--) members[--starts[find_cell(flow, t, y, x)]] = int32_t(y * width + x);
 }
 
-KERNEL(void, search_nearest_landing, SearchNearestLanding) {
-  const Flow flow(a.flow);
-  const View<int32_t, 2> source(a.source);
-  const View<bool, 2> lands(a.lands);
-  const int32_t *starts = (const int32_t *)a.starts.data, *members = (const int32_t *)a.members.data;
+KERNEL(void, search_nearest_landing, const SearchNearestLanding &args) {
+  const Flow flow(args.flow);
+  const View<int32_t, 2> source(args.source);
+  const View<bool, 2> lands(args.lands);
+  const int32_t *starts = (const int32_t *)args.starts.data, *members = (const int32_t *)args.members.data;
   const Int height = flow.shape[0], width = flow.shape[1];
-  const float t = float(a.t);
+  const float t = float(args.t);
   for (Int y = 0; y < height; y++)
     for (Int x = 0; x < width; x++) {
-      NearestLanding nearest(flow, t, a.search_radius, {y, x});
-      for (Int ring = 0; ring < most(height, width); ring++) {
+      NearestLanding nearest(flow, t, args.search_radius, {y, x});
+      for (Int ring = 0; ring < max(height, width); ring++) {
         // minimum distance in x or in y of a landing position in this ring
-        const float bound = most(0.0f, float(ring) - 0.5f);
+        const float bound = max(0.0f, float(ring) - 0.5f);
         if (bound * bound > nearest.distance) break;
-        for (Int cell_y = most(Int(0), y - ring); cell_y <= least(height - 1, y + ring); cell_y++) {
+        for (Int cell_y = max(Int(0), y - ring); cell_y <= min(height - 1, y + ring); cell_y++) {
           const Int step = ring == 0 || cell_y == y - ring || cell_y == y + ring ? 1 : 2 * ring;
           for (Int cell_x = x - ring; cell_x <= x + ring; cell_x += step) {
             if (cell_x < 0 || cell_x >= width) continue;
@@ -149,20 +149,20 @@ KERNEL(void, search_nearest_landing, SearchNearestLanding) {
     }
 }
 
-KERNEL(void, fetch_both, FetchBoth) {
-  switch (a.image0.kind) {
-    case UINT8: return fetch<uint8_t>(a);
-    case UINT16: return fetch<uint16_t>(a);
-    default: return fetch<float>(a);
+KERNEL(void, fetch_both, const FetchBoth &args) {
+  switch (args.image0.kind) {
+    case UINT8: return fetch<uint8_t>(args);
+    case UINT16: return fetch<uint16_t>(args);
+    default: return fetch<float>(args);
   }
 }
 
-KERNEL(void, splat, Splat) {
-  const Flow flow(a.flow);
-  const View<const float, 2> similarity(a.similarity);
-  const View<int32_t, 2> source0(a.source0), source1(a.source1);
+KERNEL(void, splat, const Splat &args) {
+  const Flow flow(args.flow);
+  const View<const float, 2> similarity(args.similarity);
+  const View<int32_t, 2> source0(args.source0), source1(args.source1);
   const Int height = similarity.shape[0], width = similarity.shape[1];
-  const float t = float(a.t), least_similarity = float(a.least_similarity);
+  const float t = float(args.t), least_similarity = float(args.least_similarity);
   for (Int pixel = 0; pixel < height * width; pixel++) source0.data[pixel] = NO_SOURCE;
   for (Int y = 0; y < height; y++)
     for (Int x = 0; x < width; x++) {

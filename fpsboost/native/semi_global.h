@@ -11,13 +11,13 @@ namespace {
 constexpr float MISSING_LABEL_COST = 1e30f;  // of a label that a node does not have
 constexpr Int PATHS_AT_ONCE =
     4;  // a processor works on one node of each of so many neighbouring paths at the same time
-constexpr float LARGEST = 0x1.fffffep127f;
+constexpr float MAX_FLOAT = 0x1.fffffep127f;
 
 // Labels of a lattice, of at most `capacity` at each node; behind those that a node has, anything may stand.
 struct LabelLists {
   const int32_t *count;
   const float (*motion)[2];
-  const float *similarity, *ties;
+  const float *similarity, *smoothness_weight;
   Int rows, columns, capacity;
 };
 
@@ -36,30 +36,30 @@ struct Lattice {
 
 // Extends the cheapest paths to the labels of the node before by the labels of the next one. `path_cost` has the cost
 // of the cheapest path to each label, without that of the cheapest of its node.
-INLINE void aggregate_path_costs(const Lattice &lattice, Int node, Int node_before, float slope, float limit) {
-  const Int room = lattice.room, here = node * room, before = node_before * room;
-  F8 lowest = broadcast<F8>(LARGEST);
-  for (Int own = here; own < here + room; own += 8) {
+FORCE_INLINE void aggregate_path_costs(const Lattice &lattice, Int node, Int node_before, float slope, float limit) {
+  const Int room = lattice.room, begin = node * room, begin_before = node_before * room;
+  F8 lowest = broadcast<F8>(MAX_FLOAT);
+  for (Int own = begin; own < begin + room; own += 8) {
     const F8 x = load<F8>(lattice.x + own), y = load<F8>(lattice.y + own);
-    F8 cheapest = broadcast<F8>(LARGEST);
-    for (Int others = before; others < before + room; others += 8)
+    F8 cheapest = broadcast<F8>(MAX_FLOAT);
+    for (Int others = begin_before; others < begin_before + room; others += 8)
       for (Int other = others; other < others + 8; other++) {
         const F8 change = absolute(x - lattice.x[other]) + absolute(y - lattice.y[other]);
-        cheapest = smaller(lattice.path_cost[other] + smaller(slope * change, broadcast<F8>(limit)), cheapest);
+        cheapest = min(lattice.path_cost[other] + min(slope * change, broadcast<F8>(limit)), cheapest);
       }
     const F8 extended = load<F8>(lattice.data_cost + own) + cheapest;
-    lowest = smaller(extended, lowest);
+    lowest = min(extended, lowest);
     store(lattice.path_cost + own, extended);
     store(lattice.total + own, load<F8>(lattice.total + own) + extended);
   }
-  lowest = smaller(__builtin_shufflevector(lowest, lowest, 4, 5, 6, 7, 0, 1, 2, 3), lowest);
-  lowest = smaller(__builtin_shufflevector(lowest, lowest, 2, 3, 0, 1, 6, 7, 4, 5), lowest);
-  lowest = smaller(__builtin_shufflevector(lowest, lowest, 1, 0, 3, 2, 5, 4, 7, 6), lowest);
-  for (Int own = here; own < here + room; own += 8)
+  lowest = min(__builtin_shufflevector(lowest, lowest, 4, 5, 6, 7, 0, 1, 2, 3), lowest);
+  lowest = min(__builtin_shufflevector(lowest, lowest, 2, 3, 0, 1, 6, 7, 4, 5), lowest);
+  lowest = min(__builtin_shufflevector(lowest, lowest, 1, 0, 3, 2, 5, 4, 7, 6), lowest);
+  for (Int own = begin; own < begin + room; own += 8)
     store(lattice.path_cost + own, load<F8>(lattice.path_cost + own) - lowest);
 }
 
-INLINE void copy_labels(const LabelLists &lists, const Lattice &lattice) {
+FORCE_INLINE void copy_labels(const LabelLists &lists, const Lattice &lattice) {
   const Int nodes = lists.rows * lists.columns, size = (nodes + 1) * lattice.room;
   for (Int i = 0; i < size; i++)
     lattice.x[i] = lattice.y[i] = lattice.path_cost[i] = 0, lattice.data_cost[i] = MISSING_LABEL_COST;
@@ -74,8 +74,8 @@ INLINE void copy_labels(const LabelLists &lists, const Lattice &lattice) {
 
 // Chooses the label of every node with the lowest cost, the first of several; `choose_labels` of
 // fpsboost/kernels/level_search.py.
-INLINE void choose_labels(const LabelLists &lists, float smoothness, float slope, const Lattice &lattice,
-                          float (*flow)[2], float *chosen) {
+FORCE_INLINE void choose_labels(const LabelLists &lists, float smoothness, float slope, const Lattice &lattice,
+                                float (*flow)[2], float *chosen) {
   const Int rows = lists.rows, columns = lists.columns, nodes = rows * columns, room = lattice.room;
   const float *costs = lattice.total;
   copy_labels(lists, lattice);
@@ -86,11 +86,11 @@ INLINE void choose_labels(const LabelLists &lists, float smoothness, float slope
     const Int length = is_vertical ? rows : columns, parallel = is_vertical ? columns : rows;
     for (Int first = 0; first < parallel; first += PATHS_AT_ONCE)
       for (Int n = 0; n < length; n++)
-        for (Int path = first; path < least(first + PATHS_AT_ONCE, parallel); path++) {
+        for (Int path = first; path < min(first + PATHS_AT_ONCE, parallel); path++) {
           const Int node = begin + path * aside + n * step;
           if (n) {
-            const float tie = least(lists.ties[node], lists.ties[node - step]);
-            aggregate_path_costs(lattice, node, node - step, tie * slope, tie * smoothness);
+            const float weight = min(lists.smoothness_weight[node], lists.smoothness_weight[node - step]);
+            aggregate_path_costs(lattice, node, node - step, weight * slope, weight * smoothness);
           } else {
             aggregate_path_costs(lattice, node, nodes, 0,
                                  0);  // no change has a cost at the first node, which has no predecessor

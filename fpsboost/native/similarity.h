@@ -6,17 +6,17 @@ namespace {
 
 // The largest similarity less the sum of absolute differences, 0 at the least. `pixels` are the three components of
 // sixteen pixels, those of the others begin at `second`, `plane` apart.
-INLINE U16 linear_similarity(const B16 (&pixels)[3], const uint8_t *second, Int plane, B16 max_similarity) {
+FORCE_INLINE U16 linear_similarity(const B16 (&pixels)[3], const uint8_t *second, Int plane, B16 max_similarity) {
   B16 sum{};
   for (int c = 0; c < 3; c++) {
     const B16 other = load<B16>(second + c * plane);
-    const B16 difference = larger(pixels[c], other) - smaller(pixels[c], other);
-    sum += smaller(difference, ~sum);  // without overflow
+    const B16 difference = max(pixels[c], other) - min(pixels[c], other);
+    sum += min(difference, ~sum);  // without overflow
   }
-  return __builtin_convertvector(larger(max_similarity, sum) - sum, U16);
+  return __builtin_convertvector(max(max_similarity, sum) - sum, U16);
 }
 
-INLINE B16 broadcast_byte(uint8_t value) { return value - B16{}; }
+FORCE_INLINE B16 broadcast_byte(uint8_t value) { return value - B16{}; }
 
 // Polynomial that approximates 2^20 times 2^-f for a fraction f: Chebyshev's interpolation of degree 5 on [0, 1], with
 // a half added to the constant, so that truncation rounds.
@@ -27,24 +27,24 @@ constexpr float POWER[] = {0x1.000008p+20f, -0x1.62e3a8p+19f, 0x1.ebe2f2p+17f,
 // components are `plane` apart: integers, whose sums are exact in any order. Several vectors are computed together,
 // since each instruction waits for the one before.
 template <int COUNT>
-INLINE void exponential_similarity(const float *first, Int plane0, const float *second, Int plane1,
-                                   I16 (&similarity)[COUNT]) {
+FORCE_INLINE void exponential_similarity(const float *first, Int plane0, const float *second, Int plane1,
+                                         I16 (&similarity)[COUNT]) {
   F16 squares[COUNT], power[COUNT];
   for (int n = 0; n < COUNT; n++)
     for (int c = 0; c < 3; c++) {
       const F16 difference = load<F16>(first + c * plane0 + 16 * n) - load<F16>(second + c * plane1 + 16 * n);
       squares[n] = c ? fma(difference, difference, squares[n]) : difference * difference;
     }
-  I16 whole[COUNT];
+  I16 integer[COUNT];
   for (int n = 0; n < COUNT; n++) {
-    squares[n] = smaller(squares[n], broadcast<F16>(FRACTION_BITS + 1));
-    whole[n] = __builtin_convertvector(squares[n], I16);
-    squares[n] -= __builtin_convertvector(whole[n], F16);
+    squares[n] = min(squares[n], broadcast<F16>(FRACTION_BITS + 1));
+    integer[n] = __builtin_convertvector(squares[n], I16);
+    squares[n] -= __builtin_convertvector(integer[n], F16);
     power[n] = broadcast<F16>(POWER[5]);
   }
   for (int k = 4; k >= 0; k--)
     for (int n = 0; n < COUNT; n++) power[n] = fma(power[n], squares[n], broadcast<F16>(POWER[k]));
-  for (int n = 0; n < COUNT; n++) similarity[n] = __builtin_convertvector(power[n], I16) >> whole[n];
+  for (int n = 0; n < COUNT; n++) similarity[n] = __builtin_convertvector(power[n], I16) >> integer[n];
 }
 
 }  // namespace

@@ -14,9 +14,9 @@ struct Prefilter {
 };
 
 // Writes a row plus `weight` times the sum of two others.
-void filter_row(float weight, const float *before, const float *here, const float *after, float *__restrict out,
+void filter_row(float weight, const float *before, const float *centre, const float *after, float *__restrict out,
                 Int count) {
-  for (Int x = 0; x < count; x++) out[x] = fma(weight, before[x] + after[x], here[x]);
+  for (Int x = 0; x < count; x++) out[x] = fma(weight, before[x] + after[x], centre[x]);
 }
 
 void copy_row(const float *from, float *__restrict to, Int count) {
@@ -49,7 +49,7 @@ struct Rings {
   Int size, width;
 
   // y is at least -4 size, since what is filtered first lies twice the filter's reach above the frame
-  float *at(Int stage, Int y) const { return rows + (stage * size + (y + 4 * size) % size) * width; }
+  float *row(Int stage, Int y) const { return rows + (stage * size + (y + 4 * size) % size) * width; }
 };
 
 // Filters vertically what is known now that row y is there, as far as the filter reaches above it.
@@ -57,23 +57,23 @@ void filter_down(const Prefilter &filter, const Rings &rings, Int y, float *out,
   for (Int k = 0; k < filter.stages; k++) {
     const Int distance = Int(1) << k;
     y -= distance;
-    float *to = k < filter.stages - 1 ? rings.at(k + 1, y) : out;
-    filter_row(filter.weights[k], rings.at(k, y - distance), rings.at(k, y), rings.at(k, y + distance), to, width);
+    float *to = k < filter.stages - 1 ? rings.row(k + 1, y) : out;
+    filter_row(filter.weights[k], rings.row(k, y - distance), rings.row(k, y), rings.row(k, y + distance), to, width);
   }
 }
 
-template <typename T> Int filter_planes(const FindCoefficients &a) {
-  const View<const T, 3> planes(a.planes);
-  const View<float, 3> coefficients(a.coefficients);
-  const Prefilter filter(a.weights);
-  Workspace workspace(a.scratch);
+template <typename T> Int filter_planes(const FindCoefficients &args) {
+  const View<const T, 3> planes(args.planes);
+  const View<float, 3> coefficients(args.coefficients);
+  const Prefilter filter(args.weights);
+  Workspace workspace(args.scratch);
   float *lines = workspace.take<float>(2 * (coefficients.shape[2] + 2 * filter.reach));
   const Int kept = filter.reach + 2, size = filter.stages * kept * coefficients.shape[2];
   const Rings rings{workspace.take<float>(size), kept, coefficients.shape[2]};
   if (workspace.is_counting()) return workspace.size();
   for (Int i = 0; i < size; i++) rings.rows[i] = 0;  // of what is filtered before they are full, nothing remains
   const Int height = planes.shape[1], tall = coefficients.shape[1], width = coefficients.shape[2], reach = filter.reach;
-  float unit = float(a.unit);
+  float unit = float(args.unit);
   for (Int k = 0; k < filter.stages; k++) {  // so that flat areas keep their brightness
     const float gain = 1 + filter.weights[k] + filter.weights[k];
     unit /= gain * gain;
@@ -81,17 +81,17 @@ template <typename T> Int filter_planes(const FindCoefficients &a) {
   const Int first = MARGIN - reach, last = MARGIN + height - 1 + reach;
   for (Int c = 0; c < planes.shape[0]; c++) {
     for (Int y = -2 * reach; y < height + 2 * reach; y++) {
-      float *here = rings.at(0, y);
+      float *centre = rings.row(0, y);
       if (y == -2 * reach || (0 < y && y < height))
-        filter_across(planes.at(c, most(y, Int(0))), planes.shape[2], unit, filter, lines, here, width);
+        filter_across(planes.ptr(c, max(y, Int(0))), planes.shape[2], unit, filter, lines, centre, width);
       else
-        copy_row(rings.at(0, y - 1), here, width);
+        copy_row(rings.row(0, y - 1), centre, width);
       // rows before the first whole one are written again below
-      filter_down(filter, rings, y, coefficients.at(c, most(MARGIN + y - reach, Int(0))), width);
+      filter_down(filter, rings, y, coefficients.ptr(c, max(MARGIN + y - reach, Int(0))), width);
     }
     // farther out, all values around are equal, and so are the coefficients
-    for (Int y = 0; y < first; y++) copy_row(coefficients.at(c, first), coefficients.at(c, y), width);
-    for (Int y = last + 1; y < tall; y++) copy_row(coefficients.at(c, last), coefficients.at(c, y), width);
+    for (Int y = 0; y < first; y++) copy_row(coefficients.ptr(c, first), coefficients.ptr(c, y), width);
+    for (Int y = last + 1; y < tall; y++) copy_row(coefficients.ptr(c, last), coefficients.ptr(c, y), width);
   }
   return 0;
 }
@@ -103,10 +103,10 @@ struct SplinePlace {
 };
 
 // The place where the motion of a pixel ends; beyond the frame, edges are repeated.
-INLINE SplinePlace locate(const View<const float, 3> &motion, Int i, Int j) {
+FORCE_INLINE SplinePlace locate(const View<const float, 3> &motion, Int i, Int j) {
   const float height = float(motion.shape[0]), width = float(motion.shape[1]);
-  const float y = within(float(i) + motion(i, j, 1), -1.0f, height) + float(MARGIN);
-  const float x = within(float(j) + motion(i, j, 0), -1.0f, width) + float(MARGIN);
+  const float y = clamp(float(i) + motion(i, j, 1), -1.0f, height) + float(MARGIN);
+  const float x = clamp(float(j) + motion(i, j, 0), -1.0f, width) + float(MARGIN);
   const Int top = Int(y), left = Int(x);
   SplinePlace place{top - 1, left - 1, {}, {}};
   spline_weights(y - float(top), place.down);
@@ -114,10 +114,10 @@ INLINE SplinePlace locate(const View<const float, 3> &motion, Int i, Int j) {
   return place;
 }
 
-INLINE float sample_spline(const View<const float, 3> &coefficients, Int plane, const SplinePlace &place) {
+FORCE_INLINE float sample_spline(const View<const float, 3> &coefficients, Int plane, const SplinePlace &place) {
   float value = 0;
   for (int j = 0; j < 4; j++) {
-    const float *row = coefficients.at(plane, place.top + j, place.left);
+    const float *row = coefficients.ptr(plane, place.top + j, place.left);
     float part = 0;
     for (int i = 0; i < 4; i++) part = fma(place.across[i], row[i], part);
     value = fma(place.down[j], part, value);
@@ -127,21 +127,21 @@ INLINE float sample_spline(const View<const float, 3> &coefficients, Int plane, 
 
 }  // namespace
 
-KERNEL(Int, find_coefficients, FindCoefficients) {
-  switch (a.planes.kind) {
-    case UINT8: return filter_planes<uint8_t>(a);
-    case UINT16: return filter_planes<uint16_t>(a);
-    default: return filter_planes<float>(a);
+KERNEL(Int, find_coefficients, const FindCoefficients &args) {
+  switch (args.planes.kind) {
+    case UINT8: return filter_planes<uint8_t>(args);
+    case UINT16: return filter_planes<uint16_t>(args);
+    default: return filter_planes<float>(args);
   }
 }
 
-KERNEL(void, mix_along, MixAlong) {
-  const View<const float, 3> coefficients0(a.source0.coefficients), coefficients1(a.source1.coefficients);
-  const View<const float, 3> motion0(a.source0.motion), motion1(a.source1.motion);
-  const View<const bool, 2> visible0(a.source0.is_visible), visible1(a.source1.is_visible);
-  const View<float, 3> mixed(a.mixed);
-  const View<float, 2> squared(a.squared);
-  const float t = float(a.t);
+KERNEL(void, mix_along, const MixAlong &args) {
+  const View<const float, 3> coefficients0(args.source0.coefficients), coefficients1(args.source1.coefficients);
+  const View<const float, 3> motion0(args.source0.motion), motion1(args.source1.motion);
+  const View<const bool, 2> visible0(args.source0.is_visible), visible1(args.source1.is_visible);
+  const View<float, 3> mixed(args.mixed);
+  const View<float, 2> squared(args.squared);
+  const float t = float(args.t);
   for (Int i = 0; i < mixed.shape[1]; i++)
     for (Int j = 0; j < mixed.shape[2]; j++) {
       const bool seen0 = visible0(i, j), seen1 = visible1(i, j);

@@ -10,7 +10,7 @@ struct Taps {  // weights of the coefficients around a position
   float across[TAPS], down[TAPS];
 };
 
-INLINE void spline_weights(float fraction, float *weights) {
+FORCE_INLINE void spline_weights(float fraction, float *weights) {
   const float f = fraction, g = 1 - f, sixth = float(1 / 6.0), two_thirds = float(2 / 3.0);
   weights[0] = sixth * g * g * g;
   weights[1] = two_thirds - 0.5f * f * f * (2 - f);
@@ -19,7 +19,7 @@ INLINE void spline_weights(float fraction, float *weights) {
 }
 
 // Writes the weights of a position, which is at least 1, and returns the first of its 4 x 4 coefficients.
-INLINE const float *find_taps(const float *coefficients, Int stride, float y, float x, Taps &taps) {
+FORCE_INLINE const float *find_taps(const float *coefficients, Int stride, float y, float x, Taps &taps) {
   const Int top = Int(y), left = Int(x);
   spline_weights(x - float(left), taps.across);
   spline_weights(y - float(top), taps.down);
@@ -27,7 +27,7 @@ INLINE const float *find_taps(const float *coefficients, Int stride, float y, fl
 }
 
 template <typename V>
-INLINE V filter(const float *from, Int step, const float *weights) {
+FORCE_INLINE V filter(const float *from, Int step, const float *weights) {
   V sum = load<V>(from) * weights[0];
   for (int n = 1; n < TAPS; n++) sum = fma(load<V>(from + n * step), broadcast<V>(weights[n]), sum);
   return sum;
@@ -35,8 +35,8 @@ INLINE V filter(const float *from, Int step, const float *weights) {
 
 // Filters rows of `wide` samples horizontally into `rows`, with room for three more than are `tall`, then vertically.
 template <typename V>
-INLINE void filter_rows(const float *from, Int stride, const Taps &taps, Int wide, Int tall, float *rows, float *out,
-                        Int out_stride) {
+FORCE_INLINE void filter_rows(const float *from, Int stride, const Taps &taps, Int wide, Int tall, float *rows,
+                              float *out, Int out_stride) {
   for (Int j = 0; j < tall + TAPS - 1; j++)
     for (Int i = 0; i < wide; i += Lanes<V>::count)
       store(rows + j * wide + i, filter<V>(from + j * stride + i, 1, taps.across));

@@ -31,9 +31,9 @@ struct TileWork {
   TileWork(const TileSettings &settings, Int spacing, Int capacity, Workspace &workspace) {
     const Int per_tile = TILE / settings.step, side = 2 * settings.max_offset + 1;
     const Int places = (TILE + 2 * PROPOSAL_MARGIN) / spacing + 2, reach = (2 * settings.refine_radius + 1) * places;
-    points = most(per_tile * per_tile, Int(8)), flags = side * side;
+    points = max(per_tile * per_tile, Int(8)), flags = side * side;
     is_listed = workspace.take<bool>(flags);
-    offsets = workspace.take<Offset>(least(flags, 1 + reach * reach));
+    offsets = workspace.take<Offset>(min(flags, 1 + reach * reach));
     entries = workspace.take<float>(capacity * 3 * points);
   }
 };
@@ -67,15 +67,15 @@ struct EntryRow {
 
 // Inserts an offset into the lists of eight points, which are in order of falling similarity; of neighbouring offsets,
 // only the more similar one is kept.
-INLINE void insert_top_eight(float dx, float dy, const float *similarities, Int at, float *entries, Int points,
-                             Int capacity) {
-  const F8 similarity = load<F8>(similarities + at);
-  if (!any(similarity > load<F8>(EntryRow(entries, capacity - 1, points).similarity + at))) return;
+FORCE_INLINE void insert_top_eight(float dx, float dy, const float *similarities, Int first, float *entries, Int points,
+                                   Int capacity) {
+  const F8 similarity = load<F8>(similarities + first);
+  if (!any(similarity > load<F8>(EntryRow(entries, capacity - 1, points).similarity + first))) return;
   F8 inserted[3] = {similarity, broadcast<F8>(dx), broadcast<F8>(dy)};
   I8 is_open = ~I8{};
   for (Int entry = 0; entry < capacity; entry++) {
     const EntryRow row(entries, entry, points);
-    float *places[3] = {row.similarity + at, row.dx + at, row.dy + at};
+    float *places[3] = {row.similarity + first, row.dx + first, row.dy + first};
     const F8 before[3] = {load<F8>(places[0]), load<F8>(places[1]), load<F8>(places[2])};
     const I8 writes = is_open & (similarity > before[0]);
     for (int n = 0; n < 3; n++) {
@@ -88,14 +88,14 @@ INLINE void insert_top_eight(float dx, float dy, const float *similarities, Int 
 
 // Lists the distinct offsets within `refine_radius` of any proposal in and around a tile, and returns their number.
 // `is_listed` has a flag for each offset, all false at the start and at the end.
-INLINE Int gather_offsets(const ProposedOffsets &proposals, const Tile &tile, const TileSettings &settings,
-                          bool *is_listed, Offset *offsets) {
+FORCE_INLINE Int gather_offsets(const ProposedOffsets &proposals, const Tile &tile, const TileSettings &settings,
+                                bool *is_listed, Offset *offsets) {
   const Int limit = settings.max_offset, side = 2 * limit + 1, spacing = proposals.spacing;
   // the places in which pixels lie
-  const Int top = most(tile.top - PROPOSAL_MARGIN, Int(0)) / spacing,
-            left = most(tile.left - PROPOSAL_MARGIN, Int(0)) / spacing;
-  const Int bottom = least((tile.bottom + PROPOSAL_MARGIN - 1) / spacing + 1, proposals.down);
-  const Int right = least((tile.right + PROPOSAL_MARGIN - 1) / spacing + 1, proposals.across);
+  const Int top = max(tile.top - PROPOSAL_MARGIN, Int(0)) / spacing,
+            left = max(tile.left - PROPOSAL_MARGIN, Int(0)) / spacing;
+  const Int bottom = min((tile.bottom + PROPOSAL_MARGIN - 1) / spacing + 1, proposals.down);
+  const Int right = min((tile.right + PROPOSAL_MARGIN - 1) / spacing + 1, proposals.across);
   Int count = 1;
   offsets[0] = {0, 0};  // zero motion is always included
   is_listed[limit * side + limit] = true;
@@ -104,9 +104,9 @@ INLINE Int gather_offsets(const ProposedOffsets &proposals, const Tile &tile, co
     for (Int y = top; y < bottom; y++)
       for (Int x = left; x < right; x++) {
         const Offset proposed = proposals.proposed[y * proposals.across + x];
-        for (Int dy = most(proposed.dy - around, -limit); dy <= least(proposed.dy + around, limit); dy++) {
+        for (Int dy = max(proposed.dy - around, -limit); dy <= min(proposed.dy + around, limit); dy++) {
           const Int rest = around - (dy > proposed.dy ? dy - proposed.dy : proposed.dy - dy);
-          for (Int dx = most(proposed.dx - rest, -limit); dx <= least(proposed.dx + rest, limit); dx++) {
+          for (Int dx = max(proposed.dx - rest, -limit); dx <= min(proposed.dx + rest, limit); dx++) {
             bool &listed = is_listed[(dy + limit) * side + dx + limit];
             if (listed) continue;
             listed = true;
@@ -119,12 +119,12 @@ INLINE Int gather_offsets(const ProposedOffsets &proposals, const Tile &tile, co
 }
 
 // Appends an offset to a point's list if it is not listed yet; if the list is full, replaces the last entry.
-INLINE void keep_offset(Offset offset, float similarity, Int point, const CandidateLists &lists) {
+FORCE_INLINE void keep_offset(Offset offset, float similarity, Int point, const CandidateLists &lists) {
   float (*flow)[2] = lists.flow + point * lists.capacity;
   const Int count = lists.listed[point];
   for (Int k = 0; k < count; k++)
     if (flow[k][0] == float(offset.dx) && flow[k][1] == float(offset.dy)) return;
-  const Int place = least(count, lists.capacity - 1);
+  const Int place = min(count, lists.capacity - 1);
   lists.similarity[point * lists.capacity + place] = similarity;
   flow[place][0] = float(offset.dx), flow[place][1] = float(offset.dy);
   lists.listed[point] = int32_t(place + 1);
@@ -132,8 +132,8 @@ INLINE void keep_offset(Offset offset, float similarity, Int point, const Candid
 
 // Writes the lists of a tile's points to those of the frame. The expected motion is added where its similarity is not
 // negative; if nothing is listed, zero motion is.
-INLINE void write_lists(const Tile &tile, float *entries, Int points, Int per_tile, const Offset *expected,
-                        const float *similarities, const CandidateLists &lists) {
+FORCE_INLINE void write_lists(const Tile &tile, float *entries, Int points, Int per_tile, const Offset *expected,
+                              const float *similarities, const CandidateLists &lists) {
   for (Int p = 0; p < tile.down; p++)
     for (Int q = 0; q < tile.across; q++) {
       const Int of_tile = p * per_tile + q, point = (tile.first_row + p) * lists.across + tile.first_column + q;
@@ -148,7 +148,7 @@ INLINE void write_lists(const Tile &tile, float *entries, Int points, Int per_ti
       }
       lists.listed[point] = count;
       if (similarities[of_tile] >= 0) keep_offset(expected[of_tile], similarities[of_tile], point, lists);
-      lists.listed[point] = most(lists.listed[point], 1);
+      lists.listed[point] = max(lists.listed[point], 1);
     }
 }
 
@@ -157,14 +157,14 @@ INLINE void write_lists(const Tile &tile, float *entries, Int points, Int per_ti
 template <Int LANES> struct ColumnSums {
   alignas(64) uint16_t sums[TILE + 2 * MAX_TILE_PATCH_RADIUS + 1][LANES];
 
-  void compare(const Frames<uint8_t> &frames, Int here, Int there, Int row_stride, Int rows) {
+  void compare(const Frames<uint8_t> &frames, Int place0, Int place1, Int row_stride, Int rows) {
     const B16 max_similarity = broadcast_byte(uint8_t(frames.max_similarity));
-    for (Int row = 0; row < rows; row++, here += row_stride, there += row_stride)
+    for (Int row = 0; row < rows; row++, place0 += row_stride, place1 += row_stride)
       for (Int i = 0; i < LANES; i += 16) {
-        const uint8_t *pixels = frames.first + here + i;
+        const uint8_t *pixels = frames.first + place0 + i;
         const B16 components[3] = {load<B16>(pixels), load<B16>(pixels + frames.plane),
                                    load<B16>(pixels + 2 * frames.plane)};
-        const U16 similarity = linear_similarity(components, frames.second + there + i, frames.plane, max_similarity);
+        const U16 similarity = linear_similarity(components, frames.second + place1 + i, frames.plane, max_similarity);
         store(sums[row + 1] + i, load<U16>(sums[row] + i) + similarity);
       }
   }
@@ -190,14 +190,9 @@ void search_tiles_of(const Frames<uint8_t> &frames, const ProposedOffsets &propo
   __builtin_memset(columns.sums[0], 0, sizeof columns.sums[0]);
   for (Int top = 0; top < frames.height; top += TILE)
     for (Int left = 0; left < frames.width; left += TILE) {
-      const Tile tile = {top,
-                         left,
-                         least(top + TILE, frames.height),
-                         least(left + TILE, frames.width),
-                         top / step,
-                         left / step,
-                         least(per_tile, lists.down - top / step),
-                         least(per_tile, lists.across - left / step)};
+      const Tile tile = {
+          top,        left,        min(top + TILE, frames.height),         min(left + TILE, frames.width),
+          top / step, left / step, min(per_tile, lists.down - top / step), min(per_tile, lists.across - left / step)};
       for (Int i = 0; i < points; i++) values[i] = NOTHING;  // includes points beyond the frame
       for (Int k = 0; k < lists.capacity; k++) {
         const EntryRow row(entries, k, points);
@@ -205,23 +200,22 @@ void search_tiles_of(const Frames<uint8_t> &frames, const ProposedOffsets &propo
       }
       for (Int p = 0; p < tile.down; p++)
         for (Int q = 0; q < tile.across; q++) {
-          const Int y = least(((tile.first_row + p) * step + step / 2) / proposals.spacing, proposals.down - 1);
-          const Int x = least(((tile.first_column + q) * step + step / 2) / proposals.spacing, proposals.across - 1);
+          const Int y = min(((tile.first_row + p) * step + step / 2) / proposals.spacing, proposals.down - 1);
+          const Int x = min(((tile.first_column + q) * step + step / 2) / proposals.spacing, proposals.across - 1);
           expected[p * per_tile + q] = proposals.expected[y * proposals.across + x];
           similarities[p * per_tile + q] = -1;
         }
-      const Int last_row =
-          most(tile.bottom, top + tile.down * step);  // the last points may lie beyond the frame's edge
+      const Int last_row = max(tile.bottom, top + tile.down * step);  // the last points may lie beyond the frame's edge
       const Int rows = (last_row - top + 2 * radius + row_step - 1) / row_step;
       const Int count = gather_offsets(proposals, tile, settings, is_listed, offsets);
       for (Int k = 0; k < count; k++) {
         const Int dx = offsets[k].dx, dy = offsets[k].dy;
-        if (least(top + dy, left + dx) < -TILE || last_row + dy > frames.height + TILE ||
+        if (min(top + dy, left + dx) < -TILE || last_row + dy > frames.height + TILE ||
             tile.right + dx > frames.width + TILE)
           continue;  // the tile would lie mostly outside
-        const Int here = frames.place(top - radius, left - radius),
-                  there = frames.place(top - radius + dy, left - radius + dx);
-        columns.compare(frames, here, there, row_step * frames.stride, rows);
+        const Int place0 = frames.place(top - radius, left - radius),
+                  place1 = frames.place(top - radius + dy, left - radius + dx);
+        columns.compare(frames, place0, place1, row_step * frames.stride, rows);
         for (Int p = 0; p < tile.down; p++) {
           const uint16_t *above = columns.sums[(p * step + step / 2) / row_step], *below = above + compared * LANES;
           uint16_t sums[LANES];
@@ -241,8 +235,8 @@ void search_tiles_of(const Frames<uint8_t> &frames, const ProposedOffsets &propo
     }
 }
 
-INLINE void search_tiles(const Frames<uint8_t> &frames, const ProposedOffsets &proposals, const TileSettings &settings,
-                         const CandidateLists &lists, const TileWork &work) {
+FORCE_INLINE void search_tiles(const Frames<uint8_t> &frames, const ProposedOffsets &proposals,
+                               const TileSettings &settings, const CandidateLists &lists, const TileWork &work) {
   const bool fits = TILE + 2 * settings.patch_radius <= 48;
   (fits ? search_tiles_of<48> : search_tiles_of<64>)(frames, proposals, settings, lists, work);
 }

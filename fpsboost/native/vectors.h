@@ -29,21 +29,25 @@ template <> struct Lanes<B16> {
   typedef B16 Unaligned __attribute__((aligned(1), may_alias));
 };
 
-template <typename V, typename T> INLINE V load(const T *from) { return *(const typename Lanes<V>::Unaligned *)from; }
-template <typename V, typename T> INLINE void store(T *to, V values) { *(typename Lanes<V>::Unaligned *)to = values; }
-template <typename V> INLINE V broadcast(float value) { return value - V{}; }
+template <typename V, typename T> FORCE_INLINE V load(const T *from) {
+  return *(const typename Lanes<V>::Unaligned *)from;
+}
+template <typename V, typename T> FORCE_INLINE void store(T *to, V values) {
+  *(typename Lanes<V>::Unaligned *)to = values;
+}
+template <typename V> FORCE_INLINE V broadcast(float value) { return value - V{}; }
 
 // a * b + c, rounded once.
 #if defined(__FMA__) || defined(__aarch64__)
-INLINE float fma(float a, float b, float c) { return __builtin_fmaf(a, b, c); }
+FORCE_INLINE float fma(float a, float b, float c) { return __builtin_fmaf(a, b, c); }
 #if defined(__clang__)
-template <typename V> INLINE V fma(V a, V b, V c) { return __builtin_elementwise_fma(a, b, c); }
+template <typename V> FORCE_INLINE V fma(V a, V b, V c) { return __builtin_elementwise_fma(a, b, c); }
 #endif
 #else
 // Without the instruction. The product is exact in double precision; the sum is rounded to odd there, after which
 // rounding to single precision gives what rounding once does (Boldo and Melquiond 2008, doi:10.1109/TC.2007.70819,
 // theorem 1).
-INLINE float fma(float a, float b, float c) {
+FORCE_INLINE float fma(float a, float b, float c) {
   const double product = double(a) * double(b), sum = product + double(c), part = sum - product;
   const double error = (product - (sum - part)) + (double(c) - part);
   int64_t bits;
@@ -60,7 +64,7 @@ INLINE float fma(float a, float b, float c) {
 typedef float F4 __attribute__((vector_size(16)));
 typedef double D4 __attribute__((vector_size(32)));
 typedef int64_t I4 __attribute__((vector_size(32)));
-template <typename V> INLINE V fma(V a, V b, V c) {
+template <typename V> FORCE_INLINE V fma(V a, V b, V c) {
   V result;
   for (int i = 0; i < Lanes<V>::count; i += 4) {
     F4 values[3];
@@ -79,19 +83,17 @@ template <typename V> INLINE V fma(V a, V b, V c) {
   return result;
 }
 #elif !defined(__clang__)
-template <typename V> INLINE V fma(V a, V b, V c) {
+template <typename V> FORCE_INLINE V fma(V a, V b, V c) {
   for (int i = 0; i < Lanes<V>::count; i++) c[i] = fma(a[i], b[i], c[i]);
   return c;
 }
 #endif
 
-template <typename V> INLINE V larger(V a, V b) { return a > b ? a : b; }
-template <typename V> INLINE V smaller(V a, V b) { return a < b ? a : b; }
-INLINE F8 absolute(F8 a) { return (F8)((I8)a & 0x7fffffff); }
-INLINE F16 absolute(F16 a) { return (F16)((I16)a & 0x7fffffff); }
+FORCE_INLINE F8 absolute(F8 a) { return (F8)((I8)a & 0x7fffffff); }
+FORCE_INLINE F16 absolute(F16 a) { return (F16)((I16)a & 0x7fffffff); }
 
 // Whether any bit of a mask of 32 bytes is set.
-template <typename V> INLINE bool any(V mask) {
+template <typename V> FORCE_INLINE bool any(V mask) {
   typedef int64_t L4 __attribute__((vector_size(32)));
   const L4 parts = (L4)mask;
   return (parts[0] | parts[1] | parts[2] | parts[3]) != 0;

@@ -4,13 +4,13 @@
 // are read in rows, without looking up single pixels. A window that is zoomed or turned is sampled in blocks, each of
 // which moves as its centre does.
 #pragma once
+#include "candidates.h"
 #include "scratch.h"
 #include "spline_samples.h"
 
 namespace {
 
 constexpr Int BLOCK = WINDOW_BLOCK;
-constexpr float MIN_GRADIENT = 0.05f, MAX_GRADIENT = 0.5f;  // of a window that is zoomed or turned, pixels per pixel
 
 // Lanes for filters that keep rows of coefficients in registers: with AVX2, sixteen would not fit.
 #if defined(__AVX512F__)
@@ -19,45 +19,22 @@ typedef F16 Wide;
 typedef F8 Wide;
 #endif
 
-struct Motion {  // of a candidate, at the centre of its window; gradients are pixels per pixel
-  float dx, dy, acceleration_x, acceleration_y, dx_along_x, dy_along_x, dx_along_y, dy_along_y;
-
-  // Whether a window moves as a whole. Below the least gradient, its blocks would move by less than windows overlap
-  // anyway; one above the largest is not zoom or rotation, but the boundary of two motions.
-  bool is_rigid() const {
-    const float gradient = absolute(dx_along_x) + absolute(dy_along_x) + absolute(dx_along_y) + absolute(dy_along_y);
-    return gradient < MIN_GRADIENT || gradient > MAX_GRADIENT;
-  }
-};
-
-struct NodeCandidates {  // of one node
-  Int count;
-  const float *motions, *priors;
-
-  NodeCandidates(const Candidates &all, Int row, Int column)
-      : count(View<const int32_t, 2>(all.listed)(row, column)),
-        motions(View<const float, 4>(all.motions).at(row, column)),
-        priors(View<const float, 3>(all.weights).at(row, column)) {}
-  Motion motion(Int k) const {
-    const float *m = motions + 8 * k;
-    return {m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7]};
-  }
-};
-
 struct Position {  // in coefficients
   float y, x;
 };
 
 struct WindowPlace {  // where the first sample of a window is in both frames
   Position in_frame[2];
-  bool within;  // whether the whole window lies inside of both frames
+  bool is_inside;  // whether the whole window lies inside of both frames
 };
 
 struct InsideMarks {  // of a window that is partly outside: 1 for each column, and each row, inside of a frame, else 0
   float columns[2][WINDOW], rows[2][WINDOW];
 };
 
-INLINE Int divide_down(Int value, Int by) { return by == 2 ? value >> 1 : value; }  // by 1 or 2, towards the lower
+FORCE_INLINE Int divide_down(Int value, Int by) {
+  return by == 2 ? value >> 1 : value;
+}  // by 1 or 2, towards the lower
 
 // Samples of a window of the planes of one resolution, each of which stands for `across` columns and `down` rows of
 // pixels, along a candidate; and their sums over the candidates of a node and over the windows of a row of nodes.
@@ -85,7 +62,7 @@ struct LayerSamples {
   }
 };
 
-INLINE void mark_inside(float start, Int size, float *marks) {
+FORCE_INLINE void mark_inside(float start, Int size, float *marks) {
   for (int i = 0; i < WINDOW; i++) {
     const float place = start + float(i);
     marks[i] = place >= 0 && place <= float(size - 1) ? 1 : 0;
@@ -100,15 +77,15 @@ inline WindowPlace locate_window(Int top, Int left, const Motion &motion, float 
   x[0] = float(left) + curve * motion.acceleration_x - t * motion.dx, x[1] = x[0] + motion.dx;
   y[0] = float(top) + curve * motion.acceleration_y - t * motion.dy, y[1] = y[0] + motion.dy;
   WindowPlace place;
-  place.within = least(x[0], x[1]) >= 0 && least(y[0], y[1]) >= 0 && most(x[0], x[1]) <= float(width - WINDOW) &&
-                 most(y[0], y[1]) <= float(height - WINDOW);
+  place.is_inside = min(x[0], x[1]) >= 0 && min(y[0], y[1]) >= 0 && max(x[0], x[1]) <= float(width - WINDOW) &&
+                    max(y[0], y[1]) <= float(height - WINDOW);
   for (int n = 0; n < 2; n++) {
-    if (!place.within) {
+    if (!place.is_inside) {
       mark_inside(x[n], width, marks.columns[n]);
       mark_inside(y[n], height, marks.rows[n]);
     }
-    place.in_frame[n].x = within(x[n], float(2 - MARGIN), float(width + 2)) + MARGIN;
-    place.in_frame[n].y = within(y[n], float(2 - MARGIN), float(height + 2)) + MARGIN;
+    place.in_frame[n].x = clamp(x[n], float(2 - MARGIN), float(width + 2)) + MARGIN;
+    place.in_frame[n].y = clamp(y[n], float(2 - MARGIN), float(height + 2)) + MARGIN;
   }
   return place;
 }
@@ -116,13 +93,13 @@ inline WindowPlace locate_window(Int top, Int left, const Motion &motion, float 
 // The chroma siting has no influence on displacements.
 inline WindowPlace locate_further(const WindowPlace &place, Int down, Int across) {
   const float by_row = 1 / float(down), by_column = 1 / float(across);
-  WindowPlace there;
-  there.within = place.within;
+  WindowPlace further;
+  further.is_inside = place.is_inside;
   for (int n = 0; n < 2; n++) {
-    there.in_frame[n].y = (place.in_frame[n].y - MARGIN) * by_row + MARGIN;
-    there.in_frame[n].x = (place.in_frame[n].x - MARGIN) * by_column + MARGIN;
+    further.in_frame[n].y = (place.in_frame[n].y - MARGIN) * by_row + MARGIN;
+    further.in_frame[n].x = (place.in_frame[n].x - MARGIN) * by_column + MARGIN;
   }
-  return there;
+  return further;
 }
 
 // The motion in samples of further planes, but for what only locates a window.
@@ -135,27 +112,27 @@ inline Motion scale_motion(const Motion &motion, Int down, Int across) {
 
 // Where a block, from a row and column of its window on, is in a frame; `share` is that of the motion from time t to
 // it.
-INLINE Position locate_block(Position window, float share, const Motion &motion, Int down, Int across, Int tall,
-                             Int wide, Int rows, Int stride) {
+FORCE_INLINE Position locate_block(Position window, float share, const Motion &motion, Int down, Int across, Int tall,
+                                   Int wide, Int rows, Int stride) {
   const float from_x = float(across - (wide - BLOCK) / 2), from_y = float(down - (tall - BLOCK) / 2);
   const float x = window.x + float(across) + share * (from_x * motion.dx_along_x + from_y * motion.dx_along_y);
   const float y = window.y + float(down) + share * (from_x * motion.dy_along_x + from_y * motion.dy_along_y);
-  return {within(y, 1.f, float(rows - BLOCK - 3)), within(x, 1.f, float(stride - BLOCK - 3))};
+  return {clamp(y, 1.f, float(rows - BLOCK - 3)), clamp(x, 1.f, float(stride - BLOCK - 3))};
 }
 
 // Samples columns of both frames, blends them and adds up the squares of their differences. One frame is sampled after
 // the other, as the weights and rows of both would not fit into the registers. Meanwhile, what is `ahead` columns on is
 // fetched: processors do not foresee small windows of many rows.
 template <typename V>
-INLINE void mix_columns(const LayerSamples &layer, const float *const from[2], const Taps taps[2], Int tall, float t,
-                        float *mixed, float *change, float *distance, const Int *ahead = nullptr) {
+FORCE_INLINE void mix_columns(const LayerSamples &layer, const float *const from[2], const Taps taps[2], Int tall,
+                              float t, float *mixed, float *change, float *distance, const Int *ahead = nullptr) {
   V samples[WINDOW];
   for (int n = 0; n < 2; n++) {
     const Int stride = layer.coefficients[n].shape[2];
     const float *next = from[n];
     V across[TAPS], down[TAPS];
     for (int k = 0; k < TAPS; k++) across[k] = broadcast<V>(taps[n].across[k]), down[k] = broadcast<V>(taps[n].down[k]);
-    const auto filter_row = [&]() __attribute__((always_inline)) {
+    const auto filter_row = [&]() INLINE_LAMBDA {
       V sum = load<V>(next) * across[0];
       for (int k = 1; k < TAPS; k++) sum = fma(load<V>(next + k), across[k], sum);
       if (ahead) __builtin_prefetch(next + ahead[n]);
@@ -171,11 +148,11 @@ INLINE void mix_columns(const LayerSamples &layer, const float *const from[2], c
         samples[j] = sum;
         continue;
       }
-      const Int at = j * layer.wide;
+      const Int row = j * layer.wide;
       const V difference = sum - samples[j];
-      store(distance + at, fma(difference, difference, load<V>(distance + at)));
-      store(mixed + at, fma(broadcast<V>(t), difference, samples[j]));
-      store(change + at, difference);
+      store(distance + row, fma(difference, difference, load<V>(distance + row)));
+      store(mixed + row, fma(broadcast<V>(t), difference, samples[j]));
+      store(change + row, difference);
     }
   }
 }
@@ -190,8 +167,9 @@ inline void mix_rigid(LayerSamples &layer, const WindowPlace &place, float t) {
     Taps taps[2];
     const float *from[2];
     for (int n = 0; n < 2; n++) {
-      const Position at = place.in_frame[n];
-      from[n] = find_taps(layer.coefficients[n].at(c), layer.coefficients[n].shape[2], at.y, at.x, taps[n]);
+      const Position position = place.in_frame[n];
+      from[n] =
+          find_taps(layer.coefficients[n].ptr(c), layer.coefficients[n].shape[2], position.y, position.x, taps[n]);
     }
     for (Int i = 0; i < layer.wide; i += Lanes<Wide>::count) {
       const float *const columns[2] = {from[0] + i, from[1] + i};
@@ -210,12 +188,13 @@ inline void mix_blocks(LayerSamples &layer, const WindowPlace &place, const Moti
         const float *from[2];
         for (int n = 0; n < 2; n++) {
           const View<const float, 3> &plane = layer.coefficients[n];
-          const Position at = locate_block(place.in_frame[n], n == 0 ? -t : 1 - t, motion, down, across, layer.tall,
-                                           layer.wide, plane.shape[1], plane.shape[2]);
-          from[n] = find_taps(plane.at(c), plane.shape[2], at.y, at.x, taps[n]);
+          const Position position = locate_block(place.in_frame[n], n == 0 ? -t : 1 - t, motion, down, across,
+                                                 layer.tall, layer.wide, plane.shape[1], plane.shape[2]);
+          from[n] = find_taps(plane.ptr(c), plane.shape[2], position.y, position.x, taps[n]);
         }
-        const Int to = down * layer.wide + across, there = c * layer.size + to;
-        mix_columns<F8>(layer, from, taps, BLOCK, t, layer.mixed + there, layer.change + there, layer.distance + to);
+        const Int first = down * layer.wide + across, in_plane = c * layer.size + first;
+        mix_columns<F8>(layer, from, taps, BLOCK, t, layer.mixed + in_plane, layer.change + in_plane,
+                        layer.distance + first);
       }
 }
 
@@ -224,10 +203,10 @@ inline void filter_blocks(const float *coefficients, Int rows, Int stride, Posit
                           const Motion &motion, Int wide, Int tall, float *out) {
   for (Int down = 0; down < tall; down += BLOCK)
     for (Int across = 0; across < wide; across += BLOCK) {
-      const Position at = locate_block(window, share, motion, down, across, tall, wide, rows, stride);
+      const Position position = locate_block(window, share, motion, down, across, tall, wide, rows, stride);
       alignas(64) float filtered[(BLOCK + TAPS - 1) * BLOCK];
       Taps taps;
-      const float *from = find_taps(coefficients, stride, at.y, at.x, taps);
+      const float *from = find_taps(coefficients, stride, position.y, position.x, taps);
       filter_rows<F8>(from, stride, taps, BLOCK, BLOCK, filtered, out + down * wide + across, wide);
     }
 }
@@ -247,30 +226,32 @@ inline void copy_window(const ArrayOf<Any, 3> &planes, float unit, Int c, Int to
   const View<const T, 3> values(planes);
   const Int height = values.shape[1], width = values.shape[2];
   for (Int j = 0; j < tall; j++) {
-    const T *row = values.at(c, within(top + j, Int(0), height - 1));
+    const T *row = values.ptr(c, clamp(top + j, Int(0), height - 1));
     if (left >= 0 && left + wide <= width)
       for (Int i = 0; i < wide; i++) out[j * wide + i] = float(row[left + i]) * unit;
     else
-      for (Int i = 0; i < wide; i++) out[j * wide + i] = float(row[within(left + i, Int(0), width - 1)]) * unit;
+      for (Int i = 0; i < wide; i++) out[j * wide + i] = float(row[clamp(left + i, Int(0), width - 1)]) * unit;
   }
 }
 
-INLINE bool is_whole(Position at) { return at.y == float(Int(at.y)) && at.x == float(Int(at.x)); }
+FORCE_INLINE bool is_whole(Position position) {
+  return position.y == float(Int(position.y)) && position.x == float(Int(position.x));
+}
 
-inline void fetch_window(const LayerSamples &layer, int n, Int c, Position at, float share, const Motion &motion,
+inline void fetch_window(const LayerSamples &layer, int n, Int c, Position position, float share, const Motion &motion,
                          float *out) {
   const View<const float, 3> &plane = layer.coefficients[n];
   const Int wide = layer.wide, tall = layer.tall;
   if (!motion.is_rigid()) {
-    filter_blocks(plane.at(c), plane.shape[1], plane.shape[2], at, share, motion, wide, tall, out);
-  } else if (is_whole(at)) {
+    filter_blocks(plane.ptr(c), plane.shape[1], plane.shape[2], position, share, motion, wide, tall, out);
+  } else if (is_whole(position)) {
     const ArrayOf<Any, 3> &planes = layer.planes[n];
     const auto copy = planes.kind == UINT8    ? copy_window<uint8_t>
                       : planes.kind == UINT16 ? copy_window<uint16_t>
                                               : copy_window<float>;
-    copy(planes, layer.unit[n], c, Int(at.y) - MARGIN, Int(at.x) - MARGIN, wide, tall, out);
+    copy(planes, layer.unit[n], c, Int(position.y) - MARGIN, Int(position.x) - MARGIN, wide, tall, out);
   } else {
-    filter_rigid(plane.at(c), plane.shape[2], at, wide, tall, out);
+    filter_rigid(plane.ptr(c), plane.shape[2], position, wide, tall, out);
   }
 }
 
@@ -287,7 +268,7 @@ inline void mix_inside(const LayerSamples &layer, float t, const InsideMarks &ma
     for (Int i = 0; i < layer.wide; i++) {  // all are written, so that this needs no branch
       const Int place = j * layer.wide + i;
       const float weight0 = columns[0][i] * row0, weight1 = columns[1][i] * row1, both = weight0 + weight1;
-      const float mean = (weight0 * first[place] + weight1 * second[place]) / most(both, 1e-30f);
+      const float mean = (weight0 * first[place] + weight1 * second[place]) / max(both, 1e-30f);
       mixed[place] = both > 0 ? mean : mixed[place];
       change[place] = ((both > 0) & (weight0 * weight1 == 0)) ? 0 : change[place];
     }
@@ -307,7 +288,7 @@ inline void mix_fetched(LayerSamples &layer, const WindowPlace &place, const Ins
       store(mixed + i, fma(broadcast<F16>(t), difference, from));
       store(change + i, difference);
     }
-    if (!place.within) mix_inside(layer, t, marks, first, second, mixed, change);
+    if (!place.is_inside) mix_inside(layer, t, marks, first, second, mixed, change);
   }
 }
 
@@ -316,7 +297,7 @@ inline void sample_layer(LayerSamples &layer, const WindowPlace &place, const In
                          float t) {
   for (Int i = 0; i < layer.size; i++) layer.distance[i] = 0;
   const bool rigid = motion.is_rigid();
-  if (!place.within || (rigid && (is_whole(place.in_frame[0]) || is_whole(place.in_frame[1]))))
+  if (!place.is_inside || (rigid && (is_whole(place.in_frame[0]) || is_whole(place.in_frame[1]))))
     mix_fetched(layer, place, marks, motion, t);
   else if (rigid)
     mix_rigid(layer, place, t);

@@ -9,7 +9,7 @@ import numpy as np
 
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.candidates import Candidates
-from fpsboost.kernels.constants import MARGIN, SQUARES_PER_ROW
+from fpsboost.kernels.constants import BLOCKS_2X2_PER_ROW, MARGIN
 from fpsboost.kernels.pair_context import PairContext, count_landings, measure_support
 from fpsboost.motion.components import gray
 from fpsboost.motion.field import point_places
@@ -27,13 +27,13 @@ def half_luma(image: FrameCache) -> np.ndarray:
     luma = image.cached(gray)
     even = np.pad(luma, [(0, size % 2) for size in luma.shape], "edge")
     small = cv2.resize(even, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-    around = cv2.copyMakeBorder(small, MARGIN, MARGIN, MARGIN, MARGIN + SQUARES_PER_ROW, cv2.BORDER_REPLICATE)
+    around = cv2.copyMakeBorder(small, MARGIN, MARGIN, MARGIN, MARGIN + BLOCKS_2X2_PER_ROW, cv2.BORDER_REPLICATE)
     return around.astype(np.float32) * np.float32(1 / 255)
 
 
 def flatness(image: FrameCache, step: int) -> np.ndarray:
     """Return the flatness around points `step` apart, (rows, columns) float32: 1 without contrast, 0 in texture."""
-    luma = image.derived(half_luma)[MARGIN:-MARGIN, MARGIN : -MARGIN - SQUARES_PER_ROW]
+    luma = image.derived(half_luma)[MARGIN:-MARGIN, MARGIN : -MARGIN - BLOCKS_2X2_PER_ROW]
     detail = luma - cv2.blur(luma, (5, 5))
     variance = cv2.blur(detail * detail, (5, 5))
     y, x = (places // 2 for places in point_places(image.pixels.shape, step))

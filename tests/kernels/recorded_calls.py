@@ -18,7 +18,7 @@ import pytest
 from drawn_scenes import CONVERSIONS, converted
 
 from fpsboost.kernels import binding
-from fpsboost.kernels.residual_search import loosen_ties
+from fpsboost.kernels.residual_search import relax_smoothness
 
 ARGUMENTS = Path(__file__).with_suffix(".npz")
 DIGESTS = Path(__file__).with_suffix(".json")
@@ -77,9 +77,9 @@ def record() -> None:
     for reason in ("block", "level_search", "residual_search", "search", "semi_global"):
         tests = Path(__file__).with_name(f"test_kernels_{reason}.py")
         assert pytest.main(["-p", "no:cacheprovider", "--hypothesis-seed=1", str(tests)]) == 0
-    reason, random = "ties", np.random.default_rng(1)
+    reason, random = "limits", np.random.default_rng(1)
     motions = random.integers(-8, 9, (2, 2, 9, 12, 2)).astype(np.float32)  # of whole pixels: errors equal to the limits
-    loosen_ties(*motions, np.float32(4), np.float32(5), np.float32(0.25), motions[0, ..., 0].copy())
+    relax_smoothness(*motions, np.float32(4), np.float32(5), np.float32(0.25), motions[0, ..., 0].copy())
     binding.arguments_of = arguments_of
 
     # which only the program that fits the weights calls
@@ -88,7 +88,7 @@ def record() -> None:
     sizes = (room, 24, 256), (room, 256), (room, 3, 1024), (room, 3, 1024)
     written = [as_text(np.zeros(size, np.float32)) for size in sizes]
     written.append(as_text(np.zeros(1, np.int64)))
-    calls["describe_node", ""] = full, 1, 1, t, candidates, weighting, around, *written
+    calls["extract_features", ""] = full, 1, 1, t, candidates, weighting, around, *written
 
     texts: dict[str, dict[str, Any]] = {}
     for (name, _), text in sorted(calls.items(), key=lambda call: call[0]):

@@ -21,7 +21,7 @@ from support.truth import noise
 RADIUS, LABELS, MAX_OFFSET, MOST = 2, 3, 6, np.uint8(200)
 
 
-def searched_in_one_direction(pair, size, proposed, expected, ties, settings):
+def searched_in_one_direction(pair, size, proposed, expected, weights, settings):
     """Motion and similarity of the points in one direction, by the two kernels on whole pixels."""
     shape = points(size, settings.step)
     lists = OffsetLists(
@@ -31,7 +31,7 @@ def searched_in_one_direction(pair, size, proposed, expected, ties, settings):
     proposals = Proposals(*whole, settings.spacing)
     radii = settings.refine_radius, MAX_OFFSET, RADIUS
     search_tiles(pair, proposals, settings.step, *radii, settings.row_step, lists)
-    shared = np.ascontiguousarray(resample_points(ties, size, settings.spacing, settings.step))
+    shared = np.ascontiguousarray(resample_points(weights, size, settings.spacing, settings.step))
     costs = np.empty((*shape, 8), np.float32)
     flow, chosen = np.empty((*shape, 2), np.float32), np.empty(shape, np.float32)
     count, similarity, offsets = lists
@@ -51,17 +51,17 @@ def test_both_directions_are_searched_like_each_by_itself(scale, spacing, step, 
     there, back = (plane_pair(*both, PADDING + RADIUS, MOST) for both in (images, images[::-1]))
     places = points(size, spacing)
     proposed, expected = random.uniform(-3, 3, (2, 2, *places, 2)).astype(np.float32)
-    ties = random.choice([0.25, 1], (2, *places)).astype(np.float32)
+    weights = random.choice([0.25, 1], (2, *places)).astype(np.float32)
     settings = LevelSettings(
         *(np.float32(scale), spacing, step, refine_radius, MAX_OFFSET, RADIUS, row_step, LABELS),
         *(np.float32(0.3), np.float32(0.05)),
     )
     shape = points(size, step)
     found = Points(np.empty((2, *shape, 2), np.float32), np.empty((2, *shape), np.float32))
-    search_level(there, CoarseMotion(proposed, expected, ties), settings, found)
+    search_level(there, CoarseMotion(proposed, expected, weights), settings, found)
     for direction, pair in enumerate((there, back)):
         flow, similarity = searched_in_one_direction(
-            pair, size, proposed[direction], expected[direction], ties[direction], settings
+            pair, size, proposed[direction], expected[direction], weights[direction], settings
         )
         np.testing.assert_array_equal(found.flow[direction], flow)
         np.testing.assert_array_equal(found.similarity[direction], similarity)

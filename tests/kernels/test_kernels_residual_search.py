@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fpsboost.kernels.points import measure_forward_backward_errors
-from fpsboost.kernels.residual_search import loosen_ties, search_residuals_bidirectional
+from fpsboost.kernels.residual_search import relax_smoothness, search_residuals_bidirectional
 from support.planes import plane_pair
 from support.truth import noise
 from support.twins import level_similarity
@@ -111,8 +111,8 @@ def test_ties_are_loose_where_the_other_frame_confirms_new_motion(rows, columns,
     before = random.uniform(-4, 4, (2, rows, columns, 2)).astype(np.float32)
     looked = before + random.choice(np.float32([0, 0.5, 2]), before.shape)
     looked[1] = np.where(random.random((rows, columns, 1)) < 0.5, -looked[0], looked[1])
-    ties = np.empty((2, rows, columns), np.float32)
-    loosen_ties(looked, before, np.float32(step), np.float32(1), np.float32(0.25), ties)
+    smoothness_weight = np.empty((2, rows, columns), np.float32)
+    relax_smoothness(looked, before, np.float32(step), np.float32(1), np.float32(0.25), smoothness_weight)
     for direction in (0, 1):
         distance = np.empty((rows, columns), np.float32)
         there, back = (looked[each] / np.float32(step) for each in (direction, 1 - direction))
@@ -120,4 +120,4 @@ def test_ties_are_loose_where_the_other_frame_confirms_new_motion(rows, columns,
         measure_forward_backward_errors(there, y, x, back, 1, rows, columns, distance)
         is_new = np.abs(looked[direction] - before[direction]).max(axis=-1) > 1
         expected = np.where(is_new & (distance * np.float32(step) <= 1), np.float32(0.25), np.float32(1))
-        np.testing.assert_array_equal(ties[direction], expected)
+        np.testing.assert_array_equal(smoothness_weight[direction], expected)

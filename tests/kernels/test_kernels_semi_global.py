@@ -8,12 +8,12 @@ from fpsboost.kernels.level_search import choose_labels
 from support.twins import smoothed
 
 
-def smooth(motions, energies, smoothness, slope, room=0, ties=None):
+def smooth(motions, energies, smoothness, slope, room=0, weights=None):
     """Lists of labels as the kernel takes them, whatever lies behind each; the mean costs of the paths as lists again.
 
     Every node must have chosen the first of its cheapest labels.
     """
-    ties = np.ones(motions.shape, np.float32) if ties is None else ties
+    weights = np.ones(motions.shape, np.float32) if weights is None else weights
     capacity = max(len(each) for each in energies.ravel()) + room
     count = np.zeros(motions.shape, np.int32)
     numbers = np.full((*motions.shape, capacity, 2), np.float32(1e6))
@@ -25,7 +25,7 @@ def smooth(motions, energies, smoothness, slope, room=0, ties=None):
     costs = np.full((*motions.shape, -(-capacity // 8) * 8), np.float32(np.nan))
     flow, chosen = np.full((*motions.shape, 2), np.float32(np.nan)), np.full(motions.shape, np.float32(np.nan))
     limits = np.float32(smoothness), np.float32(slope)
-    choose_labels(count, numbers, similarity, ties, *limits, costs, flow, chosen)
+    choose_labels(count, numbers, similarity, weights, *limits, costs, flow, chosen)
     found = np.empty(motions.shape, object)
     for place in np.ndindex(motions.shape):
         best = int(costs[place][: count[place]].argmin())
@@ -55,7 +55,7 @@ def choice(costs):
 def test_costs_equal_their_slow_twin(rows, columns, most, smoothness, slope):
     """For any lattice, ties and lists of any length, also without smoothness or slope."""
     random = np.random.default_rng([rows, columns, most])
-    ties = random.choice(np.array([0, 0.25, 1], np.float32), (rows, columns))
+    weights = random.choice(np.array([0, 0.25, 1], np.float32), (rows, columns))
     lengths = random.integers(1, most + 1, (rows, columns))
     motions, energies = lattice(
         rows,
@@ -63,8 +63,8 @@ def test_costs_equal_their_slow_twin(rows, columns, most, smoothness, slope):
         lambda row, column: random.integers(-8, 9, (lengths[row, column], 2)).tolist(),
         lambda row, column: random.random(lengths[row, column]).tolist(),
     )
-    found = smooth(motions, energies, smoothness, slope, room=2, ties=ties)
-    expected = smoothed(motions, energies, ties, smoothness, slope)
+    found = smooth(motions, energies, smoothness, slope, room=2, weights=weights)
+    expected = smoothed(motions, energies, weights, smoothness, slope)
     for place in np.ndindex(rows, columns):
         np.testing.assert_allclose(found[place], expected[place], atol=1e-5)
 
@@ -75,8 +75,8 @@ def test_a_lone_node_goes_along_but_an_object_does_not():
         7, 8, lambda *_: [[0, 0], [9, 2]], lambda row, column: [0.2, 0.0] if (row, column) == (3, 3) else [0.0, 0.2]
     )
     assert choice(smooth(motions, lone, 0.5, 0.1)) == [[0] * 8] * 7
-    ties = np.ones((7, 8), np.float32)
-    ties[3, 3] = 0.25
-    assert choice(smooth(motions, lone, 0.5, 0.1, ties=ties))[3] == [0] * 3 + [1] + [0] * 4
+    weights = np.ones((7, 8), np.float32)
+    weights[3, 3] = 0.25
+    assert choice(smooth(motions, lone, 0.5, 0.1, weights=weights))[3] == [0] * 3 + [1] + [0] * 4
     _, half = lattice(7, 8, lambda *_: [], lambda row, column: [0.2, 0.0] if column >= 4 else [0.0, 0.2])
     assert choice(smooth(motions, half, 0.5, 0.1)) == [[0] * 4 + [1] * 4] * 7

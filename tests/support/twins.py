@@ -342,11 +342,11 @@ def listed_by_votes(
     return [*motions, [0] * 8], [weight / sum(weights) for weight in weights]
 
 
-def smoothed(motions: Array, energies: Array, ties: Array, smoothness: float, slope: float) -> Array:
+def smoothed(motions: Array, energies: Array, weights: Array, smoothness: float, slope: float) -> Array:
     """Mean over four directions of the least cost of a path that ends in a label, less what the node before had to pay.
 
     `motions` and `energies` are (rows, columns) of lists: of ``(dx, dy)``, and of a number for each; so is the answer.
-    Between two nodes a change costs the smaller one of their ties.
+    Between two nodes a change costs the smaller one of their weights.
     """
     rows, columns = motions.shape
     total = np.empty(motions.shape, object)
@@ -360,7 +360,7 @@ def smoothed(motions: Array, energies: Array, ties: Array, smoothness: float, sl
             if place not in paths and not (0 <= before[0] < rows and 0 <= before[1] < columns):
                 paths[place] = list(energies[place])
             if place not in paths:
-                behind, tie = path(before), min(float(ties[place]), float(ties[before]))
+                behind, tie = path(before), min(float(weights[place]), float(weights[before]))
                 paths[place] = [
                     energy
                     - min(behind)
