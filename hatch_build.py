@@ -172,7 +172,7 @@ class Descriptions:
         if isinstance(annotation, ast.Subscript):
             return self.field_of_parts(file, annotation)
         name = ast.unparse(annotation)
-        if number := {"int": "q", "bool": "q", "np.uint8": "q", "float": "d", "np.float32": "d"}.get(name):
+        if number := {"int": "q", "bool": "q", "np.uint8": "q", "float": "d"}.get(name):
             return {"q": "Int", "d": "double"}[number], "", number
         definition = self.names[file][name]
         if isinstance(definition, ast.ClassDef):

@@ -36,6 +36,9 @@ Parameters = ParamSpec("Parameters")
 
 Array = np.ndarray
 
+Float = float | np.float32
+"""Number that kernels round to float32."""
+
 LEVELS = ("baseline", "avx2", "avx512")
 """Levels of x86-64, from the lowest; processors of other kinds have the first alone."""
 

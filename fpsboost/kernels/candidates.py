@@ -9,7 +9,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from fpsboost.kernels.binding import Array, compiled
+from fpsboost.kernels.binding import Array, Float, compiled
 from fpsboost.kernels.constants import SUMS_PER_CANDIDATE
 
 
@@ -67,11 +67,11 @@ def no_votes(nodes: tuple[int, int], capacity: int, spacing: int) -> CollectedVo
 @compiled
 def collect_candidates(
     points: Votes,
-    sign: np.float32,
-    t: np.float32,
+    sign: Float,
+    t: Float,
     step: int,
-    support: np.float32,
-    tolerance: np.float32,
+    support: Float,
+    tolerance: Float,
     height: int,
     width: int,
     collected: CollectedVotes,
@@ -90,10 +90,10 @@ def collect_candidates(
 @compiled
 def list_candidates(
     collected: CollectedVotes,
-    zero_motion_prior: np.float32,
-    acceleration_tolerance: np.float32,
-    min_share: np.float32,
-    min_weight: np.float32,
+    zero_motion_prior: Float,
+    acceleration_tolerance: Float,
+    min_share: Float,
+    min_weight: Float,
     candidates: Candidates,
 ) -> None:
     """Write the candidates of each node, as many as fit, in order of decreasing votes, followed by zero motion.

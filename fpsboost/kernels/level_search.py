@@ -13,9 +13,7 @@ and only the neighbours can tell which one is correct.
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
-from fpsboost.kernels.binding import Array, Scratch, compiled
+from fpsboost.kernels.binding import Array, Float, Scratch, compiled
 from fpsboost.kernels.constants import LANES, TILE
 from fpsboost.kernels.planes import PlanePair
 
@@ -69,7 +67,7 @@ class LevelSettings(NamedTuple):
     The radii, `max_offset` and `row_step` are described in `search_tiles`, `smoothness` and `slope` in `choose_labels`.
     """
 
-    scale: np.float32
+    scale: Float
     """Pixels of this level per pixel of the coarser one."""
     spacing: int
     """Distance between the places of the coarser level, pixels of this one."""
@@ -80,8 +78,8 @@ class LevelSettings(NamedTuple):
     row_step: int
     labels: int
     """Offsets among which that of a point is chosen."""
-    smoothness: np.float32
-    slope: np.float32
+    smoothness: Float
+    slope: Float
 
 
 class Points(NamedTuple):
@@ -136,8 +134,8 @@ def choose_labels(
     motions: Annotated[Array, "float32 (rows, columns, capacity, 2)"],
     similarity: Annotated[Array, "float32 (rows, columns, capacity)"],
     smoothness_weight: Annotated[Array, "float32 (rows, columns)"],
-    smoothness: np.float32,
-    slope: np.float32,
+    smoothness: Float,
+    slope: Float,
     costs: Annotated[Array, "float32 (rows, columns, padded == (capacity + 7) // 8 * 8)"],
     flow: Annotated[Array, "float32 (rows, columns, 2)"],
     chosen: Annotated[Array, "float32 (rows, columns)"],

@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from fpsboost.kernels.binding import Array, Scratch, compiled
+from fpsboost.kernels.binding import Array, Float, Scratch, compiled
 from fpsboost.kernels.candidates import Candidates
 from fpsboost.kernels.constants import BLOCKS_2X2_PER_ROW, WINDOW
 from fpsboost.kernels.pair_context import PairContext
@@ -20,13 +20,13 @@ from fpsboost.kernels.window_samples import PlaneGroup
 class Weighting(NamedTuple):
     """Parameters of the weights of a node's candidates at each 2x2 block of its window; see ``pixel_weights.h``."""
 
-    scale: np.float32
+    scale: Float
     """Factor on squared colour differences."""
-    sharpness: np.float32
+    sharpness: Float
     """Rate at which a candidate's weight decays as its similarity falls."""
-    sufficient_similarity: np.float32
+    sufficient_similarity: Float
     """Similarity at which, once every pixel of a window has it, the candidates with fewer votes are skipped."""
-    min_vote_share: np.float32
+    min_vote_share: Float
     """Remaining candidates are also skipped once the votes of the next one are below this share of the least
     accumulated weight of any pixel."""
     window_shape: Annotated[Array, "float32 (BLOCKS_2X2,)"]
@@ -43,12 +43,12 @@ class Weighting(NamedTuple):
 class ValueRange(NamedTuple):
     """Values of an image."""
 
-    white: np.float32
+    white: Float
     """Factor on the blended values."""
-    rounding_offset: np.float32
+    rounding_offset: Float
     """Added before truncation."""
-    lowest: np.float32
-    highest: np.float32
+    lowest: Float
+    highest: Float
     straight_alpha: bool
     """Whether to divide all other planes by the last one."""
 
@@ -72,7 +72,7 @@ class Blended(NamedTuple):
 def blend_hypotheses(
     full: PlaneGroup,
     further: Annotated[PlaneGroup, "further"],
-    t: np.float32,
+    t: Float,
     candidates: Candidates,
     weighting: Weighting,
     context: PairContext | None,
@@ -92,7 +92,7 @@ def blend_hypotheses(
 @compiled
 def find_dominant_motion(
     layer: PlaneGroup,
-    t: np.float32,
+    t: Float,
     candidates: Candidates,
     weighting: Weighting,
     weights: Annotated[Array, "float32 (height, width)"],
@@ -128,7 +128,7 @@ def extract_features(
     layer: PlaneGroup,
     row: int,
     column: int,
-    t: np.float32,
+    t: Float,
     candidates: Candidates,
     weighting: Weighting,
     context: PairContext,

@@ -2,9 +2,7 @@
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
-from fpsboost.kernels.binding import Array, Scratch, compiled
+from fpsboost.kernels.binding import Array, Float, Scratch, compiled
 
 
 class FourFrames(NamedTuple):
@@ -21,7 +19,7 @@ def mark_overlay(
     frames: FourFrames,
     motion: Annotated[Array, "float32 (rows >= -(-height // spacing), columns >= -(-width // spacing), 2)"],
     spacing: int,
-    shortest: np.float32,
+    shortest: Float,
     same: int,
     different: int,
     marks: Annotated[Array, "uint8 (height, width)"],

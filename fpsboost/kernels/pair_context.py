@@ -9,9 +9,7 @@ those that its neighbours believe in, by their votes and by the luma around them
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
-from fpsboost.kernels.binding import Array, Scratch, compiled
+from fpsboost.kernels.binding import Array, Float, Scratch, compiled
 from fpsboost.kernels.candidates import Candidates
 
 Luma = Annotated[Array, "float32 (luma_rows, luma_columns)"]
@@ -25,7 +23,7 @@ class PairContext(NamedTuple):
     luma: tuple[OtherLuma, Luma, Luma, OtherLuma]
     """Spline coefficients of the luma at half the size, white 1, of the frame before, both, and the frame after; empty
     where there is none."""
-    times: tuple[np.float32, np.float32, np.float32, np.float32]
+    times: tuple[Float, Float, Float, Float]
     """Times of the four frames, in intervals from the first of the pair."""
     points: tuple[FieldFeatures, FieldFeatures]
     """Features of the points of both frames: motion (dx, dy), similarity, 1 over 1 + the forward-backward error in
@@ -36,16 +34,16 @@ class PairContext(NamedTuple):
     """Number of points of either frame that land around each point of the in-between frame."""
     support: Annotated[Array, "float32 (rows, columns, room)"]
     """Support of each candidate by those of the neighbouring nodes, 0 to 1."""
-    luma_scale: np.float32
+    luma_scale: Float
     """Factor on squared differences of luma, as the sum of three gray channels at the bandwidth of the synthesis."""
-    sharpness: np.float32
+    sharpness: Float
     """Rate at which the belief in a candidate decays as the similarity of the luma falls."""
 
 
 @compiled
 def count_landings(
     points: Annotated[Array, "float32 (rows, columns, 5)"],
-    t: np.float32,
+    t: Float,
     step: int,
     landings: Annotated[Array, "float32 (rows, columns)"],
 ) -> None:
@@ -61,7 +59,7 @@ def count_landings(
 def measure_support(
     candidates: Candidates,
     context: PairContext,
-    t: np.float32,
+    t: Float,
     support: Annotated[Array, "float32 (rows, columns, room)"],
     scratch: Scratch = None,
 ) -> None:

@@ -17,7 +17,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike
 
-from fpsboost.kernels.binding import Array, Scratch, compiled
+from fpsboost.kernels.binding import Array, Float, Scratch, compiled
 from fpsboost.kernels.constants import FRACTION_BITS, WHITE
 
 CACHE_LINE = 64
@@ -69,18 +69,18 @@ def aligned_empty(shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
 class CodeLevels(NamedTuple):
     """Code values of black and of neutral chroma, and luma, where white is 1, and chroma per code value."""
 
-    black: np.float32
-    luma_unit: np.float32
-    neutral: np.float32
-    chroma_unit: np.float32
+    black: Float
+    luma_unit: Float
+    neutral: Float
+    chroma_unit: Float
 
 
 @compiled
 def split_colours(
     image: Annotated[Array, "uint8|uint16|float32 (height, width, channels <= 4)"],
-    normalise: np.float32,
-    scale: np.float32,
-    middle: np.float32,
+    normalise: Float,
+    scale: Float,
+    middle: Float,
     padding: int,
     planes: Annotated[Array, "uint8 (3, rows == height + 2 * padding, columns >= width + 2 * padding)"],
     scratch: Scratch = None,
@@ -101,8 +101,8 @@ def split_planes(
     cb_plane: Annotated[Array, "pixel: uint8|uint16 (down == height or down == -(-height // 2), across)"],
     cr_plane: Annotated[Array, "pixel: uint8|uint16 (down, across == width or across == -(-width // 2))"],
     code_levels: CodeLevels,
-    scale: np.float32,
-    middle: np.float32,
+    scale: Float,
+    middle: Float,
     padding: int,
     planes: Annotated[Array, "uint8 (3, rows == height + 2 * padding, columns >= width + 2 * padding)"],
     scratch: Scratch = None,

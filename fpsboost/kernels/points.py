@@ -2,15 +2,13 @@
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
-from fpsboost.kernels.binding import Array, compiled
+from fpsboost.kernels.binding import Array, Float, compiled
 
 
 @compiled
 def find_gradients(
     vectors: Annotated[Array, "float32 (rows, columns, 2)"],
-    spacing: np.float32,
+    spacing: Float,
     gradients: Annotated[Array, "float32 (rows, columns, 2, 2)"],
 ) -> None:
     """Write the gradients of vectors along both axes, using the minmod limiter; 0 at the ends of an axis.
@@ -62,7 +60,7 @@ def find_accelerations(
     y: Annotated[Array, "int64 (rows,)"],
     x: Annotated[Array, "int64 (columns,)"],
     ratio: float,
-    consistent: np.float32,
+    consistent: Float,
     changes: Annotated[Array, "float32 (rows, columns, 3)"],
 ) -> None:
     """Estimate the acceleration at the frame that two neighbouring pairs share.

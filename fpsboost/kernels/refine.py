@@ -2,9 +2,7 @@
 
 from typing import Annotated
 
-import numpy as np
-
-from fpsboost.kernels.binding import Array, compiled
+from fpsboost.kernels.binding import Array, Float, compiled
 from fpsboost.kernels.planes import PlanePair
 
 
@@ -12,9 +10,9 @@ from fpsboost.kernels.planes import PlanePair
 def refine_bidirectional(
     pair: PlanePair,
     step: int,
-    tail: np.float32,
-    damping: np.float32,
-    largest: np.float32,
+    tail: Float,
+    damping: Float,
+    largest: Float,
     steps: int,
     refined: Annotated[Array, "float32 (2, down, across, 2) or empty"],
     flow: Annotated[Array, "float32 (2, down == -(-height // step), across == -(-width // step), 2)"],

@@ -6,15 +6,13 @@ are written as ``y * W + x``, and `lands` tells whether a source lands on the ta
 
 from typing import Annotated
 
-import numpy as np
-
-from fpsboost.kernels.binding import Array, compiled
+from fpsboost.kernels.binding import Array, Float, compiled
 
 
 @compiled
 def search_iteratively(
     flow: Annotated[Array, "float32 (height, width, 2)"],
-    t: np.float32,
+    t: Float,
     iterations: int,
     source: Annotated[Array, "int32 (height, width)"],
     lands: Annotated[Array, "bool (height, width)"],
@@ -28,7 +26,7 @@ def search_iteratively(
 @compiled
 def bin_landings(
     flow: Annotated[Array, "float32 (height, width, 2)"],
-    t: np.float32,
+    t: Float,
     starts: Annotated[Array, "int32 (ends == height * width + 1,)"],
     members: Annotated[Array, "int32 (pixels == height * width,)"],
 ) -> None:
@@ -42,7 +40,7 @@ def bin_landings(
 @compiled
 def search_nearest_landing(
     flow: Annotated[Array, "float32 (height, width, 2)"],
-    t: np.float32,
+    t: Float,
     search_radius: int,
     starts: Annotated[Array, "int32 (ends == height * width + 1,)"],
     members: Annotated[Array, "int32 (pixels == height * width,)"],
@@ -63,8 +61,8 @@ def search_nearest_landing(
 def fetch_both(
     image0: Annotated[Array, "pixel: uint8|uint16|float32 (height, width, channels)"],
     image1: Annotated[Array, "pixel: uint8|uint16|float32 (height, width, channels)"],
-    t: np.float32,
-    half: np.float32,
+    t: Float,
+    half: Float,
     source0: Annotated[Array, "int32 (height, width)"],
     lands0: Annotated[Array, "bool (height, width)"],
     source1: Annotated[Array, "int32 (height, width)"],
@@ -81,8 +79,8 @@ def fetch_both(
 def splat(
     flow: Annotated[Array, "float32 (height, width, 2)"],
     similarity: Annotated[Array, "float32 (height, width)"],
-    least_similarity: np.float32,
-    t: np.float32,
+    least_similarity: Float,
+    t: Float,
     source0: Annotated[Array, "int32 (height, width)"],
     source1: Annotated[Array, "int32 (height, width)"],
 ) -> None:

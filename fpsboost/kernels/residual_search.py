@@ -8,9 +8,7 @@ explained either (`search_residuals_bidirectional`).
 
 from typing import Annotated
 
-import numpy as np
-
-from fpsboost.kernels.binding import Array, compiled
+from fpsboost.kernels.binding import Array, Float, compiled
 from fpsboost.kernels.planes import PlanePair
 
 
@@ -20,8 +18,8 @@ def search_residuals_bidirectional(
     step: int,
     max_offset: int,
     patch_radius: int,
-    min_similarity: np.float32,
-    better: np.float32,
+    min_similarity: Float,
+    better: Float,
     flow: Annotated[Array, "float32 (2, down == -(-height // step), across == -(-width // step), 2)"],
     similarity: Annotated[Array, "float32 (2, 2, down, across and patch_radius < padding)"],
 ) -> None:
@@ -44,9 +42,9 @@ def search_residuals_bidirectional(
 def relax_smoothness(
     flow: Annotated[Array, "float32 (2, down, across, 2)"],
     before: Annotated[Array, "float32 (2, down, across, 2)"],
-    step: np.float32,
-    tolerance: np.float32,
-    weak: np.float32,
+    step: Float,
+    tolerance: Float,
+    weak: Float,
     smoothness_weight: Annotated[Array, "float32 (2, down, across)"],
 ) -> None:
     """Give points with new motion that the other frame confirms a smaller weight of the smoothness.

@@ -6,9 +6,7 @@ Comparison with the shorter motions of the surroundings shows which length is ne
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
-from fpsboost.kernels.binding import Array, compiled
+from fpsboost.kernels.binding import Array, Float, compiled
 from fpsboost.kernels.planes import PlanePair
 
 
@@ -29,7 +27,7 @@ def find_shortest(
     step: int,
     patch_radius: int,
     support_radius: int,
-    tolerance: np.float32,
+    tolerance: Float,
     flow: Annotated[Array, "float32 (down == -(-height // step), across == -(-width // step), 2)"],
     motion: ShortestMotion,
 ) -> None:

@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from fpsboost.kernels.binding import Array, Scratch, compiled
+from fpsboost.kernels.binding import Array, Float, Scratch, compiled
 
 POLE = math.sqrt(3) - 2
 """Pole of the recursive prefilter: its impulse response decays by this factor per pixel."""
@@ -19,7 +19,7 @@ POLE = math.sqrt(3) - 2
 @compiled
 def find_coefficients(
     planes: Annotated[Array, "uint8|uint16|float32 (channels, height, width)"],
-    unit: np.float32,
+    unit: Float,
     weights: Annotated[Array, "float32 (stages <= 5,)"],
     coefficients: Annotated[Array, "float32 (channels, rows == height + 2 * MARGIN, columns >= width + 2 * MARGIN)"],
     scratch: Scratch = None,
@@ -62,7 +62,7 @@ class Source(NamedTuple):
 def mix_along(
     source0: Source,
     source1: Source,
-    t: np.float32,
+    t: Float,
     mixed: Annotated[Array, "float32 (channels, height, width)"],
     squared: Annotated[Array, "float32 (height, width)"],
 ) -> None:

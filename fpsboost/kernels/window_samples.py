@@ -6,9 +6,7 @@ whole window; ``window_samples.h`` samples both frames along it.
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
-from fpsboost.kernels.binding import Array
+from fpsboost.kernels.binding import Array, Float
 
 
 class Samples(NamedTuple):
@@ -22,7 +20,7 @@ class Samples(NamedTuple):
         "wide >= width + 2 * MARGIN + SPARE or planes == 0)",
     ]
     """Coefficients of the values times `unit`, with repeated edges; of any size if there are no planes."""
-    unit: np.float32
+    unit: Float
 
 
 class PlaneGroup(NamedTuple):

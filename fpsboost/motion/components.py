@@ -19,7 +19,7 @@ from fpsboost.kernels.planes import CodeLevels, aligned_empty, level_scale, shri
 Components = np.ndarray
 """Components of an image, (H, W, 3) float32."""
 
-ZERO_LEVEL = np.float32(128)
+ZERO_LEVEL = 128.0
 """Level of zero difference from the local mean."""
 
 
@@ -87,7 +87,7 @@ def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> np.ndarray
     height, width = image.shape[:2]
     planes = np.empty((3, height + 2 * padding, width + 2 * padding + 2 * LANES), np.uint8)
     seen = view(image)
-    target = np.float32(level_scale(bandwidth)), ZERO_LEVEL, padding, planes
+    target = level_scale(bandwidth), ZERO_LEVEL, padding, planes
     if seen.coding is None:
         colours = compress_highlights(seen.array()) if seen.dtype == np.float32 else seen.array()
         split_colours(np.ascontiguousarray(colours), 1 / seen.white, *target)

@@ -241,7 +241,7 @@ def _compare(
     points, _ = field.at_points(STEP)
     found = ShortestMotion(*(np.empty(points.shape[:2], np.float32) for _ in range(3)))
     pair = PlanePair(planes0, planes1, EDGE_PADDING, size[0], size[1], UNIT)
-    find_shortest(pair, STEP, PATCH_RADIUS, around, np.float32(SIMILARITY_TOLERANCE), points, found)
+    find_shortest(pair, STEP, PATCH_RADIUS, around, SIMILARITY_TOLERANCE, points, found)
     return found
 
 

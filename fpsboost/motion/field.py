@@ -199,7 +199,7 @@ def motion_gradients(vectors: np.ndarray, spacing: int) -> np.ndarray:
         Change of (dx, dy) along x, then along y, pixels per pixel.
     """
     gradients = np.empty((*vectors.shape, 2), np.float32)
-    find_gradients(vectors, np.float32(spacing), gradients)
+    find_gradients(vectors, spacing, gradients)
     return gradients
 
 
@@ -273,7 +273,7 @@ def accelerations_at_points(
             shared = 1
         trips = RoundTrip(*vectors[:2]), RoundTrip(*vectors[2:])
         layout = FieldLayout(shared, *onward[0].shape)
-        find_accelerations(*trips, layout, y, x, ratio, np.float32(CONSISTENT), changes)
+        find_accelerations(*trips, layout, y, x, ratio, CONSISTENT, changes)
         if not 1 / COMPARABLE <= ratio <= COMPARABLE:
             limit = np.abs(onward[0].at_points(spacing)[0]) * np.float32(2 / TWO_SIDED_WEIGHT)
             belief = np.float32(min(1, ratio / LEAST_RATIO) ** 2)

@@ -52,7 +52,7 @@ WEIGHT_FALLOFF = 1 / 32
 """Rate at which the weight of a pixel falls in the least-squares step: slower than its similarity, as the fraction of a
 pixel is not known yet."""
 
-MAX_STEP_LENGTH = np.float32(1)
+MAX_STEP_LENGTH = 1.0
 """Maximum least-squares step along x and y, pixels."""
 
 MAX_REFINEMENT_STEPS = 2
@@ -61,16 +61,16 @@ MAX_REFINEMENT_STEPS = 2
 SMALL_RADIUS = 2
 """Patch radius r of the residual search, pixels."""
 
-MIN_SIMILARITY = np.float32(0.75), np.float32(0.7)
+MIN_SIMILARITY = 0.75, 0.7
 """Minimum small-patch similarity at which a vector is accepted, per re-searched level, coarsest first."""
 
-MIN_GAIN = np.float32(0.2)
+MIN_GAIN = 0.2
 """Minimum increase of that similarity by another vector."""
 
-CONSISTENCY_TOLERANCE = np.float32(2)
+CONSISTENCY_TOLERANCE = 2.0
 """Maximum forward-backward error of a trusted vector of the residual search, pixels."""
 
-WEAK_SMOOTHNESS = np.float32(0.25)
+WEAK_SMOOTHNESS = 0.25
 """Share of the smoothness that a trusted vector pays towards its neighbours, so that small islands survive."""
 
 
@@ -196,7 +196,7 @@ class CoarseToFine(Checked):
         returned.
         """
         settings = LevelSettings(
-            np.float32(scale),
+            scale,
             spacing,
             step,
             refine_radius,
@@ -204,8 +204,8 @@ class CoarseToFine(Checked):
             self.patch_radius,
             row_step,
             self.labels,
-            np.float32(self.smoothness),
-            np.float32(self.smoothness / (self.steepness * step)),
+            self.smoothness,
+            self.smoothness / (self.steepness * step),
         )
         shape = 2, -(-pair.height // step), -(-pair.width // step)
         found = Points(np.empty((*shape, 2), np.float32), np.empty(shape, np.float32))
@@ -213,9 +213,7 @@ class CoarseToFine(Checked):
         self._refine(pair, np.empty((2, 0, 0, 2), np.float32), found.flow, step)
         return found
 
-    def _search_residuals(
-        self, pair: PlanePair, flow: np.ndarray, step: int, min_similarity: np.float32
-    ) -> CoarseMotion:
+    def _search_residuals(self, pair: PlanePair, flow: np.ndarray, step: int, min_similarity: float) -> CoarseMotion:
         """Return the motion including that of small objects, and the smoothness weights of the next level.
 
         Small objects are those whose motion their surroundings do not predict.
@@ -227,7 +225,7 @@ class CoarseToFine(Checked):
             pair, step, self._max_offset(pair), SMALL_RADIUS, min_similarity, MIN_GAIN, looked, similarity
         )
         self._refine(pair, flow, looked, step)
-        relax_smoothness(looked, flow, np.float32(step), CONSISTENCY_TOLERANCE, WEAK_SMOOTHNESS, smoothness_weight)
+        relax_smoothness(looked, flow, step, CONSISTENCY_TOLERANCE, WEAK_SMOOTHNESS, smoothness_weight)
         return CoarseMotion(looked, flow, smoothness_weight)
 
     def _refine(self, pair: PlanePair, known: np.ndarray, flow: np.ndarray, step: int) -> None:
@@ -238,10 +236,10 @@ class CoarseToFine(Checked):
         refine_bidirectional(pair, step, *self._in_levels, MAX_STEP_LENGTH, MAX_REFINEMENT_STEPS, known, flow)
 
     @cached_property
-    def _in_levels(self) -> tuple[np.float32, np.float32]:
+    def _in_levels(self) -> tuple[float, float]:
         """WEIGHT_FALLOFF and DAMPING, converted from squared bandwidths to squared levels of the byte planes."""
         squared = (level_scale(self.v) / colour_scale(self.v)) ** 2  # levels per bandwidth
-        return np.float32(WEIGHT_FALLOFF / squared), np.float32(DAMPING * squared)
+        return WEIGHT_FALLOFF / squared, DAMPING * squared
 
     def _plane_pair(self, image0: FrameCache, image1: FrameCache) -> PlanePair:
         """Return the planes that the kernels compare, of two images of one pyramid level."""

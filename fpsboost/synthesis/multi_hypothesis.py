@@ -59,13 +59,13 @@ Fusion = Literal["learnt", "plain"]
 CANDIDATE_CAPACITY = 48
 """Maximum number of distinct motions collected per node."""
 
-ZERO_MOTION_PRIOR = np.float32(0.25)
+ZERO_MOTION_PRIOR = 0.25
 """Votes for zero motion."""
 
-ACCELERATION_TOLERANCE = np.float32(20)
+ACCELERATION_TOLERANCE = 20.0
 """Standard deviation of a candidate's accelerations at which their mean is given half its weight, pixels."""
 
-MIN_SHARE = np.float32(0.01)
+MIN_SHARE = 0.01
 """Added to a candidate's share of the votes, so that one with hardly any votes is not excluded."""
 
 CONSISTENCY_TOLERANCE = 16
@@ -260,11 +260,11 @@ class MultiHypothesis(Checked):
             blend_hypotheses(
                 moment.full,
                 PlaneGroup(sampled0, sampled1, 1, 1),
-                np.float32(moment.t),
+                moment.t,
                 moment.candidates,
                 moment.weighting,
                 moment.surroundings,
-                ValueRange(np.float32(1), np.float32(0), numbers.min, numbers.max, False),
+                ValueRange(1.0, 0.0, numbers.min, numbers.max, False),
                 Blended(pixels, output, np.empty((0, 0), np.float32)),
             )
             if surfaces is not None:
@@ -281,7 +281,7 @@ class MultiHypothesis(Checked):
         own_place = np.indices(size, np.float32)[::-1]
         places = np.concatenate([own_place, own_place])
         weights = np.zeros(size, np.float32)
-        find_dominant_motion(moment.full, np.float32(t), moment.candidates, moment.weighting, weights, places)
+        find_dominant_motion(moment.full, t, moment.candidates, moment.weighting, weights, places)
         if surfaces is not None:
             follows = surfaces.share > 0.5
             for first, (motion, _) in ((0, surfaces.motion.to_frame0), (2, surfaces.motion.to_frame1)):
@@ -294,10 +294,10 @@ class MultiHypothesis(Checked):
         image1 = frame_pair.image1
         full = PlaneGroup(image0.cached(_samples)[0], image1.cached(_samples)[0], 1, 1)
         weighting = Weighting(
-            np.float32(0.5 / self.bandwidth**2 * view(image0.pixels).gray_weight),
-            np.float32(self.sharpness),
-            np.float32(self.sufficient_similarity),
-            np.float32(self.min_vote_share),
+            0.5 / self.bandwidth**2 * view(image0.pixels).gray_weight,
+            self.sharpness,
+            self.sufficient_similarity,
+            self.min_vote_share,
             window_shape(self.node_spacing),
             *fusion_coefficients(),
         )
@@ -322,7 +322,7 @@ class MultiHypothesis(Checked):
         blend_hypotheses(
             moment.full,
             PlaneGroup(frame0.cached(_samples)[1], frame1.cached(_samples)[1], *view(image0).subsampling),
-            np.float32(moment.t),
+            moment.t,
             moment.candidates,
             moment.weighting,
             moment.surroundings,
@@ -351,12 +351,9 @@ class MultiHypothesis(Checked):
         height, width = size
         nodes = -(-height // self.node_spacing), -(-width // self.node_spacing)
         collected = no_votes(nodes, CANDIDATE_CAPACITY, self.node_spacing)
-        support = np.float32(self.support_radius)
-        tolerance = np.float32(self.merge_distance)
+        radius = self.support_radius
         for votes, sign, time in zip(votes_of_both, (1, -1), (t, 1 - t), strict=True):
-            collect_candidates(
-                votes, np.float32(sign), np.float32(time), self.step, support, tolerance, height, width, collected
-            )
+            collect_candidates(votes, sign, time, self.step, radius, self.merge_distance, height, width, collected)
         room = self.max_candidates + 1  # including zero motion
         candidates = Candidates(
             np.empty(nodes, np.int32),
@@ -364,7 +361,7 @@ class MultiHypothesis(Checked):
             np.empty((*nodes, room), np.float32),
             self.node_spacing,
         )
-        least = np.float32(self.min_weight)
+        least = self.min_weight
         list_candidates(collected, ZERO_MOTION_PRIOR, ACCELERATION_TOLERANCE, MIN_SHARE, least, candidates)
         return candidates
 
@@ -409,7 +406,7 @@ def _with_coefficients(planes: np.ndarray, unit: np.float32, bits: int) -> Sampl
     planes = np.ascontiguousarray(planes)
     channels, height, width = planes.shape
     if not channels:
-        return Samples(planes, np.empty(planes.shape, np.float32), np.float32(1))
+        return Samples(planes, np.empty(planes.shape, np.float32), 1.0)
     coefficients = aligned_empty((channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
     find_coefficients(planes, unit, filter_weights(2.0 ** -(bits + 3)), coefficients)
     return Samples(planes, coefficients, unit)

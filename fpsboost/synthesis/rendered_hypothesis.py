@@ -48,7 +48,7 @@ class SurfaceMotion(NamedTuple):
         mixed = np.empty((coefficients0.shape[0], height, width), np.float32)
         squared = np.empty((height, width), np.float32)
         sources = Source(coefficients0, *self.to_frame0), Source(coefficients1, *self.to_frame1)
-        mix_along(*sources, np.float32(self.t), mixed, squared)
+        mix_along(*sources, self.t, mixed, squared)
         return mixed, squared
 
     def similarity(self, squared: np.ndarray, scale: float) -> np.ndarray:

@@ -64,7 +64,7 @@ class Reproject(Checked):
             source0, found0 = self.find_sources(frame_pair.field01.flow, t)
             source1, found1 = self.find_sources(frame_pair.field10.flow, 1 - t)
             out = np.empty_like(image0)
-            fetch_both(image0, image1, np.float32(t), rounding_offset(image0), source0, found0, source1, found1, out)
+            fetch_both(image0, image1, t, rounding_offset(image0), source0, found0, source1, found1, out)
             yield out
 
     def find_sources(self, flow: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
@@ -88,12 +88,12 @@ class Reproject(Checked):
         source = np.empty((height, width), np.int32)
         found = np.empty((height, width), np.bool_)
         if self.search == "iterative":
-            search_iteratively(flow, np.float32(t), self.iterations, source, found)
+            search_iteratively(flow, t, self.iterations, source, found)
             return source, found
         starts = np.empty(height * width + 1, np.int32)
         members = np.empty(height * width, np.int32)
-        bin_landings(flow, np.float32(t), starts, members)
+        bin_landings(flow, t, starts, members)
         # no source is further from its landing position than the largest motion, which bounds the search (section 3)
         radius = math.ceil(min(float(np.abs(flow).max(initial=0)), max(height, width)))
-        search_nearest_landing(flow, np.float32(t), radius, starts, members, source, found)
+        search_nearest_landing(flow, t, radius, starts, members, source, found)
         return source, found

@@ -56,7 +56,7 @@ def find_surroundings(frame_pair: FramePair, step: int, bandwidth: float, sharpn
     fourth = NOTHING if after is None or after.other_light else after.image1.derived(half_luma)
     begin = -before.duration if before else -1
     end = 1 + after.duration if after else 2
-    times = np.float32(begin), np.float32(0), np.float32(1), np.float32(end)
+    times = begin, 0.0, 1.0, end
     flat0 = image0.derived(flatness, step)
     flat1 = image1.derived(flatness, step)
     field01 = frame_pair.field01
@@ -66,7 +66,7 @@ def find_surroundings(frame_pair: FramePair, step: int, bandwidth: float, sharpn
         for field, back, flat in ((field01, field10, flat0), (field10, field01, flat1))
     )
     nothing = np.empty((0, 0, 0), np.float32)
-    numbers = np.float32(3 * 0.5 / bandwidth**2), np.float32(sharpness)
+    numbers = 3 * 0.5 / bandwidth**2, sharpness
     return PairContext((first, second, third, fourth), times, (points0, points1), step, nothing, nothing, *numbers)
 
 
@@ -74,7 +74,7 @@ def at_time(around: PairContext, t: float, candidates: Candidates) -> PairContex
     """Return the context with the fields that depend on the time and on the candidates."""
     landings = np.empty((2, *around.points[0].shape[:2]), np.float32)
     for points, time, counts in zip(around.points, (t, 1 - t), landings, strict=True):
-        count_landings(points, np.float32(time), around.step, counts)
+        count_landings(points, time, around.step, counts)
     around = around._replace(landings=landings, support=np.zeros_like(candidates.weights))
-    measure_support(candidates, around, np.float32(t), around.support)
+    measure_support(candidates, around, t, around.support)
     return around

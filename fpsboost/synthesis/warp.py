@@ -82,7 +82,7 @@ class Splat(Checked):
         for t in times:
             source0 = np.empty(similarity.shape, np.int32)
             source1 = np.empty(similarity.shape, np.int32)
-            splat(flow, similarity, np.float32(self.least_similarity), np.float32(t), source0, source1)
+            splat(flow, similarity, self.least_similarity, t, source0, source1)
             out = np.empty_like(image0)
-            fetch_both(image0, image1, np.float32(t), rounding_offset(image0), source0, valid, source1, valid, out)
+            fetch_both(image0, image1, t, rounding_offset(image0), source0, valid, source1, valid, out)
             yield out

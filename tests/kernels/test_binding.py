@@ -146,7 +146,7 @@ def changed_copy(folder, file, before, after):
 @pytest.mark.parametrize(
     ("file", "before", "after"),
     [
-        ("pair_context.py", "    step: int,\n    landings", "    step: np.float32,\n    landings"),
+        ("pair_context.py", "    step: int,\n    landings", "    step: Float,\n    landings"),
         ("constants.py", "MARGIN = 40", "MARGIN = 48"),
     ],
 )
