@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Self, cast
 import av
 import av.filter
 import numpy as np
+from av.filter import Graph
 
 from fpsboost.colour import with_red_and_blue_swapped
 from fpsboost.contracts import ClosesOnExit
@@ -34,7 +35,7 @@ from fpsboost.io.images.encoder import colours_of
 from fpsboost.io.images.files import PNG_SIGNATURE, ImageMetadata, content_of, png_chunks
 from fpsboost.io.output import Output, StreamInfo, check_frame_size
 from fpsboost.io.video.ycc import straight_16_bit
-from fpsboost.media import MASTERING, StagedSink, as_fraction, check_writable, measured_cadence, missing_codecs
+from fpsboost.media import MASTERING, StagedSink, as_fraction, check_writable, counted, measured_cadence, missing_codecs
 from fpsboost.memory import MemoryLimit
 
 if TYPE_CHECKING:
@@ -125,7 +126,7 @@ class AnimationSource(ClosesOnExit):
             raise InputError(f"{path} is damaged or no animation; replace it.")
         profile = image.info.get("icc_profile", b"")
         colours, untaggable = colours_of(Path(path), ImageMetadata(profile, chunks=tuple(png_chunks(Path(path)))))
-        frames = f"{len(self._delays)} frame{'' if len(self._delays) == 1 else 's'}"
+        frames = counted(len(self._delays), "frame")
         said = {
             **dict.fromkeys(untaggable, True),
             f"{path} has 16 bits per channel, of which 8 were read.": data.startswith(PNG_SIGNATURE) and data[24] == 16,
@@ -338,7 +339,7 @@ class GifWriter(AnimationWriter):
     largest_side = 65535
     most_plays = 65536
 
-    _graph: av.filter.Graph | None = None
+    _graph: Graph | None = None
 
     def loops(self, plays: int) -> int:
         """Return FFmpeg's number of repeats: 0 for ever, -1 for none."""
@@ -388,9 +389,9 @@ def _with_binary_alpha(image: Image) -> Image:
     return np.dstack([colours, np.where(visible, np.uint8(255), np.uint8(0))])
 
 
-def _palette_graph(picture: av.VideoFrame, has_alpha: bool) -> av.filter.Graph:
+def _palette_graph(picture: av.VideoFrame, has_alpha: bool) -> Graph:
     """Build a filter graph that gives every picture a palette of its own; `has_alpha` reserves a transparent entry."""
-    graph = av.filter.Graph()
+    graph = Graph()
     entry = graph.add_buffer(
         width=picture.width, height=picture.height, format=picture.format, time_base=picture.time_base
     )

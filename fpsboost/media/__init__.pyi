@@ -13,12 +13,12 @@ from .clock import TIME_TOLERANCE as TIME_TOLERANCE
 from .clock import Window as Window
 from .clock import assumed_rate_remark as assumed_rate_remark
 from .clock import measured_cadence as measured_cadence
+from .containers import VIDEO_SUFFIXES as VIDEO_SUFFIXES
+from .containers import containers as containers
 from .demuxer import check_is_no_playlist as check_is_no_playlist
 from .demuxer import open_video as open_video
 from .encoded_sound import sound_encoders as sound_encoders
 from .encoder import VideoEncoder as VideoEncoder
-from .encoding import VIDEO_SUFFIXES as VIDEO_SUFFIXES
-from .encoding import containers as containers
 from .encoding import depth_of as depth_of
 from .encoding import encoders as encoders
 from .encoding import encodes_alpha as encodes_alpha

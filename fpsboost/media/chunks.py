@@ -19,14 +19,14 @@ from typing import Any, get_args
 from zipfile import BadZipFile, ZipFile, ZipInfo
 
 import av
+from av.container import OutputContainer
 from av.packet import PacketSideData, PktSideDataT
 
 from fpsboost.media.captions import with_captions
-from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS
 from fpsboost.media.errors import OutputError, undone_by
 from fpsboost.media.fitting import Fitting, check_readable, open_muxer
 from fpsboost.media.other_streams import MOVIE_CLOCK, OtherStreams
-from fpsboost.media.pyav import Packet
+from fpsboost.media.pyav import REFUSALS, Packet
 from fpsboost.media.staging import rename_safely, sync
 from fpsboost.media.traits import VideoTraits
 
@@ -182,8 +182,8 @@ class Assembly:
         self._path = path
         self._time_base = output.timing.time_base
         self._name = output.path
-        self._container = container = fitting.container
-        self._output: av.container.OutputContainer | None = open_muxer(path, container, any_codec=fitting.any_codec)
+        self._container = container = output.container
+        self._output: OutputContainer | None = open_muxer(path, container, any_codec=fitting.any_codec)
         self._others: OtherStreams | None = None
         with undone_by(self.discard):
             self._stream = stream = self._output.add_stream_from_template(template)
@@ -197,7 +197,7 @@ class Assembly:
                     stream.metadata["stereo_mode"] = traits.stereo_mode  # Matroska's and WebM's element
                 if self._others.tags.free_keys:
                     self._output.container_options["movflags"] = "+faststart+use_metadata_tags"
-            if container in EXACT_TIME_BASE_CONTAINERS:
+            if container.exact_times:
                 clock = MOVIE_CLOCK if self._others is None else self._others.clock
                 if output.timing.rate > clock:  # a whole frame could lie behind the end of its rounded edit list
                     clock = self._time_base.denominator
@@ -246,10 +246,10 @@ class Assembly:
             self._path.unlink(missing_ok=True)
         output = self._output
         self._output = None
-        with suppress(av.error.FFmpegError, OSError, ValueError):
+        with suppress(*REFUSALS, OSError):
             output.close()
 
-    def _mux(self, output: av.container.OutputContainer, chunks: Sequence[Chunk]) -> int:
+    def _mux(self, output: OutputContainer, chunks: Sequence[Chunk]) -> int:
         """Mux the packets of the video, and those of the other streams due before each; return its end in ticks."""
         begin: tuple[int, int] | None = None
         end_pts = 0
@@ -261,7 +261,7 @@ class Assembly:
             dts = packet.dts or 0
             begin = begin or (pts, dts)
             end_pts = max(end_pts, pts + (packet.duration or 0))
-            if following is None and self._container in EXACT_TIME_BASE_CONTAINERS:
+            if following is None and self._container.exact_times:
                 # The duration of an mp4 track is a sum of decoding time differences; only the last one can be chosen.
                 left = (end_pts - begin[0]) - (dts - begin[1])
                 packet.duration = left if left > 0 else packet.duration

@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import Protocol, TypeVar
 
 import av
+from av.container import InputContainer
 
 from fpsboost.media.demuxer import Demuxer, clock_may_jump, is_encrypted, is_fragmented, is_raw, read_packets
 from fpsboost.media.info import MAX_DISPLAY_RATE, Passage, is_implausible
@@ -157,7 +158,7 @@ def assumed_rate_remark(name: str, advice: str = "") -> str:
     return f"{name} does not say its frame rate; {ASSUMED_RATE} frames per second were assumed{advice}."
 
 
-def survey(container: av.container.InputContainer, video: int) -> tuple[list[int], Fraction, Fraction | None]:
+def survey(container: InputContainer, video: int) -> tuple[list[int], Fraction, Fraction | None]:
     """Return the times of a stream's pictures in ticks, and the start of the file on its own clock in seconds.
 
     The third is how long the pictures last that are before an encrypted one, or None; in a file with an index, only

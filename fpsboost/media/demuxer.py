@@ -14,11 +14,13 @@ from pathlib import Path
 
 import av
 from av.container import InputContainer
+from av.error import FFmpegError
 from av.format import Flags
+from av.stream import Disposition, Stream
 
 from fpsboost.media.errors import EncryptedError, InputError, OptionError, refuse, undone_by
 from fpsboost.media.pixels import NO_COLOUR_TAG
-from fpsboost.media.pyav import Packet, open_input
+from fpsboost.media.pyav import REFUSALS, Packet, open_input
 from fpsboost.media.remarks import Damage, encrypted_sentence
 
 STILL_CODECS = ("png", "mjpeg", "bmp", "gif", "tiff", "webp")
@@ -202,7 +204,7 @@ class Demuxer:
         """Seek to the key frame at or before a time in ticks of the stream; return whether the container can."""
         try:
             self.container.seek(ticks, stream=self.stream, backward=True)
-        except av.error.FFmpegError:
+        except FFmpegError:
             return False
         return True
 
@@ -230,7 +232,7 @@ def open_video(path: Path, name: str, *, playlists: bool = False) -> InputContai
         container = open_input(str(path.absolute()), playlists=playlists)
     except PermissionError:
         raise InputError(f"{name} may not be read; check its permissions.") from None
-    except (av.error.FFmpegError, OSError, ValueError):
+    except (*REFUSALS, OSError):
         if not playlists:
             check_is_no_playlist(path, name)
         raise InputError(f"{name} {_why_unreadable(path)}") from None
@@ -356,9 +358,9 @@ def left_out_remarks(container: InputContainer, chosen: av.VideoStream, name: st
     return [f"{name} has more than one video stream; stream {_described(chosen)} was taken, left out: {others}."]
 
 
-def is_cover_art(stream: av.stream.Stream) -> bool:
+def is_cover_art(stream: Stream) -> bool:
     """Return whether a video stream is only a picture attached to the file."""
-    if stream.disposition & (av.stream.Disposition.attached_pic | av.stream.Disposition.timed_thumbnails):
+    if stream.disposition & (Disposition.attached_pic | Disposition.timed_thumbnails):
         return True
     return bool(
         stream.codec_context is not None
@@ -379,7 +381,7 @@ def _score(stream: av.VideoStream) -> tuple[int, bool]:
     context = stream.codec_context
     if context is None:
         return -1, False
-    is_default = bool(stream.disposition & av.stream.Disposition.default)
+    is_default = bool(stream.disposition & Disposition.default)
     is_gray = (context.pix_fmt or "").startswith("gray")
     return context.width * context.height + DEFAULT_STREAM_SCORE * is_default, not is_gray
 
@@ -398,7 +400,7 @@ def is_raw(container: InputContainer) -> bool:
     return has_no_times and container.format.name not in TIMED_BY_CODEC
 
 
-def is_fragmented(stream: av.stream.Stream) -> bool:
+def is_fragmented(stream: Stream) -> bool:
     """Return whether a stream of an MP4 lies in fragments, whose samples its header (moov) does not count."""
     return stream.container.format.name.startswith("mov") and stream.frames < len(stream.index_entries)
 
@@ -444,7 +446,7 @@ def _demux_past_damage(container: InputContainer, damage: Damage) -> Iterator[Pa
                     packet.pts = packet.dts + delays.setdefault(packet.stream.index, first - packet.dts)
                 yield packet
             ends += 1
-        except av.error.FFmpegError:
+        except FFmpegError:
             failures += 1
             damage.unreadable += failures == 1
 

@@ -20,27 +20,24 @@ from operator import attrgetter
 from typing import Any, get_args
 
 import av.container
-import av.error
 import av.filter
 import numpy as np
-from av.codec.codec import UnknownCodecError
+from av.container import OutputContainer
+from av.error import FFmpegError
+from av.filter import Graph
 from av.packet import PacketSideData, PktSideDataT
 from av.stream import Stream
 
 from fpsboost.media.clock import Window
-from fpsboost.media.encoding import check_holds, find_encoder
+from fpsboost.media.encoding import find_encoder
 from fpsboost.media.errors import OptionError
-from fpsboost.media.info import FOREVER, EncodeSettings, Passage
-from fpsboost.media.pyav import Packet, pulled
+from fpsboost.media.info import FOREVER, Passage
+from fpsboost.media.output import Output
+from fpsboost.media.pyav import REFUSALS, Packet, pulled
 
-sound_encoders = {
-    **{"aac": "aac", "opus": "libopus", "mp3": "libmp3lame", "ac3": "ac3", "eac3": "eac3"},
-    **{"flac": "flac", "alac": "alac", "pcm": "pcm_s16le"},
-}
+sound_encoders = {"aac": "aac", "opus": "libopus", "mp3": "libmp3lame", "ac3": "ac3", "eac3": "eac3"}
+sound_encoders |= {"flac": "flac", "alac": "alac", "pcm": "pcm_s16le"}
 """FFmpeg's encoders by the common name of their format."""
-
-defaults = {"mp4": "aac", "mov": "aac", "matroska": "libopus", "webm": "libopus"}
-"""Encoder that is proposed for a container, and used for stretched audio: its format is the one all players support."""
 
 BITRATE_PER_CHANNEL = 96_000
 """Bit rate per channel, bits per second, at which AAC and Opus are hard to distinguish from the source."""
@@ -66,9 +63,9 @@ Traits = tuple[int, str, str]
 """Sample rate, sample format and channel layout of audio."""
 
 
-def choose_sound_encoder(encoding: EncodeSettings, container: str, name: str) -> str | None:
+def choose_sound_encoder(output: Output) -> str | None:
     """Return FFmpeg's encoder for the audio codec that was asked for, or None if audio is to be copied."""
-    asked = encoding.audio_codec
+    asked = output.encoding.audio_codec
     if asked is None or asked.lower() == "copy":
         return None
     encoder = sound_encoders.get(asked.lower(), asked)
@@ -77,7 +74,7 @@ def choose_sound_encoder(encoding: EncodeSettings, container: str, name: str) ->
             f"`audio_codec={asked!r}` is unknown here; use {', '.join(sound_encoders)}, copy, or the exact name of an "
             "FFmpeg sound encoder."
         )
-    check_holds(container, encoder, name, f"`audio_codec={asked!r}`", sound_encoders)
+    output.container.check_holds(encoder, output.path, f"`audio_codec={asked!r}`", sound_encoders)
     return encoder
 
 
@@ -121,7 +118,7 @@ def _takes(encoder: str, traits: Traits) -> bool:
         context.sample_rate, context.format, context.layout = traits
         context.time_base = Fraction(1, traits[0])
         context.open()
-    except (av.error.FFmpegError, ValueError):
+    except REFUSALS:
         return False
     return True
 
@@ -134,7 +131,7 @@ def can_encode(stream: Stream, encoder: str) -> bool:
     traits = _traits_of(context)
     try:
         _graph(traits, Fraction(2), traits_for(encoder, traits))
-    except (UnknownCodecError, av.error.FFmpegError, ValueError):
+    except REFUSALS:
         return False
     return True
 
@@ -151,7 +148,7 @@ class EncodedSound:
     ----------
     stream : Stream
         Audio stream of the source.
-    output : av.container.OutputContainer
+    output : OutputContainer
         Output, whose header is not written yet, to which a stream is added.
     encoder : str
         FFmpeg's name of the encoder.
@@ -160,9 +157,7 @@ class EncodedSound:
         it.
     """
 
-    def __init__(
-        self, stream: Stream, output: av.container.OutputContainer, encoder: str, window: Window | None
-    ) -> None:
+    def __init__(self, stream: Stream, output: OutputContainer, encoder: str, window: Window | None) -> None:
         self.lost_packets = 0
         self._output = output
         self._window = window
@@ -212,7 +207,7 @@ class EncodedSound:
             frames: list[Any] = self._source.decode(packet)
         except av.error.EOFError:  # all was decoded before
             return
-        except av.error.FFmpegError:
+        except FFmpegError:
             self.lost_packets += is_heard
             return
         for frame in frames:
@@ -293,7 +288,7 @@ class EncodedSound:
             self._end_run()
             try:
                 graph = _graph(traits, stretch, self._target)
-            except (av.error.FFmpegError, ValueError):  # a channel layout decoded from damaged data
+            except REFUSALS:  # a channel layout decoded from damaged data
                 self.lost_packets += 1
                 return
             run = self._run = _Run(
@@ -359,7 +354,7 @@ class EncodedSound:
 class _Run:
     """One run of audio without a gap: its filter graph, where it starts, and how much of it was taken so far."""
 
-    graph: av.filter.Graph
+    graph: Graph
     traits: Traits
     stretch: Fraction
     start: Fraction
@@ -377,7 +372,7 @@ class _Run:
 
 def _silence(samples: int, target: Traits) -> Iterator[av.AudioFrame]:
     """Yield frames of silence, few samples at a time."""
-    graph = av.filter.Graph()
+    graph = Graph()
     nodes = [
         graph.add("anullsrc", "sample_rate={0}:channel_layout={2}".format(*target)),
         graph.add("aformat", f"sample_fmts={target[1]}"),
@@ -388,7 +383,7 @@ def _silence(samples: int, target: Traits) -> Iterator[av.AudioFrame]:
     return pulled(graph)
 
 
-def _graph(source: Traits, stretch: Fraction, target: Traits) -> av.filter.Graph:
+def _graph(source: Traits, stretch: Fraction, target: Traits) -> Graph:
     """Build a filter graph that converts audio to other traits and another duration, and appends silence."""
     rate = source[0]
     # atempo outputs everything too early, by half a window for each multiple of the duration beyond the first: silence
@@ -396,7 +391,7 @@ def _graph(source: Traits, stretch: Fraction, target: Traits) -> av.filter.Graph
     lead = (1 << (max(1, rate // 24) - 1).bit_length()) // 2 if stretch > 1 else 0
     stages = math.ceil(abs(math.log2(stretch)) - 1e-9)
     tempo = min(2.0, max(0.5, float(1 / stretch) ** (1 / max(1, stages))))
-    graph = av.filter.Graph()
+    graph = Graph()
     nodes = [
         graph.add_abuffer(sample_rate=rate, format=source[1], layout=source[2], time_base=Fraction(1, rate)),
         *([graph.add("adelay", f"delays={lead}S:all=1")] if lead else []),

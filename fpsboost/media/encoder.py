@@ -19,11 +19,12 @@ from pathlib import Path
 
 import av
 from av.codec.codec import Capabilities, PixFmtLoss, find_best_pix_fmt_of_list
+from av.container import OutputContainer
+from av.error import FFmpegError
 from av.video.frame import PictureType
 
-from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS, depth_of, encoders, encodes_alpha, pixel_formats
+from fpsboost.media.encoding import choose_encoder, depth_of, encoder_of, encoders, encodes_alpha, pixel_formats
 from fpsboost.media.errors import OptionError, OutputError
-from fpsboost.media.info import EncodeSettings
 from fpsboost.media.output import Output
 from fpsboost.media.pixels import FULL_RANGE, LIMITED_RANGE, RGB, has_alpha, is_gray
 from fpsboost.media.pyav import Packet
@@ -46,12 +47,6 @@ class VideoEncoder:
     ----------
     output : Output
         Size, times and options of the frames to come; its path is in messages.
-    encoder : str
-        FFmpeg's name of the encoder.
-    options : dict of str
-        FFmpeg's options of the encoder; HDR metadata and workarounds are added to a copy.
-    container : str
-        FFmpeg's name of the output's container.
     traits : VideoTraits
         Pixel format, colours and shape of the source, or those to write for images.
 
@@ -63,39 +58,23 @@ class VideoEncoder:
         The encoder takes no pixel format like the source's; on opening also: it refuses this size, rate or format.
     """
 
-    def __init__(
-        self, output: Output, encoder: str, options: dict[str, str], container: str, traits: VideoTraits
-    ) -> None:
+    def __init__(self, output: Output, traits: VideoTraits) -> None:
+        encoder, self._options = choose_encoder(output, traits)
         self._encoder = encoder
-        self._format = container
-        self._name = output.path
-        self._info = output.info
-        self._timing = output.timing
-        self._encoding = output.encoding
+        self._output = output
         self.traits = traits
-        name = self._name
-        window = output.window
-        self._plays_backwards = window is not None and window.curve is not None and window.curve.reverses
+        name = output.path
         self.full_range = traits.full_range
-        self._options = dict(options)
         is_default = traits.chroma_location == "left" and encoder in ("libx264", "libx265")  # needs no tag
         if traits.tagged_chroma_location and not is_default:
             self._options["chroma_sample_location"] = traits.chroma_location
-        self.pixel_format, self.remarks = choose_pixel_format(
-            encoder,
-            self._encoding,
-            container,
-            traits.pixel_format,
-            (self._info.width, self._info.height),
-            name,
-            of_images=output.stream.traits is None,
-        )
+        self.pixel_format, self.remarks = choose_pixel_format(output, encoder, traits.pixel_format)
         if has_alpha(self.pixel_format) and encoder.startswith("libvpx"):
             self._options["auto-alt-ref"] = "0"  # libvpx does not support hidden frames with alpha
-        if encoder == "libx265" and self._info.width < MIN_CUTREE_WIDTH:
+        if encoder == "libx265" and output.info.width < MIN_CUTREE_WIDTH:
             self._options["x265-params"] = ":".join(filter(None, [self._options.get("x265-params"), "cutree=0"]))
         # PyAV cannot set the field of Matroska's container, so there the coded stream must hold it
-        keeps_shape = container in EXACT_TIME_BASE_CONTAINERS or encoder in ("libx264", "libx265")
+        keeps_shape = output.container.exact_times or encoder in ("libx264", "libx265")
         self._options, is_whole = with_hdr(self._options, encoder, traits.mastering_display, traits.light_level)
         of_hdr = {"MASTERING_DISPLAY_METADATA", "CONTENT_LIGHT_LEVEL"} if is_whole else set[str]()
         kept = self._kept_side_data(traits) | of_hdr
@@ -109,7 +88,7 @@ class VideoEncoder:
         if lost:
             self.remarks.append(f"{name} lost the {' and the '.join(lost)} of its source.")
         self.keeps_captions = CAPTIONS in kept
-        self._nowhere: av.container.OutputContainer | None = None
+        self._null_output: OutputContainer | None = None
         self._stream: av.VideoStream | None = None
 
     @property
@@ -121,14 +100,16 @@ class VideoEncoder:
     def _kept_side_data(self, traits: VideoTraits) -> set[str]:
         """Return the types of side data that the output keeps; x264 writes the stereo mode of pictures."""
         is_passed = self._encoder == "libx264" and not _is_rgb(traits.pixel_format)
-        kept = {CAPTIONS} if self._encoder in CAPTIONED and not self._plays_backwards else set()
-        if traits.stereo_mode and self._format in ("matroska", "webm"):
+        curve = self._output.curve
+        plays_backwards = curve is not None and curve.reverses
+        kept = {CAPTIONS} if self._encoder in CAPTIONED and not plays_backwards else set()
+        if traits.stereo_mode and self._output.container.matroska_elements:
             kept.add("STEREO3D")
         elif is_passed and any(traits.stereo_mode == left_first for left_first, _ in stereo_modes.values()):
             kept.add("STEREO3D")
             self.remarks.append(
-                f"{self._name} has the stereo mode of its source in its H.264 stream, where not every player looks; an "
-                ".mkv also has it in its container."
+                f"{self._output.path} has the stereo mode of its source in its H.264 stream, where not every player "
+                "looks; an .mkv also has it in its container."
             )
         return kept
 
@@ -157,7 +138,7 @@ class VideoEncoder:
             Packets in decoding order, whose times are in the same ticks; empty if none is ready.
         """
         stream = self.stream
-        time_base = self._timing.time_base
+        time_base = self._output.timing.time_base
         if not is_original:  # the ProRes encoder reads these and not its context
             context = stream.codec_context
             picture.colorspace = context.colorspace
@@ -187,31 +168,31 @@ class VideoEncoder:
     def close(self) -> None:
         """Close the encoder, and drop the pictures that it still holds; may be called again."""
         self._stream = None
-        if self._nowhere is not None:
-            nowhere = self._nowhere
-            self._nowhere = None
-            with contextlib.suppress(av.error.FFmpegError):
-                nowhere.close()
+        if self._null_output is not None:
+            container = self._null_output
+            self._null_output = None
+            with contextlib.suppress(FFmpegError):
+                container.close()
 
     def _open(self) -> av.VideoStream:
         """Open the encoder, in a container in memory, because PyAV copies its parameters to a stream only there."""
-        self._nowhere = av.open(BytesIO(), "w", format=self._format)
-        rate = self._timing.rate  # only a tag here, since times are exact; FFmpeg has two 32-bit numbers for it
+        self._null_output = av.open(BytesIO(), "w", format=self._output.container.name)
+        rate = self._output.timing.rate  # only a tag here, since times are exact; FFmpeg has two 32-bit numbers for it
         rate = rate if rate.numerator < 2**31 else rate.limit_denominator(1000)
-        stream: av.VideoStream = self._nowhere.add_stream(  # type: ignore[assignment]
-            self._encoder, rate=rate, width=self._info.width, height=self._info.height
+        stream: av.VideoStream = self._null_output.add_stream(  # type: ignore[assignment]
+            self._encoder, rate=rate, width=self._output.info.width, height=self._output.info.height
         )
         context = stream.codec_context
-        stream.time_base = context.time_base = self._timing.time_base
+        stream.time_base = context.time_base = self._output.timing.time_base
         context.pix_fmt = self.pixel_format
         self._tag_colours(context, self.traits)
         if self.traits.sample_aspect_ratio is not None:
             context.sample_aspect_ratio = self.traits.sample_aspect_ratio
-        if av.Codec(self._encoder, "w").canonical_name == "hevc" and self._format in EXACT_TIME_BASE_CONTAINERS:
+        if av.Codec(self._encoder, "w").canonical_name == "hevc" and self._output.container.exact_times:
             context.codec_tag = "hvc1"  # the only tag of HEVC that Apple's players accept
         context.options = {**self._options, "a53cc": "0"}  # the writer writes captions
         self._open_encoder(context)
-        self._nowhere.start_encoding()  # only this copies the encoder's parameters to the stream
+        self._null_output.start_encoding()  # only this copies the encoder's parameters to the stream
         return stream
 
     def _tag_colours(self, context: av.VideoCodecContext, traits: VideoTraits) -> None:
@@ -241,15 +222,16 @@ class VideoEncoder:
         try:
             with undisturbed():
                 context.open()
-        except av.error.FFmpegError:
-            given = " ".join(f"{name}={value}" for name, value in self._encoding.encoder_options)
+        except FFmpegError:
+            given = " ".join(f"{name}={value}" for name, value in self._output.encoding.encoder_options)
             check = f"check `encoder_options={given}`, or " if given else ""
             is_hardware = av.Codec(self._encoder, "w").capabilities & (Capabilities.hardware | Capabilities.hybrid)
             missing = ", and its device or driver may be missing here" if is_hardware else ""
+            info = self._output.info
             raise OutputError(
-                f"{self._name} cannot be encoded by {self._encoder} at {self._info.width}x{self._info.height}, "
-                f"{float(self._timing.rate):g} frames per second, {self.pixel_format}{missing}; {check}choose another "
-                "`codec`."
+                f"{self._output.path} cannot be encoded by {self._encoder} at {info.width}x{info.height}, "
+                f"{float(self._output.timing.rate):g} frames per second, {self.pixel_format}{missing}; {check}choose "
+                "another `codec`."
             ) from None
 
 
@@ -287,7 +269,7 @@ def with_hdr(
         return dict(options), display is None and light is None
     name, name_of_display, name_of_light, whole_units = _parameters[encoder]
     parameters = []
-    if display is not None and None not in (display.white, display.brightest):
+    if display is not None and None not in (display.colours, display.brightest):
         parameters.append(f"{name_of_display}={_display_text(display, whole_units)}")
     if light is not None:
         parameters.append(f"{name_of_light}={light.brightest_pixel},{light.brightest_frame}")
@@ -313,8 +295,9 @@ def _display_text(display: MasteringDisplay, whole_units: bool) -> str:
         assert value is not None
         return str(round(value * unit)) if whole_units else f"{float(value):.6f}"
 
-    points = {"G": display.green, "B": display.blue, "R": display.red, "WP": display.white}
-    colours = "".join(f"{name}({text(p[0], 50_000)},{text(p[1], 50_000)})" for name, p in points.items() if p)
+    assert display.colours is not None
+    red, green, blue, white = (f"({text(x, 50_000)},{text(y, 50_000)})" for x, y in display.colours)
+    colours = f"G{green}B{blue}R{red}WP{white}"
     return f"{colours}L({text(display.brightest, 10_000)},{text(display.darkest, 10_000)})"
 
 
@@ -324,34 +307,18 @@ EXCLUDED_FORMATS = re.compile(r"^(pal8|mono|bayer)|f(16|32)(le|be)$|^rgb555|^bgr
 """Pixel formats excluded as targets: palette, monochrome 1-bit, Bayer, float, and unequal channel depths."""
 
 
-def choose_pixel_format(
-    encoder: str,
-    encoding: EncodeSettings,
-    container: str,
-    source: str,
-    size: tuple[int, int],
-    name: str,
-    *,
-    of_images: bool,
-) -> tuple[str, list[str]]:
+def choose_pixel_format(output: Output, encoder: str, source: str) -> tuple[str, list[str]]:
     """Return the pixel format to encode, and remarks on losses.
 
     Parameters
     ----------
+    output : Output
+        Output with the options of the user, of which a pixel format is taken or refused, not replaced. Images become
+        4:2:0 unless lossless or deep, and RGB video unless lossless.
     encoder : str
         FFmpeg's encoder.
-    encoding : EncodeSettings
-        Options of the user; a pixel format among them is taken or refused, not replaced.
-    container : str
-        FFmpeg's name of the output's container.
     source : str
         Pixel format of the source.
-    size : tuple of int
-        Width and height, pixels.
-    name : str
-        The output in messages.
-    of_images : bool
-        Whether the source is images, which become 4:2:0 unless lossless or deep; RGB video does unless lossless.
 
     Returns
     -------
@@ -365,21 +332,30 @@ def choose_pixel_format(
     OutputError
         The encoder has no pixel format that FFmpeg can convert to.
     """
+    name = output.path
+    size = output.info.width, output.info.height
+    encoding = output.encoding
+    container = output.container
+    of_images = output.stream.traits is None
     codec = av.Codec(encoder, "w")
     offered = pixel_formats(codec)
     wanted = encoding.pixel_format or source
     if not offered:
         return wanted, []
-    common = [entry for entry in encoders.values() if entry.name == encoder]
-    whole_only = any(entry.needs_whole_chroma for entry in common)
-    fitting = [name for name in offered if not whole_only or _divides(name, *size)]
+    fitting = offered
+    if encoder_of(encoder).needs_whole_chroma:
+        fitting = [each for each in offered if _divides(each, *size)]
     if encoding.pixel_format:
         if wanted not in fitting:
             raise OptionError(
                 f"`pixel_format={wanted!r}` halves an odd size, which {encoder} cannot do for {name} at "
                 f"{size[0]}x{size[1]}; use yuv444p, or crop to an even size."
             )
-        is_rare = bool(common) and not encoding.lossless and _chroma_of(av.VideoFormat(wanted)) == 1
+        is_rare = (
+            encoder_of(encoder) in encoders.values()
+            and not encoding.lossless
+            and _chroma_of(av.VideoFormat(wanted)) == 1
+        )
         return wanted, [f"{name} was written as {wanted}, as asked for, which few players show."] if is_rare else []
     is_deep = depth_of(source) > 8
     keeps_all = encoding.lossless or (codec.lossless and not codec.lossy)

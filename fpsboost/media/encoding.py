@@ -1,31 +1,20 @@
-"""Encoders, the names of their options and what makes them repeatable, and containers with the codecs they hold."""
+"""Encoders, the names of their options, and what makes them repeatable."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from fractions import Fraction
-from io import BytesIO
 
 import av
 import cv2
-from av.codec.codec import UnknownCodecError
 from av.codec.context import OptionFlags
 
+from fpsboost.media.containers import Container
 from fpsboost.media.errors import OptionError, choose_one, refuse
-from fpsboost.media.info import EncodeSettings
+from fpsboost.media.info import ClipInfo, EncodeSettings
+from fpsboost.media.output import Output
 from fpsboost.media.pixels import has_alpha
-from fpsboost.media.pyav import trial_file
-
-containers = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska", ".webm": "webm"}
-"""FFmpeg's name of the container by suffix."""
-
-VIDEO_SUFFIXES = tuple(containers)
-"""Suffixes of the video files that can be written."""
-
-MATROSKA_TICK = Fraction(1, 1000)
-"""Time base of Matroska and WebM, seconds per tick."""
-EXACT_TIME_BASE_CONTAINERS = ("mp4", "mov")
-"""Containers whose time base can be chosen; that of the others is a millisecond."""
+from fpsboost.media.pyav import find_codec
+from fpsboost.media.traits import VideoTraits
 
 CPU_AVX_512F = 13  # OpenCV's number of the CPU feature, which has no name in Python
 repeatable_parameters = ("asm=avx2",) if cv2.checkHardwareSupport(CPU_AVX_512F) else ()
@@ -45,80 +34,103 @@ LARGE_PICTURE = 2560 * 1440
 THREADS_FOR_LARGE_PICTURES = 6
 """Threads of an encoder of large pictures: at 3840x2160, x264 keeps 170 of 1040 MB less than with 8."""
 
-threads_of_encoders = {
-    "libx265": 4,
-    "libvpx": 1,  # it takes no more than there are cores
-    "mjpeg": 1,  # with more it cannot choose the codes of a picture, and files grow by 15 %
-}
-"""Threads of the encoders that have another number, for pictures of any size."""
-
-# Threads that share a picture, PyAV's default, cost bits by their slices. Without a thread of its own for the
-# look-ahead, x264 keeps 5 pictures less, 100 MB at 3840x2160, and makes the same stream but with a bounded rate.
-_x264_options = (
+X264_OPTIONS = (
+    # Threads that share a picture, PyAV's default, cost bits by their slices.
     ("thread_type", "frame"),
-    *(("x264-params", entry) for entry in (*repeatable_parameters, "sync-lookahead=0")),
+    *(("x264-params", entry) for entry in repeatable_parameters),
+    # Without a thread of its own for the look-ahead, x264 keeps 5 pictures less, 100 MB at 3840x2160, and makes the
+    # same stream but with a bounded rate.
+    ("x264-params", "sync-lookahead=0"),
 )
 
-_further_options = {
-    "libx264": _x264_options,
-    "libx264rgb": _x264_options,
-    # As on 16 cores, where it encodes 4 pictures at once: its lookahead decides differently with a pool of less than 4
-    # threads. Its note of its own options names the features of the processor.
-    "libx265": (("x265-params", "info=0"), ("x265-params", f"pools={ENCODER_THREADS}")),
-}
-x26x_presets = (
-    *("ultrafast", "superfast", "veryfast", "faster", "fast"),
-    *("medium", "slow", "slower", "veryslow", "placebo"),
-)
+X26X_PRESETS: tuple[str, ...] = ("ultrafast", "superfast", "veryfast", "faster", "fast")
+X26X_PRESETS += ("medium", "slow", "slower", "veryslow", "placebo")
 
 
 @dataclass(frozen=True)
 class Encoder:
-    """Quality and speed options of an encoder, and the values that they accept."""
+    """Encoder of FFmpeg: its options for quality and speed, and what else it needs to be given."""
 
     name: str
     """FFmpeg's name."""
-    crf: int
+    crf: int = 0
     """Default quality."""
-    largest_crf: int
-    preset: str
+    largest_crf: int = 0
+    preset: str = ""
     """Default preset."""
-    presets: tuple[str, ...]
-    preset_option: str
+    presets: tuple[str, ...] = ()
+    preset_option: str = "preset"
     """FFmpeg's option for the preset."""
     fixed_options: tuple[tuple[str, str], ...] = ()
     """Options that are always given."""
-    needs_whole_chroma: bool = False
-    """Whether subsampled chroma requires an even width or height."""
     lossless: tuple[tuple[str, str], ...] = ()
     """Options for lossless encoding; empty where none is reliably lossless."""
+    needs_whole_chroma: bool = False
+    """Whether subsampled chroma requires an even width or height."""
+    alpha_formats: tuple[str, ...] | None = None
+    """Pixel formats with alpha that it opens, where it lists others; None where it opens all that it lists."""
+    threads: int | None = None
+    """Threads for pictures of any size; None for the usual number."""
+    repeatable_options: tuple[tuple[str, str], ...] = ()
+    """Options that, beside the number of threads, make its packets the same on any number of cores."""
 
 
-encoders = {
-    "h264": Encoder(
-        *("libx264", 18, 51, "medium", x26x_presets, "preset"),
-        needs_whole_chroma=True,
-        lossless=(("qp", "0"),),  # not crf 0, which is lossy beyond 8 bits
-    ),
-    # x265 prints past FFmpeg's log
-    "hevc": Encoder(
-        *("libx265", 20, 51, "medium", x26x_presets, "preset", (("x265-params", "log-level=none"),)),
-        needs_whole_chroma=True,
-        lossless=(("x265-params", "lossless=1"),),
-    ),
-    "vp9": Encoder(
-        *("libvpx-vp9", 30, 63, "4"),
-        *(tuple(map(str, range(9))), "cpu-used"),
-        (("b", "0"), ("row-mt", "1"), ("deadline", "good")),
-        lossless=(("lossless", "1"),),
-    ),
-    # SVT-AV1 has a lossless mode, but 10-bit values come back off by one, and streams of fast presets do not decode.
-    "av1": Encoder("libsvtav1", 30, 63, "8", tuple(map(str, range(14))), "preset"),
-}
+H264 = Encoder(
+    name="libx264",
+    crf=18,
+    largest_crf=51,
+    preset="medium",
+    presets=X26X_PRESETS,
+    lossless=(("qp", "0"),),  # not crf 0, which is lossy beyond 8 bits
+    needs_whole_chroma=True,
+    repeatable_options=X264_OPTIONS,
+)
+HEVC = Encoder(
+    name="libx265",
+    crf=20,
+    largest_crf=51,
+    preset="medium",
+    presets=X26X_PRESETS,
+    fixed_options=(("x265-params", "log-level=none"),),  # x265 prints past FFmpeg's log
+    lossless=(("x265-params", "lossless=1"),),
+    needs_whole_chroma=True,
+    alpha_formats=(),  # it stores alpha in a second layer, which few players and none of FFmpeg's containers support
+    threads=4,
+    # As on 16 cores, where it encodes 4 pictures at once: its lookahead decides differently with a pool of less than 4
+    # threads. Its note of its own options names the features of the processor.
+    repeatable_options=(("x265-params", "info=0"), ("x265-params", f"pools={ENCODER_THREADS}")),
+)
+VP9 = Encoder(
+    name="libvpx-vp9",
+    crf=30,
+    largest_crf=63,
+    preset="4",
+    presets=tuple(map(str, range(9))),
+    preset_option="cpu-used",
+    fixed_options=(("b", "0"), ("row-mt", "1"), ("deadline", "good")),
+    lossless=(("lossless", "1"),),
+    alpha_formats=("yuva420p",),
+)
+# SVT-AV1 has a lossless mode, but 10-bit values come back off by one, and streams of fast presets do not decode.
+AV1 = Encoder(name="libsvtav1", crf=30, largest_crf=63, preset="8", presets=tuple(map(str, range(14))))
+
+encoders = {"h264": H264, "hevc": HEVC, "vp9": VP9, "av1": AV1}
 """Encoders by the common name of their format."""
 
+X264_RGB = Encoder("libx264rgb", lossless=H264.lossless, repeatable_options=X264_OPTIONS)
+VP8 = Encoder("libvpx", alpha_formats=VP9.alpha_formats, threads=1)  # it takes no more threads than there are cores
+MJPEG = Encoder("mjpeg", threads=1)  # with more it cannot choose the codes of a picture, and files grow by 15 %
 
-def default_codec(container: str, pixel_format: str = "yuv420p", source_codec: str = "") -> str:
+_by_name = {encoder.name: encoder for encoder in (*encoders.values(), X264_RGB, VP8, MJPEG)}
+
+
+def encoder_of(name: str) -> Encoder:
+    """Return the encoder with FFmpeg's name, or of the format with a common name; others need nothing."""
+    by_format = {**encoders, "h265": HEVC}
+    return by_format.get(name.lower()) or _by_name.get(name, Encoder(name))
+
+
+def default_codec(container: Container, pixel_format: str = "yuv420p", source_codec: str = "") -> str:
     """Return the codec of an output if none is given: the one that most players show at the source's bit depth.
 
     8-bit video becomes H.264, or VP9 in .webm. Deeper pictures become HEVC, since few players show such H.264, and in
@@ -126,11 +138,11 @@ def default_codec(container: str, pixel_format: str = "yuv420p", source_codec: s
     since a player that shows the source shows the output too.
     """
     is_deep = depth_of(pixel_format) > 8
-    if container == "webm":
+    if not container.holds("h264"):
         return "av1" if is_deep and not has_alpha(pixel_format) else "vp9"
     if not is_deep or source_codec == "h264":
         return "h264"
-    if source_codec == "av1" and container != "mov" and pixel_format.startswith("yuv420p"):
+    if source_codec == "av1" and container.holds("av1") and pixel_format.startswith("yuv420p"):
         return "av1"
     return "hevc"
 
@@ -144,35 +156,20 @@ def depth_of(pixel_format: str) -> int:
 
 def find_encoder(name: str, kind: str) -> av.Codec | None:
     """Return the encoder with this very name for ``video`` or ``audio``, or None if FFmpeg has none here."""
-    with suppress(UnknownCodecError):
-        codec = av.Codec(name, "w")
-        return codec if (codec.type, codec.name) == (kind, name) else None
-    return None
+    codec = find_codec(name, "w")
+    return codec if codec is not None and (codec.type, codec.name) == (kind, name) else None
 
 
-def choose_encoder(
-    encoding: EncodeSettings,
-    container: str,
-    name: str,
-    pixel_format: str = "yuv420p",
-    source_codec: str = "",
-    *,
-    pixels: int,
-) -> tuple[str, dict[str, str]]:
+def choose_encoder(output: Output, traits: VideoTraits | None = None) -> tuple[str, dict[str, str]]:
     """Return FFmpeg's encoder and its options for the encoding that was asked for.
 
     Parameters
     ----------
-    encoding : EncodeSettings
-        Options of the user; without a codec, `default_codec` chooses it.
-    container : str
-        FFmpeg's name of the output's container.
-    name : str
-        The output in messages.
-    pixel_format, source_codec : str
-        Pixel format of the source, and FFmpeg's name of its codec.
-    pixels : int
-        Pixels per picture, which limit the number of threads.
+    output : Output
+        Output with the options of the user; without a codec, `default_codec` chooses it. The size of its pictures
+        limits the number of threads.
+    traits : VideoTraits, optional
+        Pixel format and codec of the source; without them, those of 8-bit pictures.
 
     Returns
     -------
@@ -184,38 +181,47 @@ def choose_encoder(
     OptionError
         FFmpeg lacks the encoder, the container does not hold its codec, or it does not know an option.
     """
-    asked = encoding.codec or default_codec(container, encoding.pixel_format or pixel_format, source_codec)
-    known = encoders.get("hevc" if asked.lower() == "h265" else asked.lower()) or next(
-        (entry for entry in encoders.values() if entry.name == asked), None
-    )
-    encoder = known.name if known else asked
-    codec = find_encoder(encoder, "video")
+    traits = traits or VideoTraits()
+    encoding = output.encoding
+    pixel_format = encoding.pixel_format or traits.pixel_format
+    asked = encoding.codec or default_codec(output.container, pixel_format, traits.codec)
+    encoder = encoder_of(asked)
+    codec = find_encoder(encoder.name, "video")
     if codec is None:
         raise OptionError(
             f"`codec={asked!r}` is unknown here, also as the exact name of an FFmpeg encoder; "
             + choose_one(asked, encoders)
         )
-    check_holds(container, encoder, name, f"`codec={asked!r}`", {common: e.name for common, e in encoders.items()})
+    names = {common: each.name for common, each in encoders.items()}
+    output.container.check_holds(encoder.name, output.path, f"`codec={asked!r}`", names)
     _check_pixel_format(codec, encoding.pixel_format)
-    options = _options_of_other(codec, encoding) if known is None else _options_of_known(known, asked, encoding)
+    options = _options_of_known(encoder, asked, encoding) if encoder.presets else _options_of_other(codec, encoding)
+    _check_encoder_options(codec, encoding)
+    more = repeatable_options(encoder, {*options, *dict(encoding.encoder_options)}, output.info)
+    return encoder.name, _merged_options(options, (*more, *encoding.encoder_options))
+
+
+def _check_encoder_options(codec: av.Codec, encoding: EncodeSettings) -> None:
+    """Raise `OptionError` unless an encoder knows the options of its own that were asked for."""
+    if not encoding.encoder_options:  # listing them takes milliseconds
+        return
+    generic = OptionFlags.ENCODING_PARAM | OptionFlags.VIDEO_PARAM
+    common = {o.name for o in codec.create("video").supported_options.generic if o.flags & generic == generic}
     for option, _ in encoding.encoder_options:
-        generic = OptionFlags.ENCODING_PARAM | OptionFlags.VIDEO_PARAM  # milliseconds, for the few who give options
-        common = {o.name for o in codec.create("video").supported_options.generic if o.flags & generic == generic}
         if option not in private_options(codec) | common:
+            name = codec.name
             raise OptionError(
-                f"`encoder_options={option}` is unknown to {encoder}; look it up with ffmpeg -h encoder={encoder}."
+                f"`encoder_options={option}` is unknown to {name}; look it up with ffmpeg -h encoder={name}."
             )
-    given = {*options, *dict(encoding.encoder_options)}
-    return encoder, _merged_options(options, (*repeatable_options(encoder, given, pixels), *encoding.encoder_options))
 
 
-def encodes_alpha(encoding: EncodeSettings, container: str) -> bool:
+def encodes_alpha(encoding: EncodeSettings, container: Container) -> bool:
     """Return whether the encoder, pixel format and container that were asked for can hold alpha; False if unknown."""
     asked = encoding.codec or default_codec(container, encoding.pixel_format or "yuv420p")
-    encoder = encoders[asked.lower()].name if asked.lower() in encoders else asked
-    codec = find_encoder(encoder, "video")
+    encoder = encoder_of(asked)
+    codec = find_encoder(encoder.name, "video")
     # libvpx stores alpha beside the picture
-    if codec is None or (encoder.startswith("libvpx") and container not in ("webm", "matroska")):
+    if codec is None or (encoder in (VP8, VP9) and not container.matroska_elements):
         return False
     offered = pixel_formats(codec)
     if encoding.pixel_format is not None:
@@ -262,8 +268,8 @@ def _options_of_other(codec: av.Codec, encoding: EncodeSettings) -> dict[str, st
     if encoding.lossless and (codec.lossy or not codec.lossless):
         if "lossless" in known:
             options["lossless"] = "1"
-        elif codec.name.startswith("libx264"):
-            options["qp"] = "0"
+        elif codec.name == X264_RGB.name:
+            options.update(X264_RGB.lossless)
         else:
             _check_lossless(codec.name, codec.name.endswith("_nvenc"))
             options["tune"] = "lossless"
@@ -274,7 +280,7 @@ def _check_lossless(asked: str, can: bool) -> None:
     """Raise `OptionError` unless an encoder can encode losslessly."""
     if not can:
         able = [common for common, encoder in encoders.items() if encoder.lossless]
-        raise OptionError(f"`lossless` is nothing that {asked} can do; use {', '.join(able)} or ffv1.")
+        raise OptionError(f"{asked} has no lossless mode for `lossless`; use {', '.join(able)} or ffv1.")
 
 
 def _merged_options(options: dict[str, str], more: Sequence[tuple[str, str]]) -> dict[str, str]:
@@ -293,12 +299,8 @@ def private_options(codec: av.Codec) -> set[str]:
 def pixel_formats(codec: av.Codec) -> list[str]:
     """Return the pixel formats in memory that an encoder accepts, or an empty list if it does not list any."""
     names = [item.name for item in codec.video_formats or () if item.components]  # those of a GPU have no components
-    opened = _opened_with_alpha.get(codec.name)  # some list more formats with alpha than they open
+    opened = encoder_of(codec.name).alpha_formats
     return names if opened is None else [name for name in names if name in opened or not has_alpha(name)]
-
-
-# HEVC stores alpha in a second layer, which few players and none of FFmpeg's containers support
-_opened_with_alpha = {"libvpx": ["yuva420p"], "libvpx-vp9": ["yuva420p"], "libx265": []}
 
 
 def _check_pixel_format(codec: av.Codec, asked: str | None) -> None:
@@ -307,50 +309,21 @@ def _check_pixel_format(codec: av.Codec, asked: str | None) -> None:
         return
     taken = pixel_formats(codec)
     if taken and asked not in taken:
-        raise OptionError(f"`pixel_format={asked!r}` is nothing that {codec.name} takes; {choose_one(asked, taken)}")
+        raise OptionError(f"{codec.name} does not take `pixel_format={asked!r}`; {choose_one(asked, taken)}")
     try:
         av.VideoFormat(asked)
     except ValueError:
         raise OptionError(f"`pixel_format={asked!r}` is no pixel format of FFmpeg; use one such as yuv420p.") from None
 
 
-def check_holds(container: str, codec: str, name: str, option: str, others: Mapping[str, str]) -> None:
-    """Raise `OptionError` unless the container of a file holds a codec that an option names; `others` may be named."""
-    if holds(container, codec):
-        return
-    fitting = [common for common, encoder in others.items() if holds(container, encoder)]
-    suffixes = [suffix for suffix, other in containers.items() if holds(other, codec)]
-    instead = f", or write {' or '.join(suffixes)}" if suffixes else ""
-    raise OptionError(f"{option} cannot go into {name}; use {' or '.join(fitting)}{instead}.")
-
-
-def holds(container: str, codec: str) -> bool:
-    """Return whether a container (FFmpeg's name, ``matroska``) holds the codec of an encoder or decoder."""
-    with av.open(BytesIO(), "w", format=container) as probe:
-        listed = codec in probe.supported_codecs
-    # the header of DV cannot be written without a picture
-    return listed and (container != "mov" or codec == "dvvideo" or _writes_header(codec))
-
-
-def _writes_header(codec: str) -> bool:
-    """Return whether the .mov muxer, which lists codecs of .mp4 that it then rejects, writes a header for a codec."""
-    try:
-        with trial_file() as path, av.open(str(path), "w", format="mov") as probe:
-            probe.add_mux_stream(codec, rate=48000, width=64, height=64, time_base=Fraction(1, 48000))
-            probe.start_encoding()
-    except (av.error.FFmpegError, ValueError):
-        return False
-    return True
-
-
-def repeatable_options(encoder: str, given: Collection[str], pixels: int) -> tuple[tuple[str, str], ...]:
+def repeatable_options(encoder: Encoder, given: Collection[str], info: ClipInfo) -> tuple[tuple[str, str], ...]:
     """Return the options with which an encoder makes the same packets on any number of cores, beside those `given`.
 
     The number of cores would decide how many threads an encoder has, and many cut pictures into other slices, search
     motion within other limits, or name the number in the stream.
     """
-    usual = THREADS_FOR_LARGE_PICTURES if pixels > LARGE_PICTURE else ENCODER_THREADS
-    # with more threads, SVT-AV1 aims at a rate differently in every run
-    is_unsteady = encoder == "libsvtav1" and not {"b", "maxrate"}.isdisjoint(given)
-    further = [("svtav1-params", "lp=1")] if is_unsteady else _further_options.get(encoder, ())
-    return ("threads", str(threads_of_encoders.get(encoder, usual))), *further
+    usual = THREADS_FOR_LARGE_PICTURES if info.width * info.height > LARGE_PICTURE else ENCODER_THREADS
+    further = encoder.repeatable_options
+    if encoder == AV1 and not {"b", "maxrate"}.isdisjoint(given):
+        further = (("svtav1-params", "lp=1"),)  # with more threads, it aims at a rate differently in every run
+    return ("threads", str(encoder.threads or usual)), *further

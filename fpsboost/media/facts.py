@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fpsboost.media.clip import Clip, Reading
+from fpsboost.media.containers import MP4
 from fpsboost.media.demuxer import VideoFile, is_cover_art
 from fpsboost.media.fitting import first_packets, fits, headers_in, is_text, keeps_data
 from fpsboost.media.info import ClipInfo
@@ -122,11 +123,11 @@ def list_streams(file: VideoFile) -> list[StreamFacts]:
             elif stream.type == "audio" and context:
                 details = f"{context.sample_rate} Hz, {context.layout.name}"
             if kind in ("audio", "subtitle"):
-                carries_over = (whole[number][0] and fits("mp4", stream, samples.get(number))) or is_text(stream)
+                carries_over = (whole[number][0] and fits(MP4, stream, samples.get(number))) or is_text(stream)
             elif kind == "cover":
                 carries_over = stream.name in ("png", "mjpeg")
             elif kind == "data":
-                carries_over = bool(find_timecode(tags)) or keeps_data("mp4", stream)
+                carries_over = bool(find_timecode(tags)) or keeps_data(MP4, stream)
             codec = context.codec.canonical_name if context else None
             title = tags.get("title", tags.get("name"))
             listed.append(StreamFacts(number, kind, codec, tags.get("language"), title, details, carries_over))

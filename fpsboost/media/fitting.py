@@ -12,23 +12,32 @@ from typing import Any, cast
 
 import av
 from av.codec.codec import Properties
-from av.stream import Stream
+from av.container import InputContainer, OutputContainer
+from av.error import FFmpegError
+from av.stream import Discard, Stream
 
+from fpsboost.media.containers import Container, containers
 from fpsboost.media.demuxer import VideoFile
-from fpsboost.media.encoded_sound import can_encode, choose_sound_encoder, defaults, named_layout, sound_encoders
-from fpsboost.media.encoding import containers, holds
-from fpsboost.media.errors import OptionError, OutputError, refuse
+from fpsboost.media.encoded_sound import can_encode, choose_sound_encoder, named_layout, sound_encoders
+from fpsboost.media.errors import OptionError, OutputError
 from fpsboost.media.info import EncodeSettings
 from fpsboost.media.output import Output
-from fpsboost.media.pyav import Packet, open_input, trial_file
+from fpsboost.media.pyav import REFUSALS, Packet, open_input, trial_file
 
 MAX_PROBED_PACKETS = 200  # maximum number of packets that are read to find the first packet of each stream
-INCOMPLETE_LIST_CONTAINERS = ("matroska",)  # containers that hold more codecs than their list names
 TEE_SPECIAL_CHARACTERS = re.compile(r"([\\'|\s])")  # characters with a special meaning to the tee muxer in a path
 
 
-_Misfit = tuple[str, list[str], str]
-"""Sentence, without its end, on a stream that fits in no way; ways to keep it, and the one to leave it out."""
+@dataclass(frozen=True)
+class Rejected:
+    """Stream that can be stored in no way: why, and what a user can do."""
+
+    cause: str
+    """Sentence without its end."""
+    without: str
+    """Way to leave the stream out."""
+    ways: Sequence[str] = ()
+    """Ways to keep it."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +46,6 @@ class Fitting:
 
     output: Output
     """The file, its source, the part that is written, and which streams to keep."""
-    container: str
-    """FFmpeg's name of its container."""
     encoders: Mapping[int, str] = field(default_factory=dict)
     """FFmpeg's encoders for audio that is re-encoded, by the number of its stream."""
     left_out: Mapping[int, str] = field(default_factory=dict)
@@ -47,15 +54,13 @@ class Fitting:
     """Whether a stream is copied whose codec is missing from the container's list; see `open_muxer`."""
 
 
-def fit_streams(output: Output, container: str, encoder: str) -> Fitting:
+def fit_streams(output: Output, encoder: str) -> Fitting:
     """Decide how audio and subtitles of an output's source are stored in it, by trials with FFmpeg's muxers.
 
     Parameters
     ----------
     output : Output
         Output, with its source and the streams to keep.
-    container : str
-        FFmpeg's name of its container.
     encoder : str
         FFmpeg's encoder of the video, which containers that are proposed instead must hold too.
 
@@ -71,22 +76,21 @@ def fit_streams(output: Output, container: str, encoder: str) -> Fitting:
     OutputError
         A stream cannot be stored that is the only one of its type, or was asked for by number.
     """
-    name = output.path
     encoding = output.encoding
     source = output.stream.video
     if source is None:
         if encoding.streams is not None:
             raise OptionError("`streams` chooses among the streams of a video file; leave it out.")
-        return Fitting(output, container)
-    asked = choose_sound_encoder(encoding, container, name)
-    is_stretched = output.window is not None and output.window.curve is not None
+        return Fitting(output)
+    asked = choose_sound_encoder(output)
+    is_stretched = output.curve is not None
     if is_stretched and asked is None and encoding.audio_codec is not None and encoding.audio:
         raise OptionError(
             f"`slow_motion_sound='stretch'` and `audio_codec={encoding.audio_codec!r}` contradict each other; give "
             "one of them."
         )
     encoders: dict[int, str] = {}
-    misfits: dict[int, _Misfit] = {}
+    rejected: dict[int, Rejected] = {}
     any_codec = False
     headers = headers_in(source)
     with source.open() as file:
@@ -95,51 +99,68 @@ def fit_streams(output: Output, container: str, encoder: str) -> Fitting:
         strict = [stream for stream in streams if not is_text(stream)]
         samples = first_packets(file, strict)
         for stream in strict:
-            sample = samples.get(stream.index)
-            is_other = asked is not None and av.Codec(asked, "w").canonical_name != codec_of(stream)
-            is_whole, is_decodable = headers[stream.index]
-            is_held = is_whole and fits(container, stream, sample)
-            # a .webm holds no sound that films usually have
-            is_other |= not is_held and (asked is not None or (container == "webm" and encoding.audio_codec is None))
-            # FFmpeg takes the length of TTA from that of the whole Matroska, and loses its end where they differ
-            is_tta = container == "matroska" and encoding.audio_codec is None and codec_of(stream) == "tta"
-            if stream.type == "audio" and (is_stretched or is_other or is_tta):
-                chosen = asked or ("flac" if is_tta else defaults[container])
-                if is_decodable and can_encode(stream, chosen):
-                    encoders[stream.index] = chosen
-                else:
-                    aim = "stretched" if is_stretched else "encoded anew"
-                    option = "`slow_motion_sound='drop'`" if is_stretched else "`audio=False`"
-                    cause = f"The {codec_of(stream)} sound of {source.name} cannot be {aim} here"
-                    misfits[stream.index] = cause, [], f"leave it out with {option}"
-            elif not is_held:
-                instead = [
-                    suffix
-                    for suffix, other in containers.items()
-                    if other != container
-                    and is_whole
-                    and (not encoding.codec or holds(other, encoder))
-                    and fits(other, stream, sample)
-                ]
-                encoder_here = defaults[container] if is_decodable else None
-                misfits[stream.index] = _not_held(stream, encoder_here, instead, name, source.name, is_whole=is_whole)
+            number = stream.index
+            sample = samples.get(number)
+            is_whole, is_decodable = headers[number]
+            is_held = is_whole and fits(output.container, stream, sample)
+            chosen = _new_encoder(output, stream, asked, is_held=is_held)
+            if chosen is None and is_held:
+                any_codec |= not _listed(output.container, stream)
+            elif chosen is None:
+                others = _others_for(output, encoder, stream, sample) if is_whole else []
+                here = output.container.sound_encoder if is_decodable else None
+                rejected[number] = _not_held(stream, here, others, output.path, source.name, is_whole=is_whole)
+            elif is_decodable and can_encode(stream, chosen):
+                encoders[number] = chosen
             else:
-                any_codec |= not _listed(container, stream)
-        kept = {stream.type for stream in streams if stream.index not in misfits}
+                aim, option = ("encoded anew", "`audio=False`")
+                if is_stretched:
+                    aim, option = ("stretched", "`slow_motion_sound='drop'`")
+                cause = f"The {codec_of(stream)} sound of {source.name} cannot be {aim} here"
+                rejected[number] = Rejected(cause, f"leave it out with {option}")
+        kept = {stream.type for stream in streams if stream.index not in rejected}
         left_out = {}
-        for index, (cause, ways, without) in misfits.items():
-            refuse(
-                {
-                    f"{cause}; leave {index} out of `streams`.": encoding.streams is not None,
-                    f"{cause}; {_any_of([*ways, without])}.": file.streams[index].type not in kept,
-                },
-                OutputError,
-            )
-            left_out[index] = f"{cause}; stream {index} was left out{'; to keep it, ' * bool(ways)}{_any_of(ways)}."
-    return Fitting(output, container, encoders, left_out, any_codec)
+        for index, misfit in rejected.items():
+            cause = misfit.cause
+            if encoding.streams is not None:
+                raise OutputError(f"{cause}; leave {index} out of `streams`.")
+            if file.streams[index].type not in kept:
+                raise OutputError(f"{cause}; {_any_of([*misfit.ways, misfit.without])}.")
+            way = f"; to keep it, {_any_of(misfit.ways)}" if misfit.ways else ""
+            left_out[index] = f"{cause}; stream {index} was left out{way}."
+    return Fitting(output, encoders, left_out, any_codec)
 
 
-def _check_streams(file: av.container.InputContainer, source: VideoFile, encoding: EncodeSettings) -> None:
+def _new_encoder(output: Output, stream: Stream, asked: str | None, *, is_held: bool) -> str | None:
+    """Return the encoder for sound that is encoded anew; None for a stream that is copied, or left out."""
+    is_stretched = output.curve is not None
+    if stream.type != "audio":
+        return None
+    if asked is not None:
+        is_same = av.Codec(asked, "w").canonical_name == codec_of(stream)
+        return None if is_same and is_held and not is_stretched else asked
+    if output.encoding.audio_codec is not None:  # to be copied
+        return None
+    container = output.container
+    if container.name == "matroska" and codec_of(stream) == "tta":
+        # FFmpeg takes the length of TTA from that of the whole Matroska, and loses its end where they differ
+        return "flac"
+    is_needed = is_stretched or (container.replaces_sound and not is_held)
+    return container.sound_encoder if is_needed else None
+
+
+def _others_for(output: Output, encoder: str, stream: Stream, sample: bytes | None) -> list[str]:
+    """Return the suffixes of other containers that hold a stream, and the video if its encoder was asked for."""
+    return [
+        suffix
+        for suffix, other in containers.items()
+        if other != output.container
+        and (not output.encoding.codec or other.holds(encoder))
+        and fits(other, stream, sample)
+    ]
+
+
+def _check_streams(file: InputContainer, source: VideoFile, encoding: EncodeSettings) -> None:
     """Raise `OptionError` if a stream is wanted that is neither sound nor subtitles nor the video."""
     offered = {stream.index: stream for stream in file.streams if stream.type in ("audio", "subtitle")}
     for number in set(encoding.streams or ()) - offered.keys() - {source.stream_index}:
@@ -157,8 +178,8 @@ def _any_of(ways: Sequence[str]) -> str:
 
 def _not_held(
     stream: Stream, encoder: str | None, others: Sequence[str], name: str, source: str, *, is_whole: bool
-) -> _Misfit:
-    """Return the misfit of a stream that the container does not hold, with other containers and an encoder as ways."""
+) -> Rejected:
+    """Return that the container does not hold a stream, with other containers and an encoder as ways to keep it."""
     what, option = ("sound", "`audio=False`") if stream.type == "audio" else ("subtitles", "`subtitles=False`")
     ways = [f"write {' or '.join(others)}"] if others else []
     if stream.type == "audio" and encoder is not None and can_encode(stream, encoder):
@@ -168,7 +189,7 @@ def _not_held(
     is_unknown = codec_of(stream) == "aac" and not others and not cast(Any, stream.codec_context).extradata
     reason = ", whose headers are missing" if is_unknown or not is_whole else ""
     cause = f"{name} cannot hold the {codec_of(stream)} {what} of {source}{reason}"
-    return cause, ways, f"leave the {what} out with {option}"
+    return Rejected(cause, f"leave the {what} out with {option}", ways)
 
 
 def is_wanted(stream: Stream, encoding: EncodeSettings) -> bool:
@@ -177,10 +198,10 @@ def is_wanted(stream: Stream, encoding: EncodeSettings) -> bool:
     return is_chosen and {"audio": encoding.audio, "subtitle": encoding.subtitles}.get(stream.type, False)
 
 
-def first_packets(file: av.container.InputContainer, streams: Sequence[Stream]) -> dict[int, bytes]:
+def first_packets(file: InputContainer, streams: Sequence[Stream]) -> dict[int, bytes]:
     """Return the first packet of each stream by its number, if it is among the first of the file."""
     packets: dict[int, bytes] = {}
-    with suppress(av.error.FFmpegError):
+    with suppress(FFmpegError):
         for packet in islice(file.demux(streams), MAX_PROBED_PACKETS) if streams else ():
             if packet.size:
                 packets.setdefault(packet.stream.index, bytes(packet))
@@ -192,11 +213,11 @@ def check_readable(path: Path, written: Counter[str], name: str) -> None:
 
     A stream is discarded after its first packet, so that one that begins late is found without reading all others.
     """
-    with suppress(av.error.FFmpegError, ValueError), open_input(str(path.absolute())) as file:
+    with suppress(*REFUSALS), open_input(str(path.absolute())) as file:
         missing = written.copy()
         for packet in file.demux():
-            if packet.size and packet.stream.discard != av.stream.Discard.all:
-                packet.stream.discard = av.stream.Discard.all
+            if packet.size and packet.stream.discard != Discard.all:
+                packet.stream.discard = Discard.all
                 missing[packet.stream.type] -= _headers_of(packet.stream)[0]
             if not +missing:
                 return
@@ -208,7 +229,7 @@ def check_readable(path: Path, written: Counter[str], name: str) -> None:
     )
 
 
-def fits(container: str, stream: Stream, sample: bytes | None) -> bool:
+def fits(container: Container, stream: Stream, sample: bytes | None) -> bool:
     """Return whether a container holds a stream as it is, by a trial with its muxer.
 
     The trial uses a packet of the stream, since a muxer may have to rewrite packets, such as audio of MPEG transport
@@ -216,9 +237,7 @@ def fits(container: str, stream: Stream, sample: bytes | None) -> bool:
     """
     if _listed(container, stream):
         return _muxed(container, stream, sample) is not None
-    is_possible = (
-        container in INCOMPLETE_LIST_CONTAINERS and stream.type == "audio" and stream.codec_context is not None
-    )
+    is_possible = container.codec_list == "incomplete" and stream.type == "audio" and stream.codec_context is not None
     return is_possible and _muxed(container, stream, sample, any_codec=True) == [codec_of(stream)]
 
 
@@ -232,7 +251,7 @@ def _headers_of(stream: Stream) -> tuple[bool, bool]:
         return True, context is not None
     try:
         context.open(strict=False)
-    except (av.error.FFmpegError, ValueError):
+    except REFUSALS:
         return bool(context.extradata), False
     return True, True
 
@@ -243,14 +262,14 @@ def headers_in(source: VideoFile) -> dict[int, tuple[bool, bool]]:
         return {stream.index: _headers_of(stream) for stream in file.streams}
 
 
-def add_copied(output: av.container.OutputContainer, stream: Stream, container: str) -> Stream:
+def add_copied(output: OutputContainer, stream: Stream, container: Container) -> Stream:
     """Add a stream for the packets of another one to an output.
 
     FFmpeg's mp4 takes PCM only with a named channel layout, which AVI, Matroska and MXF do not give: there two channels
     are taken for stereo and one for mono, as players do. More channels have no such usual order, and stay as they are.
     """
     target = output.add_stream_from_template(stream)
-    context: Any = target.codec_context if container == "mp4" and stream.type == "audio" else None
+    context: Any = target.codec_context if container.needs_named_layouts and stream.type == "audio" else None
     if context is not None and context.layout.nb_channels in (1, 2):
         context.layout = named_layout(context.layout)
     return target
@@ -276,20 +295,20 @@ def kind_of(stream: Stream) -> str:
     return f"{stream.type}, {more}" if more else stream.type
 
 
-def keeps_data(container: str, stream: Stream) -> bool:
+def keeps_data(container: Container, stream: Stream) -> bool:
     """Return whether data is recognized after muxing, by a trial, as codec lists are too permissive, or a font kept."""
     if stream.type != "data":
-        return stream.type == "attachment" and container == "matroska"
+        return stream.type == "attachment" and container.keeps_attachments
     return _muxed(container, stream, None) == [getattr(stream, "name", "")]
 
 
-def _listed(container: str, stream: Stream) -> bool:
+def _listed(container: Container, stream: Stream) -> bool:
     """Return whether the codec of a stream is in the container's list."""
     context: Any = stream.codec_context
-    return context is not None and holds(container, context.codec.name)
+    return context is not None and container.holds(context.codec.name)
 
 
-def _muxed(container: str, stream: Stream, sample: bytes | None, *, any_codec: bool = False) -> list[str] | None:
+def _muxed(container: Container, stream: Stream, sample: bytes | None, *, any_codec: bool = False) -> list[str] | None:
     """Return the formats of the streams in a file with one packet of a stream; None if the muxer refuses it.
 
     None also if the file lacks the headers of AAC, with which FFmpeg's mp4 and mov do without and players do not.
@@ -306,16 +325,16 @@ def _muxed(container: str, stream: Stream, sample: bytes | None, *, any_codec: b
                 packet.duration = 1
                 packet.time_base = target.time_base or Fraction(1)
                 output.mux(packet)
-        except (av.error.FFmpegError, ValueError):
+        except REFUSALS:
             return None
-        with suppress(av.error.FFmpegError, ValueError), av.open(str(path)) as file:
+        with suppress(*REFUSALS), av.open(str(path)) as file:
             names = [str(again.name) if again.type == "data" else codec_of(again) for again in file.streams]
             lacks_headers = "aac" in names and not cast(Any, file.streams[0].codec_context).extradata
             return None if lacks_headers and sample else names
     return None if sample else []
 
 
-def open_muxer(path: Path, container: str, *, any_codec: bool = False) -> av.container.OutputContainer:
+def open_muxer(path: Path, container: Container, *, any_codec: bool = False) -> OutputContainer:
     """Open a file for muxing; with `any_codec`, only the container's muxer decides which codecs it accepts.
 
     PyAV looks a codec up in the muxer's list before it adds a stream. Matroska's omits what it holds by a Windows codec
@@ -326,6 +345,6 @@ def open_muxer(path: Path, container: str, *, any_codec: bool = False) -> av.con
     place = str(path.absolute())
     if any_codec:
         escaped = TEE_SPECIAL_CHARACTERS.sub(r"\\\1", place)
-        return av.open(f"[f={container}]{escaped}", "w", format="tee")
-    options = {"movflags": "+faststart"} if container in ("mp4", "mov") else {}
-    return av.open(place, "w", format=container, container_options=options)
+        return av.open(f"[f={container.name}]{escaped}", "w", format="tee")
+    options = {"movflags": "+faststart"} if container.exact_times else {}
+    return av.open(place, "w", format=container.name, container_options=options)

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import av
 import numpy as np
+from av.error import FFmpegError
 from numpy.typing import NDArray
 
 from fpsboost.media.demuxer import VideoFile, is_encrypted, read_packets
@@ -86,7 +86,7 @@ def read_index(file: VideoFile) -> FrameIndex:
                     keys.append(place)
                 if not packet.is_discard and is_presented(codec, packet):
                     presented.append(place)
-    except (av.error.FFmpegError, OSError):
+    except (FFmpegError, OSError):
         raise UnindexedError("its packets cannot be listed") from None
     if damage != Damage():
         raise UnindexedError("parts of it cannot be read")

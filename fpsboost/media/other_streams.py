@@ -17,12 +17,15 @@ from typing import Any, cast
 
 import av
 from av.codec.codec import Capabilities
+from av.container import InputContainer, OutputContainer
+from av.error import FFmpegError
+from av.stream import Discard, Disposition, Stream
 from av.subtitles.subtitle import SubtitleSet
 
 from fpsboost.media.clock import Window
+from fpsboost.media.containers import MATROSKA_TICK, Container, containers
 from fpsboost.media.demuxer import VideoFile, is_cover_art, is_encrypted, read_packets
 from fpsboost.media.encoded_sound import EncodedSound
-from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, containers
 from fpsboost.media.errors import EncryptedError, applicable
 from fpsboost.media.fitting import Fitting, add_copied, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
 from fpsboost.media.pyav import Packet, open_input, printable
@@ -54,9 +57,6 @@ ALL = Window(Fraction(0), None, None)
 ERASE_CAPTIONS = b"\xfc\x94\x2c\xfd\x15\x2c"
 """Command of CEA-608 that empties the screen, in the first and in the second field of a picture, with parity."""
 
-text_formats = {"mp4": "mov_text", "mov": "mov_text", "matroska": "subrip", "webm": "webvtt"}
-"""FFmpeg's name of a text subtitle format that each container supports."""
-
 
 class OtherStreams:
     """Copier of audio, subtitles, data, attachments, tags and chapters from a source file to an output.
@@ -71,29 +71,26 @@ class OtherStreams:
         of the source that is written.
     source : VideoFile
         File to copy from.
-    output : av.container.OutputContainer
+    output : OutputContainer
         Output whose header is not written yet; it stays the caller's to close.
     video : av.VideoStream
         Video stream of the output, which gets the labels and the timecode of the source's.
     """
 
-    def __init__(
-        self, fitting: Fitting, source: VideoFile, output: av.container.OutputContainer, video: av.VideoStream
-    ) -> None:
+    def __init__(self, fitting: Fitting, source: VideoFile, output: OutputContainer, video: av.VideoStream) -> None:
         self._fitting = fitting
         self._source = source
         self._output = output
         self._window = fitting.output.window or ALL
-        self._encoding = fitting.output.encoding
         self._name = fitting.output.path
-        self._container = fitting.container
+        self._container = fitting.output.container
         self._curve = self._window.curve
         self._reverses = self._curve is not None and self._curve.reverses
         self.written: dict[int, str] = {}
         """Type of each stream of the source of which packets were muxed, by its number."""
         self._input = source.open()
-        self._targets: dict[int, av.stream.Stream] = {}
-        self._labels: dict[int, tuple[str, dict[str, str], av.stream.Disposition]] = {}
+        self._targets: dict[int, Stream] = {}
+        self._labels: dict[int, tuple[str, dict[str, str], Disposition]] = {}
         """Type, tags and flags of each target when all is muxed; PyAV reads none of a file that is closed."""
         self._regional = regional_languages(self._input)
         self._last_dts: dict[int, int] = {}
@@ -173,16 +170,16 @@ class OtherStreams:
         """Add a remark whose subject is the output."""
         self.remarks.append(f"{self._name} {sentence}")
 
-    def _add(self, stream: av.stream.Stream) -> None:
+    def _add(self, stream: Stream) -> None:
         """Add an output stream for a stream of the source as `fit_streams` has chosen, or remark on its loss."""
-        is_kept = is_wanted(stream, self._encoding)
+        is_kept = is_wanted(stream, self._fitting.output.encoding)
         is_copied = is_kept or (stream.type == "data" and keeps_data(self._container, stream))
         can_turn = stream.type == "audio" or (
             stream.type == "subtitle" and is_text(stream) and codec_of(stream) != "eia_608"
         )
         if stream.type == "video" and is_cover_art(stream):
             self._add_cover(stream)
-        elif stream.discard == av.stream.Discard.all:
+        elif stream.discard == Discard.all:
             pass  # chapter track of an mp4, which FFmpeg reads as chapters
         elif stream.index in self._fitting.left_out:
             self.remarks.append(self._fitting.left_out[stream.index])
@@ -204,21 +201,21 @@ class OtherStreams:
             what = f"stream {stream.index} ({kind_of(stream)})"
             self.remarks.append(not_held_remark(self._name, what, keeping))
 
-    def _add_target(self, stream: av.stream.Stream, target: av.stream.Stream) -> None:
+    def _add_target(self, stream: Stream, target: Stream) -> None:
         """Register the output stream for the packets of a stream, with its language, title and flags."""
         copy_labels(stream, target, self._container)
         self._targets[stream.index] = target
 
-    def _add_converted(self, stream: av.stream.Stream) -> None:
+    def _add_converted(self, stream: Stream) -> None:
         """Add a stream of text subtitles in the container's format; `fit_streams` has checked that it fits."""
         converter = self._converters[stream.index] = TextConverter(stream, self._output, self._container)
         self._add_target(stream, converter.stream)
         self._remark(
             f"holds stream {stream.index} ({codec_of(stream)} subtitles) of its source as "
-            f"{text_formats[self._container]}; styles may differ."
+            f"{self._container.text_format}; styles may differ."
         )
 
-    def _add_encoded(self, stream: av.stream.Stream, encoder: str) -> None:
+    def _add_encoded(self, stream: Stream, encoder: str) -> None:
         """Add a stream of audio that is re-encoded; `fit_streams` has checked that it can be."""
         sound = self._sounds[stream.index] = EncodedSound(stream, self._output, encoder, self._fitting.output.window)
         self._add_target(stream, sound.stream)
@@ -272,21 +269,25 @@ class OtherStreams:
             video.metadata["timecode"] = again
         return True
 
-    def _add_cover(self, stream: av.stream.Stream) -> None:
+    def _add_cover(self, stream: Stream) -> None:
         """Keep a cover picture, as an attachment in Matroska or a stream in mp4; elsewhere remark on its loss."""
         packet = _attached_picture(self._source, stream.index)
-        if packet is not None and self._container == "matroska":
+        if packet is not None and self._container.keeps_attachments:
             kind = "png" if stream.name == "png" else "jpeg"
             tags = stream.metadata
             name = tags.get("filename", f"cover.{kind}")
             mimetype = tags.get("mimetype", f"image/{kind}")
             self._output.add_attachment(name, mimetype, bytes(packet))
-        elif packet is not None and self._container == "mp4" and stream.name in ("png", "mjpeg"):
+        elif packet is not None and self._container.keeps_covers and stream.name in ("png", "mjpeg"):
             packet.stream = self._output.add_stream_from_template(stream, opaque=True)
-            packet.stream.disposition = av.stream.Disposition.attached_pic
+            packet.stream.disposition = Disposition.attached_pic
             self._covers.append(packet)
         else:
-            keeping = [suffix for suffix, container in containers.items() if container in ("mp4", "matroska")]
+            keeping = [
+                suffix
+                for suffix, container in containers.items()
+                if container.keeps_attachments or container.keeps_covers
+            ]
             self.remarks.append(not_held_remark(self._name, "the cover picture", keeping))
 
     def _moved(self) -> Iterator[tuple[Fraction, Packet]]:
@@ -320,7 +321,7 @@ class OtherStreams:
             for moved in [packet] if window is ALL or index in self._sounds else self._move(packet, window):
                 yield due, moved
 
-    def _read(self, file: av.container.InputContainer, streams: Collection[int]) -> Iterator[Packet]:
+    def _read(self, file: InputContainer, streams: Collection[int]) -> Iterator[Packet]:
         """Yield packets of streams of the source, in file order, with times from the start of the clip; text as cues.
 
         Ends soon after the window does. Damage is remarked once.
@@ -351,7 +352,7 @@ class OtherStreams:
     def _is_hidden(self, packet: Packet) -> bool:
         """Return whether the edit list hides a packet that is copied, the output cannot, and no decoder needs it."""
         end = ((packet.pts or 0) + (packet.duration or 0)) * Fraction(packet.time_base)
-        is_copied = packet.stream.index not in self._sounds and self._container not in EXACT_TIME_BASE_CONTAINERS
+        is_copied = packet.stream.index not in self._sounds and not self._container.exact_times
         return packet.is_discard and is_copied and end < -MAX_PRIMING
 
     def _move(self, packet: Packet, window: Window) -> Sequence[Packet]:
@@ -362,7 +363,7 @@ class OtherStreams:
         begin = pts * tick
         end = (pts + max(packet.duration or 0, 1)) * tick
         # Matroska has no times before 0: there all packets are offset, as of a whole clip, or what comes before is lost
-        is_exact = self._container in EXACT_TIME_BASE_CONTAINERS
+        is_exact = self._container.exact_times
         leads = not is_exact and packet.stream.type == "audio" and window.begin == window.origin
         if (end <= window.begin and not leads) or (window.end is not None and begin >= window.end):
             return []
@@ -400,7 +401,7 @@ class OtherStreams:
         kind = packet.stream.type
         last = self._last_dts.get(index)
         # short audio packets may share a millisecond, and re-encoded audio gets new times
-        equal_is_fine = kind == "subtitle" or index in self._sounds or self._container not in EXACT_TIME_BASE_CONTAINERS
+        equal_is_fine = kind == "subtitle" or index in self._sounds or not self._container.exact_times
         if last is not None and (packet.dts < last or (packet.dts == last and not equal_is_fine)):
             sentence = f"{self._source.name} has sound or subtitle packets out of order, which were left out."
             if sentence not in self.remarks:
@@ -424,7 +425,7 @@ class OtherStreams:
             self.written[index] = kind
 
 
-def _chapters_within(file: av.container.InputContainer, window: Window, start: Fraction) -> list[Any]:
+def _chapters_within(file: InputContainer, window: Window, start: Fraction) -> list[Any]:
     """Return the chapters that overlap a window, cut to it, with their output times."""
     kept: list[Any] = []
     for chapter in file.chapters():
@@ -444,7 +445,7 @@ def _chapters_within(file: av.container.InputContainer, window: Window, start: F
 
 def _attached_picture(source: VideoFile, index: int) -> Packet | None:
     """Return the packet of an attached picture, by a separate open file, as seeking back would lose audio."""
-    with source.open() as file, suppress(av.error.FFmpegError):
+    with source.open() as file, suppress(FFmpegError):
         return next((packet for packet in file.demux(file.streams[index]) if packet.size), None)
     return None
 
@@ -457,21 +458,21 @@ class TextConverter:
 
     Parameters
     ----------
-    stream : av.stream.Stream
+    stream : Stream
         Stream of text subtitles of the source.
-    output : av.container.OutputContainer
+    output : OutputContainer
         Output, whose header is not written yet, to which a stream is added.
-    container : str
-        FFmpeg's name of the output's container, a key of `text_formats`.
+    container : Container
+        Container of the output.
     """
 
-    def __init__(self, stream: av.stream.Stream, output: av.container.OutputContainer, container: str) -> None:
+    def __init__(self, stream: Stream, output: OutputContainer, container: Container) -> None:
         self._source: Any = stream
         self._decoder = cast(Any, stream.codec_context)
         self._decoder.open(strict=False)
-        self.stream: av.stream.Stream = output.add_stream(text_formats[container])
+        self.stream: Stream = output.add_stream(container.text_format)
         self.lost_lines = False
-        self._shows_one = container in EXACT_TIME_BASE_CONTAINERS
+        self._shows_one = container.exact_times
         tick = Fraction(stream.time_base or MATROSKA_TICK)
         self._tick = MATROSKA_TICK if self._shows_one and tick < MIN_TEXT_TICK else tick
         self._encoder = cast(Any, self.stream.codec_context)
@@ -497,7 +498,7 @@ class TextConverter:
             return [packet]
         try:
             shown = self._decoder.decode2(packet)
-        except av.error.FFmpegError:
+        except FFmpegError:
             return []
         if not shown:
             return []
@@ -559,7 +560,7 @@ class TextConverter:
         text = b",".join([*lines[0].split(b",", 8)[:-1], b"\\N".join(texts)])
         try:
             packet: Packet = self._encoder.encode_subtitle(SubtitleSet.create(text, 0, end - begin))
-        except av.error.FFmpegError:
+        except FFmpegError:
             self.lost_lines = True
             return self._packets(lines[1:], begin, end) if lines[1:] else []
         packet.stream = self.stream

@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fpsboost.media.clock import Window
+from fpsboost.media.clock import TimeMap, Window
+from fpsboost.media.containers import MATROSKA_TICK, Container, containers
 from fpsboost.media.demuxer import VideoFile
+from fpsboost.media.errors import OutputError
 from fpsboost.media.info import ClipInfo, EncodeSettings, OutputTiming
 from fpsboost.media.staging import JobFingerprint, OutputPart
 from fpsboost.media.traits import VideoTraits
@@ -47,6 +49,24 @@ class Output:
     """Part of the source that is written; None for all of it."""
     part: OutputPart | None = None
     """The part that is written; None for all of it."""
+
+    @property
+    def container(self) -> Container:
+        """Container of the file; `OutputError` if none can hold it."""
+        container = containers.get(Path(self.path).suffix.lower())
+        if container is None:
+            raise OutputError(f"{self.path} has no suffix of a video file; use one of {', '.join(containers)}.")
+        if not container.exact_times and 1 / self.timing.rate < MATROSKA_TICK:
+            raise OutputError(
+                f"{self.path} counts time in milliseconds and cannot hold {float(self.timing.rate):g} frames per "
+                "second; write an .mp4 or .mov instead."
+            )
+        return container
+
+    @property
+    def curve(self) -> TimeMap | None:
+        """Map of output times to times of the source; None if it plays at its own speed."""
+        return None if self.window is None else self.window.curve
 
     @property
     def expected_of_part(self) -> int | None:

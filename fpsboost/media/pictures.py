@@ -7,6 +7,7 @@ from itertools import chain, groupby, pairwise
 from typing import Any, cast
 
 import av.filter
+from av.error import FFmpegError
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.media.clock import VideoClock
@@ -22,7 +23,7 @@ from fpsboost.media.pixels import (
     is_full_range,
     kind_of_picture,
 )
-from fpsboost.media.pyav import as_fraction, pulled
+from fpsboost.media.pyav import REFUSALS, as_fraction, pulled
 from fpsboost.media.remarks import Damage, counted, interlaced_remark, lost_alpha_remark
 from fpsboost.media.side_data import CAPTIONS, Crop
 from fpsboost.media.traits import VideoTraits, primaries, tag_name, transfers
@@ -167,7 +168,7 @@ class Pictures(Iterator[av.VideoFrame]):
             self._buffer.expect(pts)
             try:
                 pictures = self._decoder.decode(packet)
-            except av.error.FFmpegError:
+            except FFmpegError:
                 self.damage.undecodable += 1
                 self._buffer.drop(pts)
                 continue
@@ -290,7 +291,7 @@ def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction, nam
         first = next(alike)
         try:
             graph = graph_of(first, *DEINTERLACING, time_base=time_base)
-        except (av.error.FFmpegError, ValueError):
+        except REFUSALS:
             raise InputError(
                 f"{name} holds pictures of {first.width}x{first.height} {first.format.name}, which cannot be "
                 "deinterlaced; leave `deinterlace` out."
@@ -336,7 +337,7 @@ def cropped(pictures: Iterable[av.VideoFrame], crop: Crop, time_base: Fraction, 
             filters = [scaling, ("format", whole), *filters, scaling, ("format", coded.name)]
         try:
             yield graphs.passed(picture, *filters)
-        except (av.error.FFmpegError, ValueError):
+        except REFUSALS:
             raise InputError(
                 f"{name} holds pictures of {picture.width}x{picture.height} {coded.name}, which cannot be cropped as "
                 "it asks for; remove its crop first."
@@ -412,7 +413,7 @@ class FormatUnifier:
                 if not WIDE_COLOURS.isdisjoint(set(old) ^ set(new)):
                     self._change = self._change or self._new_colours
             unified = self._like_first(picture, aspect, recodes=recodes)
-        except (av.error.FFmpegError, ValueError):
+        except REFUSALS:
             raise InputError(
                 f"{self._name} changes to {picture.format.name} at frame {number}, which cannot be converted; cut it "
                 "there and convert the parts one by one."

@@ -6,6 +6,7 @@ from typing import Any
 
 import av
 import numpy as np
+from av.filter import Graph
 from av.video.reformatter import VideoReformatter
 
 # AVColorSpace
@@ -59,13 +60,11 @@ def kind_of_picture(picture: av.VideoFrame) -> tuple[int, int, str, int, int]:
     return picture.width, picture.height, picture.format.name, int(picture.colorspace), int(picture.color_range)
 
 
-def graph_of(
-    picture: av.VideoFrame, *filters: tuple[str, str], time_base: Fraction = Fraction(1, 1000)
-) -> av.filter.Graph:
+def graph_of(picture: av.VideoFrame, *filters: tuple[str, str], time_base: Fraction = Fraction(1, 1000)) -> Graph:
     """Return a graph of FFmpeg's filters, by their names and options, for pictures like this one."""
     width, height, pixel_format, color_space, color_range = kind_of_picture(picture)
     clock = Fraction(picture.time_base or time_base)
-    graph = av.filter.Graph()
+    graph = Graph()
     # The graph needs the colour tags too, so that a conversion to a format of the filter does not change the colours.
     entry = graph.add(
         "buffer",

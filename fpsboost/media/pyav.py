@@ -14,6 +14,9 @@ from typing import Any, Literal, TypeAlias
 import av
 from av.codec.codec import UnknownCodecError
 
+REFUSALS = (av.error.FFmpegError, ValueError)
+"""Exceptions that tell that FFmpeg refuses something: its own, and PyAV's where it does not know a value."""
+
 Packet: TypeAlias = "av.Packet[Any]"
 """Packet of a stream of any kind."""
 
@@ -80,6 +83,13 @@ def ffmpeg_version() -> str:
     return av.ffmpeg_version_info
 
 
+def find_codec(name: str, mode: Literal["r", "w"]) -> av.Codec | None:
+    """Return a decoder (``r``) or an encoder (``w``), or None if FFmpeg was built without it."""
+    with suppress(UnknownCodecError):
+        return av.Codec(name, mode)
+    return None
+
+
 def missing_codecs(names: Iterable[str], mode: Literal["r", "w"]) -> list[str]:
     """Return those of some decoders (``r``) or encoders (``w``) that FFmpeg was built without.
 
@@ -88,12 +98,4 @@ def missing_codecs(names: Iterable[str], mode: Literal["r", "w"]) -> list[str]:
     >>> missing_codecs(["ffv1", "none-such"], "w")
     ['none-such']
     """
-
-    def exists(name: str) -> bool:
-        try:
-            av.Codec(name, mode)
-        except UnknownCodecError:
-            return False
-        return True
-
-    return [name for name in names if not exists(name)]
+    return [name for name in names if find_codec(name, mode) is None]

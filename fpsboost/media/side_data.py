@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import av.filter
 
 from fpsboost.media.pixels import graph_of
-from fpsboost.media.pyav import trial_file
+from fpsboost.media.pyav import REFUSALS, trial_file
 
 CAPTIONS = "A53_CC"
 ICC_PROFILE = 15  # FFmpeg's number of the type
@@ -169,7 +169,7 @@ def read_header(stream: av.VideoStream) -> HeaderData:
 
 def _header_of(stream: av.VideoStream, container: str) -> bytes:
     options = {"movflags": "frag_keyframe+empty_moov", "strict": "unofficial"}
-    with trial_file() as path, suppress(av.error.FFmpegError, ValueError):
+    with trial_file() as path, suppress(*REFUSALS):
         with av.open(str(path), "w", format=container, container_options=options) as output:
             output.add_stream_from_template(stream, opaque=True)
             output.start_encoding()

@@ -304,9 +304,7 @@ def discard_unfinished(output: str) -> None:
     for place in unfinished_places(Path(output)):
         if (place / MANIFEST).is_file() and not (place / REPLACED).exists():  # which may hold the only copy of files
             with explained(OutputError, "remove", place, "check the permissions"):
-                staging = StagingDirectory(place, "output", output, None)
-                staging.open()
-                staging.close(keep=False)
+                _remove(place, output)
 
 
 def discard_published(output: Path) -> None:
@@ -315,9 +313,14 @@ def discard_published(output: Path) -> None:
         is_over = (place / COMPLETE).is_file() or not (place / MANIFEST).is_file()
         if place.is_dir() and is_over and not (any(place.glob("output*")) or (place / REPLACED).exists()):
             with suppress(OSError, OutputError):
-                staging = StagingDirectory(place, "output", str(output), None)
-                staging.open()
-                staging.close(keep=False)
+                _remove(place, str(output))
+
+
+def _remove(place: Path, name: str) -> None:
+    """Remove the hidden folder of an output, unless a run holds it."""
+    staging = StagingDirectory(place, "output", name, None)
+    staging.open()
+    staging.close(keep=False)
 
 
 def complete_already(name: str) -> str:

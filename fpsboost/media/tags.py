@@ -14,25 +14,31 @@ from typing import NamedTuple
 
 import av
 from av.container import InputContainer
-from av.stream import Stream
+from av.stream import Disposition, Stream
 
+from fpsboost.media.containers import Container
 from fpsboost.media.demuxer import HEADER_BOX, boxes_of
-from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS
 from fpsboost.media.errors import applicable
-from fpsboost.media.pyav import open_input, trial_file
+from fpsboost.media.pyav import REFUSALS, open_input, trial_file
 
-FILE_SPECIFIC_TAGS = {
-    *("major_brand", "minor_version", "compatible_brands", "encoder", "timecode", "duration"),
-    *("wmfsdkversion", "wmfsdkneeded", "isvbr", "deviceconformancetemplate", "wm/encodingtime", "vbr peak"),
-    *("metadatacreator", "metadatadate", "hasvideo", "hasaudio", "hasmetadata", "haskeyframes", "hascuepoints"),
-    *("canseektoend", "datasize", "videosize", "audiosize", "filesize", "totalframes", "totalduration", "bytelength"),
-    *("lasttimestamp", "lastkeyframetimestamp", "lastkeyframelocation", "videodatarate", "audiodatarate"),
-}
+FILE_SPECIFIC_TAGS = {"major_brand", "minor_version", "compatible_brands", "encoder", "timecode", "duration"}
+FILE_SPECIFIC_TAGS |= {"wmfsdkversion", "wmfsdkneeded", "isvbr", "deviceconformancetemplate", "wm/encodingtime"}
+FILE_SPECIFIC_TAGS |= {"metadatacreator", "metadatadate", "hasvideo", "hasaudio", "hasmetadata", "haskeyframes"}
+FILE_SPECIFIC_TAGS |= {"hascuepoints", "canseektoend", "datasize", "videosize", "audiosize", "filesize", "totalframes"}
+FILE_SPECIFIC_TAGS |= {"totalduration", "bytelength", "lasttimestamp", "lastkeyframetimestamp", "lastkeyframelocation"}
+FILE_SPECIFIC_TAGS |= {"videodatarate", "audiodatarate", "vbr peak"}
 """Tags about the making, sizes and durations of the source file, which do not describe its content."""
 
-STREAM_SPECIFIC_TAG_PREFIXES = (
-    *("encoder", "duration", "vendor_id", "rotate", "timecode", "alpha_mode", "number_of", "bps", "_statistics"),
+STREAM_SPECIFIC_TAG_PREFIXES: tuple[str, ...] = (
+    "encoder",
+    "duration",
+    "vendor_id",
+    "rotate",
+    "timecode",
+    "alpha_mode",
+    "number_of",
 )
+STREAM_SPECIFIC_TAG_PREFIXES += ("bps", "_statistics")
 """Prefixes of such tags of a stream."""
 
 UNSET_CREATION_TIMES = ("1904-01-01T00:00:00", "1970-01-01T00:00:00")
@@ -49,11 +55,12 @@ TIMECODE_PATTERN = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})([:;.])(\d{1,3})")
 TIMECODE_ENTRY = re.compile(rb"(?s)stsd.{12}tmcd.{16}(.{4})(.{4})")
 """Description of a timecode track in MP4 and MOV: the ticks per second, and those per frame."""
 
-terminological = {
-    **{"alb": "sqi", "arm": "hye", "baq": "eus", "bur": "mya", "chi": "zho", "cze": "ces", "dut": "nld", "fre": "fra"},
-    **{"geo": "kat", "ger": "deu", "gre": "ell", "ice": "isl", "mac": "mkd", "mao": "mri", "may": "msa", "per": "fas"},
-    **{"rum": "ron", "slo": "slk", "tib": "bod", "wel": "cym"},
-}
+ISO_639_2 = (
+    "alb/sqi arm/hye baq/eus bur/mya chi/zho cze/ces dut/nld fre/fra geo/kat ger/deu gre/ell ice/isl mac/mkd mao/mri "
+    "may/msa per/fas rum/ron slo/slk tib/bod wel/cym"
+)
+"""Codes of languages that have two of three letters, ISO 639-2/B and 639-2/T, as the standard lists them."""
+terminological = dict(codes.split("/") for codes in ISO_639_2.split())
 """ISO 639-2/T code by ISO 639-2/B code, where these differ."""
 
 three_letters = {"yo": "yor", "za": "zha", "zh": "zho", "zu": "zul"}
@@ -104,7 +111,7 @@ class Tags:
     lost: list[str]
 
 
-def tags_for(source: Mapping[str, str], container: str) -> Tags:
+def tags_for(source: Mapping[str, str], container: Container) -> Tags:
     """Return the tags of a source file that a container holds, by a trial with its muxer.
 
     In mp4 and mov, tags are stored either where players look for titles, or as free keys: the latter only if tags of a
@@ -115,13 +122,13 @@ def tags_for(source: Mapping[str, str], container: str) -> Tags:
         for key, value in source.items()
         if not _is_file_specific(key, value) and not _is_language_duplicate(key, source)
     }
-    lost = _lost_tags(values, container)
-    if container in EXACT_TIME_BASE_CONTAINERS and any(name.lower().startswith(CAMERA_TAG_PREFIXES) for name in lost):
-        return Tags(values, True, _lost_tags(values, container, "+use_metadata_tags"))
+    lost = _lost_tags(values, container.name)
+    if container.exact_times and any(name.lower().startswith(CAMERA_TAG_PREFIXES) for name in lost):
+        return Tags(values, True, _lost_tags(values, container.name, "+use_metadata_tags"))
     return Tags(values, False, lost)
 
 
-def copy_labels(stream: Stream, target: Stream, container: str) -> None:
+def copy_labels(stream: Stream, target: Stream, container: Container) -> None:
     """Copy language, title and disposition of a stream to a stream of a container.
 
     Languages become three-letter codes; .mov supports only one of two codes for some languages. Matroska and WebM keep
@@ -133,16 +140,16 @@ def copy_labels(stream: Stream, target: Stream, container: str) -> None:
     if "name" in labels:  # FFmpeg reads mp4's stream title as "name", but writes it from "title", as Matroska's
         labels.setdefault("title", labels.pop("name"))
     for language in [key for key in labels if key.lower() == "language"]:
-        if "-" in labels[language] and container in ("matroska", "webm"):
+        if "-" in labels[language] and container.matroska_elements:
             continue
         known = _language_codes(labels[language])
-        kept = [code for code in known if _tags_read_back({}, container, language=code)[1].get("language") == code]
+        kept = [code for code in known if _tags_read_back({}, container.name, language=code)[1].get("language") == code]
         labels[language] = next(iter([*kept, *known]), labels[language])
     target.metadata.update(labels)
     target.disposition = stream.disposition
 
 
-def lost_labels(tags: dict[str, str], flags: av.stream.Disposition, stream: Stream) -> list[str]:
+def lost_labels(tags: dict[str, str], flags: Disposition, stream: Stream) -> list[str]:
     """Describe the language, title and dispositions that a stream was given and lacks in the finished file."""
     before = _lower(tags)
     after = _lower(stream.metadata)
@@ -152,7 +159,7 @@ def lost_labels(tags: dict[str, str], flags: av.stream.Disposition, stream: Stre
     lost = {
         f"the language {language}": language not in ("und", after.get("language")),
         f"the title {title}": title and title not in (after.get("title"), after.get("name")),
-        **{f"the role {role.name}": roles & role for role in av.stream.Disposition},
+        **{f"the role {role.name}": roles & role for role in Disposition},
     }
     return applicable(lost)
 
@@ -214,7 +221,7 @@ def _tags_read_back(
     Empty if there is no such header, as of Matroska and WebM, which keep all tags.
     """
     options = {"movflags": f"+empty_moov{movflags}"}
-    with trial_file() as path, suppress(av.error.FFmpegError, ValueError):
+    with trial_file() as path, suppress(*REFUSALS):
         with av.open(str(path), "w", format=container, container_options=options) as output:
             output.metadata.update(tags)
             stream = output.add_mux_stream("mjpeg", rate=25, width=64, height=64, time_base=Fraction(1, 25))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import av
 import numpy as np
+from av.error import FFmpegError
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.media.errors import InputError, applicable
@@ -54,12 +55,12 @@ Point = tuple[Fraction, Fraction]
 
 @dataclass(frozen=True)
 class MasteringDisplay:
-    """Mastering display (SMPTE ST 2086): CIE 1931 x and y of colours, luminance in cd/m2; either may be None."""
+    """Mastering display (SMPTE ST 2086): CIE 1931 x and y of red, green, blue and white, and luminance in cd/m2.
 
-    red: Point | None
-    green: Point | None
-    blue: Point | None
-    white: Point | None
+    Either may be None.
+    """
+
+    colours: tuple[Point, ...] | None
     brightest: Fraction | None
     darkest: Fraction | None
 
@@ -195,7 +196,7 @@ def read_traits(
 
 def traits_of_png(path: Path) -> VideoTraits:
     """Return the traits of a PNG by FFmpeg's decoder; the defaults if it cannot decode the file."""
-    with suppress(av.error.FFmpegError), path.open("rb") as file, av.open(file, "r") as container:
+    with suppress(FFmpegError), path.open("rb") as file, av.open(file, "r") as container:
         stream = container.streams.video[0]
         return read_traits(next(container.decode(stream)), stream, VideoReformatter(), path.name)
     return VideoTraits()
@@ -209,9 +210,9 @@ def parse_mastering_display(data: bytes | None) -> MasteringDisplay | None:
     values = [Fraction(above, below or 1) for above, below in zip(numbers[::2], numbers[1::2], strict=True)]
     if not has_colours and not has_luminance:
         return None
-    red, green, blue, white = ((values[at], values[at + 1]) if has_colours else None for at in (0, 2, 4, 6))
+    colours = tuple((values[at], values[at + 1]) for at in (0, 2, 4, 6)) if has_colours else None
     darkest, brightest = values[8:10] if has_luminance else (None, None)
-    return MasteringDisplay(red, green, blue, white, brightest, darkest)
+    return MasteringDisplay(colours, brightest, darkest)
 
 
 def parse_light_level(data: bytes | None) -> LightLevel | None:

@@ -18,13 +18,14 @@ from pathlib import Path
 from typing import Self
 
 import av
+from av.error import FFmpegError
 
 from fpsboost.media.captions import captions_of
 from fpsboost.media.chunks import CHUNK_FRAMES, Assembly, Chunk, ChunkWriter, find_chunks
 from fpsboost.media.clip import Clip
 from fpsboost.media.clock import Window
 from fpsboost.media.encoder import VideoEncoder
-from fpsboost.media.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, choose_encoder, containers
+from fpsboost.media.encoding import choose_encoder
 from fpsboost.media.errors import CompleteAlreadyError, OutputError
 from fpsboost.media.fitting import fit_streams
 from fpsboost.media.info import EncodeSettings, OutputTiming
@@ -74,9 +75,9 @@ class Writer(StagedSink):
     def __init__(self, output: Output, unfinished: StagingDirectory, folder: Path, chunk_frames: int) -> None:
         self._output, self._name, self._chunk_frames = output, unfinished.name, chunk_frames
         self._unfinished, self._folder = unfinished, folder
-        self._container = container_of(output)
         # what the container cannot hold is known before any picture is encoded
-        self._fitting = fit_streams(output, self._container, self._choose_encoder(output.stream.traits)[0])
+        encoder, _ = choose_encoder(output, output.stream.traits)
+        self._fitting = fit_streams(output, encoder)
         self._chunks: list[Chunk] = []
         self._first_chunk = 0 if output.part is None else output.part.first // chunk_frames
         self._writer: ChunkWriter | None = None
@@ -120,7 +121,7 @@ class Writer(StagedSink):
         """
         if self.encoder is None:
             with self._explained():
-                self.encoder = VideoEncoder(self._output, *self._choose_encoder(traits), self._container, traits)
+                self.encoder = VideoEncoder(self._output, traits)
                 self._begin(self.encoder.stream, traits)  # opened here, so that errors occur before any work is done
         return self.encoder
 
@@ -225,12 +226,6 @@ class Writer(StagedSink):
         """Append packets to the chunk, each with the duration and the closed captions of its frame."""
         for packet in packets:
             writer.add(packet, *self._pending.pop(packet.pts, (0, b"")))
-
-    def _choose_encoder(self, traits: VideoTraits | None) -> tuple[str, dict[str, str]]:
-        """Return FFmpeg's encoder and its options; the depth of images is known only from the first image on."""
-        coding = ("yuv420p", "") if traits is None else (traits.pixel_format, traits.codec)
-        pixels = self._output.info.height * self._output.info.width
-        return choose_encoder(self._output.encoding, self._container, self._output.path, *coding, pixels=pixels)
 
 
 class FileWriter(Writer):
@@ -367,25 +362,12 @@ def create(
     )
 
 
-def container_of(output: Output) -> str:
-    """Return FFmpeg's name of an output's container; raise `OutputError` if none can hold it."""
-    container = containers.get(Path(output.path).suffix.lower())
-    if container is None:
-        raise OutputError(f"{output.path} has no suffix of a video file; use one of {', '.join(containers)}.")
-    if container not in EXACT_TIME_BASE_CONTAINERS and 1 / output.timing.rate < MATROSKA_TICK:
-        raise OutputError(
-            f"{output.path} counts time in milliseconds and cannot hold {float(output.timing.rate):g} frames per "
-            "second; write an .mp4 or .mov instead."
-        )
-    return container
-
-
 @contextlib.contextmanager
 def explained_writing(name: str) -> Iterator[None]:
     """Convert errors of FFmpeg and the operating system into an `OutputError` with a sentence about the file."""
     try:
         yield
-    except (av.error.FFmpegError, OSError) as error:
+    except (FFmpegError, OSError) as error:
         other = f"could not be written ({error.strerror or error}); try another `codec` or container."
         raise OutputError(f"{name} {_reasons.get(error.errno or 0, other)}") from error
 

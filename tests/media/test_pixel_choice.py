@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fpsboost import DecodeOptions, Encoding, convert
 from fpsboost.io.video.source import VideoSource
+from fpsboost.media.containers import MATROSKA, MOV, MP4, WEBM
 from fpsboost.media.encoding import default_codec
 from fpsboost.media.pixels import LIMITED_RANGE, SMPTE170M
 from support.comparison_truth import save_clip
@@ -208,17 +209,17 @@ def test_lossless_rgb_video(tmp_path):
 @pytest.mark.parametrize(
     ("container", "pixel_format", "source_codec", "expected"),
     [
-        ("mp4", "yuv420p", "hevc", "h264"),
-        ("mp4", "yuv420p10le", "hevc", "hevc"),
-        ("mov", "yuv422p10le", "prores", "hevc"),
-        ("mp4", "yuv420p10le", "h264", "h264"),
-        ("mp4", "yuv420p10le", "av1", "av1"),
-        ("mov", "yuv420p10le", "av1", "hevc"),
-        ("matroska", "yuv444p10le", "av1", "hevc"),
-        ("matroska", "gbrp16le", "", "hevc"),
-        ("webm", "yuv420p", "vp9", "vp9"),
-        ("webm", "yuv420p10le", "hevc", "av1"),
-        ("webm", "yuva444p12le", "prores", "vp9"),
+        (MP4, "yuv420p", "hevc", "h264"),
+        (MP4, "yuv420p10le", "hevc", "hevc"),
+        (MOV, "yuv422p10le", "prores", "hevc"),
+        (MP4, "yuv420p10le", "h264", "h264"),
+        (MP4, "yuv420p10le", "av1", "av1"),
+        (MOV, "yuv420p10le", "av1", "hevc"),
+        (MATROSKA, "yuv444p10le", "av1", "hevc"),
+        (MATROSKA, "gbrp16le", "", "hevc"),
+        (WEBM, "yuv420p", "vp9", "vp9"),
+        (WEBM, "yuv420p10le", "hevc", "av1"),
+        (WEBM, "yuva444p12le", "prores", "vp9"),
     ],
 )
 def test_default_codecs_by_depth(container, pixel_format, source_codec, expected):

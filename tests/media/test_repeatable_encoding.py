@@ -19,17 +19,19 @@ from fpsboost.media import OutputTiming, VideoEncoder, VideoTraits
 from fpsboost.media.encoding import ENCODER_THREADS, choose_encoder, repeatable_parameters
 
 RATE = Fraction(25)
-PIXELS = 96 * 128
+
+
+def output_of(encoding: Encoding, height: int = 96, width: int = 128) -> Output:
+    """Return an output of pictures of this size."""
+    info = ClipInfo("noise", height, width, RATE, 1 / RATE, 12)
+    return Output("out.mkv", info, OutputTiming(RATE, Fraction(1, 1000)), encoding=encoding)
 
 
 def packets_of_noise(encoding: Encoding) -> bytes:
     """Encode twelve small pictures and return extradata and packets, one after the other."""
-    info = ClipInfo("noise", 96, 128, RATE, 1 / RATE, 12)
     images = np.random.default_rng(0).integers(0, 256, (12, 96, 128, 3), dtype=np.uint8)
-    encoder, options = choose_encoder(encoding, "matroska", "out.mkv", pixels=PIXELS)
     traits = traits_of_image(images[0], VideoTraits())
-    output = Output("out.mkv", info, OutputTiming(RATE, Fraction(1, 1000)), encoding=encoding)
-    video = VideoEncoder(output, encoder, options, "matroska", traits)
+    video = VideoEncoder(output_of(encoding), traits)
     extradata = bytes(video.stream.codec_context.extradata or b"")
     pictures = [from_bgr(image, video.pixel_format, 1, full_range=False) for image in images]
     packets = [
@@ -54,27 +56,26 @@ def packets_of_noise(encoding: Encoding) -> bytes:
 )
 def test_numbers_of_threads_are_given(encoding, wanted):
     """No encoder is left to choose its own."""
-    _, options = choose_encoder(encoding, "matroska", "out.mkv", pixels=PIXELS)
+    _, options = choose_encoder(output_of(encoding))
     assert wanted.items() <= options.items()
 
 
 @pytest.mark.parametrize(("width", "height", "threads"), [(2560, 1440, 8), (1440, 2561, 6), (3840, 2160, 6)])
 def test_large_pictures_have_fewer_threads(width, height, threads):
     """The size decides, and not the machine; encoders with a number of their own keep it."""
-    pixels = width * height
-    assert choose_encoder(Encoding("h264"), "matroska", "out.mkv", pixels=pixels)[1]["threads"] == str(threads)
-    assert choose_encoder(Encoding("hevc"), "matroska", "out.mkv", pixels=pixels)[1]["threads"] == "4"
+    assert choose_encoder(output_of(Encoding("h264"), height, width))[1]["threads"] == str(threads)
+    assert choose_encoder(output_of(Encoding("hevc"), height, width))[1]["threads"] == "4"
 
 
 def test_a_quality_of_av1_needs_no_single_thread():
     """Only where SVT-AV1 aims at a rate does it depend on its threads."""
-    assert "svtav1-params" not in choose_encoder(Encoding("av1"), "matroska", "out.mkv", pixels=PIXELS)[1]
+    assert "svtav1-params" not in choose_encoder(output_of(Encoding("av1")))[1]
 
 
 def test_options_of_the_user_win():
     """Their number of threads stays, by either of its names."""
     own = Encoding("h264", encoder_options=(("threads", "2"), ("thread_type", "slice"), ("x264-params", "ref=2")))
-    _, options = choose_encoder(own, "matroska", "out.mkv", pixels=PIXELS)
+    _, options = choose_encoder(output_of(own))
     assert (options["threads"], options["thread_type"]) == ("2", "slice")
     assert options["x264-params"] == ":".join([*repeatable_parameters, "sync-lookahead=0", "ref=2"])
     by_parameter = Encoding("h264", preset="ultrafast", encoder_options=(("x264-params", "threads=3"),))

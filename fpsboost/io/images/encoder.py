@@ -298,7 +298,7 @@ def metadata_of_video(traits: VideoTraits) -> ImageMetadata:
     light = traits.light_level
     mastering = b""
     if display is not None:
-        points = [point or (0, 0) for point in (display.red, display.green, display.blue, display.white)]
+        points = display.colours or [(0, 0)] * 4
         numbers = [50_000 * part for point in points for part in point]
         numbers += [10_000 * (limit or 0) for limit in (display.brightest, display.darkest)]
         mastering = struct.pack(">8H2I", *map(round, numbers))

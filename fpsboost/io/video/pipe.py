@@ -252,15 +252,12 @@ class PipeSink:
         refuse(
             {
                 f"{OUTPUT_NAME} is not encoded and takes no {' or '.join(others)}; leave that out.": others,
-                f"`pixel_format={encoding.pixel_format!r}` is nothing that YUV4MPEG2 holds; use one of "
+                f"YUV4MPEG2 does not hold `pixel_format={encoding.pixel_format!r}`; use one of "
                 f"{', '.join(pixel_formats)}.": encoding.pixel_format not in (None, *pixel_formats),
             }
         )
-        self._timing = output.timing
-        self._encoding = encoding
+        self._output = output
         self._info = output.info
-        self._traits = output.stream.traits
-        self._colours = output.stream.colours
         self._waiting = None if stream else _descriptor(sys.__stdout__, OutputError, OUTPUT_NAME)
         self._stream: Any = stream or self._waiting
         self._header = ""
@@ -304,7 +301,9 @@ class PipeSink:
             self._start = frame.time
             self._send(self._header.encode() + b"\n")
         self._remark_on(frame)
-        picture = as_picture(frame, self._coding, self._reformatter, keeps_original=self._traits is not None)
+        picture = as_picture(
+            frame, self._coding, self._reformatter, keeps_original=self._output.stream.traits is not None
+        )
         self._send(b"FRAME\n")
         for plane in plane_arrays(picture):
             self._send(np.ascontiguousarray(plane, plane.dtype.newbyteorder("<")).tobytes())
@@ -316,33 +315,25 @@ class PipeSink:
         Video keeps its pixel format or gets the nearest one; images keep all their colour resolution and depth, as
         4:4:4 or gray.
         """
-        traits = self._traits
-        gray = image.shape[2] < 3
-        deep = image.dtype != np.uint8
-        aspect = None
-        full_range: bool | None = gray  # as FFmpeg takes gray to be
-        color_space = assumed_color_space(self._info.height)
-        location = ""
-        wanted = ("gray" if gray else "yuv444p") + "16le" * deep
-        if traits is not None:
-            wanted = traits.pixel_format
-            aspect = traits.sample_aspect_ratio
-            is_rgb = av.VideoFormat(wanted).is_rgb
-            full_range = False if is_rgb else traits.full_range or (None if traits.color_range == 0 else False)
-            color_space = traits.color_space
-            location = traits.chroma_location
-        pixel_format = self._encoding.pixel_format or self._nearest(wanted)
-        if traits is None:  # as the name of 8-bit 4:2:0 usually says
-            location = "center" if pixel_format == "yuv420p" else "left"
-        self._coding = Coding(depth_of(pixel_format), color_space, bool(full_range), location, pixel_format)
-        self._remark_on_traits(traits or self._colours, color_space)
+        stream = self._output.stream
+        traits = stream.traits or _traits_of_images(image)
+        is_rgb = av.VideoFormat(traits.pixel_format).is_rgb
+        full_range = traits.full_range and not is_rgb
+        says_range = is_rgb or traits.full_range or traits.color_range != 0
+        pixel_format = self._output.encoding.pixel_format or self._nearest(traits.pixel_format)
+        location = traits.chroma_location
+        if stream.traits is None and pixel_format == "yuv420p":  # as the name of 8-bit 4:2:0 usually says
+            location = "center"
+        self._coding = Coding(depth_of(pixel_format), traits.color_space, full_range, location, pixel_format)
+        self._remark_on_traits(stream.traits or stream.colours, traits.color_space)
         names = [name for name, other in formats.items() if other == pixel_format]
         name = next((name for name in names if chroma_locations.get(name) == location), names[0])
-        rate = self._timing.rate.limit_denominator((2**31 - 1) // (int(self._timing.rate) + 1))
+        rate = self._output.timing.rate.limit_denominator((2**31 - 1) // (int(self._output.timing.rate) + 1))
+        aspect = traits.sample_aspect_ratio
         shape = "0:0" if aspect is None else f"{aspect.numerator}:{aspect.denominator}"
         words = f"YUV4MPEG2 W{self._info.width} H{self._info.height} F{rate.numerator}:{rate.denominator} Ip A{shape}"
-        colour_range = {None: "", True: " XCOLORRANGE=FULL", False: " XCOLORRANGE=LIMITED"}[full_range]
-        return f"{words} C{name}{colour_range}"
+        limits = f" XCOLORRANGE={'FULL' if full_range else 'LIMITED'}" if says_range else ""
+        return f"{words} C{name}{limits}"
 
     def _nearest(self, wanted: str) -> str:
         """Return the pixel format of YUV4MPEG2 that loses least of another one, and remark on the loss."""
@@ -369,11 +360,11 @@ class PipeSink:
 
     def _remark_on(self, frame: Frame) -> None:
         """Remark, once each, on alpha and on uneven frame times, which the format cannot carry."""
-        due = self._start + self._count / self._timing.rate
+        due = self._start + self._count / self._output.timing.rate
         lost = {
             f"{OUTPUT_NAME} cannot hold an alpha channel, which was left out.": frame.image.shape[2] in (2, 4),
             f"{OUTPUT_NAME} shows every frame equally long, which those of {self._info.name} are not; give `fps` to "
-            "keep their times.": abs(frame.time - due) * self._timing.rate > Fraction(1, 2),
+            "keep their times.": abs(frame.time - due) * self._output.timing.rate > Fraction(1, 2),
         }
         self.remarks += [remark for remark in applicable(lost) if remark not in self.remarks]
 
@@ -392,6 +383,13 @@ class PipeSink:
             raise OutputError(
                 f"{OUTPUT_NAME} could not be written ({error.strerror or error}); check where it leads."
             ) from error
+
+
+def _traits_of_images(image: Pixels) -> VideoTraits:
+    """Return the traits of images that keep all their colour resolution and depth; FFmpeg takes gray for full range."""
+    gray = image.shape[2] < 3
+    depth = "" if image.dtype == np.uint8 else "16le"
+    return VideoTraits(f"{'gray' if gray else 'yuv444p'}{depth}", assumed_color_space(image.shape[0]), full_range=gray)
 
 
 class Descriptor:

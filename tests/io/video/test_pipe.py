@@ -265,7 +265,7 @@ def test_pixel_format_of_a_stream():
     """What is asked for is written; what the stream cannot hold is refused with what it can."""
     out, _ = copy(stream_of(2), encoding=Encoding(pixel_format="yuv422p10le"))
     assert b" C422p10 " in out.split(b"\n")[0] + b" "
-    with pytest.raises(OptionError, match="`pixel_format='rgb24'` is nothing that YUV4MPEG2 holds; use one of yuv420p"):
+    with pytest.raises(OptionError, match="YUV4MPEG2 does not hold `pixel_format='rgb24'`; use one of yuv420p"):
         write_frames([scene(0)], Encoding(pixel_format="rgb24"))
 
 

@@ -276,10 +276,12 @@ def test_a_video_of_images_says_how_its_colours_are_meant(tmp_path, dtype):
 
 
 DISPLAY = MasteringDisplay(
-    red=(Fraction(34, 50), Fraction(16, 50)),
-    green=(Fraction(13250, 50000), Fraction(34500, 50000)),
-    blue=(Fraction(7500, 50000), Fraction(3000, 50000)),
-    white=(Fraction(15635, 50000), Fraction(16450, 50000)),
+    colours=(
+        (Fraction(34, 50), Fraction(16, 50)),
+        (Fraction(13250, 50000), Fraction(34500, 50000)),
+        (Fraction(7500, 50000), Fraction(3000, 50000)),
+        (Fraction(15635, 50000), Fraction(16450, 50000)),
+    ),
     brightest=Fraction(1000),
     darkest=Fraction(1, 200),
 )
@@ -312,8 +314,9 @@ def test_both_arrive(tmp_path, codec, suffix):
     assert traits.light_level == LIGHT
     if codec != "av1":
         assert found == DISPLAY
-    for name in ("red", "green", "blue", "white"):
-        assert getattr(found, name) == pytest.approx(getattr(DISPLAY, name), abs=2**-16)
+    assert found.colours is not None
+    for point, expected in zip(found.colours, DISPLAY.colours or (), strict=True):
+        assert point == pytest.approx(expected, abs=2**-16)
     assert (found.brightest, found.darkest) == pytest.approx((1000, 0.005), abs=2**-14)
 
 
@@ -339,5 +342,5 @@ def test_half_a_display_is_not_invented():
     """Luminance without colours has no words in an encoder's option, so it counts as lost."""
     numbers = [0, 1] * 8 + [50, 10000, 1000, 1]
     display = parse_mastering_display(struct.pack("=22i", *numbers, 0, 1))
-    assert display == MasteringDisplay(None, None, None, None, Fraction(1000), Fraction(1, 200))
+    assert display == MasteringDisplay(None, Fraction(1000), Fraction(1, 200))
     assert with_hdr({}, "libx264", display, LIGHT) == ({"x264-params": "cll=1000,400"}, False)
